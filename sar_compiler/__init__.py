@@ -1,0 +1,1 @@
+"""Write a mission as a tree file, have it checked, run it on ROS 2."""
