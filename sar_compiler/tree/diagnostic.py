@@ -1,0 +1,78 @@
+"""A finding: something wrong in a file, where it stands and what to write instead."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import Enum
+
+from sar_compiler.errors import SarError
+from sar_compiler.tree.source import Source, Span
+
+_EXCERPT = 120
+"""How many characters of a long line are shown."""
+
+
+class Severity(str, Enum):
+    """How bad a finding is."""
+
+    ERROR = "error"
+    WARNING = "warning"
+    INFO = "info"
+
+
+@dataclass(frozen=True)
+class Diagnostic:
+    """One finding.
+
+    Attributes:
+        code: Its kind, in kebab-case words.
+        message: What is wrong, in the reader's words.
+        source: The file.
+        span: Where it stands.
+        suggestion: The text to put in place of what stands there, where that can be guessed.
+        hint: What to do about it, in a few words, where there is no such text.
+        severity: How bad it is.
+    """
+
+    code: str
+    message: str
+    source: Source
+    span: Span
+    suggestion: str | None = None
+    hint: str | None = None
+    severity: Severity = Severity.ERROR
+
+    def render(self) -> str:
+        """Return the finding as text: place, message, the line itself with carets, the suggestion."""
+        span = self.span
+        head = f"{self.source.path}:{span.line}:{span.column}: {self.severity.value}[{self.code}]: {self.message}"
+        line = self.source.line(span.line)
+        advice = f"did you mean '{self.suggestion}'?" if self.suggestion else self.hint or ""
+        if not line.strip():
+            return f"{head}\n      | {advice}" if advice else head
+        start = span.column - 1
+        end = span.end_column - 1 if span.end_line == span.line else len(line)
+        if line[start : start + 1] == "<" and end > start + 1:
+            start += 1  # the carets stand under the tag's name
+        if len(line) > _EXCERPT:
+            left = max(0, min(start - _EXCERPT // 2, len(line) - _EXCERPT))
+            line, start, end = line[left : left + _EXCERPT], start - left, min(end - left, _EXCERPT)
+        # A tab stays a tab, so that the carets stand right at any tab width.
+        indent = "".join("\t" if character == "\t" else " " for character in line[:start])
+        carets = "^" * max(1, end - start)
+        return f"{head}\n{span.line:5} | {line}\n      | {indent}{carets} {advice}".rstrip()
+
+
+class TreeError(SarError):
+    """A tree file that cannot be used.
+
+    Attributes:
+        findings: Everything that is wrong with it.
+    """
+
+    def __init__(self, findings: Iterable[Diagnostic]) -> None:
+        self.findings = tuple(findings)
+        super().__init__("\n".join(finding.render() for finding in self.findings))
+
+
+class UnreadableFileError(SarError):
+    """A tree file is not there, or the system will not let it be read."""

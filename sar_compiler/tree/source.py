@@ -1,0 +1,84 @@
+"""A text, where it came from, and places in it."""
+
+import bisect
+import functools
+import re
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from sar_compiler.tree.model import Element
+
+# What XML and YAML both take for the end of a line; str.splitlines() knows more kinds.
+_LINE_END = re.compile(r"\r\n|\r|\n")
+
+
+@dataclass(frozen=True)
+class Span:
+    """A stretch of a text; lines and columns count characters from 1, the end is exclusive.
+
+    Attributes:
+        line: The first character's line.
+        column: The first character's column.
+        end_line: The line of the character behind the last one.
+        end_column: The column of the character behind the last one.
+    """
+
+    line: int
+    column: int
+    end_line: int
+    end_column: int
+
+
+class Spans(Protocol):
+    """Finds the parts of an element in the text; each form of tree file has its own."""
+
+    def tag(self, source: "Source", element: "Element") -> Span:
+        """Return where the element begins, up to the end of its tag's name."""
+        ...
+
+    def attribute_name(self, source: "Source", element: "Element", name: str) -> Span:
+        """Return where an attribute's name stands."""
+        ...
+
+    def attribute_value(self, source: "Source", element: "Element", name: str) -> Span:
+        """Return where an attribute's value stands, without its quotes."""
+        ...
+
+
+@dataclass(frozen=True)
+class Source:
+    """The text of a file.
+
+    Attributes:
+        path: The file's path, as its user wrote it.
+        text: The whole text.
+        spans: Finds parts of elements in it.
+    """
+
+    path: str
+    text: str = field(repr=False)
+    spans: Spans = field(repr=False)
+
+    @functools.cached_property
+    def line_starts(self) -> list[int]:
+        """The offset of each line's first character."""
+        return [0, *(end.end() for end in _LINE_END.finditer(self.text))]
+
+    def offset(self, line: int, column: int) -> int:
+        """Return the offset of a place given by line and column."""
+        return self.line_starts[line - 1] + column - 1
+
+    def line(self, number: int) -> str:
+        """Return a line without its end; an empty text for lines that are not there."""
+        if not 1 <= number <= len(self.line_starts):
+            return ""
+        return _LINE_END.split(self.text[self.line_starts[number - 1] :], maxsplit=1)[0]
+
+    def span(self, start: int, end: int) -> Span:
+        """Return the stretch between two offsets."""
+        return Span(*self._place(start), *self._place(end))
+
+    def _place(self, offset: int) -> tuple[int, int]:
+        line = bisect.bisect_right(self.line_starts, offset)
+        return line, offset - self.line_starts[line - 1] + 1

@@ -1,0 +1,159 @@
+"""What the XML reader makes of a file: elements with their places, or one finding."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
+from sar_compiler.tree.source import Span
+from sar_compiler.tree.xml import MAX_BYTES, MAX_DEPTH, parse_xml, read_xml
+
+
+def finding_of(data):
+    with pytest.raises(TreeError) as caught:
+        parse_xml(data, "test.xml")
+    assert len(caught.value.findings) == 1
+    finding = caught.value.findings[0]
+    return finding.code, finding.span.line, finding.span.column
+
+
+def test_an_element_knows_the_line_and_column_of_its_tag():
+    root = parse_xml('<root>\n  <A/>\n\t<B\n/></root>').root
+    assert [(e.tag, e.line, e.column) for e in root.iterate()] == [("root", 1, 1), ("A", 2, 3), ("B", 3, 2)]
+
+
+def test_an_attribute_knows_where_its_name_and_its_value_stand():
+    root = parse_xml("<root first = \"1\"\n   second='a\"b'/>").root
+    assert root.name_span("first") == Span(1, 7, 1, 12)
+    assert root.value_span("first") == Span(1, 16, 1, 17)
+    assert root.name_span("second") == Span(2, 4, 2, 10)
+    assert root.value_span("second") == Span(2, 12, 2, 15)
+
+
+def test_columns_count_characters_and_not_bytes():
+    child = parse_xml('<root a="äöü"><Ä ß="é"/></root>').root.children[0]
+    assert (child.line, child.column) == (1, 15)
+    assert child.value_span("ß") == Span(1, 21, 1, 22)
+
+
+def test_an_attribute_whose_name_ends_like_another_is_not_taken_for_it():
+    root = parse_xml('<root survivor_id="id=" id="x"/>').root
+    assert root.name_span("id") == Span(1, 25, 1, 27)
+
+
+def test_a_greater_than_sign_in_a_value_does_not_end_the_tag():
+    root = parse_xml('<root a="1>2" b="3"/>').root
+    assert root.value_span("b") == Span(1, 18, 1, 19)
+
+
+def test_values_are_read_with_their_entities_resolved():
+    assert parse_xml('<root a="&lt;&amp;&#65;"/>').root.attributes == {"a": "<&A"}
+
+
+def test_comments_processing_instructions_and_text_are_no_elements():
+    root = parse_xml('<root><!-- <A/> --><?x y?>text<![CDATA[<B/>]]><C/></root>').root
+    assert [child.tag for child in root.children] == ["C"]
+
+
+def test_windows_and_old_mac_line_ends_count_as_lines():
+    root = parse_xml(b"<root>\r\n<A/>\r<B/></root>").root
+    assert [(child.line, child.column) for child in root.children] == [(2, 1), (3, 1)]
+    assert root.children[1].source.line(3) == "<B/></root>"
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-be", "latin-1"])
+def test_a_file_is_read_in_the_encoding_it_declares(encoding):
+    declared = {"latin-1": "ISO-8859-1", "utf-16-be": "UTF-16BE"}.get(encoding)
+    head = f'<?xml version="1.0" encoding="{declared}"?>' if declared else ""
+    data = (head + '<root name="é"/>').encode(encoding)
+    if encoding == "utf-16-be":
+        data = b"\xfe\xff" + data
+    assert parse_xml(data).root.attributes["name"] == "é"
+
+
+@pytest.mark.parametrize(
+    ("data", "expected"),
+    [
+        (b"", ("empty-file", 1, 1)),
+        (b" \n\t", ("empty-file", 1, 1)),
+        (b"hello", ("malformed-xml", 1, 1)),
+        (b"<root>\n  <A>\n", ("malformed-xml", 3, 1)),
+        (b"<root>\n  <A></B>\n</root>", ("malformed-xml", 2, 8)),
+        (b"<root a=1/>", ("malformed-xml", 1, 9)),
+        (b'<root a="1" a="2"/>', ("malformed-xml", 1, 13)),
+        (b"<root/>\n<root/>", ("malformed-xml", 2, 1)),
+        (b"<root>&nbsp;</root>", ("malformed-xml", 1, 7)),
+        (b"\n<?xml version='1.0'?><root/>", ("malformed-xml", 2, 1)),
+        (b'<!DOCTYPE root [<!ENTITY a "b">]>\n<root/>', ("doctype", 1, 1)),
+        (b'<root>\xff</root>', ("wrong-encoding", 1, 7)),
+        (b'<?xml version="1.0" encoding="klingon"?><root/>', ("wrong-encoding", 1, 1)),
+    ],
+)
+def test_what_is_not_a_tree_file_gets_one_finding_where_it_goes_wrong(data, expected):
+    assert finding_of(data) == expected
+
+
+def test_a_missing_end_tag_is_named_with_the_line_that_opened_it():
+    with pytest.raises(TreeError, match=r"does not close <A>, which was opened in line 2"):
+        parse_xml("<root>\n<A>\n</root>")
+
+
+def test_an_unquoted_value_is_called_what_it_is():
+    with pytest.raises(TreeError, match="must stand in quotes"):
+        parse_xml("<root a=1/>")
+
+
+def test_elements_nested_too_deep_are_refused_where_the_limit_is_passed():
+    assert finding_of("<a>" * (MAX_DEPTH + 1)) == ("too-deep", 1, 3 * MAX_DEPTH + 1)
+    parse_xml("<a>" * MAX_DEPTH + "</a>" * MAX_DEPTH)
+
+
+def test_a_file_over_the_size_limit_is_refused_without_being_parsed(tmp_path):
+    path = tmp_path / "large.xml"
+    with path.open("wb") as stream:
+        stream.truncate(MAX_BYTES + 1)
+    with pytest.raises(TreeError, match=f"larger than {MAX_BYTES // 2**20} MiB"):
+        read_xml(path)
+
+
+def test_entities_of_a_doctype_are_never_expanded():
+    bomb = '<!DOCTYPE r [<!ENTITY a "xxxxxxxxxx"><!ENTITY b "&a;&a;&a;&a;">]><r v="&b;"/>'
+    assert finding_of(bomb)[0] == "doctype"
+
+
+def test_a_file_that_is_not_there_is_named_with_the_reason(tmp_path):
+    with pytest.raises(UnreadableFileError, match=r"cannot read .*nowhere\.xml: No such file"):
+        read_xml(tmp_path / "nowhere.xml")
+
+
+def test_a_folder_is_not_a_tree_file(tmp_path):
+    with pytest.raises(UnreadableFileError, match="Is a directory"):
+        read_xml(tmp_path)
+
+
+NAMES = st.text(st.sampled_from("abcäß_"), min_size=1, max_size=4)
+VALUES = st.text(st.characters(codec="utf-8", exclude_characters="<&\"\r\n\t\x00", exclude_categories=["C"]), max_size=8)
+
+
+@given(st.dictionaries(NAMES, VALUES, max_size=5), st.sampled_from(["", "\n", "  \n\t"]))
+def test_every_span_cuts_exactly_its_part_out_of_the_text(attributes, space):
+    text = f"{space}<root" + "".join(f' {space}{name}{space} = "{value}"' for name, value in attributes.items()) + "/>"
+    root = parse_xml(text).root
+
+    def cut(span):
+        source = root.source
+        return source.text[source.offset(span.line, span.column) : source.offset(span.end_line, span.end_column)]
+
+    assert cut(root.tag_span()) == "<root"
+    for name, value in attributes.items():
+        assert cut(root.name_span(name)) == name
+        assert cut(root.value_span(name)) == value
+
+
+@given(st.binary(max_size=200) | st.text(max_size=200))
+def test_whatever_bytes_come_there_is_a_file_or_a_finding(data):
+    try:
+        parse_xml(data)
+    except TreeError as error:
+        assert error.findings  # noqa: PT017 - either outcome is right
+        assert error.findings[0].render()
