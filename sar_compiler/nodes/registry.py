@@ -1,0 +1,122 @@
+"""Which tags there are: the single source of truth for schemas, checks and the compiler."""
+
+import functools
+import importlib
+import importlib.metadata
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from types import ModuleType
+
+from sar_compiler.errors import SarError
+from sar_compiler.nodes.register import MARK, Registration
+from sar_compiler.nodes.spec import NodeSpec
+from sar_compiler.nodes.values import nearest
+
+ENTRY_POINTS = "sar_compiler.nodes"
+
+
+class RegistryError(SarError):
+    """A module of leaves cannot be loaded, or two of them claim the same tag."""
+
+
+class Registry:
+    """The tags that a tree file may use and what they mean.
+
+    Args:
+        registrations: What is in it from the start.
+    """
+
+    def __init__(self, registrations: Iterable[Registration] = ()) -> None:
+        self._registrations: dict[str, Registration] = {}
+        self._specs: dict[str, NodeSpec] = {}
+        for registration in registrations:
+            self.add(registration)
+
+    def add(self, registration: Registration) -> None:
+        """Add a tag.
+
+        Raises:
+            RegistryError: If the tag already means another class.
+        """
+        known = self._registrations.setdefault(registration.tag, registration)
+        if known.cls is not registration.cls:
+            message = (
+                f"two classes are registered as <{registration.tag}>: "
+                f"{_name_of(known.cls)} and {_name_of(registration.cls)}"
+            )
+            raise RegistryError(message)
+
+    def add_module(self, module: ModuleType) -> None:
+        """Add every class of a module that carries the mark of `register`."""
+        for value in vars(module).values():
+            # The mark must be the class's own: a subclass of a leaf is not that leaf.
+            registration = vars(value).get(MARK) if isinstance(value, type) else None
+            if registration is not None:
+                self.add(registration)
+
+    def __contains__(self, tag: str) -> bool:
+        return tag in self._registrations
+
+    def __iter__(self) -> Iterator[NodeSpec]:
+        return (self[tag] for tag in sorted(self._registrations))
+
+    def __getitem__(self, tag: str) -> NodeSpec:
+        spec = self._specs.get(tag)
+        if spec is None:
+            spec = self._specs[tag] = self._registrations[tag].spec()
+        return spec
+
+    def get(self, tag: str) -> NodeSpec | None:
+        """Return what a tag means, or None if it means nothing here."""
+        return self[tag] if tag in self._registrations else None
+
+    def registrations(self) -> list[Registration]:
+        """Return what was registered, to make another registry from."""
+        return list(self._registrations.values())
+
+    def nearest(self, tag: str) -> str | None:
+        """Return the tag that was probably meant, or None."""
+        return nearest(tag, self._registrations)
+
+
+def load_registry(modules: Iterable[str] = ()) -> Registry:
+    """Make the registry of everything installed, and of the modules named.
+
+    Args:
+        modules: Import paths of further modules of leaves; they may lie in the current folder.
+
+    Raises:
+        RegistryError: If a module cannot be imported; names it and says why.
+    """
+    from sar_compiler.nodes import controls, decorators, leaves
+
+    registry = Registry([*controls.REGISTRATIONS, *decorators.REGISTRATIONS, *leaves.REGISTRATIONS])
+    for entry_point in importlib.metadata.entry_points(group=ENTRY_POINTS):
+        registry.add_module(_import(entry_point.value, f"entry point '{entry_point.name}'"))
+    for module in modules:
+        registry.add_module(_import(module, "--nodes"))
+    return registry
+
+
+@functools.cache
+def default_registry() -> Registry:
+    """Return the registry of everything installed."""
+    return load_registry()
+
+
+def _import(name: str, source: str) -> ModuleType:
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.append(here)
+    try:
+        return importlib.import_module(name)
+    except Exception as error:  # whatever a user's module does when it is imported
+        message = (
+            f"the module of leaves '{name}' ({source}) cannot be imported: {type(error).__name__}: {error}"
+        )
+        raise RegistryError(message) from error
+
+
+def _name_of(cls: type) -> str:
+    return f"{cls.__module__}.{cls.__qualname__}"

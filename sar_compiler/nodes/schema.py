@@ -1,0 +1,143 @@
+"""The XML schema of tree files, made from the registry."""
+
+from collections.abc import Iterable
+from xml.sax.saxutils import escape, quoteattr
+
+from sar_compiler.nodes.binding import ONESHOT, ONESHOT_TYPE
+from sar_compiler.nodes.registry import Registry
+from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role
+from sar_compiler.nodes.values import ValueType
+
+_HEAD = """\
+<?xml version="1.0" encoding="UTF-8"?>
+<!-- Made from the node registry by `make schemas`; do not edit. -->
+<xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema" elementFormDefault="qualified">
+  <xs:element name="root">
+    <xs:complexType>
+      <xs:choice minOccurs="1" maxOccurs="unbounded">
+        <xs:element name="BehaviorTree" type="tree"/>
+        <xs:element name="TreeNodesModel">
+          <xs:complexType>
+            <xs:sequence>
+              <xs:any processContents="skip" minOccurs="0" maxOccurs="unbounded"/>
+            </xs:sequence>
+          </xs:complexType>
+        </xs:element>
+      </xs:choice>
+      <xs:attribute name="BTCPP_format" type="xs:string" fixed="4"/>
+      <xs:attribute name="main_tree_to_execute" type="xs:string"/>
+    </xs:complexType>
+    <xs:unique name="tree_id">
+      <xs:selector xpath="BehaviorTree"/>
+      <xs:field xpath="@ID"/>
+    </xs:unique>
+  </xs:element>
+  <xs:complexType name="tree">
+    <xs:group ref="node"/>
+    <xs:attribute name="ID" type="name"/>
+  </xs:complexType>
+  <xs:simpleType name="name">
+    <xs:restriction base="xs:string">
+      <xs:minLength value="1"/>
+    </xs:restriction>
+  </xs:simpleType>
+  <xs:simpleType name="key">
+    <xs:annotation>
+      <xs:documentation>A key of the blackboard.</xs:documentation>
+    </xs:annotation>
+    <xs:restriction base="xs:string">
+      <xs:pattern value=" *\\{.+\\} *"/>
+    </xs:restriction>
+  </xs:simpleType>
+"""
+
+
+def xml_schema(registry: Registry) -> str:
+    """Return the schema (XSD 1.0) of the files that may be written with a registry."""
+    specs = list(registry)
+    types = {
+        parameter.value_type.name: parameter.value_type
+        for spec in specs
+        for parameter in spec.attributes
+        if parameter.value_type is not None
+    }
+    lines = [_HEAD.rstrip("\n"), *_group(specs)]
+    for name in sorted(types):
+        lines += _value_type(types[name])
+    lines += _named_type(ONESHOT, _enumeration(ONESHOT_TYPE.choices))
+    for spec in specs:
+        lines += _node_type(spec)
+    return "\n".join([*lines, "</xs:schema>", ""])
+
+
+def _group(specs: Iterable[NodeSpec]) -> list[str]:
+    elements = [f'      <xs:element name="{spec.tag}" type="{spec.tag}.node"/>' for spec in specs]
+    return ['  <xs:group name="node">', "    <xs:choice>", *elements, "    </xs:choice>", "  </xs:group>"]
+
+
+def _node_type(spec: NodeSpec) -> list[str]:
+    # In an element without children XSD refuses even a line break, unless its content is "mixed".
+    mixed = ' mixed="true"' if spec.kind.is_leaf else ""
+    lines = [f'  <xs:complexType name="{spec.tag}.node"{mixed}>', *_documentation(spec.doc, "    ")]
+    if spec.kind is Kind.CONTROL:
+        lines.append('    <xs:group ref="node" minOccurs="1" maxOccurs="unbounded"/>')
+    elif spec.kind is Kind.DECORATOR:
+        lines.append('    <xs:group ref="node"/>')
+    for parameter in spec.attributes:
+        lines += _attribute(spec, parameter)
+    lines.append(f'    <xs:attribute name="{ONESHOT}" type="{ONESHOT}.value"/>')
+    return [*lines, "  </xs:complexType>"]
+
+
+def _attribute(spec: NodeSpec, parameter: Parameter) -> list[str]:
+    head = f'    <xs:attribute name="{parameter.name}"'
+    value_type = parameter.value_type
+    if value_type is not None and parameter.name in spec.fixed:
+        fixed = spec.fixed[parameter.name]
+        allowed = _enumeration(text for text in value_type.choices if value_type.convert(text) == fixed)
+        return [f"{head}>", *_simple_type("      ", "", allowed), "    </xs:attribute>"]
+    if value_type is None or parameter.role is not Role.ATTRIBUTE:
+        head += ' type="name"'
+    else:
+        head += f' type="{value_type.name}.value"'
+    if parameter.required and parameter.role is Role.ATTRIBUTE:
+        head += ' use="required"'
+    if not parameter.doc:
+        return [f"{head}/>"]
+    return [f"{head}>", *_documentation(parameter.doc, "      "), "    </xs:attribute>"]
+
+
+def _value_type(value_type: ValueType) -> list[str]:
+    """A literal of the type, or a blackboard key; where any text is a literal, that is every text."""
+    if value_type.choices:
+        literal = _enumeration(value_type.choices)
+    elif value_type.pattern:
+        literal = [f"<xs:pattern value={quoteattr(value_type.pattern)}/>"]
+    else:
+        return _named_type(value_type.name, [])
+    union = ['<xs:union memberTypes="key">', *_simple_type("  ", "", literal), "</xs:union>"]
+    return [f'  <xs:simpleType name="{value_type.name}.value">', *(f"    {line}" for line in union), "  </xs:simpleType>"]
+
+
+def _named_type(name: str, facets: list[str]) -> list[str]:
+    return _simple_type("  ", f' name="{name}.value"', facets)
+
+
+def _simple_type(indent: str, name: str, facets: list[str]) -> list[str]:
+    inner = [f"    {facet}" for facet in facets]
+    lines = [f"<xs:simpleType{name}>", '  <xs:restriction base="xs:string">', *inner, "  </xs:restriction>"]
+    return [f"{indent}{line}" for line in [*lines, "</xs:simpleType>"]]
+
+
+def _enumeration(texts: Iterable[str]) -> list[str]:
+    return [f"<xs:enumeration value={quoteattr(text)}/>" for text in texts]
+
+
+def _documentation(text: str, indent: str) -> list[str]:
+    if not text:
+        return []
+    return [
+        f"{indent}<xs:annotation>",
+        f"{indent}  <xs:documentation>{escape(text)}</xs:documentation>",
+        f"{indent}</xs:annotation>",
+    ]

@@ -1,0 +1,42 @@
+"""Time as a tree sees it; injected, so that a test, a simulator and a robot each bring their own."""
+
+import time
+from typing import Protocol
+
+from sar_compiler.runtime.context import mission_context
+
+
+class WallClock:
+    """Seconds of the machine's steady clock."""
+
+    def now(self) -> float:
+        """Return the time in seconds; only differences mean anything."""
+        return time.monotonic()
+
+
+class ManualClock:
+    """A clock that stands still until it is moved: for tests and simulated runs.
+
+    Args:
+        start: The time it shows first, in seconds.
+    """
+
+    def __init__(self, start: float = 0.0) -> None:
+        self._now = start
+
+    def now(self) -> float:
+        """Return the time in seconds."""
+        return self._now
+
+    def advance(self, seconds: float) -> None:
+        """Move the clock forward (or back, as a simulator that is reset does)."""
+        self._now += seconds
+
+
+@mission_context(preview=WallClock)
+class Clock(Protocol):
+    """What durations written in a tree are measured with."""
+
+    def now(self) -> float:
+        """Return the time in seconds; only differences mean anything."""
+        ...

@@ -1,0 +1,165 @@
+"""A leaf's constructor is its manifest."""
+
+import sys
+
+import pytest
+from py_trees.behaviour import Behaviour
+
+from sar_compiler.nodes import Kind, register
+from sar_compiler.nodes.register import MARK, Registration, RegistrationError
+from sar_compiler.nodes.registry import Registry, RegistryError, default_registry, load_registry
+from sar_compiler.nodes.spec import Role, Use
+from tests.nodes import leaves
+
+
+def spec_of(cls):
+    return getattr(cls, MARK).spec()
+
+
+def test_registering_leaves_the_class_as_it_was():
+    assert leaves.Say("s", "hi", leaves.Radio("a")).given["message"] == "hi"
+
+
+def test_parameters_get_their_roles_from_their_annotations():
+    roles = {name: parameter.role for name, parameter in spec_of(leaves.Say).parameters.items()}
+    assert roles == {
+        "name": Role.NAME,
+        "message": Role.ATTRIBUTE,
+        "radio": Role.CONTEXT,
+        "times": Role.ATTRIBUTE,
+        "after": Role.REFERENCE,
+        "spare": Role.CONTEXT,
+        "service": Role.ATTRIBUTE,
+    }
+
+
+def test_a_parameter_is_required_where_the_constructor_has_no_default():
+    required = [name for name, parameter in spec_of(leaves.Say).parameters.items() if parameter.required]
+    assert required == ["message", "radio"]
+
+
+def test_a_leaf_may_refer_to_a_class_that_is_defined_after_it():
+    assert spec_of(leaves.Say).parameters["after"].target is leaves.Listen
+
+
+def test_descriptions_come_from_the_docstring():
+    spec = spec_of(leaves.Say)
+    assert spec.doc == "Say something."
+    assert spec.parameters["message"].doc == "What to say; it may be long."
+    assert spec.parameters["times"].doc == "How often."
+    assert spec.parameters["service"].doc == ""
+
+
+def test_facts_given_to_register_are_kept():
+    spec = spec_of(leaves.Say)
+    assert spec.outcomes == {"SUCCESS", "FAILURE"}
+    assert spec.effects == "speaks"
+    assert spec.uses == (Use("service", "{service}"),)
+
+
+def refused(cls, kind=Kind.ACTION):
+    with pytest.raises(RegistrationError) as caught:
+        Registration("Tag", cls, kind).spec()
+    return str(caught.value)
+
+
+def test_a_parameter_without_an_annotation_is_refused_by_name():
+    class Leaf(Behaviour):
+        def __init__(self, name: str, speed) -> None: ...
+
+    assert "parameter 'speed'" in refused(Leaf)
+    assert "no annotation" in refused(Leaf)
+
+
+def test_a_parameter_of_a_type_that_cannot_be_written_is_refused_with_what_can():
+    class Leaf(Behaviour):
+        def __init__(self, name: str, table: dict) -> None: ...
+
+    assert "mission_context" in refused(Leaf)
+
+
+def test_annotations_that_name_nothing_are_refused():
+    class Leaf(Behaviour):
+        def __init__(self, name: str, other: "Nowhere") -> None: ...  # noqa: F821
+
+    assert "cannot be resolved" in refused(Leaf)
+
+
+def test_a_leaf_without_a_name_is_refused():
+    class Leaf(Behaviour):
+        def __init__(self) -> None: ...
+
+    assert "no parameter 'name'" in refused(Leaf)
+
+
+@pytest.mark.parametrize(("kind", "wanted"), [(Kind.CONTROL, "children"), (Kind.DECORATOR, "child")])
+def test_a_control_or_decorator_must_take_what_stands_in_it(kind, wanted):
+    class Node(Behaviour):
+        def __init__(self, name: str) -> None: ...
+
+    assert f"without a parameter '{wanted}'" in refused(Node, kind)
+
+
+def test_arguments_of_any_name_are_no_attributes():
+    class Leaf(Behaviour):
+        def __init__(self, name: str, *args: int, **kwargs: int) -> None: ...
+
+    assert list(Registration("Leaf", Leaf, Kind.ACTION).spec().parameters) == ["name"]
+
+
+def test_a_module_gives_the_classes_that_carry_the_mark_themselves():
+    registry = Registry()
+    registry.add_module(leaves)
+    assert [spec.tag for spec in registry] == ["Listen", "Say"]
+
+
+def test_a_class_may_be_found_twice_but_a_tag_has_one_meaning():
+    registry = Registry()
+    registry.add_module(leaves)
+    registry.add_module(leaves)
+
+    @register("Say", kind=Kind.ACTION)
+    class Impostor(Behaviour): ...
+
+    with pytest.raises(RegistryError, match=r"two classes are registered as <Say>: .*leaves\.Say and .*Impostor"):
+        registry.add(getattr(Impostor, MARK))
+
+
+def test_the_shipped_leaves_come_in_by_entry_point():
+    mission = {
+        "ZonesRemaining",
+        "IsSurvivorDetected",
+        "NavigateToZone",
+        "NavigateToBase",
+        "DetectSurvivor",
+        "BroadcastSurvivorTF",
+        "NotifyBase",
+        "AdvanceZone",
+        "LogNoDetection",
+    }
+    assert mission <= {spec.tag for spec in default_registry()}
+
+
+def test_every_shipped_node_describes_itself_and_its_outcomes():
+    for spec in default_registry():
+        assert spec.doc, spec.tag
+        assert spec.outcomes <= {"SUCCESS", "FAILURE", "RUNNING"}, spec.tag
+        assert spec.outcomes, spec.tag
+
+
+def test_a_module_of_leaves_may_lie_in_the_current_folder(tmp_path, monkeypatch):
+    (tmp_path / "my_leaves_in_a_folder.py").write_text("from tests.nodes.leaves import Say\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    assert "Say" in load_registry(["my_leaves_in_a_folder"])
+
+
+@pytest.mark.parametrize("name", ["no_such_module", "tests.nodes.broken_leaves"])
+def test_a_module_that_cannot_be_imported_is_named_with_the_reason(name):
+    with pytest.raises(RegistryError, match=rf"'{name}' \(--nodes\) cannot be imported: \w+: "):
+        load_registry([name])
+
+
+def test_an_unknown_tag_has_no_spec():
+    assert default_registry().get("Nonsense") is None
+    assert default_registry().nearest("Sequnce") == "Sequence"

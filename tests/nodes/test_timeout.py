@@ -1,0 +1,57 @@
+"""The Timeout decorator runs on the mission's clock."""
+
+import pytest
+from py_trees.behaviours import Running, StatusQueue
+from py_trees.common import Status
+
+from sar_compiler.nodes.decorators import Timeout
+from sar_compiler.runtime.clock import ManualClock, WallClock
+
+
+def test_a_child_that_takes_too_long_is_stopped_and_the_timeout_fails():
+    clock = ManualClock()
+    child = Running("child")
+    timeout = Timeout("t", child, duration=2.0, clock=clock)
+    timeout.tick_once()
+    assert timeout.status is Status.RUNNING
+    clock.advance(2.1)
+    timeout.tick_once()
+    assert timeout.status is Status.FAILURE
+    assert timeout.feedback_message == "timed out"
+    assert child.status is Status.INVALID
+
+
+def test_the_time_left_is_shown():
+    clock = ManualClock()
+    timeout = Timeout("t", Running("child"), duration=2.0, clock=clock)
+    timeout.tick_once()
+    clock.advance(0.5)
+    timeout.tick_once()
+    assert timeout.feedback_message == "remaining: 1.5s"
+
+
+@pytest.mark.parametrize("status", [Status.SUCCESS, Status.FAILURE])
+def test_a_child_that_finishes_gives_its_status_even_after_the_time(status):
+    clock = ManualClock()
+    child = StatusQueue("child", queue=[Status.RUNNING, status], eventually=None)
+    timeout = Timeout("t", child, duration=2.0, clock=clock)
+    timeout.tick_once()
+    clock.advance(5.0)
+    timeout.tick_once()
+    assert timeout.status is status
+
+
+def test_the_time_starts_again_with_every_entry():
+    clock = ManualClock()
+    timeout = Timeout("t", Running("child"), duration=2.0, clock=clock)
+    for _ in range(2):
+        timeout.tick_once()
+        assert timeout.status is Status.RUNNING
+        clock.advance(3.0)
+        timeout.tick_once()
+        assert timeout.status is Status.FAILURE
+
+
+def test_the_wall_clock_never_runs_backwards():
+    clock = WallClock()
+    assert clock.now() <= clock.now()

@@ -1,0 +1,120 @@
+"""How texts become values: with nothing left over, and with the nearest thing suggested."""
+
+import enum
+from datetime import timedelta
+from pathlib import Path
+from typing import Literal, Optional
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sar_compiler.nodes.values import ConversionError, blackboard_key, nearest, value_type_of
+
+
+class Colour(enum.Enum):
+    RED = 1
+    GREEN = 2
+
+
+def convert(annotation, text):
+    value_type = value_type_of(annotation)
+    assert value_type is not None
+    return value_type.convert(text)
+
+
+@pytest.mark.parametrize(
+    ("annotation", "text", "value"),
+    [
+        (bool, "true", True),
+        (bool, "FALSE", False),
+        (bool, "1", True),
+        (int, "-12", -12),
+        (int, "+7", 7),
+        (float, "3", 3.0),
+        (float, "-2.5e-1", -0.25),
+        (float, ".5", 0.5),
+        (str, " any text ", " any text "),
+        (Path, "maps/a.yaml", Path("maps/a.yaml")),
+        (timedelta, "2.5", timedelta(seconds=2.5)),
+        (timedelta, "250ms", timedelta(milliseconds=250)),
+        (timedelta, "2min", timedelta(minutes=2)),
+        (Colour, "GREEN", Colour.GREEN),
+        (Literal["left", "right"], "left", "left"),
+        (Optional[int], "3", 3),
+        (float | None, "3", 3.0),
+    ],
+)
+def test_a_text_becomes_a_value_of_the_annotated_type(annotation, text, value):
+    assert convert(annotation, text) == value
+    assert type(convert(annotation, text)) is type(value)
+
+
+@pytest.mark.parametrize(
+    ("annotation", "text", "suggestion"),
+    [
+        (bool, "ture", "true"),
+        (bool, "yes", None),
+        (bool, "", None),
+        (int, "12abc", "12"),
+        (int, "2.7", "2"),
+        (int, " 3", "3"),
+        (int, "1_000", "1"),
+        (int, "٣", None),
+        (float, "2,5", "2"),
+        (float, "inf", None),
+        (float, "nan", None),
+        (float, "1e999", None),
+        (float, "0x10", "0"),
+        (timedelta, "5 hours", "5"),
+        (timedelta, "-1", None),
+        (timedelta, "9e9", "9"),
+        (timedelta, "9" * 40, None),
+        (Colour, "green", "GREEN"),
+        (Colour, "BLUE", None),
+        (Literal["left", "right"], "rigth", "right"),
+    ],
+)
+def test_what_is_not_such_a_value_is_refused_with_the_nearest_one(annotation, text, suggestion):
+    with pytest.raises(ConversionError) as caught:
+        convert(annotation, text)
+    assert caught.value.suggestion == suggestion
+    assert text in caught.value.message
+
+
+@pytest.mark.parametrize("annotation", [list[int], dict, object, int | str, Literal[1, 2]])
+def test_types_that_no_text_can_become_have_no_value_type(annotation):
+    assert value_type_of(annotation) is None
+
+
+@given(st.integers())
+def test_every_whole_number_survives_being_written(number):
+    assert convert(int, str(number)) == number
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_every_finite_number_survives_being_written(number):
+    assert convert(float, repr(number)) == number
+
+
+@given(st.text(max_size=20))
+def test_no_text_makes_a_conversion_raise_anything_but_its_own_error(text):
+    for annotation in (bool, int, float, str, Path, timedelta, Colour):
+        try:
+            convert(annotation, text)
+        except ConversionError as error:
+            assert error.message  # noqa: PT017 - either outcome is right
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [("{a}", "a"), ("{@a}", "@a"), ("  {a}  ", "a"), ("{ a }", " a "), ("{}", None), ("{a", None), ("x {a}", None)],
+)
+def test_a_blackboard_key_stands_alone_in_braces(text, key):
+    assert blackboard_key(text) == key
+
+
+def test_the_nearest_word_is_first_of_all_the_same_in_another_case():
+    assert nearest("navigatetozone", ["NavigateToZone", "NavigateToBase"]) == "NavigateToZone"
+    assert nearest("Sequense", ["Sequence", "Selector"]) == "Sequence"
+    assert nearest("Xyz", ["Sequence", "Selector"]) is None
