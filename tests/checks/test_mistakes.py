@@ -1,0 +1,226 @@
+"""Every mistake gets one clear finding, where it stands."""
+
+import pytest
+
+from sar_compiler.checks import check
+from sar_compiler.nodes.registry import Registry, default_registry
+from sar_compiler.tree.xml import parse_xml, read_xml
+from tests.trees import document
+
+
+@pytest.fixture(scope="module")
+def registry() -> Registry:
+    return default_registry()
+
+
+def found(text, registry):
+    findings = check(parse_xml(text, "test.xml"), registry)
+    return [(f.code, f.span.line, f.span.column, f.suggestion) for f in findings]
+
+
+# Each: what is written in the tree (its first line is line 3), then code, line, column and suggestion.
+IN_A_TREE = {
+    "an unknown tag": ("<Sequnce><Success/></Sequnce>", "unknown-node", 3, 1, "Sequence"),
+    "a tag in the wrong case": ("<inverter><Success/></inverter>", "unknown-node", 3, 1, "Inverter"),
+    "a tag like nothing known": ("<Xyzzy/>", "unknown-node", 3, 1, None),
+    "a tree in a tree": ("<Sequence><BehaviorTree/></Sequence>", "unknown-node", 3, 11, None),
+    "an unknown attribute": ('<Success nmae="a"/>', "unknown-attribute", 3, 10, "name"),
+    "a misspelt memory attribute": ('<Sequence memroy="true"><Success/></Sequence>', "unknown-attribute", 3, 11, "memory"),
+    "memory neither true nor false": ('<Sequence\n memory="ture"><Success/></Sequence>', "wrong-value", 4, 10, "true"),
+    "a number that is none": ('<Timeout duration="fast"><Running/></Timeout>', "wrong-value", 3, 20, None),
+    "a number with something left over": ('<Timeout duration="30s"><Running/></Timeout>', "wrong-value", 3, 20, "30"),
+    "a fraction for a whole number": ('<Retry num_failures="2.5"><Success/></Retry>', "wrong-value", 3, 22, "2"),
+    "an empty name": ('<Success name=""/>', "wrong-value", 3, 16, None),
+    "a missing attribute": ("<Retry><Success/></Retry>", "missing-attribute", 3, 1, None),
+    "a decorator without a child": ('<Inverter name="a"/>', "missing-child", 3, 1, None),
+    "a decorator with two children": ("<Inverter>\n<Success/>\n<Failure/></Inverter>", "too-many-children", 5, 1, None),
+    "a leaf with a child": ("<ZonesRemaining><Success/></ZonesRemaining>", "child-of-leaf", 3, 17, None),
+    "an empty composite": ("<Sequence></Sequence>", "empty-control", 3, 1, None),
+    "a tree without a node": ("", "missing-child", 2, 1, None),
+    "a tree with two nodes": ("<Success/>\n<Failure/>", "too-many-children", 4, 1, None),
+    "a wrong policy": ('<OneShot policy="ONCE"><Success/></OneShot>', "wrong-value", 3, 18, None),
+    "a misspelt policy": (
+        '<OneShot policy="ON_COMPLETON"><Success/></OneShot>',
+        "wrong-value",
+        3,
+        18,
+        "ON_COMPLETION",
+    ),
+    "no policy": ("<OneShot><Success/></OneShot>", "missing-attribute", 3, 1, None),
+    "a wrong oneshot attribute": (
+        '<Success oneshot="on_completion"/>',
+        "wrong-value",
+        3,
+        19,
+        "ON_COMPLETION",
+    ),
+    "a reactive node that is told to remember": (
+        '<ReactiveFallback memory="true"><Success/></ReactiveFallback>',
+        "conflicting-attributes",
+        3,
+        27,
+        "false",
+    ),
+    "a key where the tag says the value": (
+        '<ReactiveFallback memory="{a}"><Success/></ReactiveFallback>',
+        "wrong-value",
+        3,
+        27,
+        None,
+    ),
+    "a reference to a node that is not there": (
+        '<Sequence><DetectSurvivor/><IsSurvivorDetected detect_node="DetectSurvivr"/></Sequence>',
+        "unknown-reference",
+        3,
+        61,
+        "DetectSurvivor",
+    ),
+    "a reference to a node of another kind": (
+        '<Sequence><DetectSurvivor/><AdvanceZone/><NotifyBase detect_node="AdvanceZone"/></Sequence>',
+        "wrong-reference",
+        3,
+        67,
+        "DetectSurvivor",
+    ),
+    "a reference to one of two nodes of the same name": (
+        '<Sequence><DetectSurvivor/><DetectSurvivor/><NotifyBase detect_node="DetectSurvivor"/></Sequence>',
+        "ambiguous-reference",
+        3,
+        70,
+        None,
+    ),
+    "no reference where there are two to choose from": (
+        '<Sequence><DetectSurvivor name="a"/><DetectSurvivor name="b"/><NotifyBase/></Sequence>',
+        "ambiguous-reference",
+        3,
+        63,
+        None,
+    ),
+    "no node to refer to": ("<NotifyBase/>", "missing-reference", 3, 1, None),
+}
+
+
+@pytest.mark.parametrize("name", IN_A_TREE)
+def test_a_mistake_in_a_tree_is_found_where_it_stands(name, registry):
+    body, *expected = IN_A_TREE[name]
+    assert found(document(body), registry) == [tuple(expected)]
+
+
+TREE = '<BehaviorTree ID="A"><Success/></BehaviorTree>'
+OTHER = '<BehaviorTree ID="B"><Success/></BehaviorTree>'
+
+IN_A_FILE = {
+    "another root": (f"<trees>{TREE}</trees>", "wrong-root", 1, 1, None),
+    "a root attribute that is unknown": (
+        f'<root main_tree_to_exec="A">{TREE}</root>',
+        "unknown-attribute",
+        1,
+        7,
+        "main_tree_to_execute",
+    ),
+    "another format": (f'<root BTCPP_format="3">{TREE}</root>', "wrong-format", 1, 21, "4"),
+    "an element beside the trees": (f"<root>{TREE}<BehaviourTree/></root>", "unknown-element", 1, 53, "BehaviorTree"),
+    "a node beside the trees": (f"<root>{TREE}<Sequence/></root>", "unknown-element", 1, 53, None),
+    "no tree": ('<root BTCPP_format="4"/>', "no-tree", 1, 1, None),
+    "two trees and no main tree": (f"<root>{TREE}\n{OTHER}</root>", "no-main-tree", 1, 1, None),
+    "a main tree that is not there": (
+        f'<root\nmain_tree_to_execute="MainTree">{TREE.replace("A", "Maintree")}</root>',
+        "missing-main-tree",
+        2,
+        23,
+        "Maintree",
+    ),
+    "two trees of one ID": (
+        f'<root main_tree_to_execute="A">{TREE}\n{TREE}</root>',
+        "duplicate-tree-id",
+        2,
+        19,
+        None,
+    ),
+    "an empty ID": ('<root><BehaviorTree ID=""><Success/></BehaviorTree></root>', "missing-tree-id", 1, 25, None),
+    "no ID where there are several trees": (
+        f'<root main_tree_to_execute="A">{TREE}\n<BehaviorTree><Success/></BehaviorTree></root>',
+        "missing-tree-id",
+        2,
+        1,
+        None,
+    ),
+    "an attribute that trees do not have": (
+        '<root><BehaviorTree id="A"><Success/></BehaviorTree></root>',
+        "unknown-attribute",
+        1,
+        21,
+        "ID",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", IN_A_FILE)
+def test_a_mistake_around_the_trees_is_found_where_it_stands(name, registry):
+    text, *expected = IN_A_FILE[name]
+    assert found(text, registry) == [tuple(expected)]
+
+
+def test_all_mistakes_are_found_at_once_in_the_order_of_the_file(registry):
+    body = '<Selector memory="no">\n<Sequence/>\n<Inverter colour="red"><Sucess/></Inverter>\n</Selector>'
+    assert [code for code, *_ in found(document(body), registry)] == [
+        "wrong-value",
+        "empty-control",
+        "unknown-attribute",
+        "unknown-node",
+    ]
+
+
+def test_trees_that_are_not_executed_are_checked_as_well(registry):
+    text = f'<root main_tree_to_execute="A">{TREE}\n<BehaviorTree ID="B"><Sucess/></BehaviorTree></root>'
+    assert [(code, line) for code, line, *_ in found(text, registry)] == [("unknown-node", 2)]
+
+
+@pytest.mark.parametrize("broken", ["<DetectSurviver/>", '<Xyzzy name="DetectSurvivor"/>'])
+def test_a_misspelt_node_brings_no_second_finding_for_those_that_refer_to_it(broken, registry):
+    body = f'<Sequence>{broken}<NotifyBase detect_node="DetectSurvivor"/></Sequence>'
+    assert [code for code, *_ in found(document(body), registry)] == ["unknown-node"]
+
+
+def test_what_is_said_names_what_can_be_written_instead(registry):
+    text = document("<Retry><NotifyBase/></Retry>")
+    retry, notify = [f.render() for f in check(parse_xml(text, "test.xml"), registry)]
+    assert retry.endswith('write num_failures="..." (a whole number)')
+    assert notify.endswith("add a <DetectSurvivor> to the tree")
+
+
+CORRECT = {
+    "a leaf with nothing but a comment in it": "<Success>\n<!-- why not -->\n</Success>",
+    "names that are not tags": '<Success name="Is it fine? / yes!"/>',
+    "a key of the blackboard": '<Timeout duration="{@patience}"><Running/></Timeout>',
+    "a reactive node that says so twice": '<ReactiveSequence memory="false"><Success/></ReactiveSequence>',
+    "a oneshot on any node": '<Sequence oneshot="ON_SUCCESSFUL_COMPLETION"><Success oneshot="ON_COMPLETION"/></Sequence>',
+    "a reference found by itself": "<Sequence><NotifyBase/><DetectSurvivor/></Sequence>",
+    "a reference by name to one of two": (
+        '<Sequence><DetectSurvivor name="a"/><DetectSurvivor/><NotifyBase detect_node="a"/></Sequence>'
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CORRECT)
+def test_nothing_is_said_of_a_correct_tree(name, registry):
+    assert found(document(CORRECT[name]), registry) == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"<root>{TREE}</root>",
+        f'<root main_tree_to_execute="B">{TREE}{OTHER}</root>',
+        "<root><BehaviorTree><Success/></BehaviorTree></root>",
+        f'<root xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xsi:noNamespaceSchemaLocation="a.xsd">{TREE}</root>',
+        f'<root>{TREE}<TreeNodesModel><Action ID="X"><input_port name="y"/></Action></TreeNodesModel></root>',
+        f'<?xml version="1.0" encoding="ISO-8859-1"?><root>{TREE}</root>',
+    ],
+)
+def test_nothing_is_said_of_a_correct_file(text, registry):
+    assert found(text, registry) == []
+
+
+def test_the_shipped_tree_is_correct(registry):
+    assert check(read_xml("trees/search_and_rescue.xml"), registry) == []

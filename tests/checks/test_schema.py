@@ -1,0 +1,81 @@
+"""The generated schema: committed as it is generated, and never stricter than the rules."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sar_compiler.checks import RULES, check
+from sar_compiler.checks.schema import check_schema, schema_errors
+from sar_compiler.nodes.registry import Registry, default_registry
+from sar_compiler.nodes.schema import xml_schema
+from sar_compiler.tree.xml import parse_xml
+from tests.checks.test_mistakes import CORRECT, IN_A_TREE
+from tests.nodes import leaves
+from tests.trees import document
+
+
+def test_the_committed_schema_is_the_one_that_the_registry_generates():
+    committed = Path("schemas/sar_tree.xsd").read_text(encoding="utf-8")
+    assert committed == xml_schema(default_registry()), "run `make schemas` and review the change"
+
+
+def test_leaves_of_a_user_are_in_the_schema_of_their_registry():
+    registry = Registry()
+    registry.add_module(leaves)
+    wrong = parse_xml(document('<Say message="hi" times="often"/>'))
+    assert any("'often'" in message for _, message in schema_errors(wrong, registry))
+    assert schema_errors(parse_xml(document('<Say message="hi" times="{n}"/>')), registry) == []
+
+
+@pytest.mark.parametrize("name", CORRECT)
+def test_the_schema_accepts_what_is_correct(name):
+    assert schema_errors(parse_xml(document(CORRECT[name])), default_registry()) == []
+
+
+@pytest.mark.parametrize("name", [n for n, case in IN_A_TREE.items() if "reference" not in case[1]])
+def test_the_schema_refuses_what_is_wrong_in_itself(name):
+    errors = schema_errors(parse_xml(document(IN_A_TREE[name][0])), default_registry())
+    assert [line for line, _ in errors]
+
+
+def test_a_schema_error_is_shown_where_the_rules_found_nothing():
+    tree = parse_xml(document("<Sequence/>\n"), "test.xml")
+    (alone,) = check_schema(tree, default_registry(), findings=[])
+    assert (alone.code, alone.span.line, alone.span.column) == ("schema", 3, 1)
+    found = check(tree, default_registry())
+    assert [finding.code for finding in found] == ["empty-control"]
+
+
+def test_errors_of_another_file_do_not_leak_into_a_validation():
+    schema_errors(parse_xml(document("<Sequence/>")), default_registry())
+    assert schema_errors(parse_xml(document("<Success/>")), default_registry()) == []
+
+
+TAGS = st.sampled_from([spec.tag for spec in default_registry()] + ["Sequnce", "BehaviorTree"])
+ATTRIBUTES = st.dictionaries(
+    st.sampled_from(["name", "memory", "policy", "duration", "num_failures", "oneshot", "detect_node", "ID", "x"]),
+    st.sampled_from(["", "a", "true", "ture", "1", "1.5", "ON_COMPLETION", "{key}", "{}", " 1"]),
+    max_size=3,
+)
+ELEMENTS = st.recursive(
+    st.builds(lambda tag, attributes: (tag, attributes, []), TAGS, ATTRIBUTES),
+    lambda inner: st.builds(lambda t, a, c: (t, a, c), TAGS, ATTRIBUTES, st.lists(inner, max_size=3)),
+    max_leaves=8,
+)
+
+
+def written(element):
+    tag, attributes, children = element
+    start = f"<{tag}" + "".join(f' {name}="{value}"' for name, value in attributes.items())
+    return f"{start}>\n" + "".join(written(child) for child in children) + f"</{tag}>\n"
+
+
+@given(ELEMENTS)
+def test_the_rules_find_everything_that_the_schema_refuses(element):
+    tree = parse_xml(document(written(element)))
+    found = [finding for rule in RULES for finding in rule(tree, default_registry())]
+    if schema_errors(tree, default_registry()):
+        assert found
+    assert not list(check_schema(tree, default_registry(), found)) or found
