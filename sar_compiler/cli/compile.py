@@ -1,0 +1,152 @@
+"""`sar-compile`: check, show and describe trees; works without ROS."""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from sar_compiler.cli.arguments import FINDINGS, OK, USAGE, Parser, run
+
+if TYPE_CHECKING:
+    from sar_compiler.nodes.registry import Registry
+    from sar_compiler.tree.diagnostic import Diagnostic
+
+PROG = "sar-compile"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run `sar-compile` and return its exit status."""
+    arguments = _parser().parse_args(argv)
+    return run(lambda: int(arguments.run(arguments)), PROG)
+
+
+def _parser() -> Parser:
+    parser = Parser(PROG, "Check, show and describe behaviour trees, before a robot moves.")
+    commands = parser.add_subparsers(
+        dest="command", required=True, metavar="COMMAND", parser_class=argparse.ArgumentParser
+    )
+    shared = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    shared.add_argument(
+        "--nodes",
+        action="append",
+        default=[],
+        metavar="PKG.MOD",
+        help="load a module of leaves (installed, or in the current folder); may be repeated",
+    )
+
+    def command(name: str, help_text: str) -> argparse.ArgumentParser:
+        return commands.add_parser(
+            name, help=help_text, description=help_text, parents=[shared], allow_abbrev=False
+        )
+
+    validate = command("validate", "Say everything that is wrong with tree files.")
+    validate.add_argument("files", nargs="+", metavar="FILE")
+    validate.add_argument("--strict", action="store_true", help="count warnings as errors")
+    validate.add_argument("--format", choices=("text", "json"), default="text")
+    validate.set_defaults(run=_validate)
+
+    show = command("show", "Show the compiled tree.")
+    show.add_argument("file", metavar="FILE")
+    show.add_argument("--tree", metavar="ID", help="the tree to show (default: the one the file executes)")
+    show.add_argument("--format", choices=("unicode", "ascii", "json"), default="unicode")
+    show.set_defaults(run=_show)
+
+    nodes = command("nodes", "Say what can be written in a tree file.")
+    nodes.add_argument("tag", nargs="?", metavar="TAG")
+    nodes.add_argument("--format", choices=("text", "json"), default="text")
+    nodes.set_defaults(run=_nodes)
+
+    schema = command("schema", "Print the schema of tree files, for editors and other tools.")
+    schema.add_argument("--format", choices=("xsd",), default="xsd")
+    schema.set_defaults(run=_schema)
+    return parser
+
+
+def _validate(arguments: argparse.Namespace) -> int:
+    from sar_compiler.tree.diagnostic import Severity, UnreadableFileError
+    from sar_compiler.views.findings import findings_as_json
+
+    registry = _registry(arguments)
+    findings: list[Diagnostic] = []
+    unreadable = 0
+    for path in arguments.files:
+        try:
+            found = _findings_of(path, registry)
+        except UnreadableFileError as error:
+            unreadable += 1
+            print(f"{PROG}: {error}", file=sys.stderr)
+            continue
+        findings += found
+        if arguments.format == "text":
+            print("\n".join([finding.render() for finding in found] or [f"{path}: no findings"]))
+    if arguments.format == "json":
+        print(findings_as_json(findings))
+    counted = (Severity.ERROR, Severity.WARNING) if arguments.strict else (Severity.ERROR,)
+    if unreadable:
+        return USAGE
+    return FINDINGS if any(finding.severity in counted for finding in findings) else OK
+
+
+def _findings_of(path: str, registry: "Registry") -> "list[Diagnostic]":
+    from sar_compiler.checks import check
+    from sar_compiler.tree.diagnostic import TreeError
+    from sar_compiler.tree.xml import read_xml
+
+    try:
+        return check(read_xml(path), registry)
+    except TreeError as error:
+        return list(error.findings)
+
+
+def _show(arguments: argparse.Namespace) -> int:
+    from sar_compiler.compiler import bind_main, preview_tree
+    from sar_compiler.tree.diagnostic import TreeError
+    from sar_compiler.tree.xml import read_xml
+    from sar_compiler.views.outline import outline
+    from sar_compiler.views.text import ascii_tree, unicode_tree
+
+    registry = _registry(arguments)
+    try:
+        tree_file = read_xml(arguments.file)
+        tree = preview_tree(bind_main(tree_file, registry, arguments.tree))
+    except TreeError as error:
+        print("\n".join(finding.render() for finding in error.findings), file=sys.stderr)
+        return FINDINGS
+    if arguments.format == "json":
+        print(json.dumps(outline(tree), indent=2, ensure_ascii=False))
+    else:
+        draw = ascii_tree if arguments.format == "ascii" else unicode_tree
+        print(draw(tree.root), end="")
+    return OK
+
+
+def _nodes(arguments: argparse.Namespace) -> int:
+    from sar_compiler.views.nodes import nodes_as_json, nodes_as_text
+
+    registry = _registry(arguments)
+    if arguments.tag is not None and arguments.tag not in registry:
+        near = registry.nearest(arguments.tag)
+        advice = f"; did you mean '{near}'?" if near else ""
+        print(f"{PROG}: no node is called '{arguments.tag}'{advice}", file=sys.stderr)
+        return USAGE
+    specs = list(registry) if arguments.tag is None else [registry[arguments.tag]]
+    print(nodes_as_json(specs) if arguments.format == "json" else nodes_as_text(specs))
+    return OK
+
+
+def _schema(arguments: argparse.Namespace) -> int:
+    from sar_compiler.nodes.schema import xml_schema
+
+    print(xml_schema(_registry(arguments)), end="")
+    return OK
+
+
+def _registry(arguments: argparse.Namespace) -> "Registry":
+    from sar_compiler.nodes.registry import load_registry
+
+    return load_registry(arguments.nodes)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,76 @@
+"""What can be written in a tree file, from the registry."""
+
+import json
+from collections.abc import Sequence
+
+from sar_compiler.nodes.spec import NodeSpec, Parameter, Role
+from sar_compiler.views.plain import plain
+
+
+def nodes_as_text(specs: Sequence[NodeSpec]) -> str:
+    """Return a list of tags; a single one with its attributes."""
+    if len(specs) == 1:
+        return _in_full(specs[0])
+    width = max(len(spec.tag) for spec in specs)
+    return "\n".join(f"{spec.tag:{width}}  {spec.kind.value.lower():9}  {spec.doc}" for spec in specs)
+
+
+def nodes_as_json(specs: Sequence[NodeSpec]) -> str:
+    """Return the registry's entries as a JSON array."""
+    return json.dumps([_as_dict(spec) for spec in specs], indent=2, ensure_ascii=False)
+
+
+def _in_full(spec: NodeSpec) -> str:
+    lines = [f"<{spec.tag}>  {spec.kind.value.lower()}", "", spec.doc, ""]
+    if spec.outcomes:
+        lines.append(f"answers: {', '.join(sorted(spec.outcomes))}")
+    if spec.effects:
+        lines.append(f"effects: {spec.effects}")
+    if spec.uses:
+        lines.append(f"needs:   {', '.join(f'{use.kind} {use.name}'.strip() for use in spec.uses)}")
+    lines += ["attributes:", *(_attribute(spec, parameter) for parameter in spec.attributes)]
+    return "\n".join(lines)
+
+
+def _attribute(spec: NodeSpec, parameter: Parameter) -> str:
+    label = parameter.value_type.label if parameter.value_type else ""
+    if parameter.role is Role.REFERENCE and parameter.target is not None:
+        label = (
+            f"the name of a {parameter.target.__name__} in the same tree; found by itself where there is one"
+        )
+    if parameter.role is Role.NAME:
+        notes = f"default: {spec.tag}"
+    elif parameter.name in spec.fixed:
+        notes = f"always {plain(spec.fixed[parameter.name])}"
+    elif parameter.required:
+        notes = "required" if parameter.role is Role.ATTRIBUTE else ""
+    else:
+        notes = f"default: {plain(parameter.default)}"
+    description = ". ".join(part for part in (label, notes, parameter.doc) if part)
+    return f"  {parameter.name}: {description}"
+
+
+def _as_dict(spec: NodeSpec) -> dict[str, object]:
+    return {
+        "tag": spec.tag,
+        "kind": spec.kind.value,
+        "class": f"{spec.cls.__module__}.{spec.cls.__qualname__}",
+        "doc": spec.doc,
+        "outcomes": sorted(spec.outcomes),
+        "effects": spec.effects,
+        "uses": [{"kind": use.kind, "name": use.name} for use in spec.uses],
+        "attributes": [_parameter(spec, parameter) for parameter in spec.attributes],
+    }
+
+
+def _parameter(spec: NodeSpec, parameter: Parameter) -> dict[str, object]:
+    default = spec.tag if parameter.role is Role.NAME else spec.fixed.get(parameter.name, parameter.default)
+    return {
+        "name": parameter.name,
+        "role": parameter.role.value,
+        "type": parameter.value_type.label if parameter.value_type else None,
+        "refers_to": parameter.target.__name__ if parameter.target else None,
+        "required": parameter.required and parameter.name not in spec.fixed,
+        "default": plain(default),
+        "doc": parameter.doc,
+    }

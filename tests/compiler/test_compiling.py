@@ -1,0 +1,205 @@
+"""What the compiler makes of a tree: stock py_trees objects and the leaves, wired together."""
+
+import py_trees
+import pytest
+from py_trees.common import OneShotPolicy, Status
+
+from sar_compiler.compiler import bind_main, compile_tree, context_types, preview_tree
+from sar_compiler.nodes.register import Registration
+from sar_compiler.nodes.registry import Registry, default_registry
+from sar_compiler.nodes.spec import Kind, Use
+from sar_compiler.runtime.clock import Clock, ManualClock
+from sar_compiler.tree.diagnostic import TreeError
+from sar_compiler.tree.xml import parse_xml, read_xml
+from tests.nodes import leaves
+from tests.nodes.leaves import Radio
+from tests.trees import tree_file
+
+
+@pytest.fixture(scope="module")
+def registry() -> Registry:
+    registry = Registry(default_registry().registrations())
+    registry.add_module(leaves)
+    return registry
+
+
+def compiled(body, registry, context=None, parameters=None):
+    context = {Radio: Radio("1")} if context is None else context
+    return compile_tree(bind_main(tree_file(body), registry), context, parameters or {})
+
+
+def findings(body, registry, **arguments):
+    with pytest.raises(TreeError) as caught:
+        compiled(body, registry, **arguments)
+    return [(f.code, f.span.line, f.span.column, f.suggestion) for f in caught.value.findings]
+
+
+@pytest.mark.parametrize(
+    ("tag", "cls", "memory"),
+    [
+        ("Sequence", py_trees.composites.Sequence, True),
+        ('Sequence memory="false"', py_trees.composites.Sequence, False),
+        ("Selector", py_trees.composites.Selector, True),
+        ('Selector memory="false"', py_trees.composites.Selector, False),
+        ("Fallback", py_trees.composites.Selector, True),
+        ("ReactiveSequence", py_trees.composites.Sequence, False),
+        ("ReactiveFallback", py_trees.composites.Selector, False),
+    ],
+)
+def test_a_control_becomes_a_stock_composite_with_its_memory_flag(tag, cls, memory, registry):
+    root = compiled(f"<{tag}><Success/><Failure/></{tag.split()[0]}>", registry).root
+    assert type(root) is cls
+    assert root.memory is memory
+    assert [child.name for child in root.children] == ["Success", "Failure"]
+
+
+def test_a_node_is_named_by_its_attribute_or_its_tag(registry):
+    root = compiled('<Sequence name="All of it"><Success/></Sequence>', registry).root
+    assert [node.name for node in root.iterate()] == ["Success", "All of it"]
+
+
+def test_the_oneshot_element_becomes_the_stock_decorator(registry):
+    root = compiled('<OneShot policy="ON_SUCCESSFUL_COMPLETION"><Success/></OneShot>', registry).root
+    assert type(root) is py_trees.decorators.OneShot
+    assert root.policy is OneShotPolicy.ON_SUCCESSFUL_COMPLETION
+
+
+def test_the_oneshot_attribute_wraps_a_node_under_its_name(registry):
+    root = compiled('<Failure name="Once" oneshot="ON_COMPLETION"/>', registry).root
+    assert type(root) is py_trees.decorators.OneShot
+    assert (root.name, root.decorated.name) == ("OnceOneShot", "Once")
+    assert root.policy is OneShotPolicy.ON_COMPLETION
+    root.tick_once()
+    root.decorated.update = lambda: Status.SUCCESS
+    root.tick_once()
+    assert root.status is Status.FAILURE
+
+
+@pytest.mark.parametrize(
+    ("tag", "cls", "attribute"),
+    [
+        ('Retry num_failures="3"', py_trees.decorators.Retry, ("num_failures", 3)),
+        ('Repeat num_success="2"', py_trees.decorators.Repeat, ("num_success", 2)),
+        ("Inverter", py_trees.decorators.Inverter, ("name", "Inverter")),
+        ("SuccessIsRunning", py_trees.decorators.SuccessIsRunning, ("name", "SuccessIsRunning")),
+        ("FailureIsSuccess", py_trees.decorators.FailureIsSuccess, ("name", "FailureIsSuccess")),
+    ],
+)
+def test_a_decorator_becomes_the_stock_class_with_its_arguments(tag, cls, attribute, registry):
+    root = compiled(f"<{tag}><Success/></{tag.split()[0]}>", registry).root
+    assert type(root) is cls
+    assert getattr(root, attribute[0]) == attribute[1]
+    assert root.decorated.name == "Success"
+
+
+def test_a_leaf_gets_its_values_and_what_the_mission_hands_over(registry):
+    radio = Radio("7")
+    leaf = compiled('<Say message="hi" times="3"/>', registry, {Radio: radio}).root
+    assert leaf.given == {"message": "hi", "radio": radio, "times": 3, "after": None, "spare": radio}
+
+
+def test_a_reference_becomes_the_node_itself_wherever_it_stands_in_the_file(registry):
+    root = compiled('<Sequence><Listen to="B"/><Say name="B" message="hi"/></Sequence>', registry).root
+    listen, say = root.children
+    assert listen.to is say
+
+
+def test_a_reference_to_a_node_in_a_oneshot_is_the_node_and_not_the_wrapper(registry):
+    root = compiled('<Sequence><Say message="hi" oneshot="ON_COMPLETION"/><Listen/></Sequence>', registry).root
+    once, listen = root.children
+    assert once.decorated is listen.to
+
+
+def test_nodes_that_refer_to_each_other_are_a_finding(registry):
+    body = '<Sequence>\n<Say message="hi" after="Listen"/>\n<Listen/></Sequence>'
+    assert [(code, line) for code, line, *_ in findings(body, registry)] == [
+        ("circular-reference", 4),
+        ("circular-reference", 5),
+    ]
+
+
+def test_a_key_of_the_root_blackboard_is_a_parameter_of_the_mission(registry):
+    body = '<Timeout duration="{@patience}"><Running/></Timeout>'
+    for patience in (3, 3.0, "3"):
+        root = compiled(body, registry, {Clock: ManualClock()}, {"patience": patience}).root
+        assert root.duration == 3.0
+
+
+def test_a_key_that_the_mission_does_not_have_is_a_finding_with_the_nearest_one(registry):
+    body = '<Timeout duration="{@patiense}"><Running/></Timeout>'
+    found = findings(body, registry, context={Clock: ManualClock()}, parameters={"patience": 3})
+    assert found == [("unknown-key", 3, 20, "{@patience}")]
+
+
+def test_a_parameter_of_the_wrong_type_is_a_finding_at_the_key(registry):
+    body = '<Timeout duration="{patience}"><Running/></Timeout>'
+    found = findings(body, registry, context={Clock: ManualClock()}, parameters={"patience": "long"})
+    assert found == [("wrong-value", 3, 20, None)]
+
+
+def test_what_a_mission_lacks_is_a_finding_at_the_leaf_that_needs_it(registry):
+    assert findings('<Say message="hi"/>', registry, context={}) == [("missing-context", 3, 1, None)]
+
+
+def test_a_constructor_that_refuses_its_arguments_is_a_finding_with_its_words(registry):
+    class Picky(py_trees.behaviours.Success):
+        def __init__(self, name: str, speed: float) -> None:
+            message = "too fast"
+            raise ValueError(message)
+
+    picky = Registry([Registration("Picky", Picky, Kind.ACTION)])
+    with pytest.raises(TreeError, match=r"3:1: error\[constructor-failed\]: .*ValueError: too fast"):
+        compiled('<Picky speed="99"/>', picky)
+
+
+def test_a_tree_with_findings_is_not_compiled(registry):
+    with pytest.raises(TreeError, match="unknown-node"):
+        bind_main(tree_file("<Sequense/>"), registry)
+
+
+def test_the_tree_asked_for_is_compiled_instead_of_the_main_tree(registry):
+    text = (
+        '<root main_tree_to_execute="A"><BehaviorTree ID="A"><Success/></BehaviorTree>'
+        '<BehaviorTree ID="B"><Failure/></BehaviorTree></root>'
+    )
+    assert compile_tree(bind_main(parse_xml(text), registry, "B"), {}, {}).root.name == "Failure"
+    with pytest.raises(TreeError, match=r"missing-main-tree.*no tree 'C'; the file has A, B"):
+        bind_main(parse_xml(text), registry, "C")
+
+
+def test_a_tree_says_what_it_uses_with_the_names_filled_in(registry):
+    tree = compiled(
+        '<Sequence><Say message="a"/><Say message="b" service="shout"/><Say message="c"/></Sequence>', registry
+    )
+    assert tree.uses() == [Use("service", "speak"), Use("service", "shout")]
+
+
+def test_a_tree_says_which_objects_a_mission_must_hand_over(registry):
+    binding = bind_main(tree_file('<Timeout duration="1"><Say message="a"/></Timeout>'), registry)
+    assert context_types(binding) == {Radio, Clock}
+
+
+def test_every_behaviour_knows_the_element_it_was_made_from(registry):
+    tree = compiled('<Sequence>\n<Success oneshot="ON_COMPLETION"/>\n</Sequence>', registry)
+    lines = {node.name: tree.origins[node.id].bound.element.line for node in tree.root.iterate()}
+    assert lines == {"Sequence": 3, "SuccessOneShot": 4, "Success": 4}
+
+
+def test_a_preview_needs_no_mission(registry):
+    tree = preview_tree(bind_main(tree_file('<Timeout duration="{@t}"><Say message="{@m}"/></Timeout>'), registry))
+    leaf = tree.root.decorated
+    assert leaf.given["radio"].channel == "preview"
+    assert tree.origins[leaf.id].attributes["message"] == "{@m}"
+    assert tree.origins[tree.root.id].attributes["duration"] == "{@t}"
+
+
+def test_the_shipped_tree_compiles_to_stock_classes_and_the_nine_leaves():
+    tree = preview_tree(bind_main(read_xml("trees/search_and_rescue.xml"), default_registry()))
+    classes = [f"{type(node).__module__}.{type(node).__qualname__}" for node in tree.root.iterate()]
+    stock = {name for name in classes if name.startswith("py_trees.")}
+    assert stock == {
+        "py_trees.composites.Sequence",
+        "py_trees.composites.Selector",
+        "py_trees.decorators.OneShot",
+    }
+    assert len([name for name in classes if name.startswith("sar_compiler.mission.")]) == 9
