@@ -1,0 +1,321 @@
+"""Misbehaviour on request: what `--fault` says, and a service server that can do it.
+
+The parsing and the bookkeeping are plain Python; only :func:`create_service` touches ROS.
+"""
+
+import difflib
+import math
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from sar_compiler.errors import SarError
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+    from rclpy.service import Service
+
+NAVIGATION = "navigate_to_pose"
+_DETECT, _REPORT = "detect_survivor", "report_survivor"
+# What can go wrong with what, and how each is written.
+_FORMS = {
+    _DETECT: {"drop": "drop=COUNT", "delay": "delay=SECONDS"},
+    _REPORT: {"drop": "drop=COUNT", "delay": "delay=SECONDS", "refuse": "refuse=COUNT"},
+    NAVIGATION: {"abort": "abort=ZONE", "reject": "reject=COUNT", "die": "die@ZONE[,back=SECONDS]"},
+}
+_COUNTED = ("drop", "refuse", "reject")
+
+
+class FaultError(SarError):
+    """A fault cannot be understood, or cannot happen.
+
+    Attributes:
+        spec: What was asked for.
+        problem: What is wrong with it.
+    """
+
+    def __init__(self, spec: str, problem: str) -> None:
+        self.spec, self.problem = spec, problem
+        super().__init__(f"fault '{spec}': {problem}")
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One kind of misbehaviour.
+
+    Attributes:
+        target: The service or action: `detect_survivor`, `report_survivor` or `navigate_to_pose`.
+        kind: `drop`, `delay`, `refuse`, `abort`, `reject` or `die`.
+        count: How many calls or goals it befalls (`drop`, `refuse`, `reject`).
+        seconds: How long each answer is held back, on the server's clock (`delay`).
+        zone: The zone that it befalls (`abort`, `die`).
+        back: When a dead server comes back, simulated seconds later; None for never (`die`).
+    """
+
+    target: str
+    kind: str
+    count: int = 0
+    seconds: float = 0.0
+    zone: str = ""
+    back: float | None = None
+
+    def __str__(self) -> str:
+        if self.kind in _COUNTED:
+            return f"{self.target}:{self.kind}={self.count}"
+        if self.kind == "delay":
+            return f"{self.target}:delay={self.seconds:g}"
+        if self.kind == "abort":
+            return f"{self.target}:abort={self.zone}"
+        return f"{self.target}:die@{self.zone}" + ("" if self.back is None else f",back={self.back:g}")
+
+
+def parse_fault(text: str) -> Fault:
+    """Read one fault, for instance `report_survivor:drop=2` or `navigate_to_pose:die@zone_c,back=5`.
+
+    Raises:
+        FaultError: If it cannot be understood; the message says what is allowed.
+    """
+    target, colon, rest = text.strip().partition(":")
+    _known(text, "target", target, _FORMS)
+    forms = _FORMS[target]
+    if not colon or not rest:
+        raise FaultError(text, f"does not say what goes wrong; {_allowed(target)}")
+    match = re.match(r"(\w*)([=@]?)(.*)", rest, re.DOTALL)
+    kind, sign, value = match.groups() if match else ("", "", "")
+    _known(text, f"fault of {target}", kind, forms)
+    if sign != ("@" if kind == "die" else "=") or not value:
+        raise FaultError(text, f"expected {target}:{forms[kind]}")
+    if kind in _COUNTED:
+        return Fault(target, kind, count=_count(text, value))
+    if kind == "delay":
+        return Fault(target, kind, seconds=_seconds(text, value))
+    zone, comma, option = value.partition(",")
+    if kind == "die" and comma:
+        name, _, seconds = option.partition("=")
+        if name != "back":
+            raise FaultError(text, f"'{option}' is not known; expected {target}:{forms[kind]}")
+        return Fault(target, kind, zone=_zone(text, zone), back=_seconds(text, seconds))
+    return Fault(target, kind, zone=_zone(text, value))
+
+
+@dataclass(frozen=True)
+class CallFate:
+    """What happens to one service call.
+
+    Attributes:
+        drop: It gets no answer, ever.
+        delay_sec: Its answer is held back so long, on the server's clock.
+        refuse: The server says no.
+    """
+
+    drop: bool = False
+    delay_sec: float = 0.0
+    refuse: bool = False
+
+
+class ServiceFaults:
+    """The faults of one service, used up call by call: first what is dropped, then what is refused."""
+
+    def __init__(self, faults: Sequence[Fault] = ()) -> None:
+        self._drops = sum(fault.count for fault in faults if fault.kind == "drop")
+        self._refusals = sum(fault.count for fault in faults if fault.kind == "refuse")
+        self._delay_sec = sum(fault.seconds for fault in faults if fault.kind == "delay")
+
+    def next_call(self) -> CallFate:
+        """Return the fate of the call that has just arrived."""
+        if self._drops > 0:
+            self._drops -= 1
+            return CallFate(drop=True)
+        refuse = self._refusals > 0
+        self._refusals -= refuse
+        return CallFate(delay_sec=self._delay_sec, refuse=refuse)
+
+
+@dataclass(frozen=True)
+class GoalFate:
+    """What happens to one accepted navigation goal.
+
+    Attributes:
+        abort: It is aborted at once, as out of reach.
+        die: The server disappears while driving there.
+        back_sec: When it comes back, simulated seconds later; None for never.
+    """
+
+    abort: bool = False
+    die: bool = False
+    back_sec: float | None = None
+
+
+class NavigationFaults:
+    """The faults of `navigate_to_pose`. Every goal for an aborted zone is aborted; a server dies once per fault."""
+
+    def __init__(self, faults: Sequence[Fault] = ()) -> None:
+        self._rejections = sum(fault.count for fault in faults if fault.kind == "reject")
+        self._aborted = {fault.zone for fault in faults if fault.kind == "abort"}
+        self._deadly = [fault for fault in faults if fault.kind == "die"]
+        self.zones = {fault.zone: fault for fault in faults if fault.zone}
+
+    def check_zones(self, known: Collection[str]) -> None:
+        """Make sure that every zone of a fault exists.
+
+        Raises:
+            FaultError: If one does not.
+        """
+        for zone, fault in self.zones.items():
+            _known(str(fault), "zone", zone, known)
+
+    def rejects_next(self) -> bool:
+        """Return whether the goal that has just arrived is to be rejected."""
+        reject = self._rejections > 0
+        self._rejections -= reject
+        return reject
+
+    def accepted(self, zone: str | None) -> GoalFate:
+        """Return the fate of a goal that has just been accepted.
+
+        Args:
+            zone: The zone it lies in, or None.
+        """
+        if zone in self._aborted:
+            return GoalFate(abort=True)
+        for fault in self._deadly:
+            if fault.zone == zone:
+                self._deadly.remove(fault)
+                return GoalFate(die=True, back_sec=fault.back)
+        return GoalFate()
+
+
+class FaultPlan:
+    """All the misbehaviour of one run.
+
+    Args:
+        faults: What was asked for, in any order.
+        zones: Zone positions (metres, frame `map`) by which goals are told apart; the world's markers if None.
+
+    Attributes:
+        faults: What was asked for.
+        zones: The zone positions, or None.
+        navigation: The faults of `navigate_to_pose`.
+    """
+
+    def __init__(
+        self, faults: Sequence[Fault] = (), zones: Mapping[str, tuple[float, float]] | None = None
+    ) -> None:
+        self.faults = tuple(faults)
+        self.zones = zones
+        self.navigation = NavigationFaults([fault for fault in faults if fault.target == NAVIGATION])
+
+    def for_service(self, name: str) -> ServiceFaults:
+        """Return a fresh account of the faults of the service *name*."""
+        return ServiceFaults([fault for fault in self.faults if fault.target == name])
+
+
+Answer = Callable[[Any, Any], Any]
+
+
+def create_service(
+    node: "Node",
+    service_type: Any,
+    name: str,
+    answer: Answer,
+    *,
+    refuse: Answer | None = None,
+    faults: ServiceFaults | None = None,
+) -> "Service":
+    """Create a service server on *node* that can misbehave.
+
+    Args:
+        node: Its node; the delays run on this node's clock.
+        service_type: The service's type.
+        name: Its name.
+        answer: Fills in the response of an ordinary call and returns it; `answer(request, response)`.
+        refuse: The same for a call that is refused; *answer* serves if there is none.
+        faults: What goes wrong; nothing by default.
+
+    A dropped call is not handed to *answer*. One that is delayed is, when its time has come; other calls
+    and the rest of the node go on meanwhile.
+    """
+    from rclpy.callback_groups import ReentrantCallbackGroup
+
+    if faults is None:
+        return node.create_service(service_type, name, answer)
+    group = ReentrantCallbackGroup()
+    dropped = object()
+
+    async def answer_or_not(request: Any, response: Any) -> Any:
+        fate = faults.next_call()
+        if fate.drop:
+            node.get_logger().warning(f"Fault: a call of {name} gets no answer.")
+            return dropped
+        if fate.delay_sec > 0.0:
+            node.get_logger().warning(f"Fault: the answer of {name} is {fate.delay_sec:g} s late.")
+            await _sleep(node, fate.delay_sec, group)
+        if fate.refuse:
+            node.get_logger().warning(f"Fault: {name} refuses.")
+            return (refuse or answer)(request, response)
+        return answer(request, response)
+
+    service = node.create_service(service_type, name, answer_or_not, callback_group=group)
+    send = service.send_response
+
+    def send_unless_dropped(response: Any, header: Any) -> None:
+        if response is not dropped:
+            send(response, header)
+
+    # The executor sends whatever a callback returns; this is the one place where an answer can get lost.
+    # A callback that never returned would work as well, but stay behind in the executor for each call.
+    service.send_response = send_unless_dropped
+    return service
+
+
+async def _sleep(node: "Node", seconds: float, group: Any) -> None:
+    """Wait on the node's clock, without holding up the executor."""
+    from rclpy.task import Future
+
+    over = Future()
+
+    def end() -> None:
+        timer.cancel()
+        over.set_result(None)
+
+    timer = node.create_timer(seconds, end, callback_group=group)
+    try:
+        await over
+    finally:
+        node.destroy_timer(timer)
+
+
+def _allowed(target: str) -> str:
+    return "allowed: " + ", ".join(f"{target}:{form}" for form in _FORMS[target].values())
+
+
+def _known(text: str, what: str, word: str, words: Collection[str]) -> None:
+    if word in words:
+        return
+    near = difflib.get_close_matches(word, list(words), n=1)
+    hint = f"; did you mean '{near[0]}'?" if near else ""
+    listed = ", ".join(words) or "none"
+    raise FaultError(text, f"'{word}' is no {what} (known: {listed}){hint}")
+
+
+def _count(text: str, value: str) -> int:
+    if not (value.isascii() and value.isdigit() and int(value) > 0):
+        raise FaultError(text, f"'{value}' is not a whole number above 0")
+    return int(value)
+
+
+def _seconds(text: str, value: str) -> float:
+    try:
+        seconds = float(value)
+    except ValueError:
+        seconds = math.nan
+    if not (math.isfinite(seconds) and seconds > 0.0):
+        raise FaultError(text, f"'{value}' is not a number of seconds above 0")
+    return seconds
+
+
+def _zone(text: str, value: str) -> str:
+    if not re.fullmatch(r"[\w.-]+", value):
+        raise FaultError(text, f"'{value}' is not a zone's name")
+    return value

@@ -1,0 +1,124 @@
+"""Following a path: turn towards it, pursue a point on it, turn to the final yaw."""
+
+import math
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from sar_compiler.sim.geometry import Pose2D, normalise_angle
+from sar_compiler.sim.path import Path2D
+from sar_compiler.sim.robot import STAND, Limits, RobotState, Twist2D
+
+
+@dataclass(frozen=True)
+class FollowerSettings:
+    """How closely a path is followed.
+
+    Attributes:
+        look_ahead: Distance of the pursued point, metres.
+        position_tolerance: Closer than this to the goal the robot stops driving, metres.
+        yaw_tolerance: Closer than this to the goal's yaw it stops turning, radians.
+        turn_first: With the path farther to the side than this it turns in place, radians.
+        turned: Turning towards the path ends below this, radians.
+        braking: Part of the robot's acceleration that is planned with.
+    """
+
+    look_ahead: float = 0.4
+    position_tolerance: float = 0.06
+    yaw_tolerance: float = 0.03
+    turn_first: float = 0.9
+    turned: float = 0.15
+    braking: float = 0.5
+
+
+class _Phase(Enum):
+    TURN = auto()
+    DRIVE = auto()
+    ALIGN = auto()
+    DONE = auto()
+
+
+# Slower than this counts as standing: m/s and rad/s.
+_STILL = 0.02
+
+
+class Follower:
+    """Drives one path to its end.
+
+    Args:
+        path: Where to go, frame `map`.
+        yaw: Which way to look there, radians; None leaves it as it comes.
+        limits: What the robot can do.
+        settings: How closely.
+    """
+
+    def __init__(
+        self,
+        path: Path2D,
+        yaw: float | None,
+        limits: Limits,
+        settings: FollowerSettings | None = None,
+    ) -> None:
+        self._path, self._yaw, self._limits = path, yaw, limits
+        self._settings = settings or FollowerSettings()
+        self._index = 0
+        self._phase = _Phase.TURN
+        self._goal = Pose2D(float(path.points[-1, 0]), float(path.points[-1, 1]))
+
+    @property
+    def done(self) -> bool:
+        """Whether the robot stands at the goal and looks the right way."""
+        return self._phase is _Phase.DONE
+
+    def distance_remaining(self, pose: Pose2D) -> float:
+        """Return the way left to the goal from *pose* in metres."""
+        x, y = self._path.points[self._index]
+        left = float(self._path.to_go[self._index]) + pose.distance_to(Pose2D(float(x), float(y)))
+        return pose.distance_to(self._goal) if self._phase in {_Phase.ALIGN, _Phase.DONE} else left
+
+    def command(self, state: RobotState) -> Twist2D:
+        """Return the velocity to ask for next."""
+        self._index = self._path.nearest(state.pose, self._index)
+        away = state.pose.distance_to(self._goal)
+        # A path may pass its own goal on the way: it counts only where the path ends.
+        ending = self._path.to_go[self._index] < self._settings.look_ahead
+        near = ending and away < self._settings.position_tolerance
+        if near and self._phase in {_Phase.TURN, _Phase.DRIVE}:
+            self._phase = _Phase.ALIGN
+        if self._phase is _Phase.ALIGN:
+            return self._align(state)
+        if self._phase is _Phase.DONE:
+            return STAND
+        carrot = self._path.carrot(self._index, self._settings.look_ahead)
+        reach = math.hypot(carrot[0] - state.pose.x, carrot[1] - state.pose.y)
+        bearing = math.atan2(carrot[1] - state.pose.y, carrot[0] - state.pose.x)
+        aside = normalise_angle(bearing - state.pose.yaw)
+        if abs(aside) > self._settings.turn_first:
+            self._phase = _Phase.TURN
+        if self._phase is _Phase.TURN and abs(aside) > self._settings.turned:
+            return Twist2D(0.0, self._turning(aside))
+        self._phase = _Phase.DRIVE
+        return self._pursue(aside, reach, max(away, self.distance_remaining(state.pose)))
+
+    def _pursue(self, aside: float, reach: float, left: float) -> Twist2D:
+        """Return the arc that leads to a point *reach* metres away and *aside* radians to the left."""
+        curvature = 2.0 * math.sin(aside) / max(reach, self._settings.position_tolerance)
+        speed = min(
+            self._limits.speed,
+            math.sqrt(2.0 * self._settings.braking * self._limits.acceleration * left),
+            0.5 * self._limits.turn / max(abs(curvature), 1e-6),
+        )
+        return Twist2D(speed, speed * curvature)
+
+    def _align(self, state: RobotState) -> Twist2D:
+        """Stand, and turn to the goal's yaw."""
+        error = 0.0 if self._yaw is None else normalise_angle(self._yaw - state.pose.yaw)
+        if abs(error) > self._settings.yaw_tolerance:
+            return Twist2D(0.0, self._turning(error))
+        if abs(state.velocity.v) < _STILL and abs(state.velocity.w) < _STILL:
+            self._phase = _Phase.DONE
+        return STAND
+
+    def _turning(self, error: float) -> float:
+        """Return a turning speed that can still be braked before *error* radians are turned."""
+        fastest = math.sqrt(2.0 * self._settings.braking * self._limits.turn_acceleration * abs(error))
+        return math.copysign(min(self._limits.turn, fastest), error)

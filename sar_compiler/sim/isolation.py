@@ -1,0 +1,94 @@
+"""Keeping a simulated robot and real ones apart."""
+
+import os
+import time
+
+from rclpy.context import Context
+from rclpy.node import Node, NodeNameNonExistentError
+
+from sar_compiler.errors import SarError
+
+_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+_CLOCK = "/clock"
+# The service by which an action server can be seen in the graph.
+_GOALS = "navigate_to_pose/_action/send_goal"
+# How long to look around before concluding that nobody is there, seconds. Participants on one machine were
+# seen after 0.02 to 0.3 s.
+LOOK_AROUND_SEC = 1.0
+_LOOK_EVERY_SEC = 0.02
+# Part of the name that a node has before its announcement arrives, just after that of its publisher.
+_UNKNOWN = "_NODE_NAME_UNKNOWN_"
+
+
+class IsolationError(SarError):
+    """Another simulation or a robot's navigation is running where this one would.
+
+    Attributes:
+        node: Full name of the foreign node.
+        what: What it provides.
+    """
+
+    def __init__(self, node: str, what: str) -> None:
+        self.node, self.what = node, what
+        super().__init__(
+            f"node '{node}' already provides {what} here: a simulated robot must not mix with another one. "
+            f"Stop it, or choose another ROS_DOMAIN_ID."
+        )
+
+
+def stay_on_this_machine() -> None:
+    """Keep ROS from talking to other machines, unless the user has said otherwise. Before rclpy is initialised."""
+    os.environ.setdefault(_RANGE, "LOCALHOST")
+
+
+def refuse_company(
+    *,
+    context: Context | None = None,
+    namespace: str | None = None,
+    look_around_sec: float = LOOK_AROUND_SEC,
+) -> None:
+    """Make sure that nobody else provides `/clock` or `navigate_to_pose`.
+
+    Args:
+        context: An initialised context; the default context if None.
+        namespace: Namespace of the navigation server; that of the command line if None.
+        look_around_sec: How long to look, seconds. One that is found ends it at once.
+
+    Raises:
+        IsolationError: If somebody does; it names the node.
+    """
+    node = Node("look_around", context=context, namespace=namespace, start_parameter_services=False)
+    try:
+        # That nobody is there can only be told by waiting: discovery has no end that could be waited for.
+        deadline = time.monotonic() + look_around_sec
+        while time.monotonic() < deadline:
+            found = _company(node)
+            if found is not None and _UNKNOWN not in found.node:
+                raise found
+            time.sleep(_LOOK_EVERY_SEC)
+        found = _company(node)
+        if found is not None:
+            raise found
+    finally:
+        node.destroy_node()
+
+
+def _company(node: Node) -> IsolationError | None:
+    for publisher in node.get_publishers_info_by_topic(_CLOCK):
+        return IsolationError(_full_name(publisher.node_name, publisher.node_namespace), _CLOCK)
+    goals = node.resolve_service_name(_GOALS)
+    if not any(name == goals for name, _ in node.get_service_names_and_types()):
+        return None
+    what = f"the action {goals.removesuffix(_GOALS)}navigate_to_pose"
+    for name, namespace in node.get_node_names_and_namespaces():
+        try:
+            services = node.get_service_names_and_types_by_node(name, namespace)
+        except NodeNameNonExistentError:
+            continue  # it has gone since
+        if any(service == goals for service, _ in services):
+            return IsolationError(_full_name(name, namespace), what)
+    return IsolationError(_UNKNOWN, what)
+
+
+def _full_name(name: str, namespace: str) -> str:
+    return f"{namespace.rstrip('/')}/{name}"

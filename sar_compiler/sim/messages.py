@@ -1,0 +1,56 @@
+"""Between the simulator's dataclasses and ROS messages."""
+
+import math
+from typing import Any
+
+from builtin_interfaces.msg import Duration, Time
+from geometry_msgs.msg import Pose, Quaternion, TransformStamped
+
+from sar_compiler.sim.geometry import Pose2D
+
+NANOSECONDS = 1_000_000_000
+# A quaternion whose length is off by more than this is no rotation.
+_UNIT_TOLERANCE = 0.1
+
+
+def to_stamp(now_ns: int) -> Time:
+    """Return simulated nanoseconds as a message."""
+    return Time(sec=now_ns // NANOSECONDS, nanosec=now_ns % NANOSECONDS)
+
+
+def to_duration(seconds: float) -> Duration:
+    """Return seconds as a message."""
+    nanoseconds = round(seconds * NANOSECONDS)
+    return Duration(sec=nanoseconds // NANOSECONDS, nanosec=nanoseconds % NANOSECONDS)
+
+
+def to_quaternion(yaw: float) -> Quaternion:
+    """Return a turn of *yaw* radians about z."""
+    return Quaternion(z=math.sin(yaw / 2), w=math.cos(yaw / 2))
+
+
+def to_pose(pose: Pose2D) -> Pose:
+    """Return a planar pose as a message."""
+    message = Pose(orientation=to_quaternion(pose.yaw))
+    message.position.x, message.position.y = pose.x, pose.y
+    return message
+
+
+def to_transform(parent: str, child: str, pose: Pose2D, stamp: Time) -> TransformStamped:
+    """Return the transform that puts the frame *child* at *pose* in *parent*."""
+    message = TransformStamped(child_frame_id=child)
+    message.header.frame_id, message.header.stamp = parent, stamp
+    message.transform.translation.x, message.transform.translation.y = pose.x, pose.y
+    message.transform.rotation = to_quaternion(pose.yaw)
+    return message
+
+
+def from_pose(message: Any) -> Pose2D | None:
+    """Return a pose message as a planar pose, or None where it is not finite or its quaternion no rotation."""
+    turn = message.orientation
+    length = math.sqrt(turn.x**2 + turn.y**2 + turn.z**2 + turn.w**2)
+    if not abs(length - 1.0) < _UNIT_TOLERANCE:
+        return None
+    yaw = math.atan2(2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y**2 + turn.z**2))
+    pose = Pose2D(message.position.x, message.position.y, yaw)
+    return pose if pose.is_finite else None

@@ -1,0 +1,111 @@
+"""What Nav2 does with one goal, without ROS: plan, drive, watch the progress, brake."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from sar_compiler.sim.follower import Follower
+from sar_compiler.sim.geometry import Pose2D, normalise_angle
+from sar_compiler.sim.planner import NavCode, Planner
+from sar_compiler.sim.robot import STAND, Limits, RobotState, Twist2D
+
+# Without this much movement in this much simulated time the robot counts as stuck.
+_MOVE, _TURN, _PATIENCE_SEC = 0.2, 0.4, 10.0
+# Slower than this counts as standing: m/s and rad/s.
+_STILL = 0.02
+# The speed that time estimates assume while the robot has none, m/s.
+_CRUISE = 0.4
+
+
+class Ending(Enum):
+    """How a goal ends."""
+
+    SUCCEEDED = "succeeded"
+    CANCELED = "canceled"
+    ABORTED = "aborted"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The end of a goal.
+
+    Attributes:
+        ending: How.
+        code: Nav2's error code.
+        text: The reason in words, or "".
+    """
+
+    ending: Ending
+    code: NavCode = NavCode.NONE
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """One look at a drive.
+
+    Attributes:
+        command: What the robot shall do next.
+        elapsed_sec: Simulated seconds since the goal was taken up.
+        distance_remaining: Way left, metres.
+        time_remaining_sec: Estimate, simulated seconds.
+        outcome: The end, once it has come.
+    """
+
+    command: Twist2D
+    elapsed_sec: float
+    distance_remaining: float
+    time_remaining_sec: float
+    outcome: Outcome | None = None
+
+
+class Drive:
+    """One drive to a goal.
+
+    Args:
+        planner: Finds the way.
+        limits: What the robot can do.
+        goal: Where to, frame `map`.
+        start: Where the robot is, frame `map`.
+        now: Simulated time, seconds.
+
+    Raises:
+        PlanningError: If there is no way.
+    """
+
+    def __init__(self, planner: Planner, limits: Limits, goal: Pose2D, start: Pose2D, now: float) -> None:
+        self.goal = goal
+        self._follower = Follower(planner.plan(start, goal), goal.yaw, limits)
+        self._began = now
+        self._mark, self._mark_time = start, now
+        self._braking = False
+
+    def brake(self) -> None:
+        """Stop the robot and end as canceled."""
+        self._braking = True
+
+    def step(self, state: RobotState, now: float) -> Progress:
+        """Look at the robot and say what it shall do next.
+
+        Args:
+            state: The robot as it is.
+            now: Simulated time, seconds.
+        """
+        command = STAND if self._braking else self._follower.command(state)
+        left = self._follower.distance_remaining(state.pose)
+        elapsed = now - self._began
+        speed = max(abs(state.velocity.v), _CRUISE)
+        return Progress(command, elapsed, left, left / speed, self._outcome(state, now))
+
+    def _outcome(self, state: RobotState, now: float) -> Outcome | None:
+        if self._braking:
+            still = abs(state.velocity.v) < _STILL and abs(state.velocity.w) < _STILL
+            return Outcome(Ending.CANCELED) if still else None
+        if self._follower.done:
+            return Outcome(Ending.SUCCEEDED)
+        turned = abs(normalise_angle(state.pose.yaw - self._mark.yaw))
+        if state.pose.distance_to(self._mark) > _MOVE or turned > _TURN:
+            self._mark, self._mark_time = state.pose, now
+        if now - self._mark_time > _PATIENCE_SEC:
+            text = f"the robot has not moved for {_PATIENCE_SEC:g} s"
+            return Outcome(Ending.ABORTED, NavCode.FAILED_TO_MAKE_PROGRESS, text)
+        return None

@@ -1,0 +1,87 @@
+"""The one thread that serves all nodes of a simulation, and the making and unmaking of them."""
+
+import time
+from collections.abc import Callable, Sequence
+
+from rclpy.context import Context
+from rclpy.executors import (
+    ConditionReachedException,
+    ShutdownException,
+    SingleThreadedExecutor,
+    TimeoutException,
+    TimeoutObject,
+)
+from rclpy.node import Node
+
+
+class PacedExecutor(SingleThreadedExecutor):
+    """An executor that serves callbacks until a moment of the monotonic clock.
+
+    `spin_once` with a time-out that differs from call to call starts afresh each time, and a coroutine that
+    waits (an action goal being executed) is looked at first: nothing else would ever be served. The same
+    time-out object, changed in place, keeps the round going.
+    """
+
+    def __init__(self, *, context: Context, interrupted: Callable[[], bool]) -> None:
+        super().__init__(context=context)
+        self._remaining = TimeoutObject(0.0)
+        self._interrupted = interrupted
+
+    def serve_until(self, deadline: float, *, to_the_end: bool = False) -> None:
+        """Serve what arrives until *deadline*, and at least one round of what is there.
+
+        Args:
+            deadline: On the clock of `time.monotonic()`, seconds.
+            to_the_end: Do not let yourself be interrupted.
+        """
+        interrupted = _never if to_the_end else self._interrupted
+        while not interrupted():
+            self._remaining.timeout = max(0.0, deadline - time.monotonic())
+            try:
+                handler, _, _ = self.wait_for_ready_callbacks(self._remaining, None, interrupted)
+            except (TimeoutException, ConditionReachedException, ShutdownException):
+                return
+            handler()
+            handler.result()
+
+
+def _never() -> bool:
+    return False
+
+
+class NodeHost:
+    """Makes nodes in one context and namespace and has them served by one executor.
+
+    Args:
+        executor: Serves them.
+        context: Their context.
+        namespace: Their namespace, or None for the one of the command line.
+    """
+
+    def __init__(self, executor: PacedExecutor, context: Context, namespace: str | None = None) -> None:
+        self._executor, self._context, self._namespace = executor, context, namespace
+        self._nodes: list[Node] = []
+
+    def create(self, name: str) -> Node:
+        """Return a new node."""
+        # Nobody sets parameters of these; their services would be waited for in every round.
+        node = Node(name, context=self._context, namespace=self._namespace, start_parameter_services=False)
+        self._nodes.append(node)
+        self._executor.add_node(node)
+        return node
+
+    def adopt(self, nodes: Sequence[Node]) -> None:
+        """Have nodes of somebody else served too; they stay his to destroy."""
+        for node in nodes:
+            self._executor.add_node(node)
+
+    def destroy(self, node: Node) -> None:
+        """Destroy a node made here."""
+        self._nodes.remove(node)
+        self._executor.remove_node(node)
+        node.destroy_node()
+
+    def destroy_all(self) -> None:
+        """Destroy all nodes made here that are left."""
+        while self._nodes:
+            self.destroy(self._nodes[-1])

@@ -1,0 +1,159 @@
+"""Planning on the occupancy map: inflation, a grid graph, scipy's Dijkstra, smoothing."""
+
+import math
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, uniform_filter1d
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from sar_compiler.errors import SarError
+from sar_compiler.sim.geometry import Pose2D
+from sar_compiler.sim.occupancy import FREE, OccupancyMap
+from sar_compiler.sim.path import Path2D
+from sar_compiler.sim.world import Floats
+
+# A cell where the body just fits costs this many times more than open ground …
+_NEAR_COST = 8.0
+# … and the surcharge falls to 1/e over this many metres.
+_FALL_OFF = 0.25
+# How far from ground where the body fits a start may be, metres: a robot that leans on a wall may leave it.
+_START_SLACK = 0.15
+# Metres of path that are averaged to round its corners.
+_SMOOTHING = 0.45
+_NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))
+
+
+class NavCode(IntEnum):
+    """The error codes of Nav2 that the stand-in uses."""
+
+    NONE = 0
+    FAILED_TO_MAKE_PROGRESS = 105
+    START_OUTSIDE_MAP = 203
+    GOAL_OUTSIDE_MAP = 204
+    START_OCCUPIED = 205
+    GOAL_OCCUPIED = 206
+    NO_VALID_PATH = 208
+
+
+class PlanningError(SarError):
+    """There is no way.
+
+    Attributes:
+        code: Why, as Nav2 numbers it.
+    """
+
+    def __init__(self, code: NavCode, message: str) -> None:
+        self.code = code
+        super().__init__(message)
+
+
+class Planner:
+    """Finds ways for a round robot.
+
+    The body has to stand on ground known to be free: unknown cells keep it off like occupied ones.
+
+    Args:
+        occupancy: The map.
+        robot_radius: Metres.
+    """
+
+    def __init__(self, occupancy: OccupancyMap, robot_radius: float) -> None:
+        self._map = occupancy
+        self.clearance = clearance(occupancy)
+        # Half a cell: the clearance is counted to the middle of the blocked cell.
+        self.fits = self.clearance >= robot_radius + occupancy.resolution / 2
+        near = np.exp(-(self.clearance - robot_radius) / _FALL_OFF)
+        self._graph, self._node_of = _grid_graph(self.fits, 1.0 + (_NEAR_COST - 1.0) * near)
+        self._cells = np.argwhere(self.fits)
+
+    def plan(self, start: Pose2D, goal: Pose2D) -> Path2D:
+        """Return a way between two positions, frame `map`.
+
+        Raises:
+            PlanningError: If there is none; its code says why.
+        """
+        goal_node = self._goal_node(goal)
+        start_node = self._start_node(start)
+        cost, previous = dijkstra(self._graph, indices=goal_node, return_predecessors=True)
+        if not math.isfinite(cost[start_node]):
+            message = f"no way leads from ({start.x:.2f}, {start.y:.2f}) to ({goal.x:.2f}, {goal.y:.2f})"
+            raise PlanningError(NavCode.NO_VALID_PATH, message)
+        nodes = [start_node]
+        while nodes[-1] != goal_node:
+            nodes.append(int(previous[nodes[-1]]))
+        cells = self._cells[nodes]
+        return Path2D(self._smoothed(self._map.centre_of(cells[:, 0], cells[:, 1]), goal))
+
+    def _goal_node(self, goal: Pose2D) -> int:
+        cell = self._map.cell_at(goal.x, goal.y)
+        if cell is None:
+            message = f"the goal ({goal.x:.2f}, {goal.y:.2f}) is outside the map"
+            raise PlanningError(NavCode.GOAL_OUTSIDE_MAP, message)
+        if not self.fits[cell]:
+            message = f"the robot does not fit on free ground at the goal ({goal.x:.2f}, {goal.y:.2f})"
+            raise PlanningError(NavCode.GOAL_OCCUPIED, message)
+        return int(self._node_of[cell])
+
+    def _start_node(self, start: Pose2D) -> int:
+        cell = self._map.cell_at(start.x, start.y)
+        if cell is None:
+            message = f"the robot, at ({start.x:.2f}, {start.y:.2f}), is outside the map"
+            raise PlanningError(NavCode.START_OUTSIDE_MAP, message)
+        if self.fits[cell]:
+            return int(self._node_of[cell])
+        centres = self._map.centre_of(self._cells[:, 0], self._cells[:, 1])
+        distance = np.hypot(centres[:, 0] - start.x, centres[:, 1] - start.y)
+        if np.min(distance, initial=math.inf) > _START_SLACK:
+            message = f"the robot, at ({start.x:.2f}, {start.y:.2f}), is not on ground where it fits"
+            raise PlanningError(NavCode.START_OCCUPIED, message)
+        return int(np.argmin(distance))
+
+    def _smoothed(self, points: Floats, goal: Pose2D) -> Floats:
+        """Return the path with rounded corners, where the rounding leaves room, ending at the very goal."""
+        width = 2 * round(_SMOOTHING / self._map.resolution / 2) + 1
+        smooth = uniform_filter1d(points, width, axis=0, mode="nearest")
+        cells = [self._map.cell_at(float(x), float(y)) for x, y in smooth]
+        if all(cell is not None and self.fits[cell] for cell in cells):
+            points = smooth
+        points[-1] = goal.x, goal.y
+        return points
+
+
+def clearance(occupancy: OccupancyMap) -> Floats:
+    """Return the distance in metres from each cell's middle to the nearest cell not known to be free.
+
+    What lies outside the map counts as not known. The shape is that of the map's cells.
+    """
+    free = np.pad(occupancy.cells == FREE, 1)
+    distance: Floats = distance_transform_edt(free)[1:-1, 1:-1] * occupancy.resolution
+    return distance
+
+
+def _grid_graph(passable: NDArray[np.bool_], cost: Floats) -> tuple[csr_array, NDArray[np.int32]]:
+    """Return the graph of the passable cells and their eight neighbours.
+
+    Args:
+        passable: Shape (height, width).
+        cost: Price of a cell for each edge length walked on it, same shape.
+
+    Returns:
+        Adjacency with prices in cell edges, and the node's number of each cell (-1: none).
+    """
+    node_of = np.full(passable.shape, -1, dtype=np.int32)
+    node_of[passable] = np.arange(np.count_nonzero(passable), dtype=np.int32)
+    height, width = passable.shape
+    tails, heads, prices = [], [], []
+    for down, right in _NEIGHBOURS:
+        near = np.s_[: height - down, max(0, -right) : width - max(0, right)]
+        far = np.s_[down:, max(0, right) : width - max(0, -right)]
+        both = passable[near] & passable[far]
+        tails.append(node_of[near][both])
+        heads.append(node_of[far][both])
+        prices.append(math.hypot(down, right) * (cost[near][both] + cost[far][both]) / 2)
+    tail, head, price = np.concatenate(tails), np.concatenate(heads), np.concatenate(prices)
+    count = int(node_of.max()) + 1
+    pairs = (np.concatenate((tail, head)), np.concatenate((head, tail)))
+    return coo_array((np.concatenate((price, price)), pairs), shape=(count, count)).tocsr(), node_of

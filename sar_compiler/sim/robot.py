@@ -1,0 +1,146 @@
+"""The differential-drive robot: speed and acceleration limits, contact, odometry."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from sar_compiler.sim.geometry import ORIGIN, Pose2D, normalise_angle
+from sar_compiler.sim.world import World
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the drive can do; the figures are those of a ROSbot.
+
+    Attributes:
+        speed: Greatest speed ahead and astern, m/s.
+        turn: Greatest turning speed, rad/s.
+        acceleration: Greatest change of speed, m/s².
+        turn_acceleration: Greatest change of turning speed, rad/s².
+    """
+
+    speed: float = 0.6
+    turn: float = 2.0
+    acceleration: float = 1.0
+    turn_acceleration: float = 4.0
+
+
+@dataclass(frozen=True)
+class Twist2D:
+    """A planar velocity.
+
+    Attributes:
+        v: Ahead, m/s.
+        w: Counter-clockwise, rad/s.
+    """
+
+    v: float = 0.0
+    w: float = 0.0
+
+
+STAND = Twist2D()
+
+
+@dataclass(frozen=True)
+class RobotState:
+    """All that changes about a robot.
+
+    Attributes:
+        pose: True pose of `base_link`, frame `map`.
+        velocity: True velocity, frame `base_link`.
+        odometry: Pose of `base_link` as the wheels tell it, frame `odom` (the pose at the start).
+        touching: Whether the last step ended at an obstacle.
+    """
+
+    pose: Pose2D
+    velocity: Twist2D = STAND
+    odometry: Pose2D = ORIGIN
+    touching: bool = False
+
+
+class Robot:
+    """A disc that obeys commands as well as it can, and never enters an obstacle.
+
+    Args:
+        world: Where it drives.
+        seed: Seed of the odometry's noise.
+        limits: What its drive can do.
+        odometry_noise: Standard deviation of each step's odometry, as a part of the way driven.
+        command_timeout: A command older than this stops the robot, seconds of simulated time.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        *,
+        seed: int = 0,
+        limits: Limits | None = None,
+        odometry_noise: float = 0.01,
+        command_timeout: float = 0.5,
+    ) -> None:
+        self.limits = limits or Limits()
+        self.state = RobotState(world.start)
+        self._world = world
+        self._noise = odometry_noise
+        self._random = np.random.default_rng([seed, 1])
+        self._timeout = command_timeout
+        self._command = STAND
+        self._command_age = math.inf
+
+    def command(self, twist: Twist2D) -> None:
+        """Ask for a velocity; what is not finite counts as zero, what is too fast is clipped."""
+        self._command = Twist2D(_clip(twist.v, self.limits.speed), _clip(twist.w, self.limits.turn))
+        self._command_age = 0.0
+
+    def step(self, duration: float) -> RobotState:
+        """Let *duration* seconds pass and return the new state."""
+        wanted = self._command if self._command_age < self._timeout else STAND
+        self._command_age += duration
+        before = self.state
+        v = _approach(before.velocity.v, wanted.v, self.limits.acceleration * duration)
+        w = _approach(before.velocity.w, wanted.w, self.limits.turn_acceleration * duration)
+        heading = before.pose.yaw + w * duration / 2
+        # Within a step the robot moves along the chord of its arc, which makes the contact test exact.
+        length = v * duration * _sinc(w * duration / 2)
+        position = (before.pose.x, before.pose.y)
+        direction = heading if length >= 0.0 else heading + math.pi
+        gone = self._world.solid.free_travel(position, direction, abs(length), self._world.robot_radius)
+        touching = gone < abs(length)
+        moved = math.copysign(gone, length)
+        self.state = RobotState(
+            pose=Pose2D(
+                before.pose.x + moved * math.cos(heading),
+                before.pose.y + moved * math.sin(heading),
+                normalise_angle(before.pose.yaw + w * duration),
+            ),
+            velocity=Twist2D(0.0 if touching else v, w),
+            odometry=self._measure(before.odometry, moved, w * duration),
+            touching=touching,
+        )
+        return self.state
+
+    def _measure(self, odometry: Pose2D, moved: float, turned: float) -> Pose2D:
+        """Return the odometry after a step of *moved* metres and *turned* radians."""
+        slip, skid = self._random.standard_normal(2)
+        moved *= 1.0 + self._noise * float(slip)
+        turned *= 1.0 + self._noise * float(skid)
+        heading = odometry.yaw + turned / 2
+        return Pose2D(
+            odometry.x + moved * math.cos(heading),
+            odometry.y + moved * math.sin(heading),
+            normalise_angle(odometry.yaw + turned),
+        )
+
+
+def _clip(value: float, limit: float) -> float:
+    return max(-limit, min(limit, value)) if math.isfinite(value) else 0.0
+
+
+def _approach(value: float, target: float, most: float) -> float:
+    return value + max(-most, min(most, target - value))
+
+
+def _sinc(half_turn: float) -> float:
+    """Return chord over arc for an arc of twice *half_turn* radians."""
+    return math.sin(half_turn) / half_turn if abs(half_turn) > 1e-9 else 1.0  # noqa: PLR2004

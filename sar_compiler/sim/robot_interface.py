@@ -1,0 +1,89 @@
+"""One robot's face to ROS: what a rosbot stack publishes and listens to."""
+
+from array import array
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import TwistStamped
+from nav_msgs.msg import Odometry
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import LaserScan
+from tf2_msgs.msg import TFMessage
+
+from sar_compiler.sim.lidar import Lidar
+from sar_compiler.sim.messages import to_pose, to_stamp, to_transform
+from sar_compiler.sim.node_host import NodeHost
+from sar_compiler.sim.robot import Robot, Twist2D
+from sar_compiler.sim.world import World
+
+# One scan in this many steps (5 Hz at 0.05 s).
+_SCAN_EVERY = 4
+_BASE, _ODOM = "base_link", "odom"
+
+
+class RobotInterface:
+    """Joins a robot to its topics: `cmd_vel` in; `odometry/filtered`, `scan` and `/tf` out.
+
+    Args:
+        host: Makes the node.
+        world: What the lidar sees.
+        robot: The robot; its command is whatever was asked for last.
+        lidar: Its scanner.
+        seed: Seed of the scanner's noise.
+    """
+
+    def __init__(
+        self, host: NodeHost, world: World, robot: Robot, *, lidar: Lidar | None = None, seed: int = 0
+    ) -> None:
+        self.robot = robot
+        self._world, self._seed = world, seed
+        self._lidar = lidar or Lidar()
+        self._node = host.create("rosbot")
+        self._odometry = self._node.create_publisher(Odometry, "odometry/filtered", 10)
+        self._scan = self._node.create_publisher(LaserScan, "scan", qos_profile_sensor_data)
+        # Absolute, as tf2 has it; in a namespace it is remapped, as Nav2 does.
+        self._tf = self._node.create_publisher(TFMessage, "/tf", 100)
+        self._node.create_subscription(TwistStamped, "cmd_vel", self._on_command, 10)
+        self._odometry_message = Odometry(child_frame_id=_BASE)
+        self._odometry_message.header.frame_id = _ODOM
+        self._scan_message = self._empty_scan()
+
+    def step(self, duration: float, step: int, now_ns: int) -> None:
+        """Move the robot and publish what its sensors say.
+
+        Args:
+            duration: How long the step takes, seconds.
+            step: Its number.
+            now_ns: The simulated time at its end, nanoseconds.
+        """
+        state = self.robot.step(duration)
+        stamp = to_stamp(now_ns)
+        message = self._odometry_message
+        message.header.stamp = stamp
+        message.pose.pose = to_pose(state.odometry)
+        message.twist.twist.linear.x = state.velocity.v
+        message.twist.twist.angular.z = state.velocity.w
+        self._odometry.publish(message)
+        self._tf.publish(TFMessage(transforms=[to_transform(_ODOM, _BASE, state.odometry, stamp)]))
+        # The noise depends on the step alone, so whether anybody listens changes nothing.
+        if step % _SCAN_EVERY == 0 and self._scan.get_subscription_count():
+            random = np.random.default_rng([self._seed, 3, step])
+            ranges = self._lidar.scan(self._world.solid, state.pose, random)
+            self._scan_message.header.stamp = stamp
+            self._scan_message.ranges = array("f", ranges.astype(np.float32).tobytes())
+            self._scan.publish(self._scan_message)
+
+    def _on_command(self, message: Any) -> None:
+        self.robot.command(Twist2D(message.twist.linear.x, message.twist.angular.z))
+
+    def _empty_scan(self) -> LaserScan:
+        angles = self._lidar.angles
+        message = LaserScan(
+            angle_min=float(angles[0]),
+            angle_max=float(angles[-1]),
+            angle_increment=self._lidar.increment,
+            range_min=self._lidar.range_min,
+            range_max=self._lidar.range_max,
+        )
+        message.header.frame_id = _BASE
+        return message

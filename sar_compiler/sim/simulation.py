@@ -1,0 +1,188 @@
+"""The whole simulator on ROS 2: the world, one robot, the stand-in for Nav2, and the clock."""
+
+import logging
+import threading
+import time
+from collections.abc import Sequence
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from rclpy.context import Context
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.utilities import get_default_context
+from rosgraph_msgs.msg import Clock
+
+from sar_compiler.errors import SarError
+from sar_compiler.ros.faults import FaultPlan
+from sar_compiler.sim.amcl import Amcl
+from sar_compiler.sim.bt_navigator import BtNavigator
+from sar_compiler.sim.geometry import Pose2D
+from sar_compiler.sim.messages import to_stamp
+from sar_compiler.sim.node_host import NodeHost, PacedExecutor
+from sar_compiler.sim.occupancy import OccupancyMap, read_map
+from sar_compiler.sim.planner import Planner
+from sar_compiler.sim.robot import Robot
+from sar_compiler.sim.robot_interface import RobotInterface
+from sar_compiler.sim.world import World
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+STEP_NS = 50_000_000
+STEP_SEC = STEP_NS / 1e9
+# What was lost by a hiccup of the machine is made up for as far as this, seconds of wall time.
+_CATCH_UP_SEC = 0.05
+# How long the end of a goal gets to reach its client when the simulation stops, seconds of wall time.
+_FAREWELL_SEC = 0.05
+_JOIN_SEC = 1.0
+
+_log = logging.getLogger(__name__)
+
+
+class SimulationError(SarError):
+    """The simulation cannot run as asked."""
+
+
+class Simulation:
+    """Runs a world in a thread of its own, until stopped.
+
+    Simulated time goes on in steps of 0.05 s, none of which is ever left out: *speed* is an upper bound, and
+    where the machine cannot keep up, time slows.
+
+    Args:
+        world: The world.
+        occupancy_map: The map that the stand-in for Nav2 plans on; by default the one that the world names.
+            Without any there is no stand-in: only the robot's own topics.
+        speed: Simulated seconds per second.
+        faults: What goes wrong with navigation.
+        seed: Seed of all noise. The same seed and commands give the same states, bit for bit.
+        context: The nodes' context; the default context if None. It is initialised already.
+        namespace: The nodes' namespace; that of the command line if None. `/clock` stays global.
+        extra_nodes: Nodes of the caller that the same thread serves; the caller destroys them.
+
+    Attributes:
+        failure: The exception that ended the thread, if any.
+
+    Raises:
+        SimulationError: If the speed is not above 0.
+        FaultError: If a fault names a zone that there is not.
+        MapError: If the world's map cannot be read.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        *,
+        occupancy_map: OccupancyMap | None = None,
+        speed: float = 1.0,
+        faults: FaultPlan | None = None,
+        seed: int = 0,
+        context: Context | None = None,
+        namespace: str | None = None,
+        extra_nodes: Sequence[Node] = (),
+    ) -> None:
+        if not speed > 0.0:
+            message = f"the speed must be a number above 0, not {speed:g}"
+            raise SimulationError(message)
+        self.failure: BaseException | None = None
+        self._period = STEP_SEC / speed
+        faults = faults or FaultPlan()
+        zones = world.zones if faults.zones is None else faults.zones
+        faults.navigation.check_zones(zones)
+        if occupancy_map is None and world.map_path is not None:
+            occupancy_map = read_map(world.map_path)
+        self._planner = None if occupancy_map is None else Planner(occupancy_map, world.robot_radius)
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="simulation", daemon=True)
+        self._step_count = 0
+        context = context or get_default_context()
+        self._executor = PacedExecutor(context=context, interrupted=self._stopping.is_set)
+        self._host = NodeHost(self._executor, context, namespace)
+        self._clock = self._host.create("simulator").create_publisher(Clock, "/clock", 10)
+        self._robot = Robot(world, seed=seed)
+        self._interface = RobotInterface(self._host, world, self._robot, seed=seed)
+        self._amcl: Amcl | None = None
+        self._navigator: BtNavigator | None = None
+        if occupancy_map is not None and self._planner is not None:
+            self._amcl = Amcl(self._host, self._robot, occupancy_map)
+            self._navigator = BtNavigator(
+                self._host,
+                self._robot,
+                self._planner,
+                self._amcl.pose,
+                zones=zones,
+                faults=faults.navigation,
+            )
+        self._host.adopt(extra_nodes)
+
+    @property
+    def sim_time(self) -> float:
+        """Simulated seconds since the start."""
+        return self._step_count * STEP_SEC
+
+    def robot_pose(self) -> Pose2D:
+        """Return the robot's true pose, frame `map`."""
+        return self._robot.state.pose
+
+    def start(self) -> None:
+        """Let time run. Once only."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Stop the time, end a goal under way as aborted, destroy the nodes. Further calls do nothing."""
+        if self._stopping.is_set():
+            return
+        self._stopping.set()
+        self._executor.wake()
+        if self._thread.ident is not None:
+            self._thread.join(_JOIN_SEC)
+        if self._thread.is_alive():
+            _log.error("the simulation's thread does not end")
+            return
+        if self._navigator is not None:
+            self._navigator.close()
+        self._host.destroy_all()
+        self._executor.shutdown()
+
+    def __enter__(self) -> "Self":
+        self.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+    def _run(self) -> None:
+        try:
+            due = time.monotonic()
+            while not self._stopping.is_set():
+                self._step()
+                due = max(due + self._period, time.monotonic() - _CATCH_UP_SEC)
+                self._executor.serve_until(due)
+            self._farewell()
+        except ExternalShutdownException:
+            pass  # the context was shut down: whoever did it wants us to end
+        except Exception as error:  # noqa: BLE001 - told to whoever asks for `failure`
+            self.failure = error
+
+    def _step(self) -> None:
+        """Let one step of time pass."""
+        self._step_count += 1
+        now_ns = self._step_count * STEP_NS
+        self._interface.step(STEP_SEC, self._step_count, now_ns)
+        self._clock.publish(Clock(clock=to_stamp(now_ns)))
+        if self._amcl is not None:
+            self._amcl.step(self._step_count, now_ns)
+        if self._navigator is not None:
+            self._navigator.step(self._step_count, now_ns)
+
+    def _farewell(self) -> None:
+        """Tell the client of a goal under way that it has ended."""
+        if self._navigator is None or not self._navigator.stop():
+            return
+        self._executor.serve_until(time.monotonic() + _FAREWELL_SEC, to_the_end=True)

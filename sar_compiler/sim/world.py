@@ -1,0 +1,134 @@
+"""The true world: what stands in it, and how far a disc can move before it touches something."""
+
+import functools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sar_compiler.sim.geometry import Box, Cylinder, Pose2D
+
+Floats = NDArray[np.float64]
+
+# Closer than this a moving disc counts as touching, metres. Far below what matters, far above rounding.
+_TOUCH = 1e-6
+_GRAIN = 1e-12
+# The march below converges like Newton's method, in a handful of passes; what needs more counts as contact.
+_MAX_MARCH = 64
+
+
+@dataclass(frozen=True)
+class World:
+    """Everything that does not move, and where the robot starts. Metres and radians, frame `map`.
+
+    Attributes:
+        name: For messages.
+        start: The robot's pose at time zero.
+        robot_radius: Radius of the robot's body.
+        boxes: Walls and debris.
+        cylinders: Round debris.
+        zones: Zone markers, id to position; nothing collides with them.
+        survey: Way-points of the drive that maps the world; empty where it is not mapped.
+        map_path: The description (`.yaml`) of the world's occupancy map, or None where it has none.
+    """
+
+    name: str
+    start: Pose2D
+    robot_radius: float
+    boxes: tuple[Box, ...] = ()
+    cylinders: tuple[Cylinder, ...] = ()
+    zones: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
+    survey: tuple[tuple[float, float], ...] = ()
+    map_path: Path | None = None
+
+    @functools.cached_property
+    def solid(self) -> "Solid":
+        """The obstacles as arrays, ready for calculation."""
+        return Solid(self.boxes, self.cylinders)
+
+
+class Solid:
+    """The obstacles of a world. All of them are convex, which is what makes the motion test exact."""
+
+    def __init__(self, boxes: Sequence[Box], cylinders: Sequence[Cylinder]) -> None:
+        self._centre = np.array([(b.x, b.y) for b in boxes], dtype=np.float64).reshape(-1, 2)
+        self._half = np.array([(b.size_x / 2, b.size_y / 2) for b in boxes], dtype=np.float64).reshape(-1, 2)
+        self._cos = np.array([math.cos(b.yaw) for b in boxes], dtype=np.float64)
+        self._sin = np.array([math.sin(b.yaw) for b in boxes], dtype=np.float64)
+        self.discs = np.array([(c.x, c.y, c.radius) for c in cylinders], dtype=np.float64).reshape(-1, 3)
+        self.segments = _segments(boxes)
+
+    def offsets(self, x: float, y: float) -> tuple[Floats, Floats]:
+        """Return, for every obstacle, the vector from its nearest point to (x, y), metres.
+
+        Returns:
+            Unit vectors, shape (n, 2), zero where the point is inside the obstacle, and distances,
+            shape (n,), zero inside.
+        """
+        away_x, away_y = x - self._centre[:, 0], y - self._centre[:, 1]
+        own_x = self._cos * away_x + self._sin * away_y
+        own_y = self._cos * away_y - self._sin * away_x
+        own_x = own_x - np.clip(own_x, -self._half[:, 0], self._half[:, 0])
+        own_y = own_y - np.clip(own_y, -self._half[:, 1], self._half[:, 1])
+        disc = np.array([x, y]) - self.discs[:, :2]
+        length = np.hypot(disc[:, 0], disc[:, 1])
+        outside = np.maximum(length - self.discs[:, 2], 0.0)
+        disc *= (outside / np.where(length > 0.0, length, 1.0))[:, None]
+        vector = np.empty((len(own_x) + len(disc), 2))
+        vector[: len(own_x), 0] = self._cos * own_x - self._sin * own_y
+        vector[: len(own_x), 1] = self._sin * own_x + self._cos * own_y
+        vector[len(own_x) :] = disc
+        distance = np.hypot(vector[:, 0], vector[:, 1])
+        return vector / np.where(distance > 0.0, distance, 1.0)[:, None], distance
+
+    def clearance(self, x: float, y: float) -> float:
+        """Return the distance in metres from (x, y) to the nearest obstacle: 0 inside one, inf if there is none."""
+        return float(np.min(self.offsets(x, y)[1], initial=math.inf))
+
+    def free_travel(self, start: tuple[float, float], heading: float, length: float, radius: float) -> float:
+        """Return how far a disc may slide along a straight line before it touches an obstacle.
+
+        The distance to a convex shape is a convex function of the way along a line, so it never falls
+        faster than at the beginning. It is always safe to move on until the nearest obstacle would be
+        reached at that rate, however long the line is: nothing can be stepped over.
+
+        Args:
+            start: The disc's centre, metres; the disc is free there.
+            heading: Direction of the line, radians.
+            length: How far it would like to go, metres, not negative.
+            radius: The disc's radius, metres.
+
+        Returns:
+            Metres, at most *length*.
+        """
+        along_x, along_y = math.cos(heading), math.sin(heading)
+        gone = 0.0
+        for _ in range(_MAX_MARCH):
+            normal, distance = self.offsets(start[0] + gone * along_x, start[1] + gone * along_y)
+            nearing = -(normal[:, 0] * along_x + normal[:, 1] * along_y)
+            gap = distance - radius
+            # Rounding makes a slide along a wall a very flat approach: a grain of the gap is given up for it.
+            spare = np.where(gap > _TOUCH / 2, np.maximum(gap - _TOUCH, _GRAIN), 0.0)
+            ahead = nearing > 0.0
+            with np.errstate(over="ignore"):
+                safe = float(np.min(spare[ahead] / nearing[ahead], initial=math.inf))
+            if safe >= length - gone:
+                return length
+            if safe <= _TOUCH:
+                return gone
+            gone += safe
+        return gone
+
+
+def _segments(boxes: Sequence[Box]) -> Floats:
+    """Return the edges of *boxes* as rows (x, y, dx, dy), metres."""
+    edges = [
+        (ax, ay, bx - ax, by - ay)
+        for corners in (box.corners() for box in boxes)
+        for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1], strict=True)
+    ]
+    return np.array(edges, dtype=np.float64).reshape(-1, 4)

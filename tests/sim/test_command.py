@@ -1,0 +1,110 @@
+"""`sar-sim`."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sar_compiler.cli.sim import main
+from tests.sim.conftest import Client, Navigation
+
+
+def started(*arguments: str) -> "subprocess.Popen[str]":
+    command = [sys.executable, "-c", "import sys; from sar_compiler.cli.sim import main; sys.exit(main())"]
+    pipe = subprocess.PIPE
+    return subprocess.Popen(
+        [*command, "run", *arguments], stdout=pipe, stderr=pipe, text=True, env=dict(os.environ)
+    )
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_ends_the_simulation_with_its_status_and_no_traceback(
+    client: Client, number: signal.Signals, status: int
+) -> None:
+    process = started("--speed", "20")
+    try:
+        client.make_ready()
+        navigation = Navigation(client)
+        handle = navigation.send(-3.0, 3.0)
+        result = handle.get_result_async()
+        process.send_signal(number)
+        assert client.result(result, "the goal's end").status == 6
+        assert process.wait(timeout=10) == status
+        navigation.close()
+    finally:
+        process.kill()
+        output, errors = process.communicate()
+    assert output.startswith("sar-sim: 'disaster_zone' runs")
+    assert "Traceback" not in errors
+
+
+@pytest.mark.ros
+def test_a_namespace_on_the_command_line_moves_the_robot(ros_context: Any) -> None:
+    client = Client(ros_context, namespace="/robot1")
+    remaps = ["-r", "__ns:=/robot1", "-r", "/tf:=tf"]
+    process = started("--speed", "20", "--ros-args", *remaps)
+    try:
+        client.make_ready()
+        names = {name for name, _ in client.node.get_topic_names_and_types()}
+        assert {"/robot1/tf", "/clock", "/robot1/scan"} <= names
+    finally:
+        client.close()
+        process.terminate()
+        process.communicate(timeout=10)
+    assert process.returncode == 143
+
+
+@pytest.mark.ros
+def test_a_second_simulation_is_refused_and_the_first_named(client: Client) -> None:
+    from rosgraph_msgs.msg import Clock
+
+    client.node.create_publisher(Clock, "/clock", 10)
+    process = started()
+    _, errors = process.communicate(timeout=20)
+    assert process.returncode == 2
+    assert errors.startswith("sar-sim: node '/client' already provides /clock here")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (["run", "--speed", "0"], "'0' is not a number above 0"),
+        (["run", "--speed", "fast"], "'fast' is not a number above 0"),
+        (["run", "--seed", "-1"], "'-1' is not a whole number"),
+        (["run", "--fault", "navigate_to_pose:abrt=zone_a"], "did you mean 'abort'?"),
+        (["run", "--fault", "report_survivor:drop=1"], "the world has no such service"),
+        (["fly"], "invalid choice: 'fly'"),
+        ([], "required: command"),
+    ],
+)
+def test_wrong_usage_is_named(arguments: list[str], problem: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as raised:
+        main(arguments)
+    assert raised.value.code == 2
+    assert problem in capsys.readouterr().err
+
+
+def test_a_world_that_cannot_be_mapped_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["map", "empty"]) == 2
+    assert "has no 'survey' way" in capsys.readouterr().err
+
+
+def test_the_map_goes_where_it_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["map", "disaster_zone", "-o", str(tmp_path / "there"), "--seed", "3"]) == 0
+    assert capsys.readouterr().out.split() == [str(tmp_path / "there.pgm"), str(tmp_path / "there.yaml")]
+    assert (tmp_path / "there.yaml").read_text(encoding="utf-8").startswith("image: there.pgm\n")
+
+
+def test_the_core_needs_no_ros() -> None:
+    modules = ["world", "world_file", "robot", "lidar", "survey", "planner", "navigator", "occupancy"]
+    code = (
+        "import sys; sys.modules['rclpy'] = None\n"
+        + "".join(f"import sar_compiler.sim.{name}\n" for name in modules)
+        + "import sar_compiler.ros.faults, sar_compiler.cli.sim\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

@@ -1,0 +1,106 @@
+"""What `--fault` says."""
+
+import re
+
+import pytest
+
+from sar_compiler.ros.faults import (
+    CallFate,
+    Fault,
+    FaultError,
+    FaultPlan,
+    GoalFate,
+    ServiceFaults,
+    parse_fault,
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("report_survivor:drop=2", Fault("report_survivor", "drop", count=2)),
+        ("detect_survivor:delay=3", Fault("detect_survivor", "delay", seconds=3.0)),
+        ("report_survivor:refuse=1", Fault("report_survivor", "refuse", count=1)),
+        ("navigate_to_pose:abort=zone_b", Fault("navigate_to_pose", "abort", zone="zone_b")),
+        ("navigate_to_pose:reject=1", Fault("navigate_to_pose", "reject", count=1)),
+        ("navigate_to_pose:die@zone_c", Fault("navigate_to_pose", "die", zone="zone_c")),
+        ("navigate_to_pose:die@zone_c,back=5", Fault("navigate_to_pose", "die", zone="zone_c", back=5.0)),
+    ],
+)
+def test_a_fault_is_read_and_written_alike(text: str, fault: Fault) -> None:
+    assert parse_fault(text) == fault
+    assert str(fault) == text
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("", "'' is no target (known: detect_survivor, report_survivor, navigate_to_pose)"),
+        ("report_survivr:drop=2", "did you mean 'report_survivor'?"),
+        ("report_survivor", "does not say what goes wrong; allowed: report_survivor:drop=COUNT"),
+        ("report_survivor:", "does not say what goes wrong"),
+        ("report_survivor:dorp=2", "did you mean 'drop'?"),
+        ("detect_survivor:refuse=1", "'refuse' is no fault of detect_survivor (known: drop, delay)"),
+        ("report_survivor:drop", "expected report_survivor:drop=COUNT"),
+        ("report_survivor:drop@2", "expected report_survivor:drop=COUNT"),
+        ("report_survivor:drop=0", "'0' is not a whole number above 0"),
+        ("report_survivor:drop=-1", "'-1' is not a whole number above 0"),
+        ("report_survivor:drop=two", "'two' is not a whole number above 0"),
+        ("detect_survivor:delay=nan", "'nan' is not a number of seconds above 0"),
+        ("detect_survivor:delay=soon", "'soon' is not a number of seconds above 0"),
+        ("navigate_to_pose:die=zone_c", "expected navigate_to_pose:die@ZONE[,back=SECONDS]"),
+        ("navigate_to_pose:die@zone_c,bak=5", "'bak=5' is not known; expected navigate_to_pose:die@ZONE"),
+        ("navigate_to_pose:die@zone_c,back=", "'' is not a number of seconds above 0"),
+        ("navigate_to_pose:abort=zone b", "'zone b' is not a zone's name"),
+    ],
+)
+def test_a_fault_that_makes_no_sense_is_explained(text: str, problem: str) -> None:
+    with pytest.raises(FaultError, match=re.escape(f"fault '{text}': ") + ".*" + re.escape(problem)):
+        parse_fault(text)
+
+
+def plan(*texts: str) -> FaultPlan:
+    return FaultPlan([parse_fault(text) for text in texts])
+
+
+def test_calls_are_dropped_first_then_refused_and_all_answers_delayed() -> None:
+    faults = plan("report_survivor:refuse=1", "report_survivor:drop=2", "report_survivor:delay=3")
+    service = faults.for_service("report_survivor")
+    assert [service.next_call() for _ in range(4)] == [
+        CallFate(drop=True),
+        CallFate(drop=True),
+        CallFate(delay_sec=3.0, refuse=True),
+        CallFate(delay_sec=3.0),
+    ]
+
+
+def test_faults_of_one_service_leave_the_others_alone() -> None:
+    assert plan("report_survivor:drop=2").for_service("detect_survivor").next_call() == CallFate()
+    assert ServiceFaults().next_call() == CallFate()
+
+
+def test_goals_are_rejected_as_often_as_said() -> None:
+    navigation = plan("navigate_to_pose:reject=2").navigation
+    assert [navigation.rejects_next() for _ in range(3)] == [True, True, False]
+
+
+def test_goals_for_an_aborted_zone_are_aborted_every_time() -> None:
+    navigation = plan("navigate_to_pose:abort=zone_b").navigation
+    assert [navigation.accepted(zone) for zone in ("zone_b", "zone_a", None, "zone_b")] == [
+        GoalFate(abort=True),
+        GoalFate(),
+        GoalFate(),
+        GoalFate(abort=True),
+    ]
+
+
+def test_a_server_dies_once_per_fault() -> None:
+    navigation = plan("navigate_to_pose:die@zone_c,back=5").navigation
+    assert navigation.accepted("zone_c") == GoalFate(die=True, back_sec=5.0)
+    assert navigation.accepted("zone_c") == GoalFate()
+
+
+def test_a_zone_that_is_not_there_is_named() -> None:
+    with pytest.raises(FaultError, match=r"'zone_x' is no zone.*did you mean 'zone_a'"):
+        plan("navigate_to_pose:abort=zone_x").navigation.check_zones(["zone_a"])
+    plan("navigate_to_pose:abort=zone_a").navigation.check_zones(["zone_a"])

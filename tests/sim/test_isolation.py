@@ -1,0 +1,73 @@
+"""A simulated robot does not mix with others."""
+
+import os
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from tests.sim.conftest import Client
+
+pytestmark = pytest.mark.ros
+
+
+def test_an_empty_graph_is_fine(ros_context: Any) -> None:
+    from sar_compiler.sim.isolation import refuse_company
+
+    refuse_company(context=ros_context, look_around_sec=0.2)
+
+
+def test_a_foreign_clock_is_named_with_its_node(ros_context: Any, client: Client) -> None:
+    from rosgraph_msgs.msg import Clock
+
+    from sar_compiler.sim.isolation import IsolationError, refuse_company
+
+    client.node.create_publisher(Clock, "/clock", 10)
+    with pytest.raises(IsolationError, match="node '/client' already provides /clock") as raised:
+        refuse_company(context=ros_context)
+    assert raised.value.node == "/client"
+
+
+def test_a_foreign_navigation_server_is_named_with_its_node(ros_context: Any) -> None:
+    from nav2_msgs.action import NavigateToPose
+    from rclpy.action import ActionServer
+
+    from sar_compiler.sim.isolation import IsolationError, refuse_company
+
+    robot = Client(ros_context, namespace="/robot1")
+    server = ActionServer(robot.node, NavigateToPose, "navigate_to_pose", lambda _: NavigateToPose.Result())
+    try:
+        refuse_company(context=ros_context, look_around_sec=0.2)
+        with pytest.raises(
+            IsolationError, match="node '/robot1/client' already provides the action /robot1/nav"
+        ):
+            refuse_company(context=ros_context, namespace="/robot1")
+    finally:
+        server.destroy()
+        robot.close()
+
+
+def test_a_running_simulation_is_company(ros_context: Any, simulate: Callable[..., Any]) -> None:
+    from sar_compiler.sim.isolation import IsolationError, refuse_company
+
+    simulate()
+    with pytest.raises(IsolationError, match="node '/simulator'"):
+        refuse_company(context=ros_context)
+
+
+def test_the_range_that_a_user_chose_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    from sar_compiler.sim.isolation import stay_on_this_machine
+
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
+    stay_on_this_machine()
+    assert os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SUBNET"
+
+
+def test_the_range_is_this_machine_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
+    from sar_compiler.sim.isolation import stay_on_this_machine
+
+    # Set first, so that the fixture puts the present value back at the end.
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "")
+    monkeypatch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE")
+    stay_on_this_machine()
+    assert os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"

@@ -1,0 +1,154 @@
+"""The map: making, writing, reading."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from sar_compiler.cli.sim import main
+from sar_compiler.sim.geometry import Pose2D
+from sar_compiler.sim.lidar import Lidar
+from sar_compiler.sim.mapper import Mapper
+from sar_compiler.sim.occupancy import FREE, OCCUPIED, UNKNOWN, MapError, OccupancyMap, read_map, write_map
+from sar_compiler.sim.survey import SurveyError, survey
+from sar_compiler.sim.world import World
+from sar_compiler.sim.world_file import find_world
+from sar_compiler.sim.yaml_reader import YamlFileError
+
+
+def test_the_shipped_map_is_what_the_survey_writes(disaster_zone: World, tmp_path: Path) -> None:
+    assert main(["map", "-o", str(tmp_path / "disaster_zone")]) == 0
+    assert disaster_zone.map_path is not None
+    for made in sorted(tmp_path.iterdir()):
+        shipped = disaster_zone.map_path.parent / made.name
+        assert made.read_bytes() == shipped.read_bytes(), (
+            f"{made.name}: renew with `sar-sim map -o maps/disaster_zone`"
+        )
+
+
+def test_the_shipped_map_has_the_grey_values_of_map_saver(disaster_zone: World) -> None:
+    assert disaster_zone.map_path is not None
+    pixels = np.asarray(Image.open(disaster_zone.map_path.with_suffix(".pgm")))
+    assert set(np.unique(pixels)) == {0, 205, 254}
+
+
+def test_the_map_agrees_with_the_world(disaster_zone: World, shipped_map: OccupancyMap) -> None:
+    for value, near, far in ((FREE, 0.0, np.inf), (OCCUPIED, 0.0, 0.08)):
+        cells = np.argwhere(shipped_map.cells == value)
+        centres = shipped_map.centre_of(cells[:, 0], cells[:, 1])
+        clearances = np.array([disaster_zone.solid.clearance(x, y) for x, y in centres])
+        assert ((near <= clearances) & (clearances <= far)).all()
+    inside = [cell for x, y, _ in disaster_zone.solid.discs if (cell := shipped_map.cell_at(x, y))]
+    assert [shipped_map.cells[cell] for cell in inside] == [UNKNOWN]
+
+
+def test_every_zone_and_the_base_are_on_free_ground(disaster_zone: World, shipped_map: OccupancyMap) -> None:
+    for x, y in [*disaster_zone.zones.values(), (0.0, 0.0)]:
+        cell = shipped_map.cell_at(x, y)
+        assert cell is not None
+        assert shipped_map.cells[cell] == FREE
+
+
+def test_another_seed_makes_another_map(disaster_zone: World) -> None:
+    assert survey(disaster_zone, seed=1).cells.tobytes() != survey(disaster_zone, seed=2).cells.tobytes()
+
+
+def test_a_world_without_a_survey_way_cannot_be_mapped() -> None:
+    with pytest.raises(SurveyError, match="'empty' has no 'survey'"):
+        survey(find_world("empty"))
+
+
+def test_a_survey_through_a_wall_gets_stuck(disaster_zone: World) -> None:
+    world = World("w", Pose2D(-3.0, 3.0), 0.22, boxes=disaster_zone.boxes, survey=((-3.0, -3.0),))
+    with pytest.raises(SurveyError, match="got stuck at"):
+        survey(world)
+
+
+def test_a_mapper_that_saw_nothing_leaves_all_unknown() -> None:
+    assert (Mapper(Lidar(), Pose2D(0.0, 0.0)).result().cells == UNKNOWN).all()
+
+
+def test_one_scan_frees_what_it_crosses_and_a_few_agree_on_the_wall() -> None:
+    lidar = Lidar(beams=4)
+    mapper = Mapper(lidar, Pose2D(0.0, 0.0))
+    for _ in range(3):
+        mapper.integrate(Pose2D(0.02, 0.02), np.array([np.inf, np.inf, 2.0, np.inf]))
+    grid = mapper.result()
+    values = [grid.cells[cell] for x in (1.0, 2.02, 2.2) if (cell := grid.cell_at(x, 0.02))]
+    assert values == [FREE, OCCUPIED, UNKNOWN]
+
+
+def some_map() -> OccupancyMap:
+    cells = np.array([[FREE, OCCUPIED, UNKNOWN], [UNKNOWN, FREE, FREE]], dtype=np.int8)
+    return OccupancyMap(cells, 0.05, -1.5, 2.25)
+
+
+def test_a_map_survives_writing_and_reading(tmp_path: Path) -> None:
+    written = some_map()
+    _, description = write_map(written, tmp_path / "m")
+    again = read_map(description)
+    assert np.array_equal(again.cells, written.cells)
+    assert (again.resolution, again.origin_x, again.origin_y) == (0.05, -1.5, 2.25)
+
+
+def test_the_first_pixel_is_the_upper_left_cell(tmp_path: Path) -> None:
+    image, _ = write_map(some_map(), tmp_path / "m")
+    assert image.read_bytes() == b"P5\n3 2\n255\n" + bytes([205, 254, 254, 254, 0, 205])
+
+
+def write(tmp_path: Path, **changes: str) -> Path:
+    write_map(some_map(), tmp_path / "m")
+    keys = {"image": "m.pgm", "mode": "trinary", "resolution": "0.05", "origin": "[0, 0, 0]", "negate": "0"}
+    keys |= {"occupied_thresh": "0.65", "free_thresh": "0.196"} | changes
+    path = tmp_path / "m.yaml"
+    path.write_text("".join(f"{key}: {value}\n" for key, value in keys.items() if value), encoding="utf-8")
+    return path
+
+
+def test_negate_turns_black_and_white(tmp_path: Path) -> None:
+    again = read_map(write(tmp_path, negate="1"))
+    assert again.cells[0, 0] == OCCUPIED
+    assert again.cells[0, 1] == FREE
+
+
+def test_the_thresholds_decide_between_free_unknown_and_occupied(tmp_path: Path) -> None:
+    again = read_map(write(tmp_path, free_thresh="0.25"))
+    assert again.cells[0, 2] == FREE
+
+
+def test_a_picture_with_colours_and_transparency_is_averaged(tmp_path: Path) -> None:
+    Image.new("RGBA", (2, 2), (0, 0, 0, 0)).save(tmp_path / "c.png")
+    assert (read_map(write(tmp_path, image="c.png")).cells == OCCUPIED).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"origin": "[0, 0, 1]"}, "m.yaml:4: origin: .*yaw 0"),
+        ({"origin": "[0, 0]"}, "m.yaml:4: origin: .*yaw"),
+        ({"mode": "scale"}, "m.yaml:2: mode: 'scale' is not known here"),
+        ({"negate": "maybe"}, "m.yaml:5: negate"),
+        ({"resolution": "0"}, "m.yaml:3: resolution: expected a number greater than 0"),
+        ({"free_thresh": ""}, "'free_thresh' is missing"),
+    ],
+)
+def test_a_mistake_in_a_description_is_named(tmp_path: Path, changes: dict[str, str], problem: str) -> None:
+    with pytest.raises(YamlFileError, match=problem):
+        read_map(write(tmp_path, **changes))
+
+
+def test_an_image_that_is_none_is_named(tmp_path: Path) -> None:
+    (tmp_path / "no.pgm").write_text("no image")
+    with pytest.raises(MapError, match=r"no\.pgm: is not an image"):
+        read_map(write(tmp_path, image="no.pgm"))
+
+
+def test_a_map_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(MapError, match=r"gone\.yaml: cannot be read"):
+        read_map(tmp_path / "gone.yaml")
+
+
+def test_a_map_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    with pytest.raises(MapError, match=r"m\.pgm: cannot be written"):
+        write_map(some_map(), tmp_path / "no" / "m")

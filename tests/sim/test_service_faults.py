@@ -1,0 +1,70 @@
+"""Service servers that misbehave, over real DDS."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from sar_compiler.ros.faults import FaultPlan, create_service, parse_fault
+from tests.sim.conftest import Client
+
+pytestmark = pytest.mark.ros
+
+NAME = "report_survivor"
+
+
+@pytest.fixture
+def serve(client: Client) -> Callable[..., Any]:
+    """Serve `report_survivor` with faults and return a function that calls it."""
+    from sar_interfaces.srv import ReportSurvivor
+
+    def answer(_: Any, response: Any) -> Any:
+        response.acknowledged = True
+        return response
+
+    def refuse(_: Any, response: Any) -> Any:
+        response.acknowledged = False
+        return response
+
+    def start(*specs: str) -> Callable[[], Any]:
+        faults = FaultPlan([parse_fault(spec) for spec in specs]).for_service(NAME) if specs else None
+        create_service(client.node, ReportSurvivor, NAME, answer, refuse=refuse, faults=faults)
+        caller = client.node.create_client(ReportSurvivor, NAME)
+        client.wait(caller.service_is_ready, f"service {NAME}")
+        return lambda: caller.call_async(ReportSurvivor.Request())
+
+    return start
+
+
+def test_a_server_without_faults_answers(serve: Callable[..., Any], client: Client) -> None:
+    assert client.result(serve()(), "an answer").acknowledged
+
+
+def test_dropped_calls_get_no_answer_and_the_next_does(serve: Callable[..., Any], client: Client) -> None:
+    call = serve("report_survivor:drop=2")
+    dropped = [call(), call()]
+    assert client.result(call(), "the third answer").acknowledged
+    assert client.result(call(), "the fourth answer").acknowledged
+    assert not any(future.done() for future in dropped)
+    # Nothing stays behind in the executor for the calls that got lost.
+    client.wait(lambda: all(task.done() for task, _, _ in client.executor._tasks), "the end of all tasks")
+
+
+def test_a_refused_call_is_answered_with_no(serve: Callable[..., Any], client: Client) -> None:
+    call = serve("report_survivor:refuse=1")
+    assert not client.result(call(), "the first answer").acknowledged
+    assert client.result(call(), "the second answer").acknowledged
+
+
+def test_a_delayed_answer_comes_late_and_holds_up_nothing(serve: Callable[..., Any], client: Client) -> None:
+    call = serve("report_survivor:delay=0.4")
+    began = client.node.get_clock().now()
+    first = call()
+    fired: list[int] = []
+    timer = client.node.create_timer(0.05, lambda: fired.append(1))
+    assert client.result(first, "the late answer").acknowledged
+    assert (client.node.get_clock().now() - began).nanoseconds >= 0.4e9
+    assert len(fired) >= 4
+    client.node.destroy_timer(timer)
+    assert client.result(call(), "the next late answer").acknowledged
+    assert not list(client.node.timers)

@@ -1,0 +1,351 @@
+"""The simulator on ROS: topics, localiser, navigation server, faults; over real DDS."""
+
+import itertools
+import math
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from sar_compiler.ros.faults import FaultError, FaultPlan, parse_fault
+from sar_compiler.sim.geometry import Pose2D
+from sar_compiler.sim.world import World
+from sar_compiler.sim.world_file import find_world
+from tests.sim.conftest import Client, Navigation
+
+if TYPE_CHECKING:
+    from sar_compiler.sim.simulation import Simulation
+
+pytestmark = pytest.mark.ros
+
+SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
+Simulate = Callable[..., "Simulation"]
+
+
+def plan(*texts: str) -> FaultPlan:
+    return FaultPlan([parse_fault(text) for text in texts])
+
+
+def seconds(stamp: Any) -> float:
+    return float(stamp.sec + stamp.nanosec / 1e9)
+
+
+def test_the_clock_goes_on_in_equal_steps_none_left_out(simulate: Simulate, client: Client) -> None:
+    from rosgraph_msgs.msg import Clock
+
+    simulate(speed=10.0)
+    ticks = client.listen(Clock, "/clock", 100)
+    client.wait(lambda: len(ticks) >= 100, "100 ticks of the clock")
+    times = [seconds(tick.clock) for tick in ticks]
+    assert all(after - before == pytest.approx(0.05) for before, after in itertools.pairwise(times))
+
+
+def test_the_speed_is_an_upper_bound(simulate: Simulate, client: Client) -> None:
+    simulation = simulate(speed=5.0)
+    began, start = time.monotonic(), simulation.sim_time
+    client.wait(lambda: simulation.sim_time > start + 3.0, "3 simulated seconds")
+    assert 3.0 / (time.monotonic() - began) < 5.5
+
+
+def test_a_speed_of_nothing_is_refused(disaster_zone: World, ros_context: Any) -> None:
+    from sar_compiler.sim.simulation import Simulation, SimulationError
+
+    with pytest.raises(SimulationError, match="above 0"):
+        Simulation(disaster_zone, speed=0.0, context=ros_context)
+
+
+def test_a_fault_at_a_zone_that_is_not_there_is_refused(disaster_zone: World, ros_context: Any) -> None:
+    from sar_compiler.sim.simulation import Simulation
+
+    with pytest.raises(FaultError, match="zone_x"):
+        Simulation(disaster_zone, faults=plan("navigate_to_pose:abort=zone_x"), context=ros_context)
+
+
+def test_stopping_twice_or_before_the_start_does_nothing(disaster_zone: World, ros_context: Any) -> None:
+    from sar_compiler.sim.simulation import Simulation
+
+    simulation = Simulation(disaster_zone, context=ros_context)
+    simulation.stop()
+    simulation.stop()
+    assert simulation.sim_time == 0.0
+
+
+def test_stopping_at_a_slow_speed_takes_less_than_a_second(simulate: Simulate) -> None:
+    simulation = simulate(speed=0.001)
+    began = time.monotonic()
+    simulation.stop()
+    assert time.monotonic() - began < 1.0
+
+
+def test_a_world_without_a_map_has_the_robots_topics_only(simulate: Simulate, client: Client) -> None:
+    from nav_msgs.msg import Odometry
+
+    simulate(find_world("empty"))
+    odometry = client.listen(Odometry, "odometry/filtered")
+    client.wait(lambda: bool(odometry), "odometry")
+    assert "bt_navigator" not in client.node.get_node_names()
+
+
+def test_a_velocity_command_moves_the_robot_until_it_times_out(simulate: Simulate, client: Client) -> None:
+    from geometry_msgs.msg import TwistStamped
+    from nav_msgs.msg import Odometry
+
+    simulation = simulate(find_world("empty"), speed=2.0)
+    odometry = client.listen(Odometry, "odometry/filtered")
+    publisher = client.node.create_publisher(TwistStamped, "cmd_vel", 10)
+    client.wait(lambda: publisher.get_subscription_count() > 0, "a subscriber of cmd_vel")
+    order = TwistStamped()
+    order.twist.linear.x = 0.5
+
+    def moving() -> bool:
+        publisher.publish(order)
+        return bool(odometry) and odometry[-1].pose.pose.position.x > 0.3
+
+    client.wait(moving, "movement")
+    client.wait(lambda: odometry[-1].twist.twist.linear.x == 0.0, "the robot's standing still")
+    assert odometry[-1].header.frame_id == "odom"
+    assert odometry[-1].child_frame_id == "base_link"
+    assert odometry[-1].pose.pose.position.x == pytest.approx(simulation.robot_pose().x, abs=0.05)
+
+
+def test_a_scan_shows_the_walls(simulate: Simulate, client: Client) -> None:
+    from rclpy.qos import qos_profile_sensor_data
+    from sensor_msgs.msg import LaserScan
+
+    simulate()
+    scans = client.listen(LaserScan, "scan", qos_profile_sensor_data)
+    client.wait(lambda: len(scans) > 2, "scans")
+    scan = scans[-1]
+    assert len(scan.ranges) == 360
+    assert scan.header.frame_id == "base_link"
+    assert scan.ranges[180 + 90] == pytest.approx(3.25 - 3.35 / 2, abs=0.06)
+    assert seconds(scans[1].header.stamp) - seconds(scans[0].header.stamp) == pytest.approx(0.2)
+
+
+def test_the_localiser_answers_an_initial_pose_and_only_then_there_is_a_map_frame(
+    simulate: Simulate, client: Client
+) -> None:
+    from tf2_msgs.msg import TFMessage
+
+    simulation = simulate()
+    transforms = client.listen(TFMessage, "/tf", 100)
+    assert client.state_of("amcl") == "active"
+    assert client.state_of("bt_navigator") == "inactive"
+    began = simulation.sim_time
+    client.wait(lambda: simulation.sim_time > began + 2.0, "2 simulated seconds")
+    assert {t.header.frame_id for message in transforms for t in message.transforms} == {"odom"}
+    answer = client.set_initial_pose()
+    assert answer.header.frame_id == "map"
+    assert answer.pose.covariance[0] > 0.0
+
+    def seen() -> bool:
+        return any(t.header.frame_id == "map" for message in transforms for t in message.transforms)
+
+    client.wait(seen, "the transform from map")
+    client.wait(lambda: client.state_of("bt_navigator") == "active", "bt_navigator's becoming active")
+
+
+def test_the_last_pose_is_there_for_those_who_come_late(simulate: Simulate, client: Client) -> None:
+    from geometry_msgs.msg import PoseWithCovarianceStamped
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+
+    simulate()
+    client.set_initial_pose()
+    late = client.listen(
+        PoseWithCovarianceStamped,
+        "amcl_pose",
+        QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL),
+    )
+    client.wait(lambda: bool(late), "the latched amcl_pose")
+
+
+@pytest.mark.parametrize(
+    ("pose", "frame"),
+    [(Pose2D(100.0, 0.0), "map"), (Pose2D(math.nan, 0.0), "map"), (Pose2D(0.0, 0.0), "odom")],
+)
+def test_an_initial_pose_that_cannot_be_is_ignored(
+    simulate: Simulate, client: Client, pose: Pose2D, frame: str
+) -> None:
+    simulate()
+    with pytest.raises(AssertionError, match="amcl_pose did not come"):
+        client.set_initial_pose(pose, frame, timeout_sec=1.0)
+
+
+def test_a_goal_is_driven_with_feedback_at_ten_hertz(simulate: Simulate, client: Client) -> None:
+    simulation = simulate()
+    client.make_ready()
+    navigation = Navigation(client)
+    handle = navigation.send(-0.5, 0.8, 1.0)
+    assert handle.accepted
+    result = navigation.result(handle)
+    assert (result.status, result.result.error_code) == (SUCCEEDED, 0)
+    assert simulation.robot_pose().distance_to(Pose2D(-0.5, 0.8)) < 0.1
+    assert simulation.robot_pose().yaw == pytest.approx(1.0, abs=0.1)
+    stamps = [seconds(feedback.current_pose.header.stamp) for feedback in navigation.feedback]
+    assert len(stamps) > 10
+    assert max(after - before for before, after in itertools.pairwise(stamps)) <= 0.1 + 1e-6
+    first, last = navigation.feedback[0], navigation.feedback[-1]
+    assert first.current_pose.header.frame_id == "map"
+    assert first.distance_remaining > 0.8 > last.distance_remaining
+    assert seconds(first.estimated_time_remaining) > 0.0
+    assert seconds(last.navigation_time) > seconds(first.navigation_time)
+    navigation.close()
+
+
+def test_an_inactive_navigator_rejects_goals(simulate: Simulate, client: Client) -> None:
+    simulate()
+    navigation = Navigation(client)
+    assert not navigation.send(1.0, 0.0).accepted
+    navigation.close()
+
+
+def test_a_cancelled_goal_ends_canceled_with_the_robot_standing(simulate: Simulate, client: Client) -> None:
+    simulation = simulate()
+    client.make_ready()
+    navigation = Navigation(client)
+    handle = navigation.send(-3.0, 3.0)
+    client.wait(lambda: simulation.robot_pose().distance_to(Pose2D(0.0, 0.0)) > 0.3, "movement")
+    answer = client.result(handle.cancel_goal_async(), "the answer to the cancel")
+    assert len(answer.goals_canceling) == 1
+    result = navigation.result(handle)
+    assert (result.status, result.result.error_code) == (CANCELED, 0)
+    here, began = simulation.robot_pose(), simulation.sim_time
+    client.wait(lambda: simulation.sim_time > began + 2.0, "2 simulated seconds")
+    assert simulation.robot_pose().distance_to(here) < 0.01
+    navigation.close()
+
+
+def test_a_second_goal_pre_empts_the_first(simulate: Simulate, client: Client) -> None:
+    simulation = simulate()
+    client.make_ready()
+    navigation = Navigation(client)
+    first = navigation.send(-3.0, 3.0)
+    second = navigation.send(0.5, 0.0)
+    ended = navigation.result(first)
+    assert (ended.status, ended.result.error_code) == (ABORTED, 0)
+    assert navigation.result(second).status == SUCCEEDED
+    assert simulation.robot_pose().distance_to(Pose2D(0.5, 0.0)) < 0.1
+    navigation.close()
+
+
+def test_a_second_goal_with_another_tree_is_ended_itself(navigation: Navigation) -> None:
+    first = navigation.send(0.5, 0.0)
+    second = navigation.send(1.0, 0.0, tree="other.xml")
+    ended = navigation.result(second)
+    assert (ended.status, ended.result.error_code) == (ABORTED, 0)
+    assert navigation.result(first).status == SUCCEEDED
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "frame", "code"),
+    [
+        (3.0, -3.0, "map", 206),
+        (6.2, 0.0, "map", 206),
+        (60.0, 0.0, "map", 204),
+        (1.0, 0.0, "odom", 0),
+        (math.nan, 0.0, "map", 0),
+    ],
+)
+def test_a_goal_that_cannot_be_is_accepted_and_aborted_with_the_code_of_nav2(
+    navigation: Navigation, x: float, y: float, frame: str, code: int
+) -> None:
+    handle = navigation.send(x, y, frame=frame)
+    assert handle.accepted
+    result = navigation.result(handle)
+    assert (result.status, result.result.error_code) == (ABORTED, code)
+    assert result.result.error_msg
+
+
+def test_the_server_survives_a_client_that_goes_away(
+    simulate: Simulate, client: Client, ros_context: Any
+) -> None:
+    simulate()
+    client.make_ready()
+    stranger = Client(ros_context)
+    leaving = Navigation(stranger)
+    leaving.send(-3.0, 3.0)
+    leaving.close()
+    stranger.close()
+    navigation = Navigation(client)
+    assert navigation.result(navigation.send(0.5, 0.0)).status == SUCCEEDED
+    navigation.close()
+
+
+def test_many_goals_in_a_row_are_served(navigation: Navigation) -> None:
+    for _ in range(50):
+        assert navigation.result(navigation.send(60.0, 0.0)).status == ABORTED
+
+
+def test_the_end_of_the_simulation_aborts_the_goal_under_way(simulate: Simulate, client: Client) -> None:
+    simulation = simulate()
+    client.make_ready()
+    navigation = Navigation(client)
+    handle = navigation.send(-3.0, 3.0)
+    future = handle.get_result_async()
+    client.wait(lambda: bool(navigation.feedback), "feedback")
+    simulation.stop()
+    assert client.result(future, "the result").status == ABORTED
+    navigation.close()
+
+
+def test_a_namespace_moves_everything_but_the_clock_and_tf(simulate: Simulate, ros_context: Any) -> None:
+    simulate(namespace="/robot1")
+    client = Client(ros_context, namespace="/robot1")
+    try:
+        client.make_ready()
+        navigation = Navigation(client)
+        assert navigation.result(navigation.send(0.3, 0.0)).status == SUCCEEDED
+        navigation.close()
+        topics = {name for name, _ in client.node.get_topic_names_and_types()}
+        expected = {"/clock", "/tf", "/robot1/odometry/filtered", "/robot1/scan", "/robot1/cmd_vel"}
+        assert expected | {"/robot1/amcl_pose", "/robot1/initialpose"} <= topics
+        assert "/robot1/clock" not in topics
+    finally:
+        client.close()
+
+
+def test_goals_are_rejected_on_request(simulate: Simulate, client: Client) -> None:
+    simulate(faults=plan("navigate_to_pose:reject=1"))
+    client.make_ready()
+    navigation = Navigation(client)
+    assert not navigation.send(0.3, 0.0).accepted
+    assert navigation.send(0.3, 0.0).accepted
+    navigation.close()
+
+
+def test_goals_for_a_zone_are_aborted_on_request(simulate: Simulate, client: Client) -> None:
+    simulate(faults=plan("navigate_to_pose:abort=zone_b"))
+    client.make_ready()
+    navigation = Navigation(client)
+    result = navigation.result(navigation.send(3.5, 3.0))
+    assert (result.status, result.result.error_code) == (ABORTED, 208)
+    assert navigation.result(navigation.send(0.3, 0.0)).status == SUCCEEDED
+    navigation.close()
+
+
+def test_a_server_that_dies_says_nothing_stands_and_stays_away(simulate: Simulate, client: Client) -> None:
+    simulation = simulate(faults=plan("navigate_to_pose:die@zone_c"))
+    client.make_ready()
+    navigation = Navigation(client)
+    future = navigation.send(4.0, -3.0).get_result_async()
+    client.wait(lambda: not navigation.server_is_ready(), "the server's disappearance")
+    began = simulation.sim_time
+    client.wait(lambda: simulation.sim_time > began + 20.0, "20 simulated seconds")
+    assert not future.done()
+    assert not navigation.server_is_ready()
+    assert simulation.robot_pose().distance_to(Pose2D(4.0, -3.0)) > 1.0
+    navigation.close()
+
+
+def test_a_server_that_comes_back_serves_the_zone(simulate: Simulate, client: Client) -> None:
+    simulation = simulate(faults=plan("navigate_to_pose:die@zone_c,back=5"))
+    client.make_ready()
+    navigation = Navigation(client)
+    navigation.send(4.0, -3.0)
+    client.wait(lambda: not navigation.server_is_ready(), "the server's disappearance")
+    client.wait(navigation.server_is_ready, "the server's return")
+    client.wait(lambda: client.state_of("bt_navigator") == "active", "bt_navigator's becoming active")
+    assert navigation.result(navigation.send(4.0, -3.0)).status == SUCCEEDED
+    assert simulation.robot_pose().distance_to(Pose2D(4.0, -3.0)) < 0.1
+    navigation.close()

@@ -1,0 +1,165 @@
+"""The world, its file, and the motion test."""
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sar_compiler.sim.geometry import Box, Cylinder, Pose2D, normalise_angle
+from sar_compiler.sim.lidar import Lidar, cast
+from sar_compiler.sim.world import Solid, World
+from sar_compiler.sim.world_file import WorldError, find_world, load_world
+from sar_compiler.sim.yaml_reader import YamlFileError
+
+coordinates = st.floats(-10.0, 10.0)
+angles = st.floats(-math.pi, math.pi)
+
+
+@given(
+    st.builds(Pose2D, coordinates, coordinates, angles), st.builds(Pose2D, coordinates, coordinates, angles)
+)
+def test_a_pose_seen_from_another_and_put_back_is_itself(here: Pose2D, there: Pose2D) -> None:
+    again = here.compose(here.inverse().compose(there))
+    assert again.distance_to(there) < 1e-9
+    assert abs(normalise_angle(again.yaw - there.yaw)) < 1e-9
+
+
+def test_the_distance_to_a_turned_box_is_that_to_its_face() -> None:
+    solid = Solid([Box(0.0, 0.0, 2.0, 1.0, math.pi / 4)], [])
+    out = 3.0
+    assert solid.clearance(out * math.cos(math.pi / 4), out * math.sin(math.pi / 4)) == pytest.approx(2.0)
+    assert solid.clearance(0.1, 0.0) == 0.0
+
+
+def test_the_distance_to_a_cylinder_is_that_to_its_rim() -> None:
+    solid = Solid([], [Cylinder(1.0, 0.0, 0.5)])
+    assert solid.clearance(3.0, 0.0) == pytest.approx(1.5)
+    assert solid.clearance(1.0, 0.0) == 0.0
+
+
+def test_nothing_limits_the_travel_in_an_empty_world() -> None:
+    solid = Solid([], [])
+    assert solid.free_travel((0.0, 0.0), 1.0, 100.0, 0.22) == 100.0
+
+
+def test_a_disc_cannot_jump_over_a_thin_wall() -> None:
+    solid = Solid([Box(5.0, 0.0, 0.001, 4.0)], [])
+    assert solid.free_travel((0.0, 0.0), 0.0, 1e6, 0.22) == pytest.approx(5.0 - 0.0005 - 0.22, abs=1e-4)
+
+
+def test_a_disc_that_touches_may_leave_and_slide_along() -> None:
+    solid = Solid([Box(1.0, 0.0, 1.0, 100.0)], [])
+    reached = solid.free_travel((0.0, 0.0), 0.0, 1.0, 0.22)
+    assert solid.free_travel((reached, 0.0), 0.0, 1.0, 0.22) == 0.0
+    assert solid.free_travel((reached, 0.0), math.pi, 1.0, 0.22) == 1.0
+    assert solid.free_travel((reached, 0.0), math.pi / 2, 1.0, 0.22) == pytest.approx(1.0)
+
+
+@given(coordinates, coordinates, angles, st.floats(0.0, 30.0))
+def test_no_point_of_a_free_line_is_too_near(x: float, y: float, heading: float, length: float) -> None:
+    world = find_world("disaster_zone")
+    radius = world.robot_radius
+    if world.solid.clearance(x, y) <= radius:
+        return
+    free = world.solid.free_travel((x, y), heading, length, radius)
+    for part in np.linspace(0.0, free, 50):
+        assert (
+            world.solid.clearance(x + part * math.cos(heading), y + part * math.sin(heading)) >= radius - 1e-9
+        )
+
+
+def test_a_ray_ends_at_the_first_surface() -> None:
+    solid = Solid([Box(3.0, 0.0, 1.0, 1.0)], [Cylinder(-2.0, 0.0, 0.5)])
+    seen = cast(solid, 0.0, 0.0, np.array([0.0, math.pi, math.pi / 2]))
+    assert seen == pytest.approx([2.5, 1.5, math.inf])
+
+
+def test_a_scan_has_the_noise_of_its_seed(disaster_zone: World) -> None:
+    lidar, pose = Lidar(), Pose2D(0.5, 0.5, 0.3)
+    scans = [lidar.scan(disaster_zone.solid, pose, np.random.default_rng(seed)) for seed in (1, 1, 2)]
+    assert np.array_equal(scans[0], scans[1])
+    assert not np.array_equal(scans[0], scans[2])
+    truth = cast(disaster_zone.solid, pose.x, pose.y, lidar.angles + pose.yaw)
+    assert np.abs(scans[0] - truth).max() < 6 * lidar.noise
+
+
+def test_a_scan_sees_nothing_beyond_its_range() -> None:
+    scan = Lidar(range_max=2.0).scan(
+        Solid([Box(3.0, 0.0, 0.5, 9.0)], []), Pose2D(0.0, 0.0), np.random.default_rng(0)
+    )
+    assert np.isinf(scan).all()
+
+
+def test_the_shipped_world_is_the_disaster_zone(disaster_zone: World) -> None:
+    assert len(disaster_zone.boxes) == 11
+    assert disaster_zone.cylinders == (Cylinder(-2.0, -2.5, 0.3),)
+    assert disaster_zone.start == Pose2D(0.0, 0.0, 0.0)
+    assert disaster_zone.robot_radius == 0.22
+    assert dict(disaster_zone.zones) == {
+        "zone_a": (-3.0, 3.0),
+        "zone_b": (3.5, 3.0),
+        "zone_c": (4.0, -3.0),
+        "zone_d": (-3.5, -3.0),
+    }
+
+
+def test_the_empty_world_has_no_map() -> None:
+    world = find_world("empty")
+    assert world.map_path is None
+    assert world.solid.clearance(0.0, 0.0) > 19.0
+
+
+def test_a_world_that_is_not_there_is_named_with_those_that_are() -> None:
+    with pytest.raises(WorldError, match=r"there are: disaster_zone, empty.*did you mean 'disaster_zone'"):
+        find_world("disaster_zon")
+
+
+ROBOT = "robot: {x: 0, y: 0, radius: 0.22}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "problem"),
+    [
+        ("", None, "is empty"),
+        ("robot: [\n", 2, "is not YAML"),
+        ("- 1\n", 1, "expected a mapping (expected: robot, walls), found a list"),
+        (ROBOT, 1, "'walls' is missing"),
+        ("robot: {x: 0, y: 0}\nwalls: []\n", 1, "robot: 'radius' is missing"),
+        (ROBOT + "walls: []\nwals: []\n", 3, "wals: 'wals' is not known here"),
+        (ROBOT + "walls: []\nwalls: []\n", 3, "walls: is given twice"),
+        (ROBOT + "walls: 3\n", 2, "walls: expected a list, found '3'"),
+        (
+            ROBOT + "walls:\n  - {x: 1, y: 1, size_x: 0, size_y: 1}\n",
+            3,
+            "walls[0].size_x: expected a number greater than 0",
+        ),
+        (
+            ROBOT + "walls:\n  - {x: .nan, y: 1, size_x: 1, size_y: 1}\n",
+            3,
+            "walls[0].x: expected a number, found '.nan'",
+        ),
+        (
+            ROBOT + "walls: []\ndebris:\n  - {shape: bx, x: 1}\n",
+            4,
+            "debris[0].shape: 'bx' is not known here (expected: box, cylinder); did you mean 'box'?",
+        ),
+        (
+            ROBOT + "walls:\n  - {x: 0.3, y: 0, size_x: 0.2, size_y: 1}\n",
+            1,
+            "robot: the robot would start in an obstacle",
+        ),
+        (ROBOT + "walls: []\nmap: ''\n", 3, "map: expected text, found nothing"),
+    ],
+)
+def test_a_mistake_in_a_world_file_is_named_with_its_place(
+    tmp_path: Path, text: str, line: int | None, problem: str
+) -> None:
+    path = tmp_path / "world.yaml"
+    path.write_text(text, encoding="utf-8")
+    place = str(path) if line is None else f"{path}:{line}"
+    with pytest.raises(YamlFileError, match=f"^{re.escape(place)}: {re.escape(problem)}"):
+        load_world(path)
