@@ -28,10 +28,12 @@ class Origin:
         bound: The part of the file that it was made from.
         attributes: The values and references it was given, as one would write them: blackboard keys in
             braces where their value was not known, references as names.
+        uses: What it needs outside the tree, with names filled in.
     """
 
     bound: BoundNode
     attributes: Mapping[str, object]
+    uses: tuple[Use, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -47,12 +49,8 @@ class CompiledTree:
     origins: Mapping[UUID, Origin]
 
     def uses(self) -> list[Use]:
-        """Return what its leaves need outside the tree, with names filled in, each once."""
-        found: dict[Use, None] = {}
-        for origin in self.origins.values():
-            for use in origin.bound.spec.uses:
-                found[Use(use.kind, use.name.format_map(origin.attributes))] = None
-        return list(found)
+        """Return what its leaves need outside the tree, each once."""
+        return list(dict.fromkeys(use for origin in self.origins.values() for use in origin.uses))
 
 
 def bind_main(tree_file: TreeFile, registry: Registry, tree_id: str | None = None) -> Binding:
@@ -204,7 +202,8 @@ class _Builder:
                 arguments[name] = self._place(bound.children[0])
         behaviour = self._construct(bound, arguments)
         self._built[bound] = behaviour
-        self._origins[behaviour.id] = Origin(bound, attributes)
+        uses = (Use(use.kind, use.name.format_map(attributes)) for use in bound.spec.uses)
+        self._origins[behaviour.id] = Origin(bound, attributes, tuple(uses))
         return behaviour
 
     def _shown(self, _bound: BoundNode, _name: str, value: object) -> object:

@@ -57,7 +57,11 @@ def assert_matches_golden(
     """
     result = compiled(tree, tree_id, registry)
     as_json = Path(golden).suffix == ".json"
-    text = json.dumps(outline(result), indent=2, ensure_ascii=False) + "\n" if as_json else ascii_tree(result.root)
+    text = (
+        json.dumps(outline(result), indent=2, ensure_ascii=False) + "\n"
+        if as_json
+        else ascii_tree(result.root)
+    )
     path = Path(golden)
     if os.environ.get(RENEW):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -69,7 +73,12 @@ def assert_matches_golden(
     expected = path.read_text(encoding="utf-8")
     if text != expected:
         difference = difflib.unified_diff(
-            expected.splitlines(), text.splitlines(), f"{path} (committed)", f"{tree} (compiled now)", lineterm=""
+            expected.splitlines(),
+            text.splitlines(),
+            f"{path} (committed)",
+            f"{tree} (compiled now)",
+            lineterm="",
         )
-        message = "\n".join(["the compiled tree is not the committed one:", *difference])
-        raise AssertionError(f"{message}\nIf this is meant, run with {RENEW}=1 and review the change.")
+        advice = f"If this is meant, run with {RENEW}=1 and review the change."
+        message = "\n".join(["the compiled tree is not the committed one:", *difference, advice])
+        raise AssertionError(message)

@@ -169,8 +169,12 @@ class _Binder:
                 return None
             # Taken for what was probably meant, so that one slip does not bring a finding for every
             # reference to the node as well.
-            return BoundNode(element, spec, element.attributes.get("name", spec.tag), children=_bound(children))
-        bound = BoundNode(element, spec, element.attributes.get("name", element.tag), children=_bound(children))
+            return BoundNode(
+                element, spec, element.attributes.get("name", spec.tag), children=_bound(children)
+            )
+        bound = BoundNode(
+            element, spec, element.attributes.get("name", element.tag), children=_bound(children)
+        )
         self._attributes(bound)
         self._count_children(bound)
         return bound

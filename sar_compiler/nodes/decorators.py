@@ -48,22 +48,39 @@ _SUCCESS, _FAILURE, _RUNNING = "SUCCESS", "FAILURE", "RUNNING"
 _ALL = frozenset({_SUCCESS, _FAILURE, _RUNNING})
 
 
-def _decorator(cls: type[decorators.Decorator], doc: str, *outcomes: str) -> Registration:
-    return Registration(cls.__name__, cls, Kind.DECORATOR, frozenset(outcomes) or _ALL, doc=doc)
+def _decorator(
+    cls: type[decorators.Decorator], doc: str, *outcomes: str, **parameter_docs: str
+) -> Registration:
+    return Registration(
+        cls.__name__,
+        cls,
+        Kind.DECORATOR,
+        frozenset(outcomes) or _ALL,
+        doc=doc,
+        parameter_docs={"name": "The node's name.", **parameter_docs},
+    )
 
 
 REGISTRATIONS = [
     _decorator(
         decorators.OneShot,
         "Lets its child finish once; from then on answers what the child answered, without ticking it.",
+        policy="What counts as finished: any end, or only success.",
     ),
-    _decorator(Timeout, "Fails if its child is still running after `duration` seconds."),
     _decorator(
-        decorators.Retry, "Ticks its child again after a failure, until it has failed `num_failures` times."
+        Timeout,
+        "Fails if its child is still running after a time, measured on the mission's clock.",
+        duration="How long the child may run, in seconds.",
+    ),
+    _decorator(
+        decorators.Retry,
+        "Ticks its child again after a failure, until it has failed too often.",
+        num_failures="With how many failures to fail.",
     ),
     _decorator(
         decorators.Repeat,
-        "Ticks its child again after a success, until it has succeeded `num_success` times.",
+        "Ticks its child again after a success, until it has succeeded often enough.",
+        num_success="With how many successes to succeed.",
     ),
     _decorator(decorators.Inverter, "Turns success into failure and failure into success."),
     _decorator(decorators.SuccessIsRunning, "Turns success into running.", _FAILURE, _RUNNING),

@@ -37,7 +37,8 @@ class Registration:
         uses: What it needs outside the tree.
         defaults: Defaults for parameters that have none in the constructor.
         fixed: Parameters whose value the tag itself says.
-        doc: A description to take the place of the class's own.
+        doc: A description to take the place of the class's docstring, for classes of other libraries.
+        parameter_docs: Descriptions of parameters, where `doc` is given.
     """
 
     tag: str
@@ -46,9 +47,10 @@ class Registration:
     outcomes: frozenset[str] = frozenset()
     effects: str = ""
     uses: tuple[Use, ...] = ()
-    doc: str = ""
     defaults: Mapping[str, object] = field(default_factory=dict)
     fixed: Mapping[str, object] = field(default_factory=dict)
+    doc: str = ""
+    parameter_docs: Mapping[str, str] = field(default_factory=dict)
 
     def spec(self) -> NodeSpec:
         """Resolve the constructor's signature.
@@ -56,7 +58,7 @@ class Registration:
         Raises:
             RegistrationError: If it cannot be written in a tree file; names the parameter.
         """
-        summary, parameter_docs = _documentation(self.cls)
+        summary, parameter_docs = (self.doc, self.parameter_docs) if self.doc else _documentation(self.cls)
         try:
             hints = typing.get_type_hints(self.cls.__init__)
         except Exception as error:
@@ -76,7 +78,7 @@ class Registration:
             outcomes=self.outcomes,
             effects=self.effects,
             uses=self.uses,
-            doc=self.doc or summary,
+            doc=summary,
         )
 
     def _parameter(self, parameter: inspect.Parameter, annotation: object, doc: str) -> Parameter:

@@ -108,7 +108,7 @@ def default_registry() -> Registry:
 def _import(name: str, source: str) -> ModuleType:
     here = str(Path.cwd())
     if here not in sys.path:
-        sys.path.append(here)
+        sys.path.insert(0, here)
     try:
         return importlib.import_module(name)
     except Exception as error:  # whatever a user's module does when it is imported

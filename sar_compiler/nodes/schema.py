@@ -116,7 +116,11 @@ def _value_type(value_type: ValueType) -> list[str]:
     else:
         return _named_type(value_type.name, [])
     union = ['<xs:union memberTypes="key">', *_simple_type("  ", "", literal), "</xs:union>"]
-    return [f'  <xs:simpleType name="{value_type.name}.value">', *(f"    {line}" for line in union), "  </xs:simpleType>"]
+    return [
+        f'  <xs:simpleType name="{value_type.name}.value">',
+        *(f"    {line}" for line in union),
+        "  </xs:simpleType>",
+    ]
 
 
 def _named_type(name: str, facets: list[str]) -> list[str]:

@@ -1,6 +1,7 @@
 """The generated schema: committed as it is generated, and never stricter than the rules."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -55,11 +56,13 @@ def test_errors_of_another_file_do_not_leak_into_a_validation():
 
 TAGS = st.sampled_from([spec.tag for spec in default_registry()] + ["Sequnce", "BehaviorTree"])
 ATTRIBUTES = st.dictionaries(
-    st.sampled_from(["name", "memory", "policy", "duration", "num_failures", "oneshot", "detect_node", "ID", "x"]),
+    st.sampled_from(
+        ["name", "memory", "policy", "duration", "num_failures", "oneshot", "detect_node", "ID", "x"]
+    ),
     st.sampled_from(["", "a", "true", "ture", "1", "1.5", "ON_COMPLETION", "{key}", "{}", " 1"]),
     max_size=3,
 )
-ELEMENTS = st.recursive(
+ELEMENTS: st.SearchStrategy[Any] = st.recursive(
     st.builds(lambda tag, attributes: (tag, attributes, []), TAGS, ATTRIBUTES),
     lambda inner: st.builds(lambda t, a, c: (t, a, c), TAGS, ATTRIBUTES, st.lists(inner, max_size=3)),
     max_leaves=8,

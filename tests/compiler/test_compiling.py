@@ -2,6 +2,7 @@
 
 import py_trees
 import pytest
+from py_trees.behaviour import Behaviour
 from py_trees.common import OneShotPolicy, Status
 
 from sar_compiler.compiler import bind_main, compile_tree, context_types, preview_tree
@@ -64,13 +65,13 @@ def test_the_oneshot_element_becomes_the_stock_decorator(registry):
     assert root.policy is OneShotPolicy.ON_SUCCESSFUL_COMPLETION
 
 
-def test_the_oneshot_attribute_wraps_a_node_under_its_name(registry):
+def test_the_oneshot_attribute_wraps_a_node_under_its_name(registry, monkeypatch):
     root = compiled('<Failure name="Once" oneshot="ON_COMPLETION"/>', registry).root
     assert type(root) is py_trees.decorators.OneShot
     assert (root.name, root.decorated.name) == ("OnceOneShot", "Once")
     assert root.policy is OneShotPolicy.ON_COMPLETION
     root.tick_once()
-    root.decorated.update = lambda: Status.SUCCESS
+    monkeypatch.setattr(root.decorated, "update", lambda: Status.SUCCESS)
     root.tick_once()
     assert root.status is Status.FAILURE
 
@@ -105,7 +106,9 @@ def test_a_reference_becomes_the_node_itself_wherever_it_stands_in_the_file(regi
 
 
 def test_a_reference_to_a_node_in_a_oneshot_is_the_node_and_not_the_wrapper(registry):
-    root = compiled('<Sequence><Say message="hi" oneshot="ON_COMPLETION"/><Listen/></Sequence>', registry).root
+    root = compiled(
+        '<Sequence><Say message="hi" oneshot="ON_COMPLETION"/><Listen/></Sequence>', registry
+    ).root
     once, listen = root.children
     assert once.decorated is listen.to
 
@@ -142,10 +145,13 @@ def test_what_a_mission_lacks_is_a_finding_at_the_leaf_that_needs_it(registry):
 
 
 def test_a_constructor_that_refuses_its_arguments_is_a_finding_with_its_words(registry):
-    class Picky(py_trees.behaviours.Success):
+    class Picky(Behaviour):
         def __init__(self, name: str, speed: float) -> None:
             message = "too fast"
             raise ValueError(message)
+
+        def update(self) -> Status:
+            return Status.SUCCESS
 
     picky = Registry([Registration("Picky", Picky, Kind.ACTION)])
     with pytest.raises(TreeError, match=r"3:1: error\[constructor-failed\]: .*ValueError: too fast"):
@@ -169,7 +175,8 @@ def test_the_tree_asked_for_is_compiled_instead_of_the_main_tree(registry):
 
 def test_a_tree_says_what_it_uses_with_the_names_filled_in(registry):
     tree = compiled(
-        '<Sequence><Say message="a"/><Say message="b" service="shout"/><Say message="c"/></Sequence>', registry
+        '<Sequence><Say message="a" oneshot="ON_COMPLETION"/><Say message="b" service="shout"/><Say message="c"/></Sequence>',
+        registry,
     )
     assert tree.uses() == [Use("service", "speak"), Use("service", "shout")]
 
@@ -186,9 +193,14 @@ def test_every_behaviour_knows_the_element_it_was_made_from(registry):
 
 
 def test_a_preview_needs_no_mission(registry):
-    tree = preview_tree(bind_main(tree_file('<Timeout duration="{@t}"><Say message="{@m}"/></Timeout>'), registry))
-    leaf = tree.root.decorated
-    assert leaf.given["radio"].channel == "preview"
+    tree = preview_tree(
+        bind_main(tree_file('<Timeout duration="{@t}"><Say message="{@m}"/></Timeout>'), registry)
+    )
+    leaf = tree.root.children[0]
+    assert isinstance(leaf, leaves.Say)
+    radio = leaf.given["radio"]
+    assert isinstance(radio, Radio)
+    assert radio.channel == "preview"
     assert tree.origins[leaf.id].attributes["message"] == "{@m}"
     assert tree.origins[tree.root.id].attributes["duration"] == "{@t}"
 

@@ -1,1 +1,2 @@
-raise RuntimeError("this module is broken on purpose")
+MESSAGE = "this module is broken on purpose"
+raise RuntimeError(MESSAGE)

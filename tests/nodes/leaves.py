@@ -1,7 +1,5 @@
 """A module of leaves as a user would write it."""
 
-from typing import Optional
-
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
@@ -40,7 +38,7 @@ class Say(Behaviour):
         message: str,
         radio: Radio,
         times: int = 1,
-        after: "Optional[Listen]" = None,
+        after: "Listen | None" = None,
         spare: Radio | None = None,
         service: str = "speak",
     ) -> None:

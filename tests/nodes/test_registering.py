@@ -73,14 +73,14 @@ def test_a_parameter_without_an_annotation_is_refused_by_name():
 
 def test_a_parameter_of_a_type_that_cannot_be_written_is_refused_with_what_can():
     class Leaf(Behaviour):
-        def __init__(self, name: str, table: dict) -> None: ...
+        def __init__(self, name: str, table: dict[str, int]) -> None: ...
 
     assert "mission_context" in refused(Leaf)
 
 
 def test_annotations_that_name_nothing_are_refused():
     class Leaf(Behaviour):
-        def __init__(self, name: str, other: "Nowhere") -> None: ...  # noqa: F821
+        def __init__(self, name: str, other: "Nowhere") -> None: ...  # type: ignore[name-defined]  # noqa: F821
 
     assert "cannot be resolved" in refused(Leaf)
 
@@ -121,7 +121,9 @@ def test_a_class_may_be_found_twice_but_a_tag_has_one_meaning():
     @register("Say", kind=Kind.ACTION)
     class Impostor(Behaviour): ...
 
-    with pytest.raises(RegistryError, match=r"two classes are registered as <Say>: .*leaves\.Say and .*Impostor"):
+    with pytest.raises(
+        RegistryError, match=r"two classes are registered as <Say>: .*leaves\.Say and .*Impostor"
+    ):
         registry.add(getattr(Impostor, MARK))
 
 
@@ -148,7 +150,9 @@ def test_every_shipped_node_describes_itself_and_its_outcomes():
 
 
 def test_a_module_of_leaves_may_lie_in_the_current_folder(tmp_path, monkeypatch):
-    (tmp_path / "my_leaves_in_a_folder.py").write_text("from tests.nodes.leaves import Say\n", encoding="utf-8")
+    (tmp_path / "my_leaves_in_a_folder.py").write_text(
+        "from tests.nodes.leaves import Say\n", encoding="utf-8"
+    )
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
     assert "Say" in load_registry(["my_leaves_in_a_folder"])

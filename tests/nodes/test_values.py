@@ -1,6 +1,7 @@
 """How texts become values: with nothing left over, and with the nearest thing suggested."""
 
 import enum
+from contextlib import suppress
 from datetime import timedelta
 from pathlib import Path
 from typing import Literal, Optional
@@ -41,7 +42,7 @@ def convert(annotation, text):
         (timedelta, "2min", timedelta(minutes=2)),
         (Colour, "GREEN", Colour.GREEN),
         (Literal["left", "right"], "left", "left"),
-        (Optional[int], "3", 3),
+        (Optional[int], "3", 3),  # noqa: UP045 - the old spelling must work too
         (float | None, "3", 3.0),
     ],
 )
@@ -97,18 +98,23 @@ def test_every_finite_number_survives_being_written(number):
     assert convert(float, repr(number)) == number
 
 
-@given(st.text(max_size=20))
-def test_no_text_makes_a_conversion_raise_anything_but_its_own_error(text):
-    for annotation in (bool, int, float, str, Path, timedelta, Colour):
-        try:
-            convert(annotation, text)
-        except ConversionError as error:
-            assert error.message  # noqa: PT017 - either outcome is right
+@given(st.text(max_size=20), st.sampled_from([bool, int, float, str, Path, timedelta, Colour]))
+def test_no_text_makes_a_conversion_raise_anything_but_its_own_error(text, annotation):
+    with suppress(ConversionError):
+        convert(annotation, text)
 
 
 @pytest.mark.parametrize(
     ("text", "key"),
-    [("{a}", "a"), ("{@a}", "@a"), ("  {a}  ", "a"), ("{ a }", " a "), ("{}", None), ("{a", None), ("x {a}", None)],
+    [
+        ("{a}", "a"),
+        ("{@a}", "@a"),
+        ("  {a}  ", "a"),
+        ("{ a }", " a "),
+        ("{}", None),
+        ("{a", None),
+        ("x {a}", None),
+    ],
 )
 def test_a_blackboard_key_stands_alone_in_braces(text, key):
     assert blackboard_key(text) == key

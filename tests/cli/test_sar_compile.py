@@ -1,0 +1,184 @@
+"""`sar-compile` as its users and their scripts see it."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.cli.compile import main
+from tests.trees import document
+
+SHIPPED = "trees/search_and_rescue.xml"
+
+
+@pytest.fixture
+def broken(tmp_path):
+    path = tmp_path / "broken.xml"
+    path.write_text(document('<Selector>\n  <Sey message="hi"/>\n</Selector>'), encoding="utf-8")
+    return str(path)
+
+
+def run(capsys, *arguments):
+    status = main(arguments)
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+def test_a_valid_tree_has_status_0(capsys):
+    assert run(capsys, "validate", SHIPPED) == (0, f"{SHIPPED}: no findings\n", "")
+
+
+def test_findings_have_status_1_and_stand_on_standard_output(capsys, broken):
+    status, out, _ = run(capsys, "validate", broken)
+    assert status == 1
+    assert out.startswith(
+        f"{broken}:4:3: error[unknown-node]: no node is called 'Sey'\n    4 |   <Sey message"
+    )
+
+
+def test_every_file_is_checked_whatever_the_others_hold(capsys, broken, tmp_path):
+    status, out, _ = run(capsys, "validate", broken, SHIPPED, broken)
+    assert status == 1
+    assert out.count("unknown-node") == 2
+    assert f"{SHIPPED}: no findings" in out
+
+
+def test_a_file_that_is_not_there_has_status_2_and_the_others_are_checked(capsys, broken):
+    status, out, err = run(capsys, "validate", "nowhere.xml", broken)
+    assert status == 2
+    assert err == "sar-compile: cannot read nowhere.xml: No such file or directory\n"
+    assert "unknown-node" in out
+
+
+def test_json_has_the_fields_that_scripts_rely_on(capsys, broken):
+    status, out, _ = run(capsys, "validate", "--format", "json", broken, SHIPPED)
+    assert status == 1
+    assert json.loads(out) == [
+        {
+            "file": broken,
+            "line": 4,
+            "column": 3,
+            "end_line": 4,
+            "end_column": 7,
+            "severity": "error",
+            "code": "unknown-node",
+            "message": "no node is called 'Sey'",
+            "suggestion": None,
+        }
+    ]
+
+
+def test_json_of_a_valid_tree_is_an_empty_list(capsys):
+    status, out, _ = run(capsys, "validate", "--format", "json", SHIPPED)
+    assert (status, json.loads(out)) == (0, [])
+
+
+def test_malformed_xml_is_a_finding_in_json_too(capsys, tmp_path):
+    path = tmp_path / "cut.xml"
+    path.write_text("<root>", encoding="utf-8")
+    status, out, _ = run(capsys, "validate", "--format", "json", str(path))
+    assert status == 1
+    assert [(f["code"], f["line"], f["column"]) for f in json.loads(out)] == [("malformed-xml", 1, 7)]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [[], ["validate"], ["valdate", SHIPPED], ["validate", "--form", "json", SHIPPED], ["show", "a", "b"]],
+)
+def test_wrong_usage_has_status_2(capsys, arguments):
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    assert caught.value.code == 2
+    assert "usage: sar-compile" in capsys.readouterr().err
+
+
+def test_show_draws_the_compiled_tree(capsys):
+    status, out, _ = run(capsys, "show", SHIPPED)
+    assert status == 0
+    assert out.splitlines()[:3] == [
+        "[o] MissionOrReturnToBase",
+        "    {-} Patrol",
+        "        --> ZonesRemaining?",
+    ]
+
+
+def test_show_prints_the_compiled_tree_as_json(capsys):
+    status, out, _ = run(capsys, "show", "--format", "json", SHIPPED)
+    root = json.loads(out)
+    assert status == 0
+    assert (root["class"], root["memory"], root["line"]) == ("py_trees.composites.Selector", False, 11)
+    assert root["children"][1]["policy"] == "ON_COMPLETION"
+    assert "memory" not in root["children"][1]
+
+
+def test_show_of_an_invalid_tree_gives_its_findings_on_standard_error(capsys, broken):
+    status, out, err = run(capsys, "show", broken)
+    assert (status, out) == (1, "")
+    assert "unknown-node" in err
+
+
+def test_show_of_a_tree_that_is_not_in_the_file_is_a_finding(capsys):
+    status, _, err = run(capsys, "show", "--tree", "Nope", SHIPPED)
+    assert status == 1
+    assert "no tree 'Nope'; the file has SearchAndRescue" in err
+
+
+def test_nodes_lists_what_can_be_written(capsys):
+    status, out, _ = run(capsys, "nodes")
+    assert status == 0
+    assert any(line.startswith("NavigateToZone ") and " action " in line for line in out.splitlines())
+
+
+def test_nodes_describes_a_tag_with_its_attributes(capsys):
+    _, out, _ = run(capsys, "nodes", "NotifyBase")
+    assert "detect_node: the name of a DetectSurvivor in the same tree" in out
+    assert "timeout_sec: a number. default: 5.0" in out
+
+
+def test_nodes_as_json_is_complete(capsys):
+    _, out, _ = run(capsys, "nodes", "Retry", "--format", "json")
+    (retry,) = json.loads(out)
+    assert retry["kind"] == "Decorator"
+    assert retry["attributes"][1] == {
+        "name": "num_failures",
+        "role": "attribute",
+        "type": "a whole number",
+        "refers_to": None,
+        "required": True,
+        "default": None,
+        "doc": "With how many failures to fail.",
+    }
+
+
+def test_nodes_of_an_unknown_tag_suggests_the_nearest(capsys):
+    status, _, err = run(capsys, "nodes", "Retyr")
+    assert (status, err) == (2, "sar-compile: no node is called 'Retyr'; did you mean 'Retry'?\n")
+
+
+def test_leaves_of_a_user_are_known_to_every_command(capsys, tmp_path):
+    path = tmp_path / "say.xml"
+    path.write_text(document('<Say message="hi"/>'), encoding="utf-8")
+    leaves = ["--nodes", "tests.nodes.leaves"]
+    assert run(capsys, "validate", *leaves, str(path))[0] == 0
+    assert run(capsys, "show", *leaves, str(path))[1] == "--> Say\n"
+    assert "message: a text. required. What to say" in run(capsys, "nodes", *leaves, "Say")[1]
+    assert '<xs:element name="Say"' in run(capsys, "schema", *leaves)[1]
+
+
+def test_a_module_that_cannot_be_loaded_has_status_2(capsys):
+    status, _, err = run(capsys, "validate", "--nodes", "no.such.module", SHIPPED)
+    assert status == 2
+    assert err.startswith("sar-compile: the module of leaves 'no.such.module' (--nodes) cannot be imported")
+
+
+def test_schema_prints_the_committed_schema(capsys):
+    assert run(capsys, "schema")[1] == Path("schemas/sar_tree.xsd").read_text(encoding="utf-8")
+
+
+def test_the_installed_command_runs_and_bears_a_reader_that_leaves_early():
+    command = Path(sys.executable).with_name("sar-compile")
+    pipe = f"{command} schema | head -1"
+    done = subprocess.run(["/bin/sh", "-c", pipe], capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ('<?xml version="1.0" encoding="UTF-8"?>\n', "")

@@ -1,0 +1,98 @@
+"""The house's rules: who may import whom, and what is imported when."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path("sar_compiler")
+
+# What each room may import of the others, besides `errors` and `resources`, which belong to nobody.
+MAY_IMPORT = {
+    "tree": set(),
+    "runtime": set(),
+    "nodes": {"tree", "runtime"},
+    "compiler": {"tree", "runtime", "nodes"},
+    "checks": {"tree", "runtime", "nodes", "compiler"},
+    "mission": {"nodes", "runtime"},
+    "ros": {"tree", "runtime", "nodes", "compiler", "checks", "mission"},
+    "sim": {"tree", "runtime", "nodes", "compiler", "checks", "mission", "ros"},
+    "views": {"tree", "runtime", "nodes", "compiler", "checks", "mission"},
+    "testing": {"tree", "runtime", "nodes", "compiler", "checks", "views"},
+}
+COMMON = {"errors", "resources"}
+
+
+def room_of(path):
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def imports_of(path):
+    """Yield the modules that a file imports, wherever in it, with the line."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, node.lineno) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield from ((f"{node.module}.{alias.name}", node.lineno) for alias in node.names)
+
+
+FILES = sorted(PACKAGE.rglob("*.py"))
+
+
+@pytest.mark.parametrize("room", sorted(MAY_IMPORT))
+def test_a_room_imports_only_from_the_rooms_below_it(room):
+    allowed = MAY_IMPORT[room] | COMMON | {room}
+    wrong = [
+        f"{path}:{line} imports {module}"
+        for path in FILES
+        if room_of(path) == room
+        for module, line in imports_of(path)
+        if module.startswith("sar_compiler.") and module.split(".")[1] not in allowed
+    ]
+    assert wrong == []
+
+
+def test_every_room_has_its_rule():
+    assert {room_of(path) for path in FILES} - COMMON - {"__init__", "cli"} == set(MAY_IMPORT)
+
+
+def test_ros_is_imported_only_at_the_edge():
+    edge = ("mission/actions", "mission/static_transforms", "ros", "sim", "cli/flight", "cli/sim")
+    wrong = [
+        f"{path}:{line} imports {module}"
+        for path in FILES
+        if not str(path.relative_to(PACKAGE)).startswith(edge)
+        for module, line in imports_of(path)
+        if module.split(".")[0].endswith(("rclpy", "_msgs", "_interfaces"))
+    ]
+    assert wrong == []
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "import sar_compiler",
+        "import sar_compiler.mission",
+        "import sar_compiler.testing",
+        "from sar_compiler.cli.compile import main; main(['validate', 'trees/search_and_rescue.xml'])",
+        "from sar_compiler.cli.compile import main; main(['show', 'trees/search_and_rescue.xml'])",
+        "import sar_compiler.cli.run",
+        "import sar_compiler.cli.sim",
+    ],
+)
+def test_a_laptop_without_ros_can(statement):
+    program = f"import sys; sys.modules['rclpy'] = None\n{statement}\n"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_no_code_of_a_file_is_ever_evaluated():
+    wrong = [
+        f"{path}:{node.lineno}"
+        for path in FILES
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in {"eval", "exec"}
+    ]
+    assert wrong == []
