@@ -1,0 +1,32 @@
+"""Search and rescue: the leaves of the mission and the state that they share.
+
+This module is what the entry point `sar_compiler.nodes` names, so every leaf of the mission is in it. It
+can be imported without ROS: rclpy and the message types are imported when a leaf is set up.
+"""
+
+from sar_compiler.mission.actions import (
+    AdvanceZone,
+    BroadcastSurvivorTF,
+    DetectSurvivor,
+    LogNoDetection,
+    NavigateToBase,
+    NavigateToZone,
+    NotifyBase,
+)
+from sar_compiler.mission.conditions import IsSurvivorDetected, ZonesRemaining
+from sar_compiler.mission.record import MissionRecord
+from sar_compiler.mission.zone_manager import ZoneManager
+
+__all__ = [
+    "AdvanceZone",
+    "BroadcastSurvivorTF",
+    "DetectSurvivor",
+    "IsSurvivorDetected",
+    "LogNoDetection",
+    "MissionRecord",
+    "NavigateToBase",
+    "NavigateToZone",
+    "NotifyBase",
+    "ZoneManager",
+    "ZonesRemaining",
+]

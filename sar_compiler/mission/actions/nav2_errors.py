@@ -1,0 +1,75 @@
+"""Nav2's status and error codes in words.
+
+Source: the action definitions of nav2_msgs. Each server has a hundred of its own; `NavigateToPose` passes on
+the code of the server that failed.
+"""
+
+from typing import Any
+
+_ABORTED = 6
+
+_STATUS = {
+    0: "unknown to the server (was it restarted?)",
+    5: "canceled by somebody else",
+    _ABORTED: "aborted",
+}
+
+_CODES = {
+    1: "the goal was rejected by another server",
+    2: "the goal could not be sent on to another server",
+    101: "the controller that was asked for does not exist",
+    102: "the controller could not transform a pose",
+    103: "the controller was given an invalid path",
+    104: "the controller's patience was exceeded",
+    105: "the robot makes no progress",
+    106: "the controller found no safe velocity",
+    107: "the controller took too long",
+    201: "the planner that was asked for does not exist",
+    202: "the planner could not transform a pose",
+    203: "the robot is outside the map",
+    204: "the goal is outside the map",
+    205: "the robot stands in an obstacle",
+    206: "the goal lies in an obstacle",
+    207: "the planner took too long",
+    208: "there is no path to the goal",
+    9001: "Nav2 could not load its behavior tree",
+    9002: "Nav2 could not transform a pose",
+    9003: "Nav2 took too long",
+}
+
+_RANGES = (
+    (100, 199, "the controller failed"),
+    (200, 299, "the planner failed"),
+    (300, 399, "the planner for several poses failed"),
+    (400, 499, "the route server failed"),
+    (500, 599, "the smoother failed"),
+    (600, 699, "the waypoint follower failed"),
+    (700, 799, "a recovery behavior failed"),
+    (900, 999, "docking or following failed"),
+    (9000, 9999, "the navigator failed"),
+)
+
+
+def describe_end(status: int, result: Any) -> str:
+    """Say how and why a drive failed.
+
+    Args:
+        status: The goal's status, a constant of `action_msgs/msg/GoalStatus` other than success.
+        result: The result of `nav2_msgs/action/NavigateToPose`; that of older versions has no error code.
+
+    Returns:
+        Status and error code, each as a number and in words.
+    """
+    code = int(getattr(result, "error_code", 0))
+    words = str(getattr(result, "error_msg", "")) or _describe_code(code, aborted=status == _ABORTED)
+    return f"{_STATUS.get(status, 'not finished')} (status {status}), error code {code}: {words}"
+
+
+def _describe_code(code: int, *, aborted: bool) -> str:
+    if code == 0:
+        # What Nav2 leaves without a code, though it aborts.
+        return "a pose cannot be transformed, or another client's goal took over" if aborted else "none"
+    if code in _CODES:
+        return _CODES[code]
+    ranges = (words for first, last, words in _RANGES if first <= code <= last)
+    return next(ranges, "a code that is not known here")

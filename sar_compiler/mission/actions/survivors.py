@@ -1,0 +1,263 @@
+"""Searching for survivors, giving them a frame, and reporting them."""
+
+from typing import Any
+
+from py_trees.common import Status
+
+from sar_compiler.mission.actions.leaf import MAP_FRAME, RosLeaf
+from sar_compiler.mission.actions.service_call import CallDeadlines, Question, ServiceLeaf
+from sar_compiler.mission.record import MissionRecord
+from sar_compiler.mission.static_transforms import StaticTransforms, static_transforms_of
+from sar_compiler.mission.zone_manager import ZoneManager
+from sar_compiler.nodes import Kind, Use, register
+
+_ANY_STATUS = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
+
+
+@register(
+    "DetectSurvivor",
+    kind=Kind.ACTION,
+    outcomes=_ANY_STATUS,
+    effects="searches the current zone for a survivor",
+    uses=[Use.service("{service}")],
+)
+class DetectSurvivor(ServiceLeaf):
+    """Search the current zone, and keep the answer: SUCCESS whether or not a survivor was found.
+
+    FAILURE means that nobody answered.
+
+    Args:
+        name: The node's name.
+        zone_manager: The mission's zones.
+        record: Where a find is noted.
+        service: The service's name.
+        server_timeout_sec: How long to wait for a server, seconds.
+        timeout_sec: How long to wait for the answer, seconds.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        zone_manager: ZoneManager,
+        *,
+        record: MissionRecord | None = None,
+        service: str = "detect_survivor",
+        server_timeout_sec: float = 10.0,
+        timeout_sec: float = 5.0,
+    ) -> None:
+        super().__init__(name, service, CallDeadlines(server_timeout_sec, timeout_sec))
+        self._zones = zone_manager
+        self._record = record or MissionRecord()
+        self._zone_id = ""
+        self._pose: tuple[float, float] | None = None
+        self._survivor_id: str | None = None
+
+    def was_found(self) -> bool:
+        """Say whether the last search found a survivor."""
+        return self._pose is not None
+
+    def survivor_pose(self) -> tuple[float, float] | None:
+        """Return the survivor's x and y in the frame `map` (metres), or None if none was found."""
+        return self._pose
+
+    def survivor_id(self) -> str | None:
+        """Return the name that the survivor was given, or None."""
+        return self._survivor_id
+
+    def set_survivor_id(self, survivor_id: str) -> None:
+        """Keep the name that the survivor was given."""
+        self._survivor_id = survivor_id
+
+    def _service_type(self) -> Any:
+        from sar_interfaces.srv import DetectSurvivor as Service
+
+        return Service
+
+    def _ask(self) -> Question | None:
+        self._pose = None
+        self._survivor_id = None
+        if not self._zones.has_remaining():
+            self.complain(f"'{self.name}' has no zone to search: every zone is visited.")
+            return None
+        self._zone_id = self._zones.current_zone()["id"]
+        request = self._service_type().Request(zone_id=self._zone_id)
+        return Question(request, f"Calling {self._service} for {self._zone_id}...")
+
+    def _conclude(self, answer: Any) -> Status:
+        self.feedback_message = f"nobody in {self._zone_id}"
+        if answer.found:
+            self._pose = (answer.survivor_x, answer.survivor_y)
+            self._record.survivor_found(self._zone_id, *self._pose)
+            self.feedback_message = f"survivor in {self._zone_id}"
+            self.say(f"Survivor detected at {self._zone_id}!")
+        return Status.SUCCESS
+
+
+@register(
+    "BroadcastSurvivorTF",
+    kind=Kind.ACTION,
+    outcomes={Status.SUCCESS, Status.FAILURE},
+    effects="names the survivor and publishes a static frame there",
+)
+class BroadcastSurvivorTF(RosLeaf):
+    """Give the survivor that was found a name, and publish a static frame of that name under `map`.
+
+    FAILURE if none was found.
+
+    Args:
+        name: The node's name.
+        detect_node: The search that found the survivor; is told the name.
+        zone_manager: Gives out the names.
+        record: Where the name is noted.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        detect_node: DetectSurvivor,
+        zone_manager: ZoneManager,
+        *,
+        record: MissionRecord | None = None,
+    ) -> None:
+        super().__init__(name)
+        self._detect_node = detect_node
+        self._zones = zone_manager
+        self._record = record or MissionRecord()
+        self._transforms: StaticTransforms | None = None
+        self._verdict = Status.INVALID
+
+    def setup(self, **kwargs: Any) -> None:
+        """Make the publisher, or share the one that the node has already.
+
+        Args:
+            **kwargs: `node` and optionally `wake`, see `RosLeaf`.
+        """
+        super().setup(**kwargs)
+        self._transforms = static_transforms_of(self.node)
+
+    def initialise(self) -> None:
+        """Forget the last activation's verdict."""
+        self._verdict = Status.RUNNING
+
+    def update(self) -> Status:
+        """Publish once in each activation, so that each takes one name."""
+        if self._verdict is Status.RUNNING:
+            self._verdict = self._broadcast()
+        return self._verdict
+
+    def _broadcast(self) -> Status:
+        pose = self._detect_node.survivor_pose()
+        if pose is None:
+            self.complain(
+                f"'{self.name}' has no frame to broadcast: '{self._detect_node.name}' found nobody."
+            )
+            return Status.FAILURE
+        survivor_id = self._zones.next_survivor_id()
+        self._publish(survivor_id, *pose)
+        self._detect_node.set_survivor_id(survivor_id)
+        self._record.survivor_named(survivor_id, *pose)
+        self.feedback_message = f"{survivor_id} at ({pose[0]:.2f}, {pose[1]:.2f})"
+        self.say(f"Broadcasting TF frame: {self.feedback_message} in {MAP_FRAME} frame.")
+        return Status.SUCCESS
+
+    def _publish(self, survivor_id: str, x: float, y: float) -> None:
+        from geometry_msgs.msg import TransformStamped
+
+        frame = TransformStamped()
+        frame.header.stamp = self.node.get_clock().now().to_msg()
+        frame.header.frame_id = MAP_FRAME
+        frame.child_frame_id = survivor_id
+        frame.transform.translation.x = x
+        frame.transform.translation.y = y
+        # A position is known, not an attitude.
+        frame.transform.rotation.w = 1.0
+        transforms = self._transforms or static_transforms_of(self.node)
+        transforms.put(frame)
+
+
+@register(
+    "NotifyBase",
+    kind=Kind.ACTION,
+    outcomes=_ANY_STATUS,
+    effects="reports the survivor to the base station",
+    uses=[Use.service("{service}")],
+)
+class NotifyBase(ServiceLeaf):
+    """Report the survivor that was found: SUCCESS if the base station acknowledges the report.
+
+    Args:
+        name: The node's name.
+        detect_node: The search that found the survivor.
+        record: Where the acknowledgement is noted.
+        service: The service's name.
+        server_timeout_sec: How long to wait for a server, seconds.
+        timeout_sec: How long to wait for the answer, seconds.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        detect_node: DetectSurvivor,
+        *,
+        record: MissionRecord | None = None,
+        service: str = "report_survivor",
+        server_timeout_sec: float = 10.0,
+        timeout_sec: float = 5.0,
+    ) -> None:
+        super().__init__(name, service, CallDeadlines(server_timeout_sec, timeout_sec))
+        self._detect_node = detect_node
+        self._record = record or MissionRecord()
+        self._survivor_id = ""
+
+    def _service_type(self) -> Any:
+        from sar_interfaces.srv import ReportSurvivor
+
+        return ReportSurvivor
+
+    def _ask(self) -> Question | None:
+        survivor_id = self._detect_node.survivor_id()
+        pose = self._detect_node.survivor_pose()
+        if survivor_id is None or pose is None:
+            missing = "found nobody" if pose is None else "found a survivor who has no name yet"
+            self.complain(f"'{self.name}' has nothing to report: '{self._detect_node.name}' {missing}.")
+            return None
+        self._survivor_id = survivor_id
+        request = self._service_type().Request(survivor_id=survivor_id)
+        request.location.header.frame_id = MAP_FRAME
+        request.location.header.stamp = self.node.get_clock().now().to_msg()
+        request.location.point.x, request.location.point.y = pose
+        return Question(request, f"Reporting {survivor_id} to base...")
+
+    def _is_good_news(self, answer: Any) -> bool:
+        return bool(answer.acknowledged)
+
+    def _conclude(self, answer: Any) -> Status:
+        if not answer.acknowledged:
+            self.complain(f"Base did not acknowledge {self._survivor_id}.")
+            return Status.FAILURE
+        self._record.survivor_acknowledged(self._survivor_id)
+        self.feedback_message = f"{self._survivor_id} acknowledged"
+        self.say(f"Base acknowledged {self._survivor_id}.")
+        return Status.SUCCESS
+
+
+@register("LogNoDetection", kind=Kind.ACTION, outcomes={Status.SUCCESS})
+class LogNoDetection(RosLeaf):
+    """Say in the log that nobody was found.
+
+    Args:
+        name: The node's name.
+        zone_manager: Tells the zone, if it is to be named.
+    """
+
+    def __init__(self, name: str, zone_manager: ZoneManager | None = None) -> None:
+        super().__init__(name)
+        self._zones = zone_manager
+
+    def update(self) -> Status:
+        """Say it."""
+        named = self._zones is not None and self._zones.has_remaining()
+        place = f" at {self._zones.current_zone()['id']}" if self._zones is not None and named else ""
+        self.feedback_message = f"nobody found{place}"
+        self.say(f"No survivor found{place}.")
+        return Status.SUCCESS

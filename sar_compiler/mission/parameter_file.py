@@ -1,0 +1,310 @@
+"""Finding fault with a ROS parameter file before ROS reads it.
+
+The parser of ROS (rcl's, on libyaml) reads less than YAML, names no column, and reads some things as
+something else, or not at all, without a word. What is refused here is what it refuses, misreads or
+passes over; the rest passes, whichever nodes the file is for. Which scalars are numbers is its own decision, too.
+"""
+
+import math
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from sar_compiler.errors import SarError
+
+_SECTION = "ros__parameters"
+
+
+@dataclass(frozen=True)
+class FileProblem:
+    """One mistake in a parameter file.
+
+    Attributes:
+        line: Its line, from 1.
+        column: Its column, from 1.
+        text: What is wrong.
+    """
+
+    line: int
+    column: int
+    text: str
+
+
+class ParameterFileError(SarError):
+    """A parameter file that ROS would refuse or misread.
+
+    Attributes:
+        file: The file as it was named.
+        line: Line of the first mistake, from 1; 0 where the file could not be read at all.
+        column: Its column, from 1; 0 where the file could not be read at all.
+        problems: Every mistake that was found.
+    """
+
+    def __init__(self, file: Path, problems: Iterable[FileProblem]) -> None:
+        self.file = file
+        self.problems = tuple(sorted(problems, key=lambda problem: (problem.line, problem.column)))
+        self.line, self.column = self.problems[0].line, self.problems[0].column
+        super().__init__("\n".join(self._shown(problem) for problem in self.problems))
+
+    def _shown(self, problem: FileProblem) -> str:
+        if not problem.line:
+            return f"{self.file}: {problem.text}"
+        return f"{self.file}:{problem.line}:{problem.column}: {problem.text}"
+
+
+def check_parameter_file(path: Path | str) -> None:
+    """Look through a ROS parameter file for what ROS refuses or misreads.
+
+    Args:
+        path: The file.
+
+    Raises:
+        ParameterFileError: With every mistake, each with its place, if there is any.
+    """
+    file = Path(path)
+    problems = list(_problems(_text_of(file)))
+    if problems:
+        raise ParameterFileError(file, problems)
+
+
+def _text_of(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        text = "there is no such parameter file"
+    except IsADirectoryError:
+        text = "is a folder, not a parameter file"
+    except UnicodeDecodeError as error:
+        text = f"is not UTF-8 text (byte {error.start})"
+    except OSError as error:
+        text = f"cannot be read: {error.strerror}"
+    raise ParameterFileError(file, [FileProblem(0, 0, text)])
+
+
+def _problems(text: str) -> Iterator[FileProblem]:
+    # BaseLoader takes every scalar for text: no date, no number of Python's is in the way.
+    try:
+        found = list(_unread_by_ros(text))
+        root = None if found else yaml.compose(text, Loader=yaml.BaseLoader)
+    except yaml.MarkedYAMLError as error:
+        yield _not_yaml(error)
+        return
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position)
+        column = error.position - (text.rfind("\n", 0, error.position) + 1)
+        yield FileProblem(
+            line + 1, column + 1, f"not YAML: the character {chr(error.character)!r} is not allowed"
+        )
+        return
+    except RecursionError:
+        yield FileProblem(1, 1, "nested too deeply")
+        return
+    if found:
+        yield from found
+    elif root is None:
+        yield FileProblem(1, 1, f"the file is empty: it needs a node's name (or /**) and {_SECTION} below it")
+    elif not isinstance(root, yaml.MappingNode):
+        yield _at(
+            root, f"must be a mapping: a node's name (or /**), {_SECTION} below it, then the parameters"
+        )
+    else:
+        yield from _Walk(text).nodes(root, "")
+
+
+def _unread_by_ros(text: str) -> Iterator[FileProblem]:
+    """Find the parts of YAML that ROS has no use for."""
+    documents = 0
+    for event in yaml.parse(text, Loader=yaml.BaseLoader):
+        if isinstance(event, yaml.DocumentStartEvent):
+            documents += 1
+            if event.version is not None and tuple(event.version) != (1, 1):
+                yield _at(
+                    event, f"ROS reads YAML 1.1 only: leave out '%YAML {event.version[0]}.{event.version[1]}'"
+                )
+            if documents == 2:  # noqa: PLR2004
+                yield _at(event, "a second document (---): ROS mixes it into the first; keep one")
+        elif isinstance(event, yaml.AliasEvent):
+            yield _at(event, f"ROS reads no aliases: write out the value of '*{event.anchor}'")
+
+
+def _not_yaml(error: yaml.MarkedYAMLError) -> FileProblem:
+    mark = error.problem_mark or error.context_mark
+    problem = error.problem or "cannot be parsed"
+    if "'\\t'" in problem:
+        problem = "there is a tab: indent with spaces"
+    elif error.context:
+        problem = f"{error.context}: {problem}"
+    line, column = (mark.line + 1, mark.column + 1) if mark is not None else (1, 1)
+    return FileProblem(line, column, f"not YAML: {problem}")
+
+
+def _at(where: yaml.Node | yaml.Event, text: str) -> FileProblem:
+    mark = where.start_mark
+    return FileProblem(mark.line + 1, mark.column + 1, text) if mark is not None else FileProblem(1, 1, text)
+
+
+class _Walk:
+    """Goes through a composed file; yields what is wrong where.
+
+    Args:
+        text: The file's text, in which the nodes' marks count.
+    """
+
+    def __init__(self, text: str) -> None:
+        self._text = text
+
+    def nodes(self, mapping: yaml.MappingNode, name: str) -> Iterator[FileProblem]:
+        """Go through names of nodes and namespaces, which may be nested, down to the parameters."""
+        if not mapping.value:
+            yield _at(mapping, f"has no {_SECTION}" if not name else f"'{name}' has no {_SECTION} below it")
+        yield from self._keys(mapping)
+        for key, value in mapping.value:
+            if not isinstance(key, yaml.ScalarNode):
+                continue
+            if key.value != _SECTION:
+                if isinstance(value, yaml.MappingNode):
+                    yield from self.nodes(value, key.value)
+                else:
+                    yield _at(key, f"'{key.value}' stands outside of {_SECTION}: move it below, or indent it")
+            elif not name:
+                yield _at(key, f"there is no node's name (or /**) above {_SECTION}")
+            elif isinstance(value, yaml.MappingNode):
+                yield from self._parameters(value, "", {})
+            else:
+                yield _at(key, f"{_SECTION} must hold parameters, 'name: value'")
+
+    def _keys(self, mapping: yaml.MappingNode) -> Iterator[FileProblem]:
+        seen: dict[str, int] = {}
+        for key, _ in mapping.value:
+            if not isinstance(key, yaml.ScalarNode):
+                yield _at(key, "a key must be a name, not a list or a mapping")
+            elif key.value in seen:
+                yield _at(key, f"'{key.value}' is given twice (first in line {seen[key.value]})")
+            else:
+                seen[key.value] = key.start_mark.line + 1
+
+    def _parameters(
+        self, mapping: yaml.MappingNode, prefix: str, seen: dict[str, int]
+    ) -> Iterator[FileProblem]:
+        yield from self._keys(mapping)
+        here: set[str] = set()
+        for key, value in mapping.value:
+            if not isinstance(key, yaml.ScalarNode) or key.value in here:
+                continue
+            here.add(key.value)
+            name = prefix + key.value
+            if isinstance(value, yaml.MappingNode):
+                if not value.value:
+                    yield _at(value, f"'{name}' is empty: leave it out")
+                yield from self._parameters(value, f"{name}.", seen)
+                continue
+            # `a.b: 1` and `a: {b: 2}` are the same parameter.
+            if name in seen:
+                yield _at(key, f"'{name}' is given twice (first in line {seen[name]})")
+            seen[name] = key.start_mark.line + 1
+            if isinstance(value, yaml.SequenceNode):
+                yield from self._list(name, value)
+            else:
+                yield from self._scalar(name, value)
+
+    def _list(self, name: str, sequence: yaml.SequenceNode) -> Iterator[FileProblem]:
+        if not sequence.value:
+            # An empty list is an array of no type, which a node cannot declare.
+            yield _at(
+                sequence,
+                f"'{name}' is an empty list, of which ROS cannot tell the type: leave it out or fill it",
+            )
+            return
+        kinds: list[str] = []
+        for entry in sequence.value:
+            if not isinstance(entry, yaml.ScalarNode):
+                what = "mappings" if isinstance(entry, yaml.MappingNode) else "lists"
+                yield _at(entry, f"'{name}' is a list of {what}: ROS reads lists of plain values only")
+                return
+            yield from self._scalar(name, entry)
+            kinds.append(self._kind(entry))
+            if kinds[-1] != kinds[0]:
+                hint = " (write 1.0 for 1)" if {kinds[-1], kinds[0]} == {"a whole number", "a number"} else ""
+                text = f"'{name}' mixes {kinds[0]} with {kinds[-1]}: a list must be all of one type{hint}"
+                yield _at(entry, text)
+                return
+
+    def _scalar(self, name: str, node: yaml.ScalarNode) -> Iterator[FileProblem]:
+        if node.tag != "tag:yaml.org,2002:str":
+            # Read as if the tag were not there: `!degrees 90` as 90, `!!int '3'` as text.
+            yield _at(node, f"'{name}' has the tag {node.tag}, which ROS ignores: write the value itself")
+        elif self._is_text(node):
+            return
+        elif node.value == "":
+            yield _at(node, f"'{name}' has no value")
+        elif node.value in ("~", "null", "Null", "NULL"):
+            yield _at(node, f"'{name}' is {node.value}: ROS has no empty values and would read that text")
+        else:
+            yield from self._number(name, node)
+
+    def _number(self, name: str, node: yaml.ScalarNode) -> Iterator[FileProblem]:
+        """Find numbers that are others for ROS than for whoever wrote them."""
+        text = node.value
+        if re.fullmatch(r"[+-]?0[0-7]+", text) and int(text, 8) != int(text):
+            yield _at(
+                node, f"'{name}': ROS reads {text} as an octal number, {int(text, 8)}; write it without the 0"
+            )
+        elif rcl_kind(text) == "text" and _means_number(text):
+            yield _at(node, f"'{name}': ROS reads {text} as text, not as a number; write it in plain digits")
+
+    def _kind(self, node: yaml.ScalarNode) -> str:
+        return "text" if self._is_text(node) else rcl_kind(node.value)
+
+    def _is_text(self, node: yaml.ScalarNode) -> bool:
+        # An explicit tag begins where the node does; the only one that gets here is !!str.
+        return (
+            node.style in ("'", '"') or self._text[node.start_mark.index : node.start_mark.index + 1] == "!"
+        )
+
+
+_BOOLS = frozenset(
+    word
+    for lower in ("y", "yes", "true", "on", "n", "no", "false", "off")
+    for word in (lower, lower.capitalize(), lower.upper())
+)
+_INTEGER = re.compile(r"[+-]?(0[xX][0-9a-fA-F]+|0[0-7]*|[1-9][0-9]*)")
+_DECIMAL = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+_HEXADECIMAL = re.compile(r"[+-]?0[xX]([0-9a-fA-F]+\.?[0-9a-fA-F]*|\.[0-9a-fA-F]+)([pP][+-]?[0-9]+)?")
+_WORDS = re.compile(r"[+-]?(inf|infinity|nan)|[+-]?\.inf|\.nan", re.IGNORECASE)
+
+
+def rcl_kind(text: str) -> str:
+    """Return what the parser of ROS takes an unquoted scalar for.
+
+    It decides as C's `strtol` (base 0) and `strtod` do, not as YAML: `1e3` and `0x10` are numbers,
+    `1_000` and `0o10` are text, and so is a number that is too large for a double.
+
+    Returns:
+        `a truth value`, `a whole number`, `a number` or `text`.
+    """
+    if text in _BOOLS:
+        return "a truth value"
+    if _INTEGER.fullmatch(text) and -(2**63) <= _c_integer(text) < 2**63:
+        return "a whole number"
+    if _DECIMAL.fullmatch(text):
+        return "text" if math.isinf(float(text)) else "a number"
+    return "a number" if _HEXADECIMAL.fullmatch(text) or _WORDS.fullmatch(text) else "text"
+
+
+def _c_integer(text: str) -> int:
+    digits = text.lstrip("+-").lower()
+    base = 16 if digits.startswith("0x") else 8 if digits.startswith("0") else 10
+    return int(text, base)
+
+
+def _means_number(text: str) -> bool:
+    for read in (float, lambda written: int(written, 0)):
+        try:
+            read(text)
+        except ValueError:
+            continue
+        return True
+    return False

@@ -1,0 +1,55 @@
+"""Frames that stand still, published so that a late listener learns all of them.
+
+`/tf_static` keeps one message for late listeners, so that message must hold every frame published so far,
+and a frame that is sent again must replace its earlier self. (tf2_ros for Python ignores the second sending.)
+"""
+
+from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
+
+if TYPE_CHECKING:
+    from geometry_msgs.msg import TransformStamped
+    from rclpy.node import Node
+
+TOPIC = "/tf_static"
+"""Absolute, like tf2's own; a mission in a namespace remaps `/tf_static:=tf_static`, as Nav2 does."""
+
+
+class StaticTransforms:
+    """The static frames of one node.
+
+    Use `static_transforms_of`: two publishers on one node would each tell late listeners only their half.
+
+    Args:
+        node: The rclpy node that publishes.
+    """
+
+    def __init__(self, node: "Node") -> None:
+        from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+        from tf2_msgs.msg import TFMessage
+
+        latched = QoSProfile(
+            depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+        )
+        self._message_type = TFMessage
+        self._publisher = node.create_publisher(TFMessage, TOPIC, latched)
+        self._transforms: dict[str, TransformStamped] = {}
+
+    def put(self, transform: "TransformStamped") -> None:
+        """Publish a frame, together with all earlier ones; one with the same child frame is replaced."""
+        self._transforms[transform.child_frame_id] = transform
+        self._publisher.publish(self._message_type(transforms=list(self._transforms.values())))
+
+
+_of_node: "WeakKeyDictionary[Any, StaticTransforms]" = WeakKeyDictionary()
+
+
+def static_transforms_of(node: "Node") -> StaticTransforms:
+    """Return the static frames of a node, the same object every time it is asked for.
+
+    They live as long as the node: frames of a mission that is over stay known.
+    """
+    transforms = _of_node.get(node)
+    if transforms is None:
+        transforms = _of_node[node] = StaticTransforms(node)
+    return transforms
