@@ -1,0 +1,103 @@
+"""Command lines with ROS arguments, taken apart and put together; works without ROS."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise, zip_longest
+from pathlib import Path
+
+from sar_compiler.mission.parameter_file import check_parameter_file
+
+_BEGIN, _END = "--ros-args", "--"
+_FILE_FLAG = "--params-file"
+_PARAMETER_FLAGS = ("-p", "--param")
+_REMAP_FLAGS = ("-r", "--remap")
+
+
+@dataclass(frozen=True)
+class SplitArguments:
+    """A command line, taken apart.
+
+    Attributes:
+        own: What is the command's own.
+        ros: What is ROS's, without the `--ros-args` and `--` around it.
+    """
+
+    own: list[str]
+    ros: list[str]
+
+
+def split_arguments(argv: Sequence[str]) -> SplitArguments:
+    """Take a command line apart: what stands between `--ros-args` and `--` (or the end) is ROS's."""
+    own: list[str] = []
+    ros: list[str] = []
+    inside = False
+    for argument in argv:
+        if argument == _BEGIN:
+            inside = True
+        elif inside and argument == _END:
+            inside = False
+        else:
+            (ros if inside else own).append(argument)
+    return SplitArguments(own, ros)
+
+
+def init_arguments(ros: Sequence[str], params_file: Path | None = None) -> list[str]:
+    """Return the arguments for `rclpy.init`.
+
+    Args:
+        ros: The user's own ROS arguments, without `--ros-args`.
+        params_file: A parameter file that counts before all of them.
+
+    Raises:
+        ParameterFileError: If a parameter file, also one among the user's own arguments, is one that
+            ROS would refuse or misread.
+    """
+    first = [] if params_file is None else [_FILE_FLAG, str(params_file)]
+    arguments = [*first, *ros]
+    for flag, value in pairwise(arguments):
+        if flag == _FILE_FLAG:
+            check_parameter_file(value)
+    kept = _without_node_names(arguments)
+    return [_BEGIN, *kept] if kept else []
+
+
+def names_parameter_file(ros: Sequence[str]) -> bool:
+    """Say whether the user's own ROS arguments name a parameter file."""
+    return _FILE_FLAG in ros
+
+
+def node_arguments(ros: Sequence[str]) -> list[str]:
+    """Return the arguments that a node must be given by itself, besides those of `rclpy.init`.
+
+    A `-p name:=value` must win over a file before it. ROS sees to that only within one section: given
+    for all of the process the value belongs to `/**`, and a section of the file with the node's name
+    that stands after a `/**` wins. A node's own arguments come last of all.
+
+    A new name (`-r __node:=name`) is for this node alone: given for all of the process it would rename the
+    servers and the simulator's nodes in it, too.
+
+    Args:
+        ros: The user's own ROS arguments, without `--ros-args`.
+    """
+    last_file = max((index for index, argument in enumerate(ros) if argument == _FILE_FLAG), default=-1)
+    rules: list[str] = []
+    for index, (flag, rule) in enumerate(pairwise(ros)):
+        if (flag in _PARAMETER_FLAGS and index > last_file) or _names_nodes(flag, rule):
+            rules += [flag, rule]
+    return [_BEGIN, *rules] if rules else []
+
+
+def _names_nodes(flag: str, rule: str) -> bool:
+    """Say whether a flag and its rule give nodes a name."""
+    return flag in _REMAP_FLAGS and rule.startswith(("__node:=", "__name:="))
+
+
+def _without_node_names(arguments: Sequence[str]) -> list[str]:
+    kept: list[str] = []
+    rest = iter(zip_longest(arguments, arguments[1:], fillvalue=""))
+    for flag, rule in rest:
+        if _names_nodes(flag, rule):
+            next(rest)
+        else:
+            kept.append(flag)
+    return kept

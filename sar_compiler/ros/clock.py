@@ -1,0 +1,20 @@
+"""The clock of a node as the clock of its trees."""
+
+from rclpy.node import Node
+
+_NANOSECONDS = 1_000_000_000
+
+
+class RosClock:
+    """Seconds of a node's clock, which is the simulator's under `use_sim_time`.
+
+    Args:
+        node: The node.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._clock = node.get_clock()
+
+    def now(self) -> float:
+        """Return the time in seconds; 0 under `use_sim_time` until the first `/clock`."""
+        return int(self._clock.now().nanoseconds) / _NANOSECONDS

@@ -1,0 +1,55 @@
+"""What ROS has to say about its arguments and names, put into words."""
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from rclpy.exceptions import NameValidationException
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rcl
+
+from sar_compiler.errors import SarError
+
+
+class RosArgumentError(SarError):
+    """ROS arguments, or a parameter file among them, that ROS does not accept."""
+
+
+@contextmanager
+def readable_ros_errors() -> Iterator[None]:
+    """Turn what ROS has to say about its arguments and names, in the block, into plain words.
+
+    Raises:
+        RosArgumentError: In the place of rclpy's own errors.
+    """
+    try:
+        yield
+    except _rcl.UnknownROSArgsError as error:
+        unknown = ", ".join(re.findall(r"'([^']*)'", str(error))) or str(error)
+        message = (
+            f"not a ROS argument: {unknown} (what follows --ros-args is ROS's, up to a --; "
+            "a parameter is given with -p name:=value)"
+        )
+        raise RosArgumentError(message) from error
+    except (_rcl.RCLError, _rcl.RCUtilsError, NameValidationException) as error:
+        raise RosArgumentError(_in_words(str(error))) from error
+
+
+_FORMS = {
+    "parameter override rule": "a parameter is given as name:=value, and a list holds values of one type",
+    "remap rule": "a name is replaced by from:=to, a node's by __node:=name, the namespace by __ns:=/name",
+    "log level": "a level is debug, info, warn, error or fatal, or logger:=level",
+}
+
+
+def _in_words(text: str) -> str:
+    """Put an error of rcl into words, without the places in rcl's own source."""
+    text = re.sub(r"(, at /\S+:\d+)+$", "", text.strip())
+    text = re.sub(r"\s*, at /\S+:\d+", "", text).removeprefix("failed to initialize rcl: ")
+    trailing = re.search(r"Couldn't parse trailing (\S+) flag", text)
+    if trailing:
+        return f"{trailing[1]} needs a value after it"
+    rule = re.search(r"Couldn't parse ([a-z ]+): '(.*?)'\. Error: (.*)", text, re.DOTALL)
+    if rule is None:
+        return f"ROS does not accept its arguments: {' '.join(text.split())}"
+    kind, given, reason = rule[1], rule[2], " ".join(rule[3].split())
+    return f"'{given}' is not understood: {_FORMS.get(kind, reason)}"

@@ -1,0 +1,92 @@
+"""Nodes whose parameters are data: whatever a file or the command line gives is declared."""
+
+from array import array
+from typing import Any
+
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from sar_compiler.ros.errors import RosArgumentError, readable_ros_errors
+
+
+class DataNode(Node):
+    """A node that has every parameter it is given.
+
+    Args:
+        name: Its name, unless it is remapped.
+        context: Its context; by default the process's own.
+        cli_args: Arguments of its own (`arguments.node_arguments`).
+        options: Further keyword arguments of `rclpy.node.Node`.
+
+    Raises:
+        RosArgumentError: If a name or a value among them is one that a node cannot have.
+    """
+
+    def __init__(
+        self, name: str, context: Context | None = None, cli_args: list[str] | None = None, **options: Any
+    ) -> None:
+        with readable_ros_errors():
+            try:
+                super().__init__(
+                    name,
+                    context=context,
+                    cli_args=cli_args,
+                    automatically_declare_parameters_from_overrides=True,
+                    allow_undeclared_parameters=True,
+                    **options,
+                )
+            except ValueError as error:
+                # The only one that comes of what a user gave; an empty list is an array of no type.
+                if "PARAMETER_NOT_SET" not in str(error):
+                    raise
+                names = _untyped(name, context, cli_args)
+                message = (
+                    f"{names}: an empty list, of which ROS cannot tell the type; leave it out or fill it"
+                )
+                raise RosArgumentError(message) from error
+        _require_sim_time_switch(self)
+
+
+def mission_node(
+    name: str, context: Context | None = None, cli_args: list[str] | None = None, **options: Any
+) -> Node:
+    """Make a node that has every parameter it is given; see `DataNode`."""
+    return DataNode(name, context, cli_args, **options)
+
+
+def _require_sim_time_switch(node: Node) -> None:
+    """See that `use_sim_time` is true or false; a node only logs that it is not, and then ignores it."""
+    value = node.get_parameter("use_sim_time").value
+    if not isinstance(value, bool):
+        node.destroy_node()
+        message = f"parameter use_sim_time: must be true or false, is {value!r}"
+        raise RosArgumentError(message)
+
+
+def _untyped(name: str, context: Context | None, cli_args: list[str] | None) -> str:
+    """Name the parameters that have no type, by way of a node that does not declare them."""
+    probe = Node(
+        name, context=context, cli_args=cli_args, start_parameter_services=False, enable_rosout=False
+    )
+    given: dict[str, Parameter] = getattr(probe, "_parameter_overrides", {})
+    probe.destroy_node()
+    names = [key for key, value in given.items() if value.type_ == Parameter.Type.NOT_SET]
+    return f"parameter {', '.join(names)}" if names else "a parameter"
+
+
+def declare_default(node: Node, name: str, value: object) -> Any:
+    """Declare a parameter unless it was given.
+
+    Returns:
+        Its value: the one given, or the default.
+    """
+    if not node.has_parameter(name):
+        node.declare_parameter(name, value)
+    return node.get_parameter(name).value
+
+
+def flat_parameters(node: Node) -> dict[str, object]:
+    """Return the values of a node's parameters by their flat names; arrays as lists."""
+    values = {name: parameter.value for name, parameter in node.get_parameters_by_prefix("").items()}
+    return {name: list(value) if isinstance(value, array) else value for name, value in values.items()}

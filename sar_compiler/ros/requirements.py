@@ -1,0 +1,230 @@
+"""What a mission may have to wait for, one class each; none of them blocks."""
+
+import math
+import time
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from lifecycle_msgs.srv import GetState
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.task import Future
+
+Pose = tuple[float, float, float]
+"""x and y in metres, yaw in radians."""
+
+_INITIAL_POSE_PERIOD_SEC = 1.0
+_ASK_PERIOD_SEC = 0.5
+_ANSWER_DEADLINE_SEC = 2.0
+
+# Half a metre and 15 degrees of standard deviation, as variances: x, y, yaw.
+_INITIAL_VARIANCES = {0: 0.25, 7: 0.25, 35: 0.068}
+
+
+class Requirement(Protocol):
+    """Something that must be there before the first tick."""
+
+    def missing(self) -> str | None:
+        """Do the next step, and say what is missing; None if nothing is."""
+        ...
+
+    def close(self) -> None:
+        """Give back what was made on the node."""
+        ...
+
+
+class OneServer:
+    """An action or a service that exactly one server answers to.
+
+    Args:
+        node: The node that will call it.
+        kind: `action` or `service`.
+        name: Its relative name.
+    """
+
+    def __init__(self, node: Node, kind: str, name: str) -> None:
+        self._node = node
+        self._title = f"{kind} {name}"
+        self._service = node.resolve_service_name(f"{name}/_action/send_goal" if kind == "action" else name)
+        resolved = self._service.removesuffix("/_action/send_goal")
+        if resolved != f"/{name.lstrip('/')}":
+            self._title += f" ({resolved})"
+        self._resolved = resolved
+
+    @property
+    def contested(self) -> bool:
+        """Whether several servers would take the same call."""
+        return int(self._node.count_services(self._service)) > 1
+
+    def missing(self) -> str | None:
+        """Say whether there is no server, or more than one."""
+        servers = int(self._node.count_services(self._service))
+        if servers == 1:
+            return None
+        if not servers:
+            return f"{self._title}: no server"
+        number, which = ("two", "one") if servers == 2 else (servers, "all but one")  # noqa: PLR2004
+        return f"{self._title}: {number} servers answer to {self._resolved}: stop {which}"
+
+    def close(self) -> None:
+        """Do nothing: looking at the graph needs nothing on the node."""
+
+
+class Published:
+    """A topic that somebody publishes on.
+
+    Args:
+        node: The node that will listen.
+        name: Its relative name.
+    """
+
+    def __init__(self, node: Node, name: str) -> None:
+        self._node = node
+        self._topic = node.resolve_topic_name(name)
+        self._title = f"topic {name}" + (f" ({self._topic})" if self._topic != f"/{name.lstrip('/')}" else "")
+
+    def missing(self) -> str | None:
+        """Say whether there is no publisher."""
+        return None if self._node.count_publishers(self._topic) else f"{self._title}: no publisher"
+
+    def close(self) -> None:
+        """Do nothing: looking at the graph needs nothing on the node."""
+
+
+class ClockRuns:
+    """Simulated time that has begun.
+
+    Args:
+        node: A node under `use_sim_time`.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._clock = node.get_clock()
+
+    def missing(self) -> str | None:
+        """Say whether no time has come."""
+        came = not self._clock.ros_time_is_active or self._clock.now().nanoseconds > 0
+        return None if came else "use_sim_time is set and no /clock has come"
+
+    def close(self) -> None:
+        """Do nothing: the node listens to /clock for itself."""
+
+
+class Localised:
+    """A localisation that has taken the initial pose.
+
+    The pose is published until an answer comes. Answers are listened for in a way that leaves out those
+    from before: an old pose, kept by the publisher for latecomers, says nothing of ours.
+
+    Args:
+        node: The node to publish with.
+        pose: Where the robot stands, in the frame `map`.
+    """
+
+    def __init__(self, node: Node, pose: Pose) -> None:
+        self._node = node
+        self._pose = pose
+        self._sent_at = -math.inf
+        self._answered = False
+        self._publisher = node.create_publisher(PoseWithCovarianceStamped, "initialpose", QoSProfile(depth=1))
+        # QoSProfile is reliable and volatile unless it is told otherwise.
+        self._subscription = node.create_subscription(
+            PoseWithCovarianceStamped, "amcl_pose", self._on_answer, QoSProfile(depth=10)
+        )
+
+    def missing(self) -> str | None:
+        """Publish the pose if it is time to, and say whether no answer has come."""
+        if self._answered:
+            return None
+        now = time.monotonic()
+        heard = self._publisher.get_subscription_count() > 0
+        if heard and now - self._sent_at >= _INITIAL_POSE_PERIOD_SEC:
+            self._sent_at = now
+            self._publisher.publish(self._message())
+        x, y, yaw = self._pose
+        deaf = "" if heard else ", and nobody listens to initialpose"
+        return f"topic amcl_pose: no answer to the initial pose ({x:.2f}, {y:.2f}, yaw {yaw:.2f}){deaf}"
+
+    def close(self) -> None:
+        """Destroy the publisher and the subscription."""
+        self._node.destroy_publisher(self._publisher)
+        self._node.destroy_subscription(self._subscription)
+
+    def _on_answer(self, _: PoseWithCovarianceStamped) -> None:
+        self._answered = self._answered or self._sent_at > -math.inf
+
+    def _message(self) -> PoseWithCovarianceStamped:
+        x, y, yaw = self._pose
+        message = PoseWithCovarianceStamped()
+        message.header.frame_id = "map"
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        message.pose.pose.position.x, message.pose.pose.position.y = float(x), float(y)
+        message.pose.pose.orientation.z = math.sin(yaw / 2)
+        message.pose.pose.orientation.w = math.cos(yaw / 2)
+        for index, variance in _INITIAL_VARIANCES.items():
+            message.pose.covariance[index] = variance
+        return message
+
+
+class NodeActive:
+    """A lifecycle node that says it is active.
+
+    It is asked again and again, also once it was: what is active now may not be when the rest is there.
+    An answer that is lost, as one may be while the two sides still discover each other, is not waited for.
+
+    Args:
+        node: The node to ask with.
+        name: The relative name of the one asked.
+        now: The steady clock, in seconds.
+    """
+
+    def __init__(self, node: Node, name: str, now: Callable[[], float] = time.monotonic) -> None:
+        self._node = node
+        self._name = name
+        self._now = now
+        self._client: Any = node.create_client(GetState, f"{name}/get_state")
+        self._call: Future | None = None
+        self._asked_at = -math.inf
+        self._state: str | None = None
+        self._lost = 0
+
+    def missing(self) -> str | None:
+        """Ask if it is time to, and say what was last answered unless that is `active`."""
+        if not self._client.service_is_ready():
+            self._drop()
+            self._state = None
+            return f"node {self._name}: not there (no service {self._name}/get_state)"
+        self._take_answer()
+        if self._call is None and self._now() - self._asked_at >= _ASK_PERIOD_SEC:
+            self._asked_at = self._now()
+            self._call = self._client.call_async(GetState.Request())
+        if self._state is None:
+            return f"node {self._name}: {self._name}/get_state has not answered" + (
+                " in time" if self._lost else ""
+            )
+        return (
+            None if self._state == "active" else f"node {self._name}: state '{self._state}', must be 'active'"
+        )
+
+    def close(self) -> None:
+        """Destroy the client."""
+        self._drop()
+        self._node.destroy_client(self._client)
+
+    def _take_answer(self) -> None:
+        if self._call is None:
+            return
+        if self._call.done():
+            answer = self._call.result()
+            self._call = None
+            self._state = answer.current_state.label if answer is not None else None
+        elif self._now() - self._asked_at > _ANSWER_DEADLINE_SEC:
+            self._lost += 1
+            self._state = None
+            self._drop()
+
+    def _drop(self) -> None:
+        call, self._call = self._call, None
+        if call is not None:
+            self._client.remove_pending_request(call)

@@ -1,0 +1,331 @@
+"""Ticking a tree on a ROS node, in the thread of its executor.
+
+The interface is that of `py_trees_ros.trees.BehaviourTree`, so that a tree and the program around it
+run with either. What is added: the tree is ticked at once when a leaf says that there is news
+(`runtime.leaf`), it goes on being ticked while the node's clock stands still, and it is always stopped
+from the root, so that a robot is not left driving.
+"""
+
+import time
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+import py_trees
+import rclpy
+from py_trees.behaviour import Behaviour
+from py_trees.common import Duration, Status
+from rclpy.exceptions import InvalidHandle
+from rclpy.executors import Executor, ExternalShutdownException
+from rclpy.node import Node
+
+from sar_compiler.errors import SarError
+from sar_compiler.ros.beat import Beat
+from sar_compiler.ros.blame import described, raised_in
+from sar_compiler.ros.depth import require_tickable_depth
+from sar_compiler.runtime.leaf import Settling
+
+TickHandler = Callable[[py_trees.trees.BehaviourTree], None]
+
+# How long one turn of the executor may take while stopped leaves settle.
+_TURN_SEC = 0.02
+
+
+class SetupTimeoutError(SarError):
+    """The leaves of a tree took too long to set up.
+
+    Attributes:
+        behaviour: The one that was being set up when the time was over.
+    """
+
+    def __init__(self, behaviour: str, timeout_sec: float) -> None:
+        self.behaviour = behaviour
+        message = f"setting up the tree took longer than {timeout_sec:g} s; the last was '{behaviour}'"
+        super().__init__(message)
+
+
+class TreeRunner(py_trees.trees.BehaviourTree):
+    """Ticks a tree on a node.
+
+    Everything but `wake` and `interrupt` belongs in the thread of the node's executor.
+
+    Args:
+        root: The tree.
+        unicode_tree_debug: Whether the tree is printed at every tick.
+
+    Attributes:
+        node: The node, once `setup` was called.
+        last_status: What the last tick made of the root, also after the tree was stopped.
+        failure: What a leaf (or a handler) raised; the tree was stopped by it.
+        failed_behaviour: The leaf that raised it; None if it was none of the tree.
+    """
+
+    def __init__(self, root: Behaviour, unicode_tree_debug: bool = False) -> None:
+        super().__init__(root)
+        visitors = py_trees.visitors
+        self.snapshot_visitor = (
+            visitors.DisplaySnapshotVisitor() if unicode_tree_debug else visitors.SnapshotVisitor()
+        )
+        self.add_visitor(self.snapshot_visitor)
+        self.node: Node | None = None
+        self.last_status = Status.INVALID
+        self.failure: Exception | None = None
+        self.failed_behaviour: Behaviour | None = None
+        self._owns_node = False
+        self._beat: Beat | None = None
+        self._guard: Any = None
+        self._handlers: tuple[TickHandler | None, TickHandler | None] = (None, None)
+        self._ticks_left = py_trees.trees.CONTINUOUS_TICK_TOCK
+        self._running = self._ticking = self._stopped = self._woken = False
+        self.post_tick_handlers.append(self._remember_status)
+
+    @property
+    def running(self) -> bool:
+        """Whether the tree is being ticked."""
+        return self._running
+
+    def setup(  # type: ignore[override]
+        self,
+        node: Node | None = None,
+        node_name: str = "tree",
+        timeout: float | Duration = Duration.INFINITE,
+        visitor: py_trees.visitors.VisitorBase | None = None,
+        **kwargs: Any,
+    ) -> None:
+        """Set up every behaviour of the tree, with `node=`, `wake=` and what else is given.
+
+        Args:
+            node: The node to tick on; by default one is made, and destroyed by `shutdown`.
+            node_name: The name of the node that is made.
+            timeout: Seconds that all of it may take. It is looked at between the behaviours: a signal
+                (py_trees' own way) would only work in the main thread.
+            visitor: Visits each behaviour after its setup.
+            kwargs: Handed on to every behaviour.
+
+        Raises:
+            TypeError: If *node* is not a node.
+            TreeTooDeepError: If the tree is nested too deeply to be ticked.
+            SetupTimeoutError: If it took too long.
+        """
+        if node is not None and not isinstance(node, Node):
+            message = f"a tree is set up with an rclpy node, not with {node!r}"
+            raise TypeError(message)
+        require_tickable_depth(self.root)
+        self._owns_node = node is None
+        self.node = node if node is not None else rclpy.create_node(node_name)
+        self._guard = self.node.create_guard_condition(self._on_wake)
+        limit = float(timeout.value if isinstance(timeout, Duration) else timeout)
+        deadline = time.monotonic() + limit
+        if visitor is not None:
+            visitor.initialise()
+        for behaviour in self.root.iterate():
+            behaviour.setup(**{"node": self.node, "wake": self.wake, **kwargs})
+            if visitor is not None:
+                behaviour.visit(visitor)
+            if time.monotonic() > deadline:
+                raise SetupTimeoutError(behaviour.name, limit)
+        if visitor is not None:
+            visitor.finalise()
+
+    def tick_tock(  # type: ignore[override]
+        self,
+        period_ms: float,
+        number_of_iterations: int = py_trees.trees.CONTINUOUS_TICK_TOCK,
+        pre_tick_handler: TickHandler | None = None,
+        post_tick_handler: TickHandler | None = None,
+    ) -> None:
+        """Start ticking, from the executor, and return at once.
+
+        Args:
+            period_ms: Milliseconds of the node's clock between two ticks, at most.
+            number_of_iterations: After how many ticks to end, woken ones included; by default never.
+            pre_tick_handler: Called before every tick, before the handlers that were added.
+            post_tick_handler: Called after every tick, after the handlers that were added.
+
+        Raises:
+            RuntimeError: If `setup` was not called, or the tree was stopped already.
+            ValueError: If the period is not above 0.
+        """
+        self._require_not_stopped()
+        if self.node is None:
+            message = "call setup() before tick_tock()"
+            raise RuntimeError(message)
+        if not period_ms > 0:
+            message = f"the period between ticks must be above 0 ms, is {period_ms}"
+            raise ValueError(message)
+        self._pause()
+        self._handlers = (pre_tick_handler, post_tick_handler)
+        self._ticks_left = number_of_iterations
+        self._woken = False
+        self._running = True
+        self._beat = Beat(self.node, period_ms / 1000.0, self._tick_now, lambda: self.count)
+
+    def tick(
+        self,
+        pre_tick_handler: TickHandler | None = None,
+        post_tick_handler: TickHandler | None = None,
+    ) -> None:
+        """Tick once. What a leaf raises is raised here; `tick_tock` keeps it in `failure` instead.
+
+        Raises:
+            RuntimeError: If the tree was stopped already.
+        """
+        self._require_not_stopped()
+        self._ticking = True
+        try:
+            super().tick(pre_tick_handler, post_tick_handler)
+        finally:
+            self._ticking = False
+        if self.interrupt_tick_tocking:
+            self.stop()
+
+    def wake(self) -> None:
+        """Have the tree ticked as soon as the executor gets to it, once for any number of calls.
+
+        May be called at any time from any thread; during a tick it means one more after it.
+        """
+        self._woken = True
+        self._trigger()
+
+    def interrupt(self) -> None:
+        """Have the tree stopped from the executor's thread; for signal handlers and other threads."""
+        super().interrupt()
+        self._trigger()
+
+    def stop(self) -> None:
+        """Tick no more, and stop the tree from its root, so that goals in flight are cancelled.
+
+        Called during a tick (by a handler or a leaf) it takes effect when the tick is over.
+        """
+        self.interrupt_tick_tocking = True
+        if self._ticking or self._stopped:
+            return
+        self._stopped = True
+        self._pause()
+        self._stop_behaviours()
+
+    def settle(self, executor: Executor, timeout_sec: float = 1.5) -> list[str]:
+        """Stop the tree, then spin until nothing of its leaves is under way any more.
+
+        Args:
+            executor: The executor of the node.
+            timeout_sec: How long to spin at most, in seconds of the steady clock.
+
+        Returns:
+            The names of the leaves that had something under way to the end.
+        """
+        self.stop()
+        deadline = time.monotonic() + timeout_sec
+        while self._unsettled() and time.monotonic() < deadline:
+            try:
+                executor.spin_once(timeout_sec=_TURN_SEC)
+            except (ExternalShutdownException, InvalidHandle):
+                break
+            except Exception as error:  # noqa: BLE001 - somebody's callback; the goals still count
+                self._log(f"while the tree was stopping: {described(error)}")
+            if not executor.context.ok():
+                break
+        return [leaf.name for leaf in self._unsettled()]
+
+    def shutdown(self) -> None:
+        """Stop the tree and give back what it has; never raises, may be called again."""
+        self.stop()
+        for behaviour in list(self.root.iterate()):
+            self._try(behaviour.shutdown, f"'{behaviour.name}' could not be shut down")
+        node, guard, self._guard = self.node, self._guard, None
+        if node is None or guard is None:
+            return
+        self._try(lambda: node.destroy_guard_condition(guard), "the runner's guard could not be given back")
+        if self._owns_node:
+            self._try(node.destroy_node, "the node could not be given back")
+
+    def _try(self, action: Callable[[], object], complaint: str) -> None:
+        """Do one of several things that must all be tried, whether the context is still up or not."""
+        try:
+            action()
+        except Exception as error:  # noqa: BLE001
+            self._log(f"{complaint}: {described(error)}")
+
+    def _require_not_stopped(self) -> None:
+        if self._stopped:
+            message = "a stopped tree is not ticked again"
+            raise RuntimeError(message)
+
+    def _remember_status(self, tree: py_trees.trees.BehaviourTree) -> None:
+        self.last_status = tree.root.status
+
+    def _trigger(self) -> None:
+        guard = self._guard
+        try:
+            if guard is not None:
+                guard.trigger()
+        except (InvalidHandle, RuntimeError):
+            pass  # Destroyed in another thread meanwhile: there is nobody left to wake.
+
+    def _on_wake(self) -> None:
+        if self.interrupt_tick_tocking:
+            self.stop()
+        elif self._woken:
+            self._tick_now()
+
+    def _tick_now(self) -> None:
+        """Tick, from a callback of the executor: nothing may be raised there."""
+        if not self._running:
+            return
+        self._woken = False
+        try:
+            self.tick(*self._handlers)
+        except Exception as error:  # noqa: BLE001 - kept, logged, and the tree is stopped
+            self._fail(error)
+            return
+        if self._ticks_left > 0:
+            self._ticks_left -= 1
+        if self._ticks_left == 0:
+            self._pause()
+
+    def _fail(self, error: Exception) -> None:
+        self.failure = error
+        behaviour = self.failed_behaviour = raised_in(error)
+        who = (
+            f"'{behaviour.name}' ({type(behaviour).__name__})" if behaviour is not None else "a tick handler"
+        )
+        self._log(f"{who} failed: {described(error)}. The tree is stopped.")
+        if self.node is not None:
+            self.node.get_logger().debug("".join(traceback.format_exception(error)))
+        self.stop()
+
+    def _pause(self) -> None:
+        self._running = False
+        beat, self._beat = self._beat, None
+        if beat is not None:
+            beat.destroy()
+
+    def _stop_behaviours(self) -> None:
+        """Stop the leaf that failed, the root, and then whoever that did not reach.
+
+        A composite that raised in its first tick is INVALID and stops none of its children, and the leaf
+        that raised is INVALID too, although it may have sent its goal.
+        """
+        failed = self.failed_behaviour
+        if failed is not None and not failed.children:
+            self._stop_one(failed)
+        if failed is not self.root:
+            self._stop_one(self.root)
+        for behaviour in list(self.root.iterate()):
+            if behaviour.status == Status.RUNNING:
+                self._stop_one(behaviour)
+
+    def _stop_one(self, behaviour: Behaviour) -> None:
+        try:
+            behaviour.stop(Status.INVALID)
+        except Exception as error:  # noqa: BLE001 - the others must be stopped all the same
+            self._log(f"'{behaviour.name}' failed while it was stopped: {described(error)}")
+            # Not again, and not as one that is still running.
+            (raised_in(error) or behaviour).status = Status.INVALID
+
+    def _unsettled(self) -> list[Behaviour]:
+        return [leaf for leaf in self.root.iterate() if isinstance(leaf, Settling) and not leaf.settled()]
+
+    def _log(self, text: str) -> None:
+        if self.node is not None:
+            self.node.get_logger().error(text)

@@ -1,0 +1,72 @@
+"""A server as a command: a node that is spun until somebody stops it."""
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from sar_compiler.errors import SarError
+from sar_compiler.ros.arguments import init_arguments, node_arguments, split_arguments
+from sar_compiler.ros.errors import readable_ros_errors
+from sar_compiler.ros.signals import StopSignals
+
+# A signal is noticed between two turns of the executor.
+_TURN_SEC = 0.1
+
+NodeFactory = Callable[[Context, list[str]], Node]
+"""Makes the node in a context, with arguments of its own."""
+
+
+def serve(make_node: NodeFactory, prog: str, description: str, argv: Sequence[str] | None) -> int:
+    """Run a node as a command until SIGINT or SIGTERM.
+
+    Args:
+        make_node: Makes the node.
+        prog: The command's name.
+        description: What `--help` says of it.
+        argv: The command line without the command, `--ros-args` included; by default the process's.
+
+    Returns:
+        0 once it was stopped: being stopped is how a server's work ends. A wrong command line leaves
+        with status 2, by argparse.
+    """
+    parser = argparse.ArgumentParser(
+        prog=prog,
+        description=description,
+        epilog="What follows --ros-args is ROS's: -p name:=value, -r from:=to, --params-file FILE. "
+        "Ctrl-C or SIGTERM end it, with status 0.",
+    )
+    split = split_arguments(sys.argv[1:] if argv is None else argv)
+    parser.parse_args(split.own)
+    signals = StopSignals()
+    try:
+        _run(make_node, split.ros, lambda: signals.came)
+    except SarError as error:
+        parser.error(str(error))
+    finally:
+        signals.give_back()
+    return 0
+
+
+def _run(make_node: NodeFactory, ros: Sequence[str], stopped: Callable[[], bool]) -> None:
+    """Make the node and spin it."""
+    arguments = init_arguments(ros)
+    context = Context()
+    try:
+        with readable_ros_errors():
+            rclpy.init(args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO)
+        node = make_node(context, node_arguments(ros))
+        with SingleThreadedExecutor(context=context) as executor:
+            executor.add_node(node)
+            while context.ok() and not stopped():
+                executor.spin_once(timeout_sec=_TURN_SEC)
+        node.destroy_node()
+    except ExternalShutdownException:
+        pass
+    finally:
+        context.try_shutdown()

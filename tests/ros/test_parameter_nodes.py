@@ -1,0 +1,332 @@
+"""Parameters as real nodes read them, and ROS arguments."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from sar_compiler.mission.parameter_file import ParameterFileError, check_parameter_file, rcl_kind
+from sar_compiler.mission.parameters import read_mission
+from sar_compiler.resources import shipped_root
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from tests.ros.conftest import Ros
+
+pytestmark = pytest.mark.ros
+
+NAME = "search_and_rescue"
+
+
+class Launch:
+    """Starts a node as a command does, from a parameter file and the user's own ROS arguments."""
+
+    def __init__(self, make_ros: Callable[..., Ros], folder: Path) -> None:
+        self._make_ros = make_ros
+        self._folder = folder
+
+    def file(self, text: str, name: str = "params.yaml") -> Path:
+        path = self._folder / name
+        path.write_text(text)
+        return path
+
+    def node(self, ros: Sequence[str] = (), params: Path | None = None) -> Any:
+        from sar_compiler.ros.arguments import init_arguments, node_arguments
+        from sar_compiler.ros.errors import readable_ros_errors
+        from sar_compiler.ros.parameters import mission_node
+
+        with readable_ros_errors():
+            stage = self._make_ros(init_arguments(ros, params))
+        return stage.add(mission_node(NAME, stage.context, node_arguments(ros)))
+
+    def values(self, ros: Sequence[str] = (), params: Path | None = None) -> dict[str, object]:
+        from sar_compiler.ros.parameters import flat_parameters
+
+        return flat_parameters(self.node(ros, params))
+
+    def error(self, *ros: str) -> str:
+        from sar_compiler.ros.errors import RosArgumentError
+
+        with pytest.raises(RosArgumentError) as caught:
+            self.node(ros)
+        assert "/src/" not in str(caught.value)
+        return str(caught.value)
+
+
+@pytest.fixture
+def launch(make_ros: Callable[..., Ros], tmp_path: Path) -> Launch:
+    return Launch(make_ros, tmp_path)
+
+
+def section(name: str, value: object, key: str = "x") -> str:
+    return f"{name}:\n  ros__parameters:\n    {key}: {value}\n"
+
+
+class TestFiles:
+    def test_the_shipped_file_is_a_mission(self, launch: Launch) -> None:
+        read = read_mission(launch.values(params=shipped_root() / "config" / "mission_params.yaml"))
+        assert [zone["id"] for zone in read.zones] == ["zone_a", "zone_b", "zone_c", "zone_d"]
+        assert read.zones[1] == {"id": "zone_b", "x": 3.5, "y": 3.0, "yaw": 1.57}
+        assert (read.tick_rate_hz, read.set_initial_pose, read.notes) == (2.0, True, ())
+
+    def test_whole_numbers_lists_and_switches_arrive_as_such(self, launch: Launch) -> None:
+        path = launch.file(
+            "/**:\n  ros__parameters: {x: 3, on: off, ints: [1, 2], floats: [1.5], words: [a, b]}\n"
+        )
+        values = launch.values(params=path)
+        assert {key: values[key] for key in ("x", "on", "ints", "floats", "words")} == {
+            "x": 3,
+            "on": False,
+            "ints": [1, 2],
+            "floats": [1.5],
+            "words": ["a", "b"],
+        }
+
+    @pytest.mark.parametrize(
+        ("name", "namespace"),
+        [
+            ("/**", "/"),
+            ("/**", "/group3"),
+            (NAME, "/"),
+            (f"/{NAME}", "/"),
+            (f"/group3/{NAME}", "/group3"),
+            ("/group3/*", "/group3"),
+            ("/group3/**", "/group3/deep"),
+            (f"/**/{NAME}", "/group3"),
+        ],
+    )
+    def test_a_section_reaches_the_node_it_names(self, launch: Launch, name: str, namespace: str) -> None:
+        path = launch.file(section(name, 5))
+        assert launch.values(["-r", f"__ns:={namespace}"], path)["x"] == 5
+
+    @pytest.mark.parametrize("name", ["/other", "/group4/*", f"/group4/{NAME}"])
+    def test_a_section_of_another_node_does_not(self, launch: Launch, name: str) -> None:
+        assert "x" not in launch.values(["-r", "__ns:=/group3"], launch.file(section(name, 5)))
+
+    @pytest.mark.parametrize(
+        "name", ["/**", NAME, "both", "both, the other way round"], ids=["all", "own", "both", "reversed"]
+    )
+    def test_the_command_line_wins_over_the_file(self, launch: Launch, name: str) -> None:
+        both = [section("/**", "all"), section(NAME, "own")]
+        texts = {"both": both, "both, the other way round": both[::-1]}
+        path = launch.file("".join(texts.get(name, [section(name, "file")])))
+        assert launch.values(["-p", "x:=mine"], path)["x"] == "mine"
+
+    def test_the_command_line_wins_for_a_node_that_is_renamed(self, launch: Launch) -> None:
+        path = launch.file(section("/**", "all") + section("/g/mine", "own"))
+        arguments = ["-r", "__node:=mine", "-r", "__ns:=/g", "-p", "x:=given"]
+        assert launch.values(arguments, path)["x"] == "given"
+
+    def test_the_users_own_file_wins_over_the_first(self, launch: Launch) -> None:
+        first, second = launch.file(section("/**", 1)), launch.file(section("/**", 2), "own.yaml")
+        assert launch.values(["--params-file", str(second)], first)["x"] == 2
+
+    def test_a_file_wins_over_what_stood_before_it(self, launch: Launch) -> None:
+        own = launch.file(section("/**", 2))
+        assert launch.values(["-p", "x:=1", "--params-file", str(own)])["x"] == 2
+        assert launch.values(["--params-file", str(own), "-p", "x:=1"])["x"] == 1
+
+    def test_a_bad_file_among_the_users_arguments_is_found_first(self, launch: Launch) -> None:
+        path = launch.file(section("/**", "[1, 2.0]"))
+        with pytest.raises(ParameterFileError, match="mixes"):
+            launch.values(["--params-file", str(path)])
+
+
+class TestTheCheckSpeaksFirst:
+    @pytest.mark.parametrize(
+        "text",
+        [
+            *(
+                "x: []",
+                "x: {}",
+                "x: [1, 2.0]",
+                "x: [a, 1]",
+                "x: [[1], [2]]",
+                "x:",
+                "x: &a 1\n    y: *a",
+                "x: [1",
+            ),
+            *("x 1", "? [a]\n    : 1", "x: [true, 1]", "\tx: 1", "x: 'a"),
+        ],
+    )
+    def test_of_what_ros_refuses(self, launch: Launch, text: str) -> None:
+        path = launch.file(f"/**:\n  ros__parameters:\n    {text}\n")
+        with pytest.raises(ParameterFileError):
+            check_parameter_file(path)
+        # By the user's own hand, past the check: so that the list above stays true.
+        assert self.refused_by_ros(launch, path)
+
+    @pytest.mark.parametrize(
+        "text",
+        [
+            "- a",
+            "x: 1",
+            "/**:\n  x: 1",
+            "ros__parameters:\n  x: 1",
+            "/**:\n  ros__parameters:",
+            "%YAML 1.2\n---\n",
+        ],
+    )
+    def test_of_files_that_are_none(self, launch: Launch, text: str) -> None:
+        path = launch.file(text + "\n")
+        with pytest.raises(ParameterFileError):
+            check_parameter_file(path)
+
+    def refused_by_ros(self, launch: Launch, path: Path) -> bool:
+        from rclpy.exceptions import ParameterException
+        from rclpy.impl.implementation_singleton import rclpy_implementation as rcl
+
+        from sar_compiler.ros.errors import RosArgumentError
+        from sar_compiler.ros.parameters import mission_node
+
+        try:
+            stage = launch._make_ros(["--ros-args", "--params-file", str(path)])
+            mission_node(NAME, stage.context)
+        except (rcl.RCLError, RosArgumentError, ParameterException):
+            return True
+        return False
+
+    def test_takes_every_scalar_for_what_ros_takes_it_for(self, launch: Launch) -> None:
+        scalars = [
+            "1",
+            "-3",
+            "+3",
+            "007",
+            "010",
+            "08",
+            "0x10",
+            "0xfg",
+            "0b11",
+            "0o10",
+            "1_000",
+            "1.0",
+            ".5",
+            "5.",
+            "1e3",
+            "1E-3",
+            "1.e+3",
+            ".e5",
+            "1e999",
+            "-1e400",
+            "0x1p3",
+            "0x1.8",
+            "1e",
+            "1.2.3",
+            "99999999999999999999",
+            "9223372036854775807",
+            "-9223372036854775808",
+            "9223372036854775808",
+            ".nan",
+            ".NaN",
+            ".inf",
+            "-.inf",
+            "+.inf",
+            ".Inf",
+            ".INF",
+            "nan",
+            "inf",
+            "-inf",
+            "infinity",
+            "-Infinity",
+            "NaN",
+            "y",
+            "Y",
+            "yes",
+            "Yes",
+            "YES",
+            "n",
+            "N",
+            "no",
+            "on",
+            "On",
+            "ON",
+            "off",
+            "Off",
+            "true",
+            "True",
+            "TRUE",
+            "false",
+            "yEs",
+            "tRUE",
+            "12:30",
+            "2020-01-01",
+            "a",
+            "3m",
+            "1,5",
+            "--",
+            "+",
+        ]
+        text = "".join(f"    k{index}: {scalar}\n" for index, scalar in enumerate(scalars))
+        values = self.unchecked(launch, text)
+        kinds = {bool: "a truth value", int: "a whole number", float: "a number", str: "text"}
+        read = {scalar: kinds[type(values[f"k{index}"])] for index, scalar in enumerate(scalars)}
+        assert read == {scalar: rcl_kind(scalar) for scalar in scalars}
+
+    def unchecked(self, launch: Launch, text: str) -> dict[str, object]:
+        from sar_compiler.ros.parameters import flat_parameters, mission_node
+
+        path = launch.file("/**:\n  ros__parameters:\n" + text, "scalars.yaml")
+        stage = launch._make_ros(["--ros-args", "--params-file", str(path)])
+        return flat_parameters(stage.add(mission_node(NAME, stage.context)))
+
+
+class TestArguments:
+    def test_what_is_ros_s_stands_between_its_marks(self) -> None:
+        from sar_compiler.ros.arguments import split_arguments
+
+        split = split_arguments(["a", "--ros-args", "-p", "x:=1", "--", "b", "--ros-args", "-r", "c:=d"])
+        assert (split.own, split.ros) == (["a", "b"], ["-p", "x:=1", "-r", "c:=d"])
+
+    def test_no_arguments_are_none(self) -> None:
+        from sar_compiler.ros.arguments import init_arguments, node_arguments
+
+        assert (init_arguments([]), node_arguments([])) == ([], [])
+
+    @pytest.mark.parametrize(
+        ("ros", "parts"),
+        [
+            (["-p"], ["-p needs a value after it"]),
+            (["--params-file"], ["--params-file needs a value after it"]),
+            (["-p", "x"], ["'-p x' is not understood", "name:=value"]),
+            (["-p", "x:="], ["'-p x:='", "name:=value"]),
+            (["-p", "x:=[1, 2.0]"], ["'-p x:=[1, 2.0]'", "values of one type"]),
+            (["-p", "x:={a: 1}"], ["'-p x:={a: 1}'"]),
+            (["-p", "x:='"], ["'-p x:='"]),
+            (["-r", "foo"], ["'-r foo' is not understood", "from:=to"]),
+            (["-r", "__ns:=noslash"], ["'-r __ns:=noslash'", "__ns:=/name"]),
+            (["-r", "__node:=1bad"], ["'-r __node:=1bad'"]),
+            (["--log-level", "loud"], ["'--log-level loud'", "debug, info"]),
+            (["--unknown"], ["not a ROS argument: --unknown"]),
+            (["-p", "x:=1", "stray", "more"], ["not a ROS argument: stray, more"]),
+            (["-e", "/x y"], ["does not accept its arguments", "Enclave"]),
+        ],
+    )
+    def test_what_ros_does_not_understand_is_put_in_words(
+        self, launch: Launch, ros: list[str], parts: list[str]
+    ) -> None:
+        text = launch.error(*ros)
+        assert all(part in text for part in parts), text
+
+    def test_an_empty_list_names_its_parameter(self, launch: Launch) -> None:
+        assert "parameter zone_order: an empty list" in launch.error("-p", "zone_order:=[]")
+
+    def test_use_sim_time_must_be_true_or_false(self, launch: Launch) -> None:
+        assert "use_sim_time: must be true or false, is 3" in launch.error("-p", "use_sim_time:=3")
+        assert launch.values(["-p", "use_sim_time:=true"])["use_sim_time"] is True
+
+    def test_a_node_name_that_is_none_is_put_in_words(self, ros: Ros) -> None:
+        from sar_compiler.ros.errors import RosArgumentError
+        from sar_compiler.ros.parameters import mission_node
+
+        with pytest.raises(RosArgumentError, match="1bad"):
+            mission_node("1bad", ros.context)
+
+    def test_a_default_is_declared_only_where_nothing_is_given(self, launch: Launch) -> None:
+        from sar_compiler.ros.parameters import declare_default
+
+        node = launch.node(["-p", "given:=3"])
+        assert (declare_default(node, "given", 1.5), declare_default(node, "not_given", 1.5)) == (3, 1.5)
+        assert node.get_parameter("not_given").value == 1.5

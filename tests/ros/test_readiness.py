@@ -1,0 +1,386 @@
+"""The wait before the first tick."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from sar_compiler.nodes.spec import Use
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from sar_compiler.ros.readiness import Readiness
+    from tests.ros.conftest import Ros, Said
+
+pytestmark = pytest.mark.ros
+
+
+class FakeNav2:
+    """The two lifecycle nodes, and a localisation that answers an initial pose."""
+
+    def __init__(
+        self, node: Any, *, states: tuple[str, str] = ("active", "active"), deaf: bool = False
+    ) -> None:
+        from geometry_msgs.msg import PoseWithCovarianceStamped
+        from lifecycle_msgs.srv import GetState
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        self.node = node
+        self.states = dict(zip(("amcl", "bt_navigator"), states, strict=True))
+        self.answers = True
+        self.poses: list[Any] = []
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.publisher = node.create_publisher(PoseWithCovarianceStamped, "amcl_pose", latched)
+        if not deaf:
+            node.create_subscription(
+                PoseWithCovarianceStamped, "initialpose", self.on_pose, QoSProfile(depth=1)
+            )
+        for name in self.states:
+            node.create_service(GetState, f"{name}/get_state", self.state_of(name))
+
+    def on_pose(self, pose: Any) -> None:
+        self.poses.append(pose)
+        if self.answers:
+            self.publisher.publish(pose)
+
+    def state_of(self, name: str) -> Callable[[Any, Any], Any]:
+        def answer(_: Any, response: Any) -> Any:
+            response.current_state.label = self.states[name]
+            return response
+
+        return answer
+
+
+def readiness(
+    node: Any, *uses: Use, initial_pose: tuple[float, float, float] | None = (0.0, 0.0, 0.0)
+) -> Readiness:
+    from sar_compiler.ros.readiness import Readiness
+
+    return Readiness(node, uses, initial_pose=initial_pose)
+
+
+def wait(ros: Ros, ready: Readiness, timeout_sec: float = 5.0) -> None:
+    from sar_compiler.ros.readiness import wait_until_ready
+
+    wait_until_ready(ros.executor, ready, timeout_sec, lambda: False)
+
+
+def missing(ros: Ros, ready: Readiness, timeout_sec: float = 0.3) -> list[str]:
+    from sar_compiler.ros.readiness import NotReadyError
+
+    with pytest.raises(NotReadyError) as caught:
+        wait(ros, ready, timeout_sec)
+    assert all(line in str(caught.value) for line in caught.value.missing)
+    return caught.value.missing
+
+
+def detector(node: Any, name: str = "detect_survivor") -> None:
+    from sar_interfaces.srv import DetectSurvivor
+
+    node.create_service(DetectSurvivor, name, lambda _, response: response)
+
+
+def navigator(node: Any, name: str = "navigate_to_pose") -> Any:
+    from nav2_msgs.action import NavigateToPose
+    from rclpy.action import ActionServer
+
+    return ActionServer(node, NavigateToPose, name, lambda _: NavigateToPose.Result())
+
+
+class TestServers:
+    def test_a_tree_that_uses_nothing_is_ready_at_once(self, ros: Ros) -> None:
+        assert readiness(ros.node()).poll()
+
+    def test_names_the_service_that_has_no_server(self, ros: Ros) -> None:
+        assert missing(ros, readiness(ros.node(), Use.service("detect_survivor"))) == [
+            "service detect_survivor: no server"
+        ]
+
+    def test_names_the_action_that_has_no_server(self, ros: Ros) -> None:
+        assert missing(ros, readiness(ros.node(), Use.action("navigate_to_pose"))) == [
+            "action navigate_to_pose: no server"
+        ]
+
+    def test_names_the_topic_that_nobody_publishes_on(self, ros: Ros) -> None:
+        assert missing(ros, readiness(ros.node(), Use.topic("odometry/filtered"))) == [
+            "topic odometry/filtered: no publisher"
+        ]
+
+    def test_names_everything_that_is_missing_once(self, ros: Ros) -> None:
+        uses = [Use.service("a"), Use.service("b"), Use.service("a")]
+        assert missing(ros, readiness(ros.node(), *uses)) == ["service a: no server", "service b: no server"]
+
+    def test_is_ready_when_the_servers_and_publishers_are_there(self, ros: Ros) -> None:
+        from nav_msgs.msg import Odometry
+
+        other = ros.node("other")
+        detector(other)
+        server = navigator(other)
+        other.create_publisher(Odometry, "odometry/filtered", 1)
+        uses = [
+            Use.service("detect_survivor"),
+            Use.action("navigate_to_pose"),
+            Use.topic("odometry/filtered"),
+        ]
+        wait(ros, readiness(ros.node(), *uses))
+        server.destroy()
+
+    def test_becomes_ready_when_a_server_appears_later(self, ros: Ros) -> None:
+        node = ros.node()
+
+        def appear() -> None:
+            timer.cancel()
+            detector(node)
+
+        timer = node.create_timer(0.2, appear)
+        wait(ros, readiness(node, Use.service("detect_survivor")))
+
+    def test_looks_for_the_name_in_the_namespace(self, ros: Ros) -> None:
+        robot = ros.node("mission", namespace="/robot1")
+        detector(ros.node("elsewhere"))
+        assert missing(ros, readiness(robot, Use.service("detect_survivor"))) == [
+            "service detect_survivor (/robot1/detect_survivor): no server"
+        ]
+        detector(ros.node("there", namespace="/robot1"))
+        wait(ros, readiness(robot, Use.service("detect_survivor")))
+
+    def test_follows_remapped_names(self, make_ros: Callable[..., Ros]) -> None:
+        ros = make_ros(["--ros-args", "-r", "navigate_to_pose/_action/send_goal:=drive/_action/send_goal"])
+        server = navigator(ros.node("other"), "drive")
+        wait(ros, readiness(ros.node(), Use.action("navigate_to_pose")))
+        server.destroy()
+
+    def test_two_servers_are_one_too_many(self, ros: Ros, said: Said) -> None:
+        servers = [navigator(ros.node(name)) for name in ("one", "two")]
+        node = ros.node()
+        ros.spin_until(
+            lambda: node.count_services("/navigate_to_pose/_action/send_goal") == 2, "both servers"
+        )
+        [line] = missing(ros, readiness(node, Use.action("navigate_to_pose")))
+        assert line == "action navigate_to_pose: two servers answer to /navigate_to_pose: stop one"
+        assert said.has("Waiting for", "two servers")
+        for server in servers:
+            server.destroy()
+
+    def test_does_not_wait_the_whole_time_for_one_of_two_servers_to_go(
+        self, ros: Ros, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        from sar_compiler.ros import readiness as module
+
+        monkeypatch.setattr(module, "_SHADOW_SEC", 0.1)
+        node = ros.node()
+        detector(ros.node("one"))
+        detector(ros.node("two"))
+        ros.spin_until(lambda: node.count_services("/detect_survivor") == 2, "both servers")
+        start = time.monotonic()
+        missing(ros, readiness(node, Use.service("detect_survivor")), timeout_sec=30.0)
+        assert time.monotonic() - start < 2.0
+
+    def test_is_ready_when_one_of_two_servers_goes(self, ros: Ros) -> None:
+        node, second = ros.node(), ros.node("two")
+        detector(ros.node("one"))
+        detector(second)
+        ros.spin_until(lambda: node.count_services("/detect_survivor") == 2, "both servers")
+        ready = readiness(node, Use.service("detect_survivor"))
+        assert ready.contested
+        ros.remove(second)
+        wait(ros, ready)
+
+
+class TestNav2:
+    def test_is_ready_when_both_nodes_are_active_and_the_pose_was_answered(self, ros: Ros) -> None:
+        nav2 = FakeNav2(ros.node("nav2"))
+        wait(ros, readiness(ros.node(), Use.nav2(), initial_pose=(1.0, 2.0, math.pi / 2)))
+        pose = nav2.poses[0]
+        assert pose.header.frame_id == "map"
+        assert (pose.pose.pose.position.x, pose.pose.pose.position.y) == (1.0, 2.0)
+        assert pose.pose.pose.orientation.z == pytest.approx(math.sqrt(0.5))
+        assert [pose.pose.covariance[index] for index in (0, 7, 35)] == [0.25, 0.25, 0.068]
+
+    def test_names_the_nodes_that_are_not_there(self, ros: Ros) -> None:
+        assert missing(ros, readiness(ros.node(), Use.nav2(), initial_pose=None)) == [
+            "node amcl: not there (no service amcl/get_state)",
+            "node bt_navigator: not there (no service bt_navigator/get_state)",
+        ]
+
+    def test_names_the_state_of_a_node_that_is_not_active(self, ros: Ros) -> None:
+        FakeNav2(ros.node("nav2"), states=("active", "inactive"))
+        assert missing(ros, readiness(ros.node(), Use.nav2()), 1.0) == [
+            "node bt_navigator: state 'inactive', must be 'active'"
+        ]
+
+    def test_becomes_ready_when_a_node_becomes_active(self, ros: Ros) -> None:
+        nav2 = FakeNav2(ros.node("nav2"), states=("unconfigured", "inactive"))
+        node = ros.node()
+        node.create_timer(0.6, lambda: nav2.states.update(amcl="active", bt_navigator="active"))
+        wait(ros, readiness(node, Use.nav2()))
+
+    def test_an_answer_that_is_lost_is_asked_for_again(
+        self, ros: Ros, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        from lifecycle_msgs.srv import GetState
+        from rclpy.task import Future
+
+        from sar_compiler.ros import requirements
+
+        monkeypatch.setattr(requirements, "_ANSWER_DEADLINE_SEC", 0.2)
+        other, node = ros.node("other"), ros.node()
+        calls: list[int] = []
+
+        async def answer(_: Any, response: Any) -> Any:
+            calls.append(1)
+            if len(calls) == 1:
+                await Future()
+            response.current_state.label = "active"
+            return response
+
+        from rclpy.callback_groups import ReentrantCallbackGroup
+
+        other.create_service(GetState, "amcl/get_state", answer, callback_group=ReentrantCallbackGroup())
+        state = requirements.NodeActive(node, "amcl")
+        ros.spin_until(lambda: state.missing() is None, "the second answer")
+        assert len(calls) >= 2
+        state.close()
+
+    def test_says_that_a_node_does_not_answer(self, ros: Ros) -> None:
+        from lifecycle_msgs.srv import GetState
+        from rclpy.task import Future
+
+        from sar_compiler.ros.requirements import NodeActive
+
+        async def never(_: Any, __: Any) -> None:
+            await Future()
+
+        ros.node("other").create_service(GetState, "amcl/get_state", never)
+        state = NodeActive(ros.node(), "amcl")
+        ros.spin_until(lambda: "has not answered" in (state.missing() or ""), "the service")
+        state.close()
+
+    def test_names_the_pose_that_was_not_answered(self, ros: Ros) -> None:
+        nav2 = FakeNav2(ros.node("nav2"))
+        nav2.answers = False
+        assert missing(ros, readiness(ros.node(), Use.nav2(), initial_pose=(1.0, -2.0, 0.5)), 1.0) == [
+            "topic amcl_pose: no answer to the initial pose (1.00, -2.00, yaw 0.50)"
+        ]
+
+    def test_says_that_nobody_listens_to_the_pose(self, ros: Ros) -> None:
+        FakeNav2(ros.node("nav2"), deaf=True)
+        [line] = missing(ros, readiness(ros.node(), Use.nav2()), 1.0)
+        assert line.endswith("and nobody listens to initialpose")
+
+    def test_publishes_the_pose_again_until_it_is_answered(
+        self, ros: Ros, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        from sar_compiler.ros import requirements
+
+        monkeypatch.setattr(requirements, "_INITIAL_POSE_PERIOD_SEC", 0.1)
+        nav2 = FakeNav2(ros.node("nav2"))
+        nav2.answers = False
+        ready = readiness(ros.node(), Use.nav2())
+        ros.spin_until(lambda: ready.poll() or len(nav2.poses) >= 3, "the pose for a third time")
+        nav2.answers = True
+        wait(ros, ready)
+
+    def test_an_old_pose_kept_for_latecomers_is_no_answer(self, ros: Ros) -> None:
+        from geometry_msgs.msg import PoseWithCovarianceStamped
+
+        nav2 = FakeNav2(ros.node("nav2"))
+        nav2.publisher.publish(PoseWithCovarianceStamped())
+        nav2.answers = False
+        [line] = missing(ros, readiness(ros.node(), Use.nav2()), 1.0)
+        assert line.startswith("topic amcl_pose: no answer")
+        assert nav2.poses
+
+    def test_neither_publishes_nor_waits_for_a_pose_where_none_is_given(self, ros: Ros) -> None:
+        nav2 = FakeNav2(ros.node("nav2"))
+        nav2.answers = False
+        wait(ros, readiness(ros.node(), Use.nav2(), initial_pose=None))
+        assert nav2.poses == []
+
+    def test_asks_the_nodes_it_is_told_to(self, ros: Ros) -> None:
+        from sar_compiler.ros.readiness import Readiness
+
+        ready = Readiness(
+            ros.node(), [Use.nav2()], initial_pose=None, localizer="slam_toolbox", navigator="my_navigator"
+        )
+        assert [line.split(":")[0] for line in missing(ros, ready)] == [
+            "node slam_toolbox",
+            "node my_navigator",
+        ]
+
+    def test_leaves_nothing_behind_on_the_node(self, ros: Ros) -> None:
+        FakeNav2(ros.node("nav2"))
+        node = ros.node()
+
+        def entities() -> list[int]:
+            return [
+                len(list(kind)) for kind in (node.publishers, node.subscriptions, node.clients, node.timers)
+            ]
+
+        before = entities()
+        ready = readiness(node, Use.nav2())
+        assert entities() != before
+        wait(ros, ready)
+        assert entities() == before
+
+    def test_knows_whether_nav2_is_used(self, ros: Ros) -> None:
+        node = ros.node()
+        assert readiness(node, Use.nav2()).uses_nav2
+        assert not readiness(node, Use.action("navigate_to_pose")).uses_nav2
+
+
+class TestClock:
+    def test_says_that_no_clock_has_come(self, ros: Ros) -> None:
+        from rclpy.parameter import Parameter
+
+        node = ros.node(parameter_overrides=[Parameter("use_sim_time", value=True)])
+        assert missing(ros, readiness(node)) == ["use_sim_time is set and no /clock has come"]
+
+    def test_is_ready_when_the_clock_has_come(self, ros: Ros) -> None:
+        from rclpy.parameter import Parameter
+        from rosgraph_msgs.msg import Clock
+
+        node = ros.node(parameter_overrides=[Parameter("use_sim_time", value=True)])
+        other = ros.node("other")
+        publisher = other.create_publisher(Clock, "/clock", 1)
+        message = Clock()
+        message.clock.sec = 5
+        other.create_timer(0.05, lambda: publisher.publish(message))
+        wait(ros, readiness(node))
+
+
+class TestTheWait:
+    def test_ends_early_when_nobody_waits_any_more(self, ros: Ros) -> None:
+        from sar_compiler.ros.readiness import wait_until_ready
+
+        start = time.monotonic()
+        ready = readiness(ros.node(), Use.service("detect_survivor"))
+        wait_until_ready(ros.executor, ready, 30.0, lambda: time.monotonic() - start > 0.1)
+        assert time.monotonic() - start < 1.0
+
+    def test_ends_when_the_context_goes_down(self, ros: Ros) -> None:
+        node = ros.node()
+        node.create_timer(0.05, ros.context.try_shutdown)
+        start = time.monotonic()
+        wait(ros, readiness(node, Use.service("detect_survivor")), 30.0)
+        assert time.monotonic() - start < 2.0
+
+    def test_has_one_budget_for_everything(self, ros: Ros) -> None:
+        start = time.monotonic()
+        missing(
+            ros, readiness(ros.node(), Use.nav2(), Use.service("a"), Use.action("b"), Use.topic("c")), 0.4
+        )
+        assert 0.4 <= time.monotonic() - start < 1.5
+
+    def test_says_now_and_then_what_it_waits_for(
+        self, ros: Ros, said: Said, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        from sar_compiler.ros import readiness as module
+
+        monkeypatch.setattr(module, "_PROGRESS_PERIOD_SEC", 0.1)
+        missing(ros, readiness(ros.node(), Use.service("a"), Use.topic("c")))
+        assert said.has("Waiting for: service a: no server; topic c: no publisher")
