@@ -1,8 +1,9 @@
 """What the commands share: parsing of arguments, and how they end."""
 
 import argparse
+import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from sar_compiler.errors import SarError
 
@@ -39,19 +40,22 @@ def run(command: Callable[[], int], prog: str) -> int:
         return OK
 
 
-def split_ros_arguments(argv: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Split a command line at its first `--ros-args`.
+def speed(text: str) -> float:
+    """Read the argument of `--speed`: simulated seconds per second, above 0."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and value > 0.0):
+        message = f"'{text}' is not a number above 0"
+        raise argparse.ArgumentTypeError(message)
+    return value
 
-    Returns:
-        The command's own arguments; and `--ros-args` with everything behind it. What stands behind a
-        closing `--` is the command's again.
-    """
-    arguments = list(argv)
-    if "--ros-args" not in arguments:
-        return arguments, []
-    start = arguments.index("--ros-args")
-    ros = arguments[start:]
-    if "--" in ros:
-        end = ros.index("--")
-        return arguments[:start] + ros[end + 1 :], ros[:end]
-    return arguments[:start], ros
+
+def no_ros(error: ImportError) -> SarError:
+    """Return the error for a command that needs ROS 2 and finds none."""
+    message = (
+        f"ROS 2 is not here ({error}). On a robot, source its installation and workspace; without one, "
+        "`make env` in a checkout builds an environment with ROS 2 from PyPI"
+    )
+    return SarError(message)

@@ -1,18 +1,15 @@
 """`sar-sim`: the simulated world apart from the mission."""
 
 import argparse
-import math
-import signal
 import sys
-import threading
 from collections.abc import Sequence
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import OK, Parser, run, split_ros_arguments
-from sar_compiler.errors import SarError
+from sar_compiler.cli.arguments import OK, Parser, no_ros, run, speed
+from sar_compiler.ros.arguments import init_arguments, split_arguments
 from sar_compiler.ros.faults import NAVIGATION, Fault, FaultError, FaultPlan, parse_fault
+from sar_compiler.ros.signals import StopSignals
 
 if TYPE_CHECKING:
     from sar_compiler.sim.simulation import Simulation
@@ -31,11 +28,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit status: 0, 2 for wrong usage or input, 130 and 143 when stopped by SIGINT and SIGTERM.
     """
-    own, ros_arguments = split_ros_arguments(sys.argv[1:] if argv is None else argv)
-    options = _parser().parse_args(own)
+    split = split_arguments(sys.argv[1:] if argv is None else argv)
+    options = _parser().parse_args(split.own)
     if options.command == "map":
         return run(lambda: _map(options), "sar-sim")
-    return run(lambda: _run(options, ros_arguments), "sar-sim")
+    return run(lambda: _run(options, split.ros), "sar-sim")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -46,7 +43,7 @@ def _parser() -> argparse.ArgumentParser:
         "run", help=text, description=text, epilog="ROS arguments go after --ros-args."
     )
     live.add_argument(
-        "--speed", type=_speed, default=1.0, help="simulated seconds per second, at most (default 1)"
+        "--speed", type=speed, default=1.0, help="simulated seconds per second, at most (default 1)"
     )
     live.add_argument(
         "--fault",
@@ -71,17 +68,6 @@ def _parser() -> argparse.ArgumentParser:
         )
         command.add_argument("--seed", type=_seed, default=0, help="seed of all noise (default 0)")
     return parser
-
-
-def _speed(text: str) -> float:
-    try:
-        speed = float(text)
-    except ValueError:
-        speed = math.nan
-    if not (math.isfinite(speed) and speed > 0.0):
-        message = f"'{text}' is not a number above 0"
-        raise argparse.ArgumentTypeError(message)
-    return speed
 
 
 def _seed(text: str) -> int:
@@ -118,22 +104,20 @@ def _map(options: argparse.Namespace) -> int:
 def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     from sar_compiler.sim.world_file import find_world
 
-    stop = _StopSignals()
+    signals = StopSignals()
     try:
         import rclpy
 
+        from sar_compiler.ros.errors import readable_ros_errors
         from sar_compiler.sim.isolation import refuse_company, stay_on_this_machine
         from sar_compiler.sim.simulation import Simulation
     except ImportError as error:
-        message = f"ROS 2 is not installed here ({error})"
-        raise SarError(message) from error
+        raise no_ros(error) from error
     world = find_world(options.world)
+    arguments = init_arguments(ros_arguments)
     stay_on_this_machine()
-    try:
-        rclpy.init(args=list(ros_arguments), signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
-    except RuntimeError as error:
-        message = f"ROS does not accept the arguments {' '.join(ros_arguments)}: {error}"
-        raise SarError(message) from error
+    with readable_ros_errors():
+        rclpy.init(args=arguments, signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
     try:
         refuse_company()
         faults = FaultPlan(options.fault)
@@ -142,27 +126,18 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
                 f"sar-sim: '{world.name}' runs, at most {options.speed:g} times as fast as real time",
                 flush=True,
             )
-            return stop.wait(simulation)
+            return _wait(simulation, signals)
     finally:
         rclpy.try_shutdown()
 
 
-class _StopSignals:
-    """Turns SIGINT and SIGTERM into an exit status."""
+def _wait(simulation: "Simulation", signals: StopSignals) -> int:
+    """Return the exit status once the process is asked to stop; raise what ended the simulation if that is first."""
+    while not signals.wait(_LOOK_SEC):
+        if simulation.failure is not None:
+            raise simulation.failure
+    return signals.exit_status
 
-    def __init__(self) -> None:
-        self._number = 0
-        self._came = threading.Event()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._note)
 
-    def wait(self, simulation: "Simulation") -> int:
-        """Return the exit status once a signal has come; raise what ended the simulation if that is first."""
-        while not self._came.wait(_LOOK_SEC):
-            if simulation.failure is not None:
-                raise simulation.failure
-        return 128 + self._number
-
-    def _note(self, number: int, _: FrameType | None) -> None:
-        self._number = number
-        self._came.set()
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,205 @@
+"""Three leaves that drive a robot by its odometry: a condition, an action and a recovery.
+
+They show what a leaf of your own looks like: an ordinary py_trees behaviour, with what can be written in
+a tree file as its constructor's parameters.
+"""
+
+import math
+from typing import Any
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from sar_compiler.nodes import Kind, Use, register
+
+# Odometry older than this is no longer acted on, seconds of the node's clock.
+_ODOMETRY_AGE_SEC = 0.5
+
+
+class _OdometryLeaf(Behaviour):
+    """Knows where the robot is, by its odometry."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self._node: Any = None
+        self._pose: tuple[float, float, float] | None = None
+        self._received_sec = -math.inf
+
+    def setup(self, **kwargs: Any) -> None:
+        """Subscribe to `odometry/filtered`.
+
+        Args:
+            kwargs: `node` is the rclpy node.
+        """
+        from nav_msgs.msg import Odometry
+        from rclpy.qos import qos_profile_sensor_data
+
+        self._node = kwargs["node"]
+        self._node.create_subscription(
+            Odometry, "odometry/filtered", self._on_odometry, qos_profile_sensor_data
+        )
+
+    def pose(self) -> tuple[float, float, float] | None:
+        """Return x, y (m) and yaw (rad) in the odometry's frame; None while that is not known."""
+        fresh = self._now_sec() - self._received_sec <= _ODOMETRY_AGE_SEC
+        return self._pose if fresh else None
+
+    def _on_odometry(self, message: Any) -> None:
+        position, q = message.pose.pose.position, message.pose.pose.orientation
+        yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+        self._pose = (position.x, position.y, yaw)
+        self._received_sec = self._now_sec()
+
+    def _now_sec(self) -> float:
+        return float(self._node.get_clock().now().nanoseconds) / 1e9
+
+
+class _DrivingLeaf(_OdometryLeaf):
+    """Sends velocity commands, and a last one to stand when it is left."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self._commands: Any = None
+
+    def setup(self, **kwargs: Any) -> None:
+        """Advertise `cmd_vel` too.
+
+        Args:
+            kwargs: `node` is the rclpy node.
+        """
+        from geometry_msgs.msg import TwistStamped
+
+        super().setup(**kwargs)
+        self._commands = self._node.create_publisher(TwistStamped, "cmd_vel", 10)
+
+    def terminate(self, new_status: Status) -> None:  # noqa: ARG002
+        """Tell the robot to stand, however the leaf was left."""
+        if self._commands is not None:
+            self.command(0.0, 0.0)
+
+    def command(self, linear: float, angular: float) -> None:
+        """Send a command in m/s and rad/s."""
+        from geometry_msgs.msg import TwistStamped
+
+        message = TwistStamped()
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        message.header.frame_id = "base_link"
+        message.twist.linear.x = linear
+        message.twist.angular.z = angular
+        self._commands.publish(message)
+
+
+@register(
+    "GoalNotReached",
+    kind=Kind.CONDITION,
+    outcomes={Status.SUCCESS, Status.FAILURE},
+    uses=[Use.topic("odometry/filtered")],
+)
+class GoalNotReached(_OdometryLeaf):
+    """Is the robot still away from the goal? SUCCESS if so, also while nobody knows where it is.
+
+    Args:
+        name: The node's name.
+        goal_x: The goal, metres, in the odometry's frame.
+        goal_y: The goal, metres, in the odometry's frame.
+        tolerance: How near is near enough, metres.
+    """
+
+    def __init__(self, name: str, goal_x: float = 2.0, goal_y: float = 0.0, tolerance: float = 0.3) -> None:
+        super().__init__(name)
+        self._goal = (goal_x, goal_y)
+        self._tolerance = tolerance
+
+    def update(self) -> Status:
+        """Compare the distance with the tolerance."""
+        pose = self.pose()
+        if pose is None:
+            self.feedback_message = "no odometry"
+            return Status.SUCCESS
+        distance = math.dist(self._goal, pose[:2])
+        self.feedback_message = f"{distance:.2f} m to go"
+        return Status.SUCCESS if distance > self._tolerance else Status.FAILURE
+
+
+@register(
+    "DriveForward",
+    kind=Kind.ACTION,
+    outcomes={Status.RUNNING},
+    effects="drives the robot",
+    uses=[Use.topic("odometry/filtered")],
+)
+class DriveForward(_DrivingLeaf):
+    """Steer towards the goal with a proportional controller; always RUNNING.
+
+    Args:
+        name: The node's name.
+        goal_x: The goal, metres, in the odometry's frame.
+        goal_y: The goal, metres, in the odometry's frame.
+        k_rho: Speed per metre of distance, 1/s.
+        k_alpha: Turning per radian of bearing, 1/s.
+    """
+
+    def __init__(
+        self, name: str, goal_x: float = 2.0, goal_y: float = 0.0, k_rho: float = 0.4, k_alpha: float = 0.8
+    ) -> None:
+        super().__init__(name)
+        self._goal = (goal_x, goal_y)
+        self._k_rho = k_rho
+        self._k_alpha = k_alpha
+
+    def update(self) -> Status:
+        """Send the next command."""
+        pose = self.pose()
+        if pose is None:
+            self.feedback_message = "no odometry"
+            self.command(0.0, 0.0)
+            return Status.RUNNING
+        x, y, yaw = pose
+        distance = math.dist(self._goal, (x, y))
+        bearing = _wrapped(math.atan2(self._goal[1] - y, self._goal[0] - x) - yaw)
+        self.feedback_message = f"{distance:.2f} m to go"
+        self.command(self._k_rho * distance, self._k_alpha * bearing)
+        return Status.RUNNING
+
+
+@register(
+    "SpinInPlace",
+    kind=Kind.ACTION,
+    outcomes={Status.RUNNING, Status.SUCCESS},
+    effects="turns the robot",
+    uses=[Use.topic("odometry/filtered")],
+)
+class SpinInPlace(_DrivingLeaf):
+    """Turn to a heading with a proportional controller; SUCCESS once it is reached.
+
+    Args:
+        name: The node's name.
+        goal_yaw: The heading, radians, in the odometry's frame.
+        k_yaw: Turning per radian, 1/s.
+        tolerance: How near is near enough, radians.
+    """
+
+    def __init__(self, name: str, goal_yaw: float = 0.0, k_yaw: float = 0.8, tolerance: float = 0.3) -> None:
+        super().__init__(name)
+        self._goal_yaw = goal_yaw
+        self._k_yaw = k_yaw
+        self._tolerance = tolerance
+
+    def update(self) -> Status:
+        """Send the next command."""
+        pose = self.pose()
+        if pose is None:
+            self.feedback_message = "no odometry"
+            self.command(0.0, 0.0)
+            return Status.RUNNING
+        error = _wrapped(self._goal_yaw - pose[2])
+        self.feedback_message = f"{math.degrees(error):.0f} degrees to turn"
+        if abs(error) <= self._tolerance:
+            return Status.SUCCESS
+        self.command(0.0, self._k_yaw * error)
+        return Status.RUNNING
+
+
+def _wrapped(angle: float) -> float:
+    """Return an angle between -pi and pi."""
+    return math.remainder(angle, math.tau)

@@ -1,0 +1,154 @@
+"""`sar-run`: fly a mission on ROS 2."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from sar_compiler.cli.arguments import USAGE, Parser, no_ros, run, speed
+from sar_compiler.mission.ending import Until
+from sar_compiler.ros.arguments import split_arguments
+from sar_compiler.ros.faults import Fault, FaultError, parse_fault
+from sar_compiler.ros.signals import StopSignals
+
+PROG = "sar-run"
+
+_DEFAULT_TREE = "search_and_rescue"
+_DEFAULT_WORLD = "disaster_zone"
+
+
+@dataclass(frozen=True)
+class Options:
+    """What was asked for on the command line.
+
+    Attributes:
+        tree: A tree file or the name of a shipped one.
+        params: A parameter file.
+        sim: The world to simulate; None for a robot of somebody else's.
+        speed: Simulated seconds per second, at most.
+        until: What the run goes on until; None leaves it to the tree.
+        view: How to show the tree: `text` or `none`.
+        check: Whether to stop before anything moves.
+        faults: How the simulated servers misbehave.
+        nodes: Modules of leaves.
+        ros: ROS arguments, without `--ros-args`.
+    """
+
+    tree: str
+    params: Path | None
+    sim: str | None
+    speed: float
+    until: Until | None
+    view: str
+    check: bool
+    faults: tuple[Fault, ...]
+    nodes: tuple[str, ...]
+    ros: tuple[str, ...]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run `sar-run` and return its exit status."""
+    # Before anything that takes time, so that Ctrl-C ends the command in order from its first moment.
+    signals = StopSignals()
+    options = _options(sys.argv[1:] if argv is None else argv)
+    return run(lambda: _fly(options, signals), PROG)
+
+
+def _fly(options: Options, signals: StopSignals) -> int:
+    from sar_compiler.tree.diagnostic import TreeError
+
+    try:
+        from sar_compiler.cli.flight import fly
+    except ImportError as error:
+        raise no_ros(error) from error
+    try:
+        return fly(options, signals)
+    except TreeError as error:
+        print(error, file=sys.stderr)
+        print(f"{PROG}: {options.tree} is not a valid tree; nothing has moved", file=sys.stderr)
+        return USAGE
+
+
+def _options(argv: Sequence[str]) -> Options:
+    split = split_arguments(argv)
+    parser = _parser()
+    given = parser.parse_args(split.own)
+    if given.sim is None and (given.speed is not None or given.fault):
+        parser.error(f"{'--speed' if given.speed is not None else '--fault'} is for the simulator: add --sim")
+    if given.sim is not None and given.sim.endswith(".xml"):
+        parser.error(f"--sim takes a world, and '{given.sim}' looks like a tree: put the tree before --sim")
+    return Options(
+        tree=given.tree,
+        params=given.params,
+        sim=given.sim,
+        speed=given.speed or 1.0,
+        until=Until(given.until) if given.until else None,
+        view=given.view,
+        check=given.check,
+        faults=tuple(given.fault),
+        nodes=tuple(given.nodes),
+        ros=tuple(split.ros),
+    )
+
+
+def _parser() -> Parser:
+    parser = Parser(
+        PROG,
+        "Fly a mission: check the tree, wait for what it needs, tick it.",
+        epilog="Everything after --ros-args is for ROS 2: -p name:=value, -r from:=to, -r __ns:=/robot1.",
+    )
+    parser.add_argument(
+        "tree",
+        nargs="?",
+        default=_DEFAULT_TREE,
+        metavar="TREE",
+        help="a tree file, or the name of a shipped tree (default: %(default)s)",
+    )
+    parser.add_argument("--params", type=Path, metavar="FILE", help="a ROS 2 parameter file")
+    parser.add_argument(
+        "--sim",
+        nargs="?",
+        const=_DEFAULT_WORLD,
+        metavar="WORLD",
+        help="simulate a world (a file, or a shipped one: disaster_zone, empty), Nav2 and the two servers",
+    )
+    parser.add_argument("--speed", type=speed, metavar="N", help="simulated seconds per second, at most")
+    parser.add_argument(
+        "--until",
+        choices=[until.value for until in Until],
+        help="when to end: the mission is complete (default with --sim), the root succeeds or fails, never",
+    )
+    parser.add_argument(
+        "--view", choices=("text", "none"), default="none", help="show the tree at every tick"
+    )
+    parser.add_argument(
+        "--check", action="store_true", help="see that everything the mission needs is there, then end"
+    )
+    parser.add_argument(
+        "--fault",
+        type=_fault,
+        action="append",
+        default=[],
+        metavar="SPEC",
+        help="let the simulation misbehave, for instance report_survivor:drop=2; may be repeated",
+    )
+    parser.add_argument(
+        "--nodes",
+        action="append",
+        default=[],
+        metavar="PKG.MOD",
+        help="load a module of leaves (installed, or in the current folder); may be repeated",
+    )
+    return parser
+
+
+def _fault(text: str) -> Fault:
+    try:
+        return parse_fault(text)
+    except FaultError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
+if __name__ == "__main__":
+    sys.exit(main())

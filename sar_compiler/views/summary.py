@@ -1,0 +1,43 @@
+"""What a mission came to, in a few lines."""
+
+from collections.abc import Sequence
+
+from sar_compiler.mission.record import MissionRecord
+from sar_compiler.mission.zone_manager import ZoneManager
+
+
+def mission_summary(record: MissionRecord, zones: ZoneManager, elapsed_sec: float, ticks: int) -> str:
+    """Return the summary of a mission.
+
+    Args:
+        record: What has happened.
+        zones: The mission's zones.
+        elapsed_sec: How long it took, in seconds of the mission's clock.
+        ticks: How often the tree was ticked.
+    """
+    shortfalls = record.shortfalls(zones)
+    visited = record.zones_visited
+    names = f" ({', '.join(visited)})" if visited else ""
+    lines = [
+        "Mission complete." if not shortfalls else "Mission incomplete.",
+        f"  zones visited:   {len(visited)} of {zones.total_zones()}{names}",
+        *_survivor_lines(record),
+        f"  back at base:    {'yes' if record.home else 'no'}",
+        f"  duration:        {elapsed_sec:.1f} s, {ticks} ticks",
+    ]
+    return "\n".join([*lines, *_missing_lines(shortfalls)])
+
+
+def _survivor_lines(record: MissionRecord) -> list[str]:
+    label = "  survivors found: "
+    if not record.survivors:
+        return [f"{label}none"]
+    told = [
+        f"{survivor}, {'acknowledged' if survivor.acknowledged else 'NOT acknowledged'}"
+        for survivor in record.survivors
+    ]
+    return [f"{label}{told[0]}", *(" " * len(label) + line for line in told[1:])]
+
+
+def _missing_lines(shortfalls: Sequence[str]) -> list[str]:
+    return [f"  missing:         {line}" for line in shortfalls]
