@@ -252,8 +252,9 @@ class _Flight:
         log.info(f"Base station at ({base['x']:.2f}, {base['y']:.2f}, yaw={base['yaw']:.2f}).")
 
     def _wait(self, executor: SingleThreadedExecutor, tree: CompiledTree) -> None:
-        moves = self._run.set_initial_pose and not self._options.check
-        readiness = Readiness(self._node, tree.uses(), initial_pose=_START if moves else None)
+        # A check changes nothing on a robot of somebody else's.
+        told = self._run.set_initial_pose and (not self._options.check or self.simulation is not None)
+        readiness = Readiness(self._node, tree.uses(), initial_pose=_START if told else None)
         wait_until_ready(executor, readiness, self._run.startup_timeout_sec, lambda: self._over)
         if readiness.uses_nav2 and not self._over:
             self._node.get_logger().info("Nav2 is active.")

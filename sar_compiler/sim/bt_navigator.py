@@ -161,7 +161,11 @@ class BtNavigator:
         return GoalResponse.ACCEPT
 
     def _on_accepted(self, handle: ServerGoalHandle) -> None:
-        fate = self._faults.accepted(self._zone_of(from_pose(handle.request.pose.pose)))
+        target = from_pose(handle.request.pose.pose)
+        if target is not None:
+            place = f"({target.x:.2f}, {target.y:.2f}, yaw {target.yaw:.2f})"
+            self._node.get_logger().debug(f"Goal accepted: {place}.")
+        fate = self._faults.accepted(self._zone_of(target))
         goal = _Goal(handle, fate)
         handle.execute(goal.run)
         under_way = self._goal

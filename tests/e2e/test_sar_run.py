@@ -1,0 +1,183 @@
+"""`sar-run` as its users see it: what it refuses, what it waits for, how runs go wrong."""
+
+import re
+
+import pytest
+
+from tests.trees import document
+
+pytestmark = pytest.mark.ros
+
+
+def refused(start, *arguments):
+    """Run a command that must end with status 2, and return what it printed."""
+    run = start("sar-run", *arguments)
+    assert run.end() == 2, run.output
+    assert "Navigating" not in run.output
+    return run.output
+
+
+def test_an_invalid_tree_is_refused_with_its_findings_before_anything_starts(start, tmp_path):
+    tree = tmp_path / "broken.xml"
+    tree.write_text(document('<Sequence memory="ture"><NavigateToZne/></Sequence>'), encoding="utf-8")
+    output = refused(start, tree, "--sim")
+    assert f"{tree}:3:19: error[wrong-value]: memory: 'ture' is neither true nor false" in output
+    assert "did you mean 'NavigateToZone'?" in output
+    assert "service ready" not in output
+
+
+def test_a_tree_file_that_is_not_there_is_named(start):
+    assert "cannot read nowhere.xml: No such file or directory" in refused(start, "nowhere.xml")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--record", "x.mcap"], "unrecognized arguments: --record"),
+        (["--view", "web"], "invalid choice: 'web'"),
+        (["--speed", "2"], "--speed is for the simulator"),
+        (["--fault", "report_survivor:drop=1"], "--fault is for the simulator"),
+        (["--sim", "--speed", "0"], "'0' is not a number above 0"),
+        (["--sim", "--fault", "report_survivor:drp=1"], "drop"),
+        (["--sim", "moon"], "there is no world file 'moon'"),
+        (["--sim", "my_tree.xml"], "put the tree before --sim"),
+        (["--nodes", "no.such.module"], "'no.such.module' (--nodes) cannot be imported"),
+        (["--ros-args", "-p"], "-p needs a value"),
+        (["--ros-args", "--nonsense"], "not a ROS argument: --nonsense"),
+    ],
+)
+def test_wrong_usage_is_refused_with_what_is_wrong(start, arguments, words):
+    assert words in refused(start, *arguments)
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        ("zone_order: [zone_x]\n    zones: {zone_a: {x: 0.0, y: 0.0, yaw: 0.0}}", "zone_x"),
+        ("zone_order: []", "zone_order"),
+        ("zone_order: [zone_a, zone_a]\n    zones: {zone_a: {x: 0.0, y: 0.0, yaw: 0.0}}", "zone_order"),
+        ("zone_order: [zone_a]\n    zones: {zone_a: {x: .nan, y: 0.0, yaw: 0.0}}", "zones.zone_a.x"),
+        (
+            "zone_order: [zone_a]\n    zones: {zone_a: {x: 1, y: 0, yaw: 0}}\n    tick_rate_hz: 0",
+            "tick_rate_hz",
+        ),
+        ("zone_order: [zone_a, 3]", "zone_order"),
+        ("zone_order: [zone_a", "params.yaml"),
+        ("tick_rate_hz: 2.0", "zone_order"),
+    ],
+)
+def test_a_mistake_in_the_parameters_is_one_error_that_names_the_key(start, tmp_path, lines, words):
+    params = tmp_path / "params.yaml"
+    params.write_text(f"/**:\n  ros__parameters:\n    {lines}\n", encoding="utf-8")
+    output = refused(start, "--sim", "--params", params)
+    assert len(re.findall("^sar-run: ", output, re.MULTILINE)) == 1
+    assert words in output
+
+
+def test_what_does_not_appear_in_time_is_named_and_has_a_status_of_its_own(start):
+    run = start("sar-run", "--ros-args", "-p", "startup_timeout_sec:=1.0")
+    assert run.end() == 3
+    for missing in ("amcl_pose", "bt_navigator", "navigate_to_pose", "detect_survivor", "report_survivor"):
+        assert missing in run.output
+
+
+def test_only_what_is_missing_is_named(start):
+    start("sar-detect-survivor-server").wait_for("service ready")
+    start("sar-sim", "run").wait_for("runs")
+    run = start("sar-run", "--ros-args", "-p", "startup_timeout_sec:=4.0", "-p", "use_sim_time:=true")
+    assert run.end() == 3
+    missing = [line for line in run.output.splitlines() if line.startswith("  ")]
+    assert missing == ["  service report_survivor: no server"]
+
+
+def test_a_check_sees_that_everything_is_there_and_ends(start):
+    run = start("sar-run", "--sim", "--speed", 20, "--check")
+    assert run.end() == 0
+    assert run.output.endswith("Everything that the tree needs is there.")
+    assert "Navigating" not in run.output
+
+
+def test_a_check_does_not_tell_a_robot_where_it_is(start):
+    start("sar-sim", "run").wait_for("runs")
+    start("sar-detect-survivor-server").wait_for("service ready")
+    start("sar-report-survivor-server").wait_for("service ready")
+    run = start(
+        "sar-run", "--check", "--ros-args", "-p", "startup_timeout_sec:=4.0", "-p", "use_sim_time:=true"
+    )
+    assert run.end() == 3
+    missing = [line for line in run.output.splitlines() if line.startswith("  ")]
+    assert missing == ["  node bt_navigator: state 'inactive', must be 'active'"]
+
+
+def test_a_later_parameter_on_the_command_line_wins_over_the_file(start):
+    run = start(
+        "sar-run", "--sim", "--speed", 20, "--params", "config/mission_params.yaml",
+        "--ros-args", "-p", "zone_order:=[zone_b]",
+    )  # fmt: skip
+    assert run.end() == 0, run.output
+    assert "zones visited:   1 of 1 (zone_b)" in run.output
+
+
+def test_the_tree_is_shown_at_every_tick_in_the_notation_of_py_trees(start):
+    run = start(
+        "sar-run", "--sim", "--speed", 20, "--view", "text", "--ros-args", "-p", "zone_order:=[zone_b]"
+    )
+    assert run.end() == 0
+    assert "    {-} Patrol [*]" in run.output
+    assert "        --> ZonesRemaining? [✓]" in run.output
+    assert re.search(
+        r"        --> NavigateToZone \[\*\] -- navigating to zone_b, \d+\.\d\d m left", run.output
+    )
+
+
+@pytest.mark.parametrize("other", ["sar-sim", "sar-run"])
+def test_a_simulation_does_not_start_beside_another_one(start, other):
+    first = start("sar-sim", "run").wait_for("runs")
+    second = start(other, *(["run"] if other == "sar-sim" else ["--sim"]))
+    assert second.end() == 2
+    assert "already provides /clock" in second.output
+    first.stop()
+
+
+def test_a_refused_report_leaves_the_mission_incomplete(start):
+    run = start("sar-run", "--sim", "--speed", 20, "--fault", "report_survivor:refuse=1")
+    assert run.end() == 1
+    assert "The base station did not acknowledge survivor_1 in zone_a" in run.output
+    assert "back at base:    yes" in run.output
+
+
+def test_a_report_without_an_answer_leaves_the_mission_incomplete(start):
+    run = start("sar-run", "--sim", "--speed", 20, "--fault", "report_survivor:drop=1")
+    assert run.end() == 1
+    assert "The base station did not acknowledge survivor_1 in zone_a" in run.output
+
+
+def test_a_slow_answer_is_waited_for(start):
+    run = start("sar-run", "--sim", "--speed", 20, "--fault", "detect_survivor:delay=3")
+    assert run.end() == 0, run.output
+
+
+def test_a_rejected_goal_is_tried_again(start):
+    run = start("sar-run", "--sim", "--speed", 20, "--fault", "navigate_to_pose:reject=1")
+    assert run.end() == 0, run.output
+    assert "rejected" in run.output
+
+
+def test_a_server_that_disappears_and_comes_back_delays_the_mission(start):
+    run = start("sar-run", "--sim", "--speed", 20, "--fault", "navigate_to_pose:die@zone_c,back=5")
+    assert run.end(90) == 0, run.output
+    assert "bt_navigator disappears" in run.output
+
+
+def test_a_zone_out_of_reach_costs_at_most_two_goals_per_tick_period(start, witness):
+    watching = witness()
+    rate, limit = 2.0, 60.0
+    run = start(
+        "sar-run", "--sim", "--speed", 10, "--fault", "navigate_to_pose:abort=zone_b",
+        "--ros-args", "-p", f"time_limit_sec:={limit}",
+    )  # fmt: skip
+    assert run.end() == 1
+    assert "The time limit of 60 s was reached." in run.output
+    assert "zone_b was not visited." in run.output
+    goals = len(watching.goals())
+    assert rate * limit / 2 < goals <= 2 * rate * limit + 2

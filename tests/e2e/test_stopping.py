@@ -1,0 +1,78 @@
+"""Whatever ends a run, the robot is left standing and the exit status says what happened."""
+
+import signal
+
+import pytest
+
+pytestmark = pytest.mark.ros
+
+CANCELED = 5
+EXECUTING = 2
+
+
+@pytest.mark.parametrize(("number", "expected"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_run_stopped_on_the_way_cancels_its_goal_and_ends_in_time(start, witness, number, expected):
+    watching = witness()
+    start("sar-sim", "run")
+    start("sar-detect-survivor-server")
+    start("sar-report-survivor-server")
+    mission = start("sar-run", "--ros-args", "-p", "use_sim_time:=true").wait_for("Navigating to zone_a...")
+    watching.wait_for_goals(lambda goals: goals == [EXECUTING])
+    watching.wait_until_moving()
+    status, _ = mission.stop(number, timeout_sec=2.0)
+    assert status == expected, mission.output
+    watching.wait_for_goals(lambda goals: goals == [CANCELED])
+    assert "Mission incomplete." in mission.output
+    assert "missing:         zone_a was not visited." in mission.output
+
+
+def test_a_run_stopped_on_the_way_home_says_what_was_missing(start):
+    run = start("sar-run", "--sim", "--speed", 10).wait_for("Navigating to base station...")
+    status, _ = run.stop()
+    assert status == 130
+    assert "missing:         The robot did not return to the base station." in run.output
+
+
+@pytest.mark.parametrize(
+    "moment",
+    ["DetectSurvivor service ready.", "Base station at", "Nav2 is active.", "Navigating to zone_a..."],
+)
+def test_ctrl_c_ends_a_simulated_run_at_any_moment_without_a_traceback(start, moment):
+    run = start("sar-run", "--sim").wait_for(moment)
+    status, _ = run.stop(timeout_sec=2.0)
+    assert status == 130, run.output
+
+
+def test_ctrl_c_while_waiting_for_nav2_ends_the_wait(start):
+    run = start("sar-run").wait_for("Base station at")
+    status, _ = run.stop(timeout_sec=2.0)
+    assert status == 130, run.output
+
+
+def test_a_complete_mission_that_idles_ends_with_success(start):
+    run = start("sar-run", "--sim", "--speed", 20, "--until", "forever").wait_for("Mission complete.")
+    status, _ = run.stop()
+    assert status == 0, run.output
+
+
+def test_a_leaf_that_raises_ends_the_run_and_is_named(start, tmp_path):
+    leaves = tmp_path / "failing_leaves.py"
+    leaves.write_text(
+        "from py_trees.behaviour import Behaviour\n"
+        "from sar_compiler.nodes import Kind, register\n"
+        "@register('Explode', kind=Kind.ACTION)\n"
+        "class Explode(Behaviour):\n"
+        "    def __init__(self, name: str) -> None:\n"
+        "        super().__init__(name)\n"
+        "    def update(self):\n"
+        "        raise ValueError('boom')\n",
+        encoding="utf-8",
+    )
+    tree = tmp_path / "explode.xml"
+    tree.write_text(
+        '<root><BehaviorTree ID="A"><Sequence><Success/><Explode name="Bang"/></Sequence></BehaviorTree></root>',
+        encoding="utf-8",
+    )
+    run = start("sar-run", tree, "--nodes", "failing_leaves", env={"PYTHONPATH": str(tmp_path)})
+    assert run.end() == 1
+    assert "'Bang' (Explode) failed: ValueError: boom. The tree is stopped." in run.output

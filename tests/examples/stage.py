@@ -1,0 +1,104 @@
+"""The example's leaves on a node with a clock and odometry that a test dictates."""
+
+import math
+import time
+
+import rclpy
+from geometry_msgs.msg import TwistStamped
+from nav_msgs.msg import Odometry
+from py_trees.common import Status
+from rclpy.clock import ClockType
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+
+from examples.drive_to_goal import leaves
+
+
+class Stage:
+    """A node with the leaves, and another one that plays the robot."""
+
+    def __init__(self):
+        self._context = Context()
+        rclpy.init(context=self._context, args=[])
+        self._node = Node(
+            "leaves", context=self._context, parameter_overrides=[Parameter("use_sim_time", value=True)]
+        )
+        self._robot = Node("robot", context=self._context)
+        self._odometry = self._robot.create_publisher(Odometry, "odometry/filtered", 10)
+        self._clock = self._robot.create_publisher(Clock, "/clock", 10)
+        self._commands = []
+        self._robot.create_subscription(TwistStamped, "cmd_vel", self._take, 10)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._executor.add_node(self._robot)
+        self._leaves = {}
+        for leaf in (leaves.GoalNotReached("GoalNotReached"), leaves.DriveForward("DriveForward"),
+                     leaves.SpinInPlace("SpinInPlace")):  # fmt: skip
+            leaf.setup(node=self._node)
+            self._leaves[leaf.name] = leaf
+        assert self._node.get_clock().clock_type == ClockType.ROS_TIME
+        drivers = ("DriveForward", "SpinInPlace")
+        self._until(lambda: self._robot.count_publishers("cmd_vel") == len(drivers), "the leaves' publishers")
+        self._until(
+            lambda: self._odometry.get_subscription_count() == len(self._leaves), "the leaves' subscriptions"
+        )
+        self.clock(100.0)
+
+    def _take(self, message):
+        self._commands.append((message.twist.linear.x, message.twist.angular.z))
+
+    def clock(self, seconds):
+        """Set the time forward by so many seconds, and see that the leaves' node has it."""
+        wanted = self._node.get_clock().now().nanoseconds + int(seconds * 1e9)
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = divmod(wanted, 10**9)
+
+        def told():
+            self._clock.publish(message)
+            return self._node.get_clock().now().nanoseconds == wanted
+
+        self._until(told, "the time")
+
+    def odometry(self, x, y, yaw):
+        """Tell all leaves where the robot is."""
+        message = Odometry()
+        message.pose.pose.position.x, message.pose.pose.position.y = x, y
+        message.pose.pose.orientation.z = math.sin(yaw / 2)
+        message.pose.pose.orientation.w = math.cos(yaw / 2)
+
+        def told():
+            self._odometry.publish(message)
+            poses = [leaf.pose() for leaf in self._leaves.values()]
+            return all(pose is not None and math.dist(pose[:2], (x, y)) < 1e-6 for pose in poses)
+
+        self._until(told, "the odometry")
+
+    def tick(self, name):
+        """Tick a leaf and return the name of its status."""
+        self._leaves[name].tick_once()
+        return self._leaves[name].status.name
+
+    def leave(self, name):
+        """Stop a leaf as a tree does that turns to something else."""
+        self._leaves[name].stop(Status.INVALID)
+
+    def next_command(self):
+        """Return the next command that the robot gets."""
+        self._until(lambda: self._commands, "a command")
+        return self._commands.pop(0)
+
+    def _until(self, condition, what, timeout_sec=5.0):
+        deadline = time.monotonic() + timeout_sec
+        while not condition():
+            assert time.monotonic() < deadline, f"{what} did not come"
+            self._executor.spin_once(timeout_sec=0.02)
+
+    def close(self):
+        """End it all."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._robot.destroy_node()
+        self._context.try_shutdown()

@@ -1,0 +1,119 @@
+"""The example `drive_to_goal`: its leaves against scripted odometry, and all of it in the simulator."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.nodes.registry import load_registry
+from sar_compiler.testing import assert_matches_golden, compiled
+
+FOLDER = Path("examples/drive_to_goal")
+TREE = FOLDER / "drive_to_goal.xml"
+LEAVES = "examples.drive_to_goal.leaves"
+
+
+def test_the_tree_compiles_as_reviewed():
+    assert_matches_golden(TREE, "tests/golden/examples/drive_to_goal.json", registry=load_registry([LEAVES]))
+
+
+def test_the_leaves_have_the_lecture_s_values_by_default():
+    specs = {spec.tag: spec for spec in load_registry([LEAVES])}
+    defaults = {
+        (tag, name): specs[tag].parameters[name].default
+        for tag, name in [
+            ("GoalNotReached", "goal_x"),
+            ("GoalNotReached", "goal_y"),
+            ("GoalNotReached", "tolerance"),
+            ("DriveForward", "k_rho"),
+            ("DriveForward", "k_alpha"),
+            ("SpinInPlace", "k_yaw"),
+            ("SpinInPlace", "goal_yaw"),
+        ]
+    }
+    assert list(defaults.values()) == [2.0, 0.0, 0.3, 0.4, 0.8, 0.8, 0.0]
+
+
+def test_the_timeout_runs_on_the_mission_s_clock():
+    tree = compiled(TREE, registry=load_registry([LEAVES]))
+    timeouts = [node for node in tree.root.iterate() if node.name == "DriveForwardTimeout"]
+    assert type(timeouts[0]).__module__ == "sar_compiler.nodes.decorators"
+
+
+def run_example(start, *ros):
+    return start(
+        "sar-run", TREE, "--nodes", LEAVES, "--params", FOLDER / "params.yaml", "--sim", "empty",
+        "--speed", 4, "--until", "failure", "--view", "text", "--ros-args", *ros,
+    )  # fmt: skip
+
+
+@pytest.mark.ros
+def test_the_robot_reaches_the_goal_and_stands(start, witness):
+    watching = witness()
+    run = run_example(start)
+    assert run.end() == 0, run.output
+    assert 0.15 < math.dist(watching.place(), (2.0, 0.0)) < 0.35
+    assert "[-] DriveToGoal [✕]" in run.output
+    assert "--> GoalNotReached? [✕]" in run.output
+
+
+@pytest.mark.ros
+def test_another_goal_is_a_parameter_away(start, witness):
+    watching = witness()
+    run = run_example(start, "-p", "goal_x:=-1.0", "-p", "goal_y:=1.0")
+    assert run.end() == 0, run.output
+    assert math.dist(watching.place(), (-1.0, 1.0)) < 0.35
+
+
+@pytest.mark.ros
+def test_the_recovery_turns_the_robot_after_a_time_out(start, witness):
+    watching = witness()
+    run = run_example(start, "-p", "goal_x:=10.0", "-p", "timeout_duration:=3.0", "-p", "goal_yaw:=1.57")
+    run.wait_for("-^- DriveForwardTimeout [✕] -- timed out")
+    run.wait_for("--> SpinInPlace [*] -- ")
+    watching.wait_for_yaw(lambda yaw: yaw > 0.02)
+    status, _ = run.stop()
+    assert status == 130
+
+
+@pytest.mark.ros
+class TestWithoutOdometry:
+    """Nothing but zero is commanded while nobody knows where the robot is."""
+
+    @pytest.fixture
+    def stage(self):
+        from tests.examples.stage import Stage
+
+        stage = Stage()
+        yield stage
+        stage.close()
+
+    @pytest.mark.parametrize("leaf", ["DriveForward", "SpinInPlace"])
+    def test_before_the_first_message(self, stage, leaf):
+        stage.tick(leaf)
+        assert stage.next_command() == (0.0, 0.0)
+
+    @pytest.mark.parametrize("leaf", ["DriveForward", "SpinInPlace"])
+    def test_when_the_last_message_is_too_old(self, stage, leaf):
+        stage.tick(leaf)
+        stage.next_command()
+        stage.odometry(x=0.0, y=-3.0, yaw=-1.0)
+        stage.tick(leaf)
+        assert stage.next_command() != (0.0, 0.0)
+        stage.clock(0.6)
+        stage.tick(leaf)
+        assert stage.next_command() == (0.0, 0.0)
+
+    def test_a_leaf_that_is_left_tells_the_robot_to_stand(self, stage):
+        stage.tick("DriveForward")
+        stage.next_command()
+        stage.odometry(x=0.0, y=0.0, yaw=0.0)
+        stage.tick("DriveForward")
+        assert stage.next_command() == pytest.approx((0.8, 0.0))
+        stage.leave("DriveForward")
+        assert stage.next_command() == (0.0, 0.0)
+
+    def test_the_goal_counts_as_not_reached(self, stage):
+        assert stage.tick("GoalNotReached") == "SUCCESS"
+        stage.odometry(x=1.8, y=0.0, yaw=0.0)
+        assert stage.tick("GoalNotReached") == "FAILURE"
