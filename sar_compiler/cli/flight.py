@@ -72,7 +72,7 @@ def fly(options: "Options", signals: StopSignals) -> int:
     binding = _checked_tree(options)
     is_mission = ZoneManager in context_types(binding)
     with ExitStack() as stack:
-        context = stack.enter_context(_ros(options, is_mission))
+        context = stack.enter_context(_ros(options, signals, is_mission))
         node = stack.enter_context(_mission_node(options, context))
         parameters = flat_parameters(node)
         run = read_run(parameters)
@@ -99,7 +99,7 @@ def _checked_tree(options: "Options") -> Binding:
 
 
 @contextmanager
-def _ros(options: "Options", is_mission: bool) -> Iterator[Context]:
+def _ros(options: "Options", signals: StopSignals, is_mission: bool) -> Iterator[Context]:
     """Bring ROS up; the shipped parameters serve a mission that is given none."""
     params = options.params
     if params is None and is_mission and not names_parameter_file(options.ros):
@@ -107,7 +107,7 @@ def _ros(options: "Options", is_mission: bool) -> Iterator[Context]:
     context = Context()
     arguments = init_arguments(options.ros, params)
     if options.sim is not None:
-        from sar_compiler.sim.isolation import refuse_company, stay_on_this_machine
+        from sar_compiler.sim.isolation import LOOKING_AROUND, refuse_company, stay_on_this_machine
 
         stay_on_this_machine()
     with readable_ros_errors():
@@ -115,7 +115,8 @@ def _ros(options: "Options", is_mission: bool) -> Iterator[Context]:
         rclpy.init(args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO)
     try:
         if options.sim is not None:
-            refuse_company(context=context)
+            print(LOOKING_AROUND, file=sys.stderr, flush=True)
+            refuse_company(context=context, should_stop=lambda: signals.came)
         yield context
     finally:
         context.try_shutdown()
@@ -232,8 +233,8 @@ class _Flight:
         executor.add_node(self._node)
         try:
             self._wait(executor, tree)
-            if self._signals.came:
-                return self._signals.exit_status
+            if self._over:
+                return self._interrupted()
             if self._options.check:
                 print("Everything that the tree needs is there.")
                 return OK
@@ -293,20 +294,23 @@ class _Flight:
     def _conclude(self, runner: TreeRunner, elapsed_sec: float) -> int:
         if self._zones is not None:
             print(mission_summary(self._record, self._zones, elapsed_sec, runner.count), flush=True)
-        if self.simulation is not None and self.simulation.failure is not None:
-            message = (
-                f"the simulation ended: {type(self.simulation.failure).__name__}: {self.simulation.failure}"
-            )
-            return self._failed(message)
         if runner.failure is not None:
             return self._failed("the tree was stopped, because one of its leaves failed (see above)")
         if self._verdict is None and not self._ending.complete:
-            if self._signals.came:
-                return self._signals.exit_status
-            return self._failed("ROS was shut down")
+            return self._interrupted()
         if self._verdict is not None and not self._verdict.achieved:
             return self._failed(self._verdict.reason)
         return OK
+
+    def _interrupted(self) -> int:
+        """Return the exit status of a run that something other than its tree has ended."""
+        failure = self.simulation.failure if self.simulation is not None else None
+        if failure is not None:
+            words = str(failure) if isinstance(failure, SarError) else f"{type(failure).__name__}: {failure}"
+            return self._failed(f"the simulation has ended: {words}")
+        if self._signals.came:
+            return self._signals.exit_status
+        return self._failed("ROS was shut down")
 
     def _failed(self, reason: str) -> int:
         print(f"sar-run: {reason}", file=sys.stderr)

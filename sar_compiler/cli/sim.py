@@ -109,7 +109,7 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
         import rclpy
 
         from sar_compiler.ros.errors import readable_ros_errors
-        from sar_compiler.sim.isolation import refuse_company, stay_on_this_machine
+        from sar_compiler.sim.isolation import LOOKING_AROUND, refuse_company, stay_on_this_machine
         from sar_compiler.sim.simulation import Simulation
     except ImportError as error:
         raise no_ros(error) from error
@@ -119,7 +119,8 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     with readable_ros_errors():
         rclpy.init(args=arguments, signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
     try:
-        refuse_company()
+        print(LOOKING_AROUND, file=sys.stderr, flush=True)
+        refuse_company(should_stop=lambda: signals.came)
         faults = FaultPlan(options.fault)
         with Simulation(world, speed=options.speed, faults=faults, seed=options.seed) as simulation:
             print(

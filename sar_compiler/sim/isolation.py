@@ -2,6 +2,7 @@
 
 import os
 import time
+from collections.abc import Callable
 
 from rclpy.context import Context
 from rclpy.node import Node, NodeNameNonExistentError
@@ -12,26 +13,31 @@ _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _CLOCK = "/clock"
 # The service by which an action server can be seen in the graph.
 _GOALS = "navigate_to_pose/_action/send_goal"
-# How long to look around before concluding that nobody is there, seconds. Participants on one machine were
-# seen after 0.02 to 0.3 s.
-LOOK_AROUND_SEC = 1.0
+# How long to look around before concluding that nobody is there, seconds. Half of the participants on one
+# machine see each other within 0.3 s; where the first announcements get lost, they meet with the next
+# periodic one, which Fast DDS sends every 3 s (up to 3.1 s were seen).
+LOOK_AROUND_SEC = 4.0
 _LOOK_EVERY_SEC = 0.02
+
+LOOKING_AROUND = f"Looking whether another simulation or robot is on this machine ({LOOK_AROUND_SEC:g} s)..."
+"""What a command says before it looks."""
 # Part of the name that a node has before its announcement arrives, just after that of its publisher.
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"
+_ANOTHER = "another node"
 
 
 class IsolationError(SarError):
     """Another simulation or a robot's navigation is running where this one would.
 
     Attributes:
-        node: Full name of the foreign node.
+        node: Who it is: `node '/its/full/name'` where that is known.
         what: What it provides.
     """
 
     def __init__(self, node: str, what: str) -> None:
         self.node, self.what = node, what
         super().__init__(
-            f"node '{node}' already provides {what} here: a simulated robot must not mix with another one. "
+            f"{node} already provides {what} here: a simulated robot must not mix with another one. "
             f"Stop it, or choose another ROS_DOMAIN_ID."
         )
 
@@ -46,6 +52,7 @@ def refuse_company(
     context: Context | None = None,
     namespace: str | None = None,
     look_around_sec: float = LOOK_AROUND_SEC,
+    should_stop: Callable[[], bool] = lambda: False,
 ) -> None:
     """Make sure that nobody else provides `/clock` or `navigate_to_pose`.
 
@@ -53,6 +60,7 @@ def refuse_company(
         context: An initialised context; the default context if None.
         namespace: Namespace of the navigation server; that of the command line if None.
         look_around_sec: How long to look, seconds. One that is found ends it at once.
+        should_stop: Says that nobody waits for the answer any more; the function then just returns.
 
     Raises:
         IsolationError: If somebody does; it names the node.
@@ -61,7 +69,7 @@ def refuse_company(
     try:
         # That nobody is there can only be told by waiting: discovery has no end that could be waited for.
         deadline = time.monotonic() + look_around_sec
-        while time.monotonic() < deadline:
+        while time.monotonic() < deadline and not should_stop():
             found = _company(node)
             if found is not None and _UNKNOWN not in found.node:
                 raise found
@@ -73,13 +81,30 @@ def refuse_company(
         node.destroy_node()
 
 
+def refuse_rivals(node: Node) -> None:
+    """Make sure, while a simulation runs, that it alone provides `/clock` and `navigate_to_pose`.
+
+    Discovery can miss somebody at the start, and others may come later.
+
+    Args:
+        node: A node of the simulation's.
+
+    Raises:
+        IsolationError: If there is another one.
+    """
+    if node.count_publishers(_CLOCK) > 1:
+        raise IsolationError(_ANOTHER, _CLOCK)
+    if node.count_services(_GOALS) > 1:
+        raise IsolationError(_ANOTHER, _action_of(node))
+
+
 def _company(node: Node) -> IsolationError | None:
     for publisher in node.get_publishers_info_by_topic(_CLOCK):
         return IsolationError(_full_name(publisher.node_name, publisher.node_namespace), _CLOCK)
     goals = node.resolve_service_name(_GOALS)
     if not any(name == goals for name, _ in node.get_service_names_and_types()):
         return None
-    what = f"the action {goals.removesuffix(_GOALS)}navigate_to_pose"
+    what = _action_of(node)
     for name, namespace in node.get_node_names_and_namespaces():
         try:
             services = node.get_service_names_and_types_by_node(name, namespace)
@@ -90,5 +115,9 @@ def _company(node: Node) -> IsolationError | None:
     return IsolationError(_UNKNOWN, what)
 
 
+def _action_of(node: Node) -> str:
+    return f"the action {node.resolve_service_name(_GOALS).removesuffix('/_action/send_goal')}"
+
+
 def _full_name(name: str, namespace: str) -> str:
-    return f"{namespace.rstrip('/')}/{name}"
+    return f"node '{namespace.rstrip('/')}/{name}'"

@@ -18,6 +18,7 @@ from sar_compiler.ros.faults import FaultPlan
 from sar_compiler.sim.amcl import Amcl
 from sar_compiler.sim.bt_navigator import BtNavigator
 from sar_compiler.sim.geometry import Pose2D
+from sar_compiler.sim.isolation import refuse_rivals
 from sar_compiler.sim.messages import to_stamp
 from sar_compiler.sim.node_host import NodeHost, PacedExecutor
 from sar_compiler.sim.occupancy import OccupancyMap, read_map
@@ -36,6 +37,8 @@ _CATCH_UP_SEC = 0.05
 # How long the end of a goal gets to reach its client when the simulation stops, seconds of wall time.
 _FAREWELL_SEC = 0.05
 _JOIN_SEC = 1.0
+# How often to look whether this is still the only simulation, seconds of wall time.
+_LOOK_EVERY_SEC = 1.0
 
 _log = logging.getLogger(__name__)
 
@@ -99,7 +102,8 @@ class Simulation:
         context = context or get_default_context()
         self._executor = PacedExecutor(context=context, interrupted=self._stopping.is_set)
         self._host = NodeHost(self._executor, context, namespace)
-        self._clock = self._host.create("simulator").create_publisher(Clock, "/clock", 10)
+        self._clock_node = self._host.create("simulator")
+        self._clock = self._clock_node.create_publisher(Clock, "/clock", 10)
         self._robot = Robot(world, seed=seed)
         self._interface = RobotInterface(self._host, world, self._robot, seed=seed)
         self._amcl: Amcl | None = None
@@ -159,11 +163,14 @@ class Simulation:
 
     def _run(self) -> None:
         try:
-            due = time.monotonic()
+            due = look = time.monotonic()
             while not self._stopping.is_set():
                 self._step()
                 due = max(due + self._period, time.monotonic() - _CATCH_UP_SEC)
                 self._executor.serve_until(due)
+                if due > look:
+                    look = due + _LOOK_EVERY_SEC
+                    refuse_rivals(self._clock_node)
             self._farewell()
         except ExternalShutdownException:
             pass  # the context was shut down: whoever did it wants us to end

@@ -83,6 +83,11 @@ class Witness:
             )
             assert came, "the robot did not move"
 
+    def wait_until_seen(self, timeout_sec=30.0):
+        """Wait for the first odometry."""
+        with self._news:
+            assert self._news.wait_for(lambda: self._places, timeout_sec), "no odometry came"
+
     def wait_for_yaw(self, wanted, timeout_sec=20.0):
         """Wait until a function of the robot's heading is true."""
         with self._news:

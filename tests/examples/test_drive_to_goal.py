@@ -51,6 +51,7 @@ def run_example(start, *ros):
 def test_the_robot_reaches_the_goal_and_stands(start, witness):
     watching = witness()
     run = run_example(start)
+    watching.wait_until_seen()
     assert run.end() == 0, run.output
     assert 0.15 < math.dist(watching.place(), (2.0, 0.0)) < 0.35
     assert "[-] DriveToGoal [✕]" in run.output
@@ -61,6 +62,7 @@ def test_the_robot_reaches_the_goal_and_stands(start, witness):
 def test_another_goal_is_a_parameter_away(start, witness):
     watching = witness()
     run = run_example(start, "-p", "goal_x:=-1.0", "-p", "goal_y:=1.0")
+    watching.wait_until_seen()
     assert run.end() == 0, run.output
     assert math.dist(watching.place(), (-1.0, 1.0)) < 0.35
 

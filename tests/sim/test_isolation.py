@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from sar_compiler.sim.world import World
 from tests.sim.conftest import Client
 
 pytestmark = pytest.mark.ros
@@ -25,7 +26,7 @@ def test_a_foreign_clock_is_named_with_its_node(ros_context: Any, client: Client
     client.node.create_publisher(Clock, "/clock", 10)
     with pytest.raises(IsolationError, match="node '/client' already provides /clock") as raised:
         refuse_company(context=ros_context)
-    assert raised.value.node == "/client"
+    assert raised.value.node == "node '/client'"
 
 
 def test_a_foreign_navigation_server_is_named_with_its_node(ros_context: Any) -> None:
@@ -53,6 +54,21 @@ def test_a_running_simulation_is_company(ros_context: Any, simulate: Callable[..
     simulate()
     with pytest.raises(IsolationError, match="node '/simulator'"):
         refuse_company(context=ros_context)
+
+
+def test_a_simulation_ends_when_another_one_comes(
+    ros_context: Any, client: Client, disaster_zone: World
+) -> None:
+    from rosgraph_msgs.msg import Clock
+
+    from sar_compiler.sim.isolation import IsolationError
+    from sar_compiler.sim.simulation import Simulation
+
+    with Simulation(disaster_zone, context=ros_context) as simulation:
+        client.node.create_publisher(Clock, "/clock", 10)
+        client.wait(lambda: simulation.failure is not None, "the end of the simulation")
+    assert isinstance(simulation.failure, IsolationError)
+    assert "already provides /clock here" in str(simulation.failure)
 
 
 def test_the_range_that_a_user_chose_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
