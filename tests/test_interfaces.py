@@ -1,0 +1,41 @@
+"""The interface packages built into the environment are those that real robots speak."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+HASHES = {
+    "nav2_msgs/action/NavigateToPose": "RIHS01_a56dba8a3234a1215e610180dc703ae25bbf406dded8b54887891c9732857eab",
+    "tf2_msgs/msg/TFMessage": "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
+    "sar_interfaces/srv/DetectSurvivor": "RIHS01_6f3526a9b1aa495aea39b4607c4edd8a421d129ba86145b4773984f58ff3efd1",
+    "sar_interfaces/srv/ReportSurvivor": "RIHS01_f41fb73195d4507289858a273610a491d932435e72fb41932cf2a7317ce82db2",
+}
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("name", HASHES)
+def test_the_type_hash_is_the_one_on_the_wire(name):
+    description = json.loads((Path(sys.prefix) / "share" / f"{name}.json").read_text(encoding="utf-8"))
+    hashes = {entry["type_name"]: entry["hash_string"] for entry in description["type_hashes"]}
+    assert hashes[name] == HASHES[name]
+
+
+@pytest.mark.ros
+def test_the_result_of_a_goal_has_the_fields_that_leaves_read():
+    from nav2_msgs.action import NavigateToPose
+
+    assert NavigateToPose.Result.get_fields_and_field_types() == {
+        "error_code": "uint16",
+        "error_msg": "string",
+    }
+    assert NavigateToPose.Result.NONE == 0
+
+
+def test_the_stand_ins_lie_outside_of_what_a_robot_builds():
+    assert sorted(path.name for path in Path("interfaces").iterdir()) == ["sar_interfaces"]
+    assert sorted(path.name for path in Path("pip_interfaces").iterdir() if path.is_dir()) == [
+        "nav2_msgs",
+        "tf2_msgs",
+    ]
