@@ -53,7 +53,7 @@ schemas: env
 	mv schemas/sar_tree.xsd.new schemas/sar_tree.xsd
 
 golden: env
-	SAR_RENEW_GOLDEN=1 $(BIN)/python -m pytest -q tests/golden
+	SAR_RENEW_GOLDEN=1 $(BIN)/python -m pytest -q tests/golden tests/examples -k reviewed
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage*

@@ -158,7 +158,7 @@ class _Builder:
             near = nearest(name, self._parameters)
             prefix = key[: len(key) - len(name)]
             suggestion = f"{{{prefix}{near}}}" if near else None
-            hint = f"give it one: --ros-args -p {name}:=..."
+            hint = f"give it one: --params FILE, or --ros-args -p {name}:=..."
             self._report(bound, span, "unknown-key", message, suggestion=suggestion, hint=hint)
             return None
         try:

@@ -6,3 +6,9 @@ import os
 # domains; LOCALHOST keeps rclpy from listening on every interface.
 os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+
+from hypothesis import HealthCheck, settings
+
+# How long an example takes depends on the machine, which is no property of the code.
+settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("untimed")

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 PROG = "sar-compile"
 
+_FILE_HELP = "a tree file, or the name of a shipped tree"
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run `sar-compile` and return its exit status."""
@@ -41,20 +43,29 @@ def _parser() -> Parser:
         )
 
     validate = command("validate", "Say everything that is wrong with tree files.")
-    validate.add_argument("files", nargs="+", metavar="FILE")
+    validate.add_argument("files", nargs="+", metavar="FILE", help=_FILE_HELP)
     validate.add_argument("--strict", action="store_true", help="count warnings as errors")
-    validate.add_argument("--format", choices=("text", "json"), default="text")
+    validate.add_argument(
+        "--format", choices=("text", "json"), default="text", help="for people, or for scripts"
+    )
     validate.set_defaults(run=_validate)
 
     show = command("show", "Show the compiled tree.")
-    show.add_argument("file", metavar="FILE")
+    show.add_argument("file", metavar="FILE", help=_FILE_HELP)
     show.add_argument("--tree", metavar="ID", help="the tree to show (default: the one the file executes)")
-    show.add_argument("--format", choices=("unicode", "ascii", "json"), default="unicode")
+    show.add_argument(
+        "--format",
+        choices=("unicode", "ascii", "json"),
+        default="unicode",
+        help="a drawing, or nested nodes with their attributes and places in the file",
+    )
     show.set_defaults(run=_show)
 
     nodes = command("nodes", "Say what can be written in a tree file.")
-    nodes.add_argument("tag", nargs="?", metavar="TAG")
-    nodes.add_argument("--format", choices=("text", "json"), default="text")
+    nodes.add_argument("tag", nargs="?", metavar="TAG", help="describe this one with its attributes")
+    nodes.add_argument(
+        "--format", choices=("text", "json"), default="text", help="for people, or for scripts"
+    )
     nodes.set_defaults(run=_nodes)
 
     schema = command("schema", "Print the schema of tree files, for editors and other tools.")
@@ -90,17 +101,19 @@ def _validate(arguments: argparse.Namespace) -> int:
 
 def _findings_of(path: str, registry: "Registry") -> "list[Diagnostic]":
     from sar_compiler.checks import check
+    from sar_compiler.resources import find
     from sar_compiler.tree.diagnostic import TreeError
     from sar_compiler.tree.xml import read_xml
 
     try:
-        return check(read_xml(path), registry)
+        return check(read_xml(find("trees", path, ".xml")), registry)
     except TreeError as error:
         return list(error.findings)
 
 
 def _show(arguments: argparse.Namespace) -> int:
     from sar_compiler.compiler import bind_main, preview_tree
+    from sar_compiler.resources import find
     from sar_compiler.tree.diagnostic import TreeError
     from sar_compiler.tree.xml import read_xml
     from sar_compiler.views.outline import outline
@@ -108,7 +121,7 @@ def _show(arguments: argparse.Namespace) -> int:
 
     registry = _registry(arguments)
     try:
-        tree_file = read_xml(arguments.file)
+        tree_file = read_xml(find("trees", arguments.file, ".xml"))
         tree = preview_tree(bind_main(tree_file, registry, arguments.tree))
     except TreeError as error:
         print("\n".join(finding.render() for finding in error.findings), file=sys.stderr)

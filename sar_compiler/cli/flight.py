@@ -300,6 +300,8 @@ class _Flight:
             return self._interrupted()
         if self._verdict is not None and not self._verdict.achieved:
             return self._failed(self._verdict.reason)
+        if self._zones is not None and not self._ending.complete:
+            return self._failed("the run has ended as asked, and the mission is incomplete")
         return OK
 
     def _interrupted(self) -> int:

@@ -66,7 +66,7 @@ def _fly(options: Options, signals: StopSignals) -> int:
         return fly(options, signals)
     except TreeError as error:
         print(error, file=sys.stderr)
-        print(f"{PROG}: {options.tree} is not a valid tree; nothing has moved", file=sys.stderr)
+        print(f"{PROG}: {options.tree} cannot be flown like this; nothing has moved", file=sys.stderr)
         return USAGE
 
 
@@ -117,7 +117,8 @@ def _parser() -> Parser:
     parser.add_argument(
         "--until",
         choices=[until.value for until in Until],
-        help="when to end: the mission is complete (default with --sim), the root succeeds or fails, never",
+        help="when to end: the mission is complete (default with --sim), the root succeeds or fails (for trees "
+        "without zones), or never (default otherwise)",
     )
     parser.add_argument(
         "--view", choices=("text", "none"), default="none", help="show the tree at every tick"

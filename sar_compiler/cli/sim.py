@@ -26,7 +26,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: The arguments after the command's name; those of the process if None.
 
     Returns:
-        The exit status: 0, 2 for wrong usage or input, 130 and 143 when stopped by SIGINT and SIGTERM.
+        The exit status: 0, also when stopped by SIGINT or SIGTERM; 2 for wrong usage or input.
     """
     split = split_arguments(sys.argv[1:] if argv is None else argv)
     options = _parser().parse_args(split.own)
@@ -40,10 +40,17 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True)
     text = "Run the world and the stand-in for Nav2 until stopped."
     live = commands.add_parser(
-        "run", help=text, description=text, epilog="ROS arguments go after --ros-args."
+        "run",
+        help=text,
+        description=text,
+        epilog="ROS arguments go after --ros-args. Ctrl-C or SIGTERM end it, with status 0.",
     )
     live.add_argument(
-        "--speed", type=speed, default=1.0, help="simulated seconds per second, at most (default 1)"
+        "--speed",
+        type=speed,
+        default=1.0,
+        metavar="N",
+        help="simulated seconds per second, at most (default 1)",
     )
     live.add_argument(
         "--fault",
@@ -64,9 +71,15 @@ def _parser() -> argparse.ArgumentParser:
     )
     for command in (live, survey):
         command.add_argument(
-            "world", nargs="?", default=_WORLD, help=f"file or shipped world (default {_WORLD})"
+            "world",
+            nargs="?",
+            default=_WORLD,
+            metavar="WORLD",
+            help=f"file or shipped world (default {_WORLD})",
         )
-        command.add_argument("--seed", type=_seed, default=0, help="seed of all noise (default 0)")
+        command.add_argument(
+            "--seed", type=_seed, default=0, metavar="N", help="seed of all noise (default 0)"
+        )
     return parser
 
 
@@ -133,11 +146,11 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
 
 
 def _wait(simulation: "Simulation", signals: StopSignals) -> int:
-    """Return the exit status once the process is asked to stop; raise what ended the simulation if that is first."""
+    """Return once the process is asked to stop; raise what ended the simulation if that is first."""
     while not signals.wait(_LOOK_SEC):
         if simulation.failure is not None:
             raise simulation.failure
-    return signals.exit_status
+    return OK
 
 
 if __name__ == "__main__":

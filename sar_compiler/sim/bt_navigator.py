@@ -108,10 +108,13 @@ class BtNavigator:
             self._attend(self._goal, feedback_due=step % _FEEDBACK_EVERY == 0)
 
     def stop(self) -> bool:
-        """End the goal under way as aborted; return whether there was one, whose client has yet to be told."""
-        under_way = self._goal is not None
-        self._end(Outcome(Ending.ABORTED, text="the simulation stops"))
-        return under_way
+        """End the goal under way; return whether there was one, whose client has yet to be told."""
+        goal = self._goal
+        if goal is not None and goal.handle.is_cancel_requested:
+            self._end(Outcome(Ending.CANCELED))
+        else:
+            self._end(Outcome(Ending.ABORTED, text="the simulation stops"))
+        return goal is not None
 
     def close(self) -> None:
         """Destroy the server and the node, without a word to anybody."""

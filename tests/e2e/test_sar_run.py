@@ -170,12 +170,22 @@ def test_a_server_that_disappears_and_comes_back_delays_the_mission(start):
 def test_a_zone_out_of_reach_costs_at_most_two_goals_per_tick_period(start, witness):
     watching = witness()
     rate, limit = 2.0, 60.0
+    start("sar-sim", "run", "--speed", 10, "--fault", "navigate_to_pose:abort=zone_b")
+    start("sar-detect-survivor-server")
+    start("sar-report-survivor-server")
+    watching.wait_until_seen()
     run = start(
-        "sar-run", "--sim", "--speed", 10, "--fault", "navigate_to_pose:abort=zone_b",
-        "--ros-args", "-p", f"time_limit_sec:={limit}",
+        "sar-run", "--until", "complete",
+        "--ros-args", "-p", "use_sim_time:=true", "-p", f"time_limit_sec:={limit}",
     )  # fmt: skip
     assert run.end() == 1
     assert "The time limit of 60 s was reached." in run.output
     assert "zone_b was not visited." in run.output
     goals = len(watching.goals())
     assert rate * limit / 2 < goals <= 2 * rate * limit + 2
+
+
+def test_a_root_that_succeeds_does_not_make_an_incomplete_mission_a_success(start):
+    run = start("sar-run", "--sim", "--speed", 20, "--until", "success")
+    assert run.end() == 1
+    assert "the run has ended as asked, and the mission is incomplete" in run.output

@@ -77,6 +77,7 @@ def fly(start, witness, speed, namespace):
     )
     watching = witness(namespace)
     sim = start("sar-sim", "run", "--speed", speed, "--ros-args", *moved, "--log-level", "debug")
+    watching.wait_until_seen()
     detection = start("sar-detect-survivor-server", "--ros-args", *moved)
     reports = start("sar-report-survivor-server", "--ros-args", *moved)
     mission = start(

@@ -69,7 +69,7 @@ class Witness:
         with self._news:
             return list(self._statuses.values())
 
-    def wait_for_goals(self, wanted, timeout_sec=10.0):
+    def wait_for_goals(self, wanted, timeout_sec=20.0):
         """Wait until a function of the goals' states is true; fail with the states if it never is."""
         with self._news:
             came = self._news.wait_for(lambda: wanted(list(self._statuses.values())), timeout_sec)

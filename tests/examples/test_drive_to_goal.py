@@ -1,6 +1,7 @@
 """The example `drive_to_goal`: its leaves against scripted odometry, and all of it in the simulator."""
 
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -40,37 +41,40 @@ def test_the_timeout_runs_on_the_mission_s_clock():
     assert type(timeouts[0]).__module__ == "sar_compiler.nodes.decorators"
 
 
-def run_example(start, *ros):
+def run_example(start, until, *ros):
     return start(
         "sar-run", TREE, "--nodes", LEAVES, "--params", FOLDER / "params.yaml", "--sim", "empty",
-        "--speed", 4, "--until", "failure", "--view", "text", "--ros-args", *ros,
+        "--speed", 4, "--until", until, "--view", "text", "--ros-args", *ros,
     )  # fmt: skip
 
 
 @pytest.mark.ros
-def test_the_robot_reaches_the_goal_and_stands(start, witness):
-    watching = witness()
-    run = run_example(start)
-    watching.wait_until_seen()
+def test_the_robot_reaches_the_goal_and_the_run_ends(start):
+    run = run_example(start, "failure")
     assert run.end() == 0, run.output
-    assert 0.15 < math.dist(watching.place(), (2.0, 0.0)) < 0.35
     assert "[-] DriveToGoal [✕]" in run.output
-    assert "--> GoalNotReached? [✕]" in run.output
+    left = re.findall(r"--> GoalNotReached\? \[✕\] -- (\d\.\d\d) m to go", run.output)
+    assert [0.2 < float(metres) <= 0.3 for metres in left] == [True]
 
 
 @pytest.mark.ros
-def test_another_goal_is_a_parameter_away(start, witness):
+@pytest.mark.parametrize(("goal_x", "goal_y"), [(2.0, 0.0), (-1.0, 1.0)])
+def test_the_robot_stands_at_the_goal_that_the_parameters_name(start, witness, goal_x, goal_y):
     watching = witness()
-    run = run_example(start, "-p", "goal_x:=-1.0", "-p", "goal_y:=1.0")
+    run = run_example(start, "forever", "-p", f"goal_x:={goal_x}", "-p", f"goal_y:={goal_y}")
+    run.wait_for("--> GoalNotReached? [✕]")
     watching.wait_until_seen()
-    assert run.end() == 0, run.output
-    assert math.dist(watching.place(), (-1.0, 1.0)) < 0.35
+    assert 0.1 < math.dist(watching.place(), (goal_x, goal_y)) < 0.35
+    status, _ = run.stop()
+    assert status == 130
 
 
 @pytest.mark.ros
 def test_the_recovery_turns_the_robot_after_a_time_out(start, witness):
     watching = witness()
-    run = run_example(start, "-p", "goal_x:=10.0", "-p", "timeout_duration:=3.0", "-p", "goal_yaw:=1.57")
+    run = run_example(
+        start, "forever", "-p", "goal_x:=10.0", "-p", "timeout_duration:=3.0", "-p", "goal_yaw:=1.57"
+    )
     run.wait_for("-^- DriveForwardTimeout [✕] -- timed out")
     run.wait_for("--> SpinInPlace [*] -- ")
     watching.wait_for_yaw(lambda yaw: yaw > 0.02)
