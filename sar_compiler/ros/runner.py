@@ -31,8 +31,8 @@ TickHandler = Callable[[py_trees.trees.BehaviourTree], None]
 _TURN_SEC = 0.02
 
 
-class SetupTimeoutError(SarError):
-    """The leaves of a tree took too long to set up.
+class SetupTimeoutError(SarError, RuntimeError):
+    """The leaves of a tree took too long to set up (a `RuntimeError`, as py_trees has it).
 
     Attributes:
         behaviour: The one that was being set up when the time was over.
@@ -157,6 +157,8 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         self._handlers = (pre_tick_handler, post_tick_handler)
         self._ticks_left = number_of_iterations
         self._woken = False
+        if number_of_iterations == 0:
+            return
         self._running = True
         self._beat = Beat(self.node, period_ms / 1000.0, self._tick_now, lambda: self.count)
 

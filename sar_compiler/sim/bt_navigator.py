@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from lifecycle_msgs.msg import State
@@ -206,6 +207,9 @@ class BtNavigator:
             return Outcome(Ending.CANCELED)
         request = goal.handle.request.pose
         target, here = from_pose(request.pose), self._localise()
+        tree = goal.handle.request.behavior_tree
+        if tree and not Path(tree).is_file():
+            return Outcome(Ending.ABORTED, text=f"there is no behaviour tree '{tree}'")
         frame = request.header.frame_id
         if frame != _MAP or target is None or here is None:
             reason = (

@@ -179,6 +179,14 @@ class TestTicking:
         ros.spin_for(0.05)
         assert (probe.updates, runner.count, probe.ends) == (3, 3, [])
 
+    def test_no_iterations_are_no_tick(self, ros: Ros) -> None:
+        probe = Probe()
+        runner = runner_of(probe, ros.node())
+        runner.tick_tock(5.0, number_of_iterations=0)
+        runner.wake()
+        ros.spin_for(0.05)
+        assert (probe.updates, runner.running) == (0, False)
+
     def test_can_be_started_again_after_its_iterations(self, ros: Ros) -> None:
         runner = runner_of(Probe(), ros.node())
         runner.tick_tock(5.0, number_of_iterations=2)

@@ -48,6 +48,22 @@ def test_a_foreign_navigation_server_is_named_with_its_node(ros_context: Any) ->
         robot.close()
 
 
+def test_a_mere_client_of_navigation_is_no_company(ros_context: Any, client: Client) -> None:
+    from nav2_msgs.action import NavigateToPose
+    from rclpy.action import ActionClient
+
+    from sar_compiler.sim.isolation import refuse_company
+
+    goals = "/navigate_to_pose/_action/send_goal"
+    action = ActionClient(client.node, NavigateToPose, "navigate_to_pose")
+    try:
+        names = [name for name, _ in client.node.get_service_names_and_types()]
+        assert goals in names, "the client is not in the graph, so this would show nothing"
+        refuse_company(context=ros_context, look_around_sec=0.2)
+    finally:
+        action.destroy()
+
+
 def test_a_running_simulation_is_company(ros_context: Any, simulate: Callable[..., Any]) -> None:
     from sar_compiler.sim.isolation import IsolationError, refuse_company
 

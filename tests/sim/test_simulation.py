@@ -229,6 +229,12 @@ def test_a_second_goal_pre_empts_the_first(simulate: Simulate, client: Client) -
     navigation.close()
 
 
+def test_a_goal_with_a_tree_that_is_not_there_is_aborted(navigation: Navigation) -> None:
+    ended = navigation.result(navigation.send(0.5, 0.0, tree="/no/such/tree.xml"))
+    assert (ended.status, ended.result.error_code) == (ABORTED, 0)
+    assert "/no/such/tree.xml" in ended.result.error_msg
+
+
 def test_a_second_goal_with_another_tree_is_ended_itself(navigation: Navigation) -> None:
     first = navigation.send(0.5, 0.0)
     second = navigation.send(1.0, 0.0, tree="other.xml")
