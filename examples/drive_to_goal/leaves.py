@@ -5,6 +5,7 @@ a tree file as its constructor's parameters.
 """
 
 import math
+from abc import abstractmethod
 from typing import Any
 
 from py_trees.behaviour import Behaviour
@@ -71,6 +72,19 @@ class _DrivingLeaf(_OdometryLeaf):
 
         super().setup(**kwargs)
         self._commands = self._node.create_publisher(TwistStamped, "cmd_vel", 10)
+
+    def update(self) -> Status:
+        """Send the next command; to stand, while nobody knows where the robot is."""
+        pose = self.pose()
+        if pose is None:
+            self.feedback_message = "no odometry"
+            self.command(0.0, 0.0)
+            return Status.RUNNING
+        return self.steer(*pose)
+
+    @abstractmethod
+    def steer(self, x: float, y: float, yaw: float) -> Status:
+        """Send the next command, knowing where the robot is (m, m, rad)."""
 
     def terminate(self, new_status: Status) -> None:  # noqa: ARG002
         """Tell the robot to stand, however the leaf was left."""
@@ -147,14 +161,8 @@ class DriveForward(_DrivingLeaf):
         self._k_rho = k_rho
         self._k_alpha = k_alpha
 
-    def update(self) -> Status:
+    def steer(self, x: float, y: float, yaw: float) -> Status:
         """Send the next command."""
-        pose = self.pose()
-        if pose is None:
-            self.feedback_message = "no odometry"
-            self.command(0.0, 0.0)
-            return Status.RUNNING
-        x, y, yaw = pose
         distance = math.dist(self._goal, (x, y))
         bearing = _wrapped(math.atan2(self._goal[1] - y, self._goal[0] - x) - yaw)
         self.feedback_message = f"{distance:.2f} m to go"
@@ -185,14 +193,9 @@ class SpinInPlace(_DrivingLeaf):
         self._k_yaw = k_yaw
         self._tolerance = tolerance
 
-    def update(self) -> Status:
+    def steer(self, x: float, y: float, yaw: float) -> Status:  # noqa: ARG002 - a heading is enough
         """Send the next command."""
-        pose = self.pose()
-        if pose is None:
-            self.feedback_message = "no odometry"
-            self.command(0.0, 0.0)
-            return Status.RUNNING
-        error = _wrapped(self._goal_yaw - pose[2])
+        error = _wrapped(self._goal_yaw - yaw)
         self.feedback_message = f"{math.degrees(error):.0f} degrees to turn"
         if abs(error) <= self._tolerance:
             return Status.SUCCESS
