@@ -78,6 +78,7 @@ class Host:
         self._executor.add_node(self.node)
         self._closing = threading.Event()
         self._at_close: list[Callable[[], None]] = []
+        self._at_end: list[Callable[[], None]] = []
         self._thread = threading.Thread(target=self._spin)
         self._thread.start()
 
@@ -86,17 +87,26 @@ class Host:
             self._executor.spin_once(timeout_sec=0.1)
 
     def at_close(self, action: Callable[[], None]) -> None:
+        """Have something done that lets callbacks under way come to their end."""
         self._at_close.append(action)
+
+    def at_end(self, action: Callable[[], None]) -> None:
+        """Have something done once nothing is taken from the servers any more."""
+        self._at_end.append(action)
 
     def close(self) -> None:
         """Take the node and its servers out of the graph, as when their process ends."""
         if self._closing.is_set():
             return
         self._closing.set()
-        for action in self._at_close:
-            action()
         self._executor.wake()
         self._thread.join()
+        # Not before: a server destroyed while the executor takes from it would raise there. And not after
+        # its callbacks were let go: what they answer would still be sent.
+        for action in self._at_end:
+            action()
+        for action in self._at_close:
+            action()
         self._executor.shutdown()
         self.node.destroy_node()
 
@@ -156,11 +166,8 @@ class NavServer:
             cancel_callback=self._on_cancel,
             callback_group=host.group,
         )
-        host.at_close(self._close)
-
-    def _close(self) -> None:
-        self._closing.set()
-        self._server.destroy()
+        host.at_close(self._closing.set)
+        host.at_end(self._server.destroy)
 
     def order(self, *orders: str) -> None:
         """Give orders to the latest goal."""
