@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role, Use
-from sar_compiler.nodes.values import value_type_of, without_none
+from sar_compiler.nodes.values import is_class, value_type_of, without_none
 from sar_compiler.runtime.context import is_mission_context
 
 if TYPE_CHECKING:
@@ -98,9 +98,9 @@ class Registration:
         value_type = value_type_of(annotation)
         if value_type is not None:
             return Parameter(name, Role.ATTRIBUTE, required, default, value_type=value_type, doc=doc)
-        if isinstance(target, type) and is_mission_context(target):
+        if is_class(target) and is_mission_context(target):
             return Parameter(name, Role.CONTEXT, required, default, target=target, doc=doc)
-        if isinstance(target, type) and _is_behaviour(target):
+        if is_class(target) and _is_behaviour(target):
             return Parameter(name, Role.REFERENCE, required, default, target=target, doc=doc)
         message = (
             f"<{self.tag}>: parameter '{name}' of {_name_of(self.cls)} is annotated with {annotation!r}, which is "

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
+from typing import TypeGuard
 
 _INTEGER = r"[+\-]?[0-9]+"
 _REAL = r"[+\-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+\-]?[0-9]+)?"
@@ -88,15 +89,20 @@ def value_type_of(annotation: object) -> ValueType | None:
         The type, or None if no text can become such a value.
     """
     annotation = without_none(annotation)
-    if isinstance(annotation, type) and annotation in _PLAIN:
+    if is_class(annotation) and annotation in _PLAIN:
         return _PLAIN[annotation]
-    if isinstance(annotation, type) and issubclass(annotation, enum.Enum):
+    if is_class(annotation) and issubclass(annotation, enum.Enum):
         return _choice(annotation.__name__, {member.name: member for member in annotation})
     if typing.get_origin(annotation) is typing.Literal:
         literals = typing.get_args(annotation)
         if all(isinstance(literal, str) for literal in literals):
             return _choice(".".join(("one_of", *literals)), {literal: literal for literal in literals})
     return None
+
+
+def is_class(annotation: object) -> TypeGuard[type]:
+    """Say whether an annotation is a plain class (Python 3.10 takes `dict[str, int]` for one)."""
+    return isinstance(annotation, type) and typing.get_origin(annotation) is None
 
 
 def without_none(annotation: object) -> object:
