@@ -75,8 +75,8 @@ def fly(options: "Options", signals: StopSignals) -> int:
         context = stack.enter_context(_ros(options, signals, is_mission))
         node = stack.enter_context(_mission_node(options, context))
         parameters = flat_parameters(node)
-        run = read_run(parameters)
         mission = read_mission(parameters) if is_mission else None
+        run = mission or read_run(parameters)
         flight = _Flight(options, signals, node, run, mission)
         tree = compile_tree(binding, flight.context, parameters)
         if options.sim is not None:

@@ -218,7 +218,7 @@ class NodeActive:
         if self._call.done():
             answer = self._call.result()
             self._call = None
-            self._state = answer.current_state.label if answer is not None else None
+            self._state = _name_of(answer.current_state) if answer is not None else None
         elif self._now() - self._asked_at > _ANSWER_DEADLINE_SEC:
             self._lost += 1
             self._state = None
@@ -228,3 +228,11 @@ class NodeActive:
         call, self._call = self._call, None
         if call is not None:
             self._client.remove_pending_request(call)
+
+
+def _name_of(state: Any) -> str:
+    """Return a lifecycle state's name; some servers fill in its number alone."""
+    from lifecycle_msgs.msg import State
+
+    known = {State.PRIMARY_STATE_ACTIVE: "active", State.PRIMARY_STATE_INACTIVE: "inactive"}
+    return state.label or known.get(state.id, f"number {state.id}")

@@ -19,7 +19,7 @@ def mission_summary(record: MissionRecord, zones: ZoneManager, elapsed_sec: floa
     visited = record.zones_visited
     names = f" ({', '.join(visited)})" if visited else ""
     lines = [
-        "Mission complete." if not shortfalls else "Mission incomplete.",
+        f"Summary: the mission is {'incomplete' if shortfalls else 'complete'}.",
         f"  zones visited:   {len(visited)} of {zones.total_zones()}{names}",
         *_survivor_lines(record),
         f"  back at base:    {'yes' if record.home else 'no'}",

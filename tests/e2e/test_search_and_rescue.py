@@ -128,7 +128,7 @@ def test_one_command_flies_the_whole_mission_and_sums_it_up(start):
         is None
     )
     assert run.output.splitlines()[-6:-1] == [
-        "Mission complete.",
+        "Summary: the mission is complete.",
         "  zones visited:   4 of 4 (zone_a, zone_b, zone_c, zone_d)",
         "  survivors found: survivor_1 in zone_a at (-2.50, 3.20), acknowledged",
         "                   survivor_2 in zone_c at (4.10, -2.50), acknowledged",

@@ -22,7 +22,7 @@ def test_a_run_stopped_on_the_way_cancels_its_goal_and_ends_in_time(start, witne
     status, _ = mission.stop(number, timeout_sec=2.0)
     assert status == expected, mission.output
     watching.wait_for_goals(lambda goals: goals == [CANCELED])
-    assert "Mission incomplete." in mission.output
+    assert "Summary: the mission is incomplete." in mission.output
     assert "missing:         zone_a was not visited." in mission.output
 
 

@@ -3,7 +3,6 @@
 import bisect
 import math
 import threading
-import time
 
 import rclpy
 from action_msgs.msg import GoalStatusArray
@@ -50,10 +49,11 @@ class Witness:
         except ExternalShutdownException:
             return
 
-    def _on_odometry(self, message):
+    def _on_odometry(self, message, info):
         position, orientation = message.pose.pose.position, message.pose.pose.orientation
         with self._news:
-            self._times.append(time.time())
+            # When it was sent; on a busy machine it may be taken much later.
+            self._times.append(info["source_timestamp"] / 1e9)
             self._places.append((position.x, position.y))
             self._yaw = 2.0 * math.atan2(orientation.z, orientation.w)
             self._news.notify_all()

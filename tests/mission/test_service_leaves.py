@@ -256,7 +256,7 @@ class TestNotifyBase:
 
     def test_without_a_survivor_there_is_nothing_to_report(self, stage: "Stage") -> None:
         assert stage.run(report(stage, search(stage))) is Status.FAILURE
-        assert "'DetectSurvivor' found nobody" in stage.warnings[0]
+        assert "nobody was found" in stage.warnings[0]
 
     def test_a_survivor_without_a_name_cannot_be_reported(self, stage: "Stage") -> None:
         assert stage.run(report(stage, found(stage, survivor_id=None))) is Status.FAILURE

@@ -15,7 +15,7 @@ def test_a_mission_that_was_hardly_begun_lists_all_that_is_missing():
     record.survivor_found("a", 1.0, 2.0)
     record.survivor_named("survivor_1", 1.0, 2.0)
     assert mission_summary(record, zones, 12.34, 7) == (
-        "Mission incomplete.\n"
+        "Summary: the mission is incomplete.\n"
         "  zones visited:   1 of 2 (a)\n"
         "  survivors found: survivor_1 in a at (1.00, 2.00), NOT acknowledged\n"
         "  back at base:    no\n"
@@ -31,7 +31,7 @@ def test_a_mission_without_survivors_says_so():
     record = MissionRecord()
     record.base_reached()
     assert mission_summary(record, zones, 0.0, 1).splitlines()[:3] == [
-        "Mission complete.",
+        "Summary: the mission is complete.",
         "  zones visited:   0 of 0",
         "  survivors found: none",
     ]

@@ -126,6 +126,7 @@ class ActionGoal:
         self._answered = False
         self._abandoned = False
         self._silence: Deadline | None = None
+        self._doubt: Deadline | None = None
         self._absence: Deadline | None = None
         self._cancels_under_way = 0
 
@@ -182,6 +183,10 @@ class ActionGoal:
         # either: not every server sends any.
         if self._silence is not None and self._silence.passed:
             self._give_up(f"the server has sent no feedback for {self._deadlines.feedback_sec:g} s")
+        elif self._silence is None and self._doubt is not None and self._doubt.passed:
+            # It may never send any, or have been replaced before anybody saw it go: ask who is there.
+            self._doubt = Deadline(self._deadlines.feedback_sec)
+            self._request_result()
         elif self._port.server_is_ready:
             if self._absence is not None:
                 # Perhaps another server than before: one that does not know the goal answers at once.
@@ -206,6 +211,7 @@ class ActionGoal:
                 )
             return
         self._handle = handle
+        self._doubt = Deadline(self._deadlines.feedback_sec)
         self._request_result()
         if self._abandoned:
             self._cancel_accepted()

@@ -116,11 +116,15 @@ class NavigateTo(RosLeaf):
             self._drop_goal()
 
     def shutdown(self) -> None:
-        """Cancel what is still under way, and release the clients."""
+        """Cancel what is still under way, and release the clients.
+
+        While a cancel is unanswered they are left to the node: a goal that is accepted only now must still
+        be cancelled.
+        """
         self._drop_goal()
-        if self._port is not None:
+        if self._port is not None and self.settled():
             self._port.release()
-            self._port = None
+        self._port = None
         super().shutdown()
 
     def settled(self) -> bool:
@@ -246,7 +250,6 @@ class NavigateToBase(NavigateTo):
 
     def _on_arrival(self) -> None:
         self._record.base_reached()
-        # Home with zones left is a retreat.
-        if not self._zones.has_remaining() and not self._mission_complete:
+        if not self._mission_complete:
             self._mission_complete = True
             self.say("Mission complete.")

@@ -148,9 +148,7 @@ class BroadcastSurvivorTF(RosLeaf):
     def _broadcast(self) -> Status:
         pose = self._detect_node.survivor_pose()
         if pose is None:
-            self.complain(
-                f"'{self.name}' has no frame to broadcast: '{self._detect_node.name}' found nobody."
-            )
+            self.complain(f"'{self.name}' has no frame to broadcast: nobody was found.")
             return Status.FAILURE
         survivor_id = self._zones.next_survivor_id()
         self._publish(survivor_id, *pose)
@@ -218,8 +216,8 @@ class NotifyBase(ServiceLeaf):
         survivor_id = self._detect_node.survivor_id()
         pose = self._detect_node.survivor_pose()
         if survivor_id is None or pose is None:
-            missing = "found nobody" if pose is None else "found a survivor who has no name yet"
-            self.complain(f"'{self.name}' has nothing to report: '{self._detect_node.name}' {missing}.")
+            missing = "nobody was found" if pose is None else "the survivor has no name yet"
+            self.complain(f"'{self.name}' has nothing to report: {missing}.")
             return None
         self._survivor_id = survivor_id
         request = self._service_type().Request(survivor_id=survivor_id)
