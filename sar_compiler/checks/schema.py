@@ -5,7 +5,9 @@ the rules beside it say better, with a column and a suggestion; so its findings 
 of which the rules said nothing.
 """
 
+import bisect
 import functools
+import re
 from collections.abc import Iterable, Iterator
 
 from lxml import etree
@@ -28,7 +30,12 @@ def schema_errors(tree_file: TreeFile, registry: Registry) -> list[tuple[int, st
     unexpected element without looking at its siblings.
     """
     parser = etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True, load_dtd=False)
-    document = etree.fromstring(tree_file.source.text.encode(), parser)
+    # libxml2 does not count a lone carriage return as the end of a line, expat does.
+    text = re.sub(r"\r\n?", "\n", tree_file.source.text)
+    try:
+        document = etree.fromstring(text.encode(), parser)
+    except etree.XMLSyntaxError as error:  # what expat lets pass, such as a prefix that is not bound
+        return [(error.lineno or 1, f"not well-formed XML: {error.msg}")]
     schema = _schema_of(registry)
     if schema.validate(document):
         return []
@@ -50,14 +57,13 @@ def check_schema(
     if not errors:
         return
     spoken_of = {finding.span.line for finding in findings}
+    elements = sorted(tree_file.root.iterate(), key=_place)
     for line, message in errors:
-        element = _element_at(tree_file.root, line)
+        # The last element that begins in the line or before it.
+        element = elements[max(0, bisect.bisect_left(elements, (line + 1, 0), key=_place) - 1)]
         if not any(number in spoken_of for number in range(element.line, line + 1)):
             yield Diagnostic("schema", message, tree_file.source, element.tag_span())
 
 
-def _element_at(root: Element, line: int) -> Element:
-    """Return the last element that begins in a line or before it."""
-    return max(
-        (element for element in root.iterate() if element.line <= line), key=lambda e: (e.line, e.column)
-    )
+def _place(element: Element) -> tuple[int, int]:
+    return element.line, element.column

@@ -10,6 +10,9 @@ from sar_compiler.errors import SarError
 OK = 0
 FINDINGS = 1
 USAGE = 2
+INTERRUPTED = 130
+PIPE_CLOSED = 141
+"""As a shell reports a process that wrote to a pipe which nobody reads: what was found is not known to be read."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -37,7 +40,9 @@ def run(command: Callable[[], int], prog: str) -> int:
     except BrokenPipeError:
         # The reader has seen enough (`| head`); what is left in the buffer has nowhere to go.
         sys.stderr.close()
-        return OK
+        return PIPE_CLOSED
+    except KeyboardInterrupt:
+        return INTERRUPTED
 
 
 def speed(text: str) -> float:

@@ -112,6 +112,7 @@ def _findings_of(path: str, registry: "Registry") -> "list[Diagnostic]":
 
 
 def _show(arguments: argparse.Namespace) -> int:
+    from sar_compiler.checks import check
     from sar_compiler.compiler import bind_main, preview_tree
     from sar_compiler.resources import find
     from sar_compiler.tree.diagnostic import TreeError
@@ -122,9 +123,17 @@ def _show(arguments: argparse.Namespace) -> int:
     registry = _registry(arguments)
     try:
         tree_file = read_xml(find("trees", arguments.file, ".xml"))
-        tree = preview_tree(bind_main(tree_file, registry, arguments.tree))
+        # Which tree is the main one does not matter where one is asked for.
+        findings = [
+            finding
+            for finding in check(tree_file, registry)
+            if arguments.tree is None or finding.code != "no-main-tree"
+        ]
+        tree = None if findings else preview_tree(bind_main(tree_file, registry, arguments.tree))
     except TreeError as error:
-        print("\n".join(finding.render() for finding in error.findings), file=sys.stderr)
+        findings, tree = list(error.findings), None
+    if tree is None:
+        print("\n".join(finding.render() for finding in findings), file=sys.stderr)
         return FINDINGS
     if arguments.format == "json":
         print(json.dumps(outline(tree), indent=2, ensure_ascii=False))

@@ -255,7 +255,8 @@ class _Flight:
     def _wait(self, executor: SingleThreadedExecutor, tree: CompiledTree) -> None:
         # A check changes nothing on a robot of somebody else's.
         told = self._run.set_initial_pose and (not self._options.check or self.simulation is not None)
-        readiness = Readiness(self._node, tree.uses(), initial_pose=_START if told else None)
+        with readable_ros_errors():
+            readiness = Readiness(self._node, tree.uses(), initial_pose=_START if told else None)
         wait_until_ready(executor, readiness, self._run.startup_timeout_sec, lambda: self._over)
         if readiness.uses_nav2 and not self._over:
             self._node.get_logger().info("Nav2 is active.")

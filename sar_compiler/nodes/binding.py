@@ -336,7 +336,8 @@ class _Binder:
                     break
                 if node not in passed:
                     passed.append(node)
-                    following.extend(node.references.values())
+                    # A node is made after those it refers to, and after those in it.
+                    following.extend([*node.references.values(), *node.children])
 
 
 def _bound(children: list[BoundNode | None]) -> list[BoundNode]:

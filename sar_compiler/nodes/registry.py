@@ -5,6 +5,7 @@ import importlib
 import importlib.metadata
 import sys
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 
@@ -95,6 +96,7 @@ def load_registry(modules: Iterable[str] = ()) -> Registry:
     for entry_point in importlib.metadata.entry_points(group=ENTRY_POINTS):
         registry.add_module(_import(entry_point.value, f"entry point '{entry_point.name}'"))
     for module in modules:
+        _look_here()
         registry.add_module(_import(module, "--nodes"))
     return registry
 
@@ -105,13 +107,18 @@ def default_registry() -> Registry:
     return load_registry()
 
 
+def _look_here() -> None:
+    """Let modules that the user names lie in the current folder; those installed come first."""
+    with suppress(OSError):  # the folder may have been deleted
+        here = str(Path.cwd())
+        if here not in sys.path:
+            sys.path.append(here)
+
+
 def _import(name: str, source: str) -> ModuleType:
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.insert(0, here)
     try:
         return importlib.import_module(name)
-    except Exception as error:  # whatever a user's module does when it is imported
+    except (Exception, SystemExit) as error:  # whatever a user's module does when it is imported
         message = (
             f"the module of leaves '{name}' ({source}) cannot be imported: {type(error).__name__}: {error}"
         )

@@ -12,6 +12,8 @@ from datetime import timedelta
 from pathlib import Path
 from typing import TypeGuard
 
+# No number that a robot needs has more digits.
+_LONGEST_INTEGER = 100
 _INTEGER = r"[+\-]?[0-9]+"
 _REAL = r"[+\-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+\-]?[0-9]+)?"
 _DURATION = r"([0-9]+(\.[0-9]*)?|\.[0-9]+)(ms|s|min)?"
@@ -124,6 +126,9 @@ def _boolean(text: str) -> bool:
 
 def _integer(text: str) -> int:
     if re.fullmatch(_INTEGER, text):
+        if len(text) > _LONGEST_INTEGER:
+            message = f"a whole number of {len(text)} digits is too large"
+            raise ConversionError(message)
         return int(text)
     message = f"'{text}' is not a whole number"
     raise ConversionError(message, _leading(_INTEGER, text))

@@ -194,18 +194,21 @@ def _decode(data: bytes, path: str) -> str:
         declared = _DECLARED_ENCODING.match(data)
         encoding = declared.group(1).decode("ascii") if declared else "utf-8"
     try:
-        return data.decode(encoding)
-    except LookupError:
-        source = Source(path, data.decode("utf-8", "replace"), _SPANS)
-        message = f"the file declares the encoding '{encoding}', which is not known"
-        raise TreeError(
-            [Diagnostic("wrong-encoding", message, source, _START, hint="write it in UTF-8")]
-        ) from None
+        text = data.decode(encoding)
     except UnicodeDecodeError as error:
-        source = Source(path, data.decode(encoding, "replace"), _SPANS)
         place = len(data[: error.start].decode(encoding, "replace"))
         message = f"byte 0x{data[error.start]:02x} is not {encoding}"
-        span = source.span(place, place + 1)
-        raise TreeError(
-            [Diagnostic("wrong-encoding", message, source, span, hint="write it in UTF-8")]
-        ) from None
+        raise _wrong_encoding(message, path, data.decode(encoding, "replace"), place) from None
+    except (LookupError, UnicodeError):
+        message = f"the file declares the encoding '{encoding}', which tree files cannot have"
+        raise _wrong_encoding(message, path, data.decode("utf-8", "replace")) from None
+    if "\0" in text:
+        message = "the file has zero bytes, as UTF-16 without a byte order mark has"
+        raise _wrong_encoding(message, path, text, text.index("\0"))
+    return text
+
+
+def _wrong_encoding(message: str, path: str, text: str, place: int = 0) -> TreeError:
+    source = Source(path, text, _SPANS)
+    span = source.span(place, place + 1)
+    return TreeError([Diagnostic("wrong-encoding", message, source, span, hint="write it in UTF-8")])

@@ -47,6 +47,20 @@ IN_A_TREE = {
         20,
         "30",
     ),
+    "a number of too many digits": (
+        f'<Retry num_failures="{"9" * 5000}"><Success/></Retry>',
+        "wrong-value",
+        3,
+        22,
+        None,
+    ),
+    "a mistake behind a lone carriage return": (
+        "<Sequence>\r<Sucess/></Sequence>",
+        "unknown-node",
+        4,
+        1,
+        "Success",
+    ),
     "a fraction for a whole number": (
         '<Retry num_failures="2.5"><Success/></Retry>',
         "wrong-value",
@@ -140,6 +154,13 @@ TREE = '<BehaviorTree ID="A"><Success/></BehaviorTree>'
 OTHER = '<BehaviorTree ID="B"><Success/></BehaviorTree>'
 
 IN_A_FILE = {
+    "a prefix that is not bound": (
+        f'<root xsi:noNamespaceSchemaLocation="a.xsd">\n{TREE}</root>',
+        "schema",
+        1,
+        1,
+        None,
+    ),
     "another root": (f"<trees>{TREE}</trees>", "wrong-root", 1, 1, None),
     "a root attribute that is unknown": (
         f'<root main_tree_to_exec="A">{TREE}</root>',
@@ -232,6 +253,7 @@ def test_what_is_said_names_what_can_be_written_instead(registry):
 
 
 CORRECT = {
+    "lone carriage returns": "<Sequence>\r\t<Success/>\r</Sequence>",
     "a leaf with nothing but a comment in it": "<Success>\n<!-- why not -->\n</Success>",
     "names that are not tags": '<Success name="Is it fine? / yes!"/>',
     "a key of the blackboard": '<Timeout duration="{@patience}"><Running/></Timeout>',

@@ -35,7 +35,13 @@ def test_the_schema_accepts_what_is_correct(name):
     assert schema_errors(parse_xml(document(CORRECT[name])), default_registry()) == []
 
 
-@pytest.mark.parametrize("name", [n for n, case in IN_A_TREE.items() if "reference" not in case[1]])
+# What no XSD can say: that a name refers to something, and how large a number may be.
+BEYOND = {name for name, case in IN_A_TREE.items() if "reference" in case[1]} | {
+    "a number of too many digits"
+}
+
+
+@pytest.mark.parametrize("name", sorted(set(IN_A_TREE) - BEYOND))
 def test_the_schema_refuses_what_is_wrong_in_itself(name):
     errors = schema_errors(parse_xml(document(IN_A_TREE[name][0])), default_registry())
     assert [line for line, _ in errors]

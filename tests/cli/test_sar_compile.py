@@ -119,6 +119,23 @@ def test_show_of_an_invalid_tree_gives_its_findings_on_standard_error(capsys, br
     assert "unknown-node" in err
 
 
+def test_show_refuses_what_validate_refuses(capsys, tmp_path):
+    path = tmp_path / "format.xml"
+    path.write_text(document("<Success/>").replace('"4"', '"3"'), encoding="utf-8")
+    status, out, err = run(capsys, "show", str(path))
+    assert (status, out) == (1, "")
+    assert "wrong-format" in err
+
+
+def test_show_of_a_tree_by_its_id_does_not_ask_for_a_main_tree(capsys, tmp_path):
+    path = tmp_path / "two.xml"
+    tree = '<BehaviorTree ID="{}"><{}/></BehaviorTree>'
+    path.write_text(
+        f"<root>{tree.format('A', 'Success')}{tree.format('B', 'Failure')}</root>", encoding="utf-8"
+    )
+    assert run(capsys, "show", "--tree", "B", str(path))[:2] == (0, "--> Failure\n")
+
+
 def test_show_of_a_tree_that_is_not_in_the_file_is_a_finding(capsys):
     status, _, err = run(capsys, "show", "--tree", "Nope", SHIPPED)
     assert status == 1

@@ -121,6 +121,19 @@ def test_nodes_that_refer_to_each_other_are_a_finding(registry):
     ]
 
 
+def test_a_node_that_refers_to_what_it_stands_in_is_a_finding():
+    class Inside(Behaviour):
+        def __init__(self, name: str, around: py_trees.composites.Sequence) -> None:
+            super().__init__(name)
+
+        def update(self) -> Status:
+            return Status.SUCCESS
+
+    inner = Registry([*default_registry().registrations(), Registration("Inside", Inside, Kind.ACTION)])
+    with pytest.raises(TreeError, match="circular-reference"):
+        compiled("<Sequence><Inside/></Sequence>", inner)
+
+
 def test_a_key_of_the_root_blackboard_is_a_parameter_of_the_mission(registry):
     body = '<Timeout duration="{@patience}"><Running/></Timeout>'
     for patience in (3, 3.0, "3"):

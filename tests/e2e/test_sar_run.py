@@ -26,6 +26,12 @@ def test_an_invalid_tree_is_refused_with_its_findings_before_anything_starts(sta
     assert "service ready" not in output
 
 
+def test_a_name_that_ros_does_not_allow_is_refused_before_anything_moves(start, tmp_path):
+    tree = tmp_path / "name.xml"
+    tree.write_text(document('<NavigateToBase action="a b"/>'), encoding="utf-8")
+    assert "failed to resolve name" in refused(start, tree)
+
+
 def test_a_tree_file_that_is_not_there_is_named(start):
     assert "cannot read nowhere.xml: No such file or directory" in refused(start, "nowhere.xml")
 

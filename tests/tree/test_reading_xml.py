@@ -87,6 +87,8 @@ def test_a_file_is_read_in_the_encoding_it_declares(encoding):
         (b'<!DOCTYPE root [<!ENTITY a "b">]>\n<root/>', ("doctype", 1, 1)),
         (b"<root>\xff</root>", ("wrong-encoding", 1, 7)),
         (b'<?xml version="1.0" encoding="klingon"?><root/>', ("wrong-encoding", 1, 1)),
+        (b'<?xml version="1.0" encoding="undefined"?><root/>', ("wrong-encoding", 1, 1)),
+        ("<root/>".encode("utf-16-le"), ("wrong-encoding", 1, 2)),
     ],
 )
 def test_what_is_not_a_tree_file_gets_one_finding_where_it_goes_wrong(data, expected):
