@@ -26,11 +26,11 @@ from sar_compiler.nodes.registry import load_registry
 from sar_compiler.resources import find, shipped
 from sar_compiler.ros.arguments import init_arguments, names_parameter_file, node_arguments
 from sar_compiler.ros.clock import RosClock
+from sar_compiler.ros.engine import Engine, EngineFactory, find_engine
 from sar_compiler.ros.errors import readable_ros_errors
 from sar_compiler.ros.faults import FaultPlan
 from sar_compiler.ros.parameters import flat_parameters, mission_node
 from sar_compiler.ros.readiness import NotReadyError, Readiness, wait_until_ready
-from sar_compiler.ros.runner import TreeRunner
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.runtime.clock import Clock
 from sar_compiler.tree.diagnostic import Severity, TreeError
@@ -69,6 +69,7 @@ def fly(options: "Options", signals: StopSignals) -> int:
         TreeError: If the tree is not valid; nothing has moved.
         SarError: If the parameters, the world or the ROS arguments are wrong; nothing has moved.
     """
+    make_engine = find_engine(options.engine)
     binding = _checked_tree(options)
     is_mission = ZoneManager in context_types(binding)
     with ExitStack() as stack:
@@ -77,7 +78,7 @@ def fly(options: "Options", signals: StopSignals) -> int:
         parameters = flat_parameters(node)
         mission = read_mission(parameters) if is_mission else None
         run = mission or read_run(parameters)
-        flight = _Flight(options, signals, node, run, mission)
+        flight = _Flight(options, signals, node, run, mission, make_engine)
         tree = compile_tree(binding, flight.context, parameters)
         if options.sim is not None:
             flight.simulation = stack.enter_context(_simulation(options, node, mission))
@@ -190,11 +191,13 @@ class _Flight:
         node: Node,
         run: RunParameters,
         mission: MissionParameters | None,
+        make_engine: EngineFactory,
     ) -> None:
         self._options = options
         self._signals = signals
         self._node = node
         self._run = run
+        self._make_engine = make_engine
         self._clock = RosClock(node)
         self._record = MissionRecord()
         self._zones = ZoneManager(mission.zones, mission.base_station) if mission else None
@@ -262,19 +265,19 @@ class _Flight:
             self._node.get_logger().info("Nav2 is active.")
 
     def _tick(self, executor: SingleThreadedExecutor, tree: CompiledTree) -> int:
-        runner = TreeRunner(tree.root)
-        runner.add_post_tick_handler(self._look)
+        engine = self._make_engine(tree.root)
+        engine.add_post_tick_handler(self._look)
         try:
-            runner.setup(node=self._node)
+            engine.setup(node=self._node)
             self._started = self._clock.now()
-            runner.tick_tock(1000.0 / self._run.tick_rate_hz)
-            while self._verdict is None and runner.failure is None and not self._over:
+            engine.tick_tock(1000.0 / self._run.tick_rate_hz)
+            while self._verdict is None and engine.failure is None and not self._over:
                 _turn(executor)
             elapsed = self._clock.now() - self._started
-            self._say_what_is_left(runner.settle(executor))
+            self._say_what_is_left(engine.settle(executor))
         finally:
-            runner.shutdown()
-        return self._conclude(runner, elapsed)
+            engine.shutdown()
+        return self._conclude(engine, elapsed)
 
     @property
     def _over(self) -> bool:
@@ -292,10 +295,10 @@ class _Flight:
         for name in unsettled:
             self._node.get_logger().warning(f"{name}: the cancel of its goal was not answered.")
 
-    def _conclude(self, runner: TreeRunner, elapsed_sec: float) -> int:
+    def _conclude(self, engine: Engine, elapsed_sec: float) -> int:
         if self._zones is not None:
-            print(mission_summary(self._record, self._zones, elapsed_sec, runner.count), flush=True)
-        if runner.failure is not None:
+            print(mission_summary(self._record, self._zones, elapsed_sec, engine.count), flush=True)
+        if engine.failure is not None:
             return self._failed("the tree was stopped, because one of its leaves failed (see above)")
         if self._verdict is None and not self._ending.complete:
             return self._interrupted()

@@ -14,6 +14,7 @@ from sar_compiler.ros.signals import StopSignals
 
 PROG = "sar-run"
 
+ENGINES = ("own", "py_trees_ros")
 _DEFAULT_TREE = "search_and_rescue"
 _DEFAULT_WORLD = "disaster_zone"
 
@@ -30,6 +31,7 @@ class Options:
         until: What the run goes on until; None leaves it to the tree.
         view: How to show the tree: `text` or `none`.
         check: Whether to stop before anything moves.
+        engine: What ticks the tree: `own` or `py_trees_ros`.
         faults: How the simulated servers misbehave.
         nodes: Modules of leaves.
         ros: ROS arguments, without `--ros-args`.
@@ -42,6 +44,7 @@ class Options:
     until: Until | None
     view: str
     check: bool
+    engine: str
     faults: tuple[Fault, ...]
     nodes: tuple[str, ...]
     ros: tuple[str, ...]
@@ -86,6 +89,7 @@ def _options(argv: Sequence[str]) -> Options:
         until=Until(given.until) if given.until else None,
         view=given.view,
         check=given.check,
+        engine=given.engine,
         faults=tuple(given.fault),
         nodes=tuple(given.nodes),
         ros=tuple(split.ros),
@@ -125,6 +129,12 @@ def _parser() -> Parser:
     )
     parser.add_argument(
         "--check", action="store_true", help="see that everything the mission needs is there, then end"
+    )
+    parser.add_argument(
+        "--engine",
+        choices=ENGINES,
+        default=ENGINES[0],
+        help="what ticks the tree: the project's own runner (default), or py_trees_ros where it is installed",
     )
     parser.add_argument(
         "--fault",

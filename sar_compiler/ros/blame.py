@@ -18,3 +18,10 @@ def raised_in(error: BaseException) -> Behaviour | None:
         owner = frame.f_locals.get("self")
         found = owner if isinstance(owner, Behaviour) else found
     return found
+
+
+def blamed(behaviour: Behaviour | None) -> str:
+    """Name the behaviour that raised an exception, for a message."""
+    if behaviour is None:
+        return "a tick handler"
+    return f"'{behaviour.name}' ({type(behaviour).__name__})"

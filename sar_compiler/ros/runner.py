@@ -16,19 +16,16 @@ import rclpy
 from py_trees.behaviour import Behaviour
 from py_trees.common import Duration, Status
 from rclpy.exceptions import InvalidHandle
-from rclpy.executors import Executor, ExternalShutdownException
+from rclpy.executors import Executor
 from rclpy.node import Node
 
 from sar_compiler.errors import SarError
 from sar_compiler.ros.beat import Beat
-from sar_compiler.ros.blame import described, raised_in
+from sar_compiler.ros.blame import blamed, described, raised_in
 from sar_compiler.ros.depth import require_tickable_depth
-from sar_compiler.runtime.leaf import Settling
+from sar_compiler.ros.stopping import SETTLE_SEC, settle, stop_behaviours
 
 TickHandler = Callable[[py_trees.trees.BehaviourTree], None]
-
-# How long one turn of the executor may take while stopped leaves settle.
-_TURN_SEC = 0.02
 
 
 class SetupTimeoutError(SarError, RuntimeError):
@@ -204,9 +201,9 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             return
         self._stopped = True
         self._pause()
-        self._stop_behaviours()
+        stop_behaviours(self.root, self.failed_behaviour, self._log)
 
-    def settle(self, executor: Executor, timeout_sec: float = 1.5) -> list[str]:
+    def settle(self, executor: Executor, timeout_sec: float = SETTLE_SEC) -> list[str]:
         """Stop the tree, then spin until nothing of its leaves is under way any more.
 
         Args:
@@ -217,17 +214,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             The names of the leaves that had something under way to the end.
         """
         self.stop()
-        deadline = time.monotonic() + timeout_sec
-        while self._unsettled() and time.monotonic() < deadline:
-            try:
-                executor.spin_once(timeout_sec=_TURN_SEC)
-            except (ExternalShutdownException, InvalidHandle):
-                break
-            except Exception as error:  # noqa: BLE001 - somebody's callback; the goals still count
-                self._log(f"while the tree was stopping: {described(error)}")
-            if not executor.context.ok():
-                break
-        return [leaf.name for leaf in self._unsettled()]
+        return settle(self.root, executor, timeout_sec, self._log)
 
     def shutdown(self) -> None:
         """Stop the tree and give back what it has; never raises, may be called again."""
@@ -288,10 +275,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
     def _fail(self, error: Exception) -> None:
         self.failure = error
         behaviour = self.failed_behaviour = raised_in(error)
-        who = (
-            f"'{behaviour.name}' ({type(behaviour).__name__})" if behaviour is not None else "a tick handler"
-        )
-        self._log(f"{who} failed: {described(error)}. The tree is stopped.")
+        self._log(f"{blamed(behaviour)} failed: {described(error)}. The tree is stopped.")
         if self.node is not None:
             self.node.get_logger().debug("".join(traceback.format_exception(error)))
         self.stop()
@@ -301,32 +285,6 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         beat, self._beat = self._beat, None
         if beat is not None:
             beat.destroy()
-
-    def _stop_behaviours(self) -> None:
-        """Stop the leaf that failed, the root, and then whoever that did not reach.
-
-        A composite that raised in its first tick is INVALID and stops none of its children, and the leaf
-        that raised is INVALID too, although it may have sent its goal.
-        """
-        failed = self.failed_behaviour
-        if failed is not None and not failed.children:
-            self._stop_one(failed)
-        if failed is not self.root:
-            self._stop_one(self.root)
-        for behaviour in list(self.root.iterate()):
-            if behaviour.status == Status.RUNNING:
-                self._stop_one(behaviour)
-
-    def _stop_one(self, behaviour: Behaviour) -> None:
-        try:
-            behaviour.stop(Status.INVALID)
-        except Exception as error:  # noqa: BLE001 - the others must be stopped all the same
-            self._log(f"'{behaviour.name}' failed while it was stopped: {described(error)}")
-            # Not again, and not as one that is still running.
-            (raised_in(error) or behaviour).status = Status.INVALID
-
-    def _unsettled(self) -> list[Behaviour]:
-        return [leaf for leaf in self.root.iterate() if isinstance(leaf, Settling) and not leaf.settled()]
 
     def _log(self, text: str) -> None:
         if self.node is not None:

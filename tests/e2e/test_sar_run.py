@@ -40,6 +40,7 @@ def test_a_tree_file_that_is_not_there_is_named(start):
     ("arguments", "words"),
     [
         (["--record", "x.mcap"], "unrecognized arguments: --record"),
+        (["--engine", "theirs"], "invalid choice: 'theirs'"),
         (["--view", "web"], "invalid choice: 'web'"),
         (["--speed", "2"], "--speed is for the simulator"),
         (["--fault", "report_survivor:drop=1"], "--fault is for the simulator"),

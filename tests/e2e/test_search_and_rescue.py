@@ -135,3 +135,12 @@ def test_one_command_flies_the_whole_mission_and_sums_it_up(start):
         "  back at base:    yes",
     ]
     assert run.output.splitlines()[-1].startswith("  duration:        ")
+
+
+@pytest.mark.ros
+def test_the_mission_flies_with_py_trees_ros_by_its_published_interface(start):
+    run = start(
+        "sar-run", "--sim", "--speed", 20, "--engine", "py_trees_ros", env={"PYTHONPATH": "tests/stand_ins"}
+    )
+    assert run.end() == 0, run.output
+    assert in_order(MISSION_LOG, run.log) is None

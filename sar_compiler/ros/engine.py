@@ -1,0 +1,68 @@
+"""What ticks a tree: the project's own runner, or `py_trees_ros` where it is installed."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+from py_trees.behaviour import Behaviour
+from py_trees.trees import BehaviourTree
+from rclpy.executors import Executor
+from rclpy.node import Node
+
+from sar_compiler.errors import SarError
+from sar_compiler.ros.runner import TreeRunner
+
+
+class EngineError(SarError):
+    """The engine that was asked for is not here."""
+
+
+class Engine(Protocol):
+    """What a run needs of whoever ticks its tree; see `TreeRunner` for what each does.
+
+    Attributes:
+        count: How often the tree was ticked.
+        failure: What a leaf (or a handler) raised; the tree was stopped by it.
+    """
+
+    count: int
+    failure: Exception | None
+
+    def add_post_tick_handler(self, handler: Callable[[BehaviourTree], None]) -> None:
+        """Have a handler called after every tick."""
+
+    def setup(self, node: Node) -> None:
+        """Set up every behaviour of the tree on a node."""
+
+    def tick_tock(self, period_ms: float) -> None:
+        """Start ticking, from the node's executor, and return at once."""
+
+    def settle(self, executor: Executor) -> list[str]:
+        """Stop the tree, and wait shortly for its leaves; returns the names of those that are not done."""
+
+    def shutdown(self) -> None:
+        """Stop the tree and give back what it has."""
+
+
+EngineFactory = Callable[[Behaviour], Engine]
+
+
+def find_engine(name: str) -> EngineFactory:
+    """Return what makes an engine for a tree.
+
+    Args:
+        name: `own`, or `py_trees_ros`.
+
+    Raises:
+        EngineError: If it is not installed.
+    """
+    if name == "own":
+        return TreeRunner
+    try:
+        from sar_compiler.ros.py_trees_ros_engine import PyTreesRosEngine
+    except ImportError as error:
+        message = (
+            f"--engine py_trees_ros: it is not installed here ({error}). On a robot: sudo apt install "
+            "ros-jazzy-py-trees-ros (it is not on PyPI); or leave --engine out, to tick with the project's own"
+        )
+        raise EngineError(message) from error
+    return PyTreesRosEngine

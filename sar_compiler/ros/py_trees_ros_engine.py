@@ -1,0 +1,106 @@
+"""Ticking a tree with `py_trees_ros`, where it is installed (it is not on PyPI).
+
+What it brings: snapshot streams for `py-trees-tree-watcher` and the viewers, blackboard streams, statistics.
+What it lacks next to `runner.TreeRunner`: leaves with good news do not wake the tree, and a clock that stands
+still stops the ticks, and with them the deadlines of the leaves.
+"""
+
+import traceback
+from typing import Any
+
+import py_trees_ros.trees
+from py_trees.behaviour import Behaviour
+from rclpy.executors import Executor
+from rclpy.node import Node
+
+from sar_compiler.ros.blame import blamed, described, raised_in
+from sar_compiler.ros.depth import require_tickable_depth
+from sar_compiler.ros.stopping import SETTLE_SEC, settle, stop_behaviours
+
+# What the class declares on its node, whether or not it was given on the command line.
+_ITS_PARAMETERS = (
+    "default_snapshot_stream",
+    "default_snapshot_period",
+    "default_snapshot_blackboard_data",
+    "default_snapshot_blackboard_activity",
+    "setup_timeout",
+)
+
+
+class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
+    """A `py_trees_ros.trees.BehaviourTree` that always ends by stopping its tree.
+
+    Args:
+        root: The tree.
+
+    Attributes:
+        failure: What a leaf (or a handler) raised; the tree was stopped by it.
+    """
+
+    def __init__(self, root: Behaviour) -> None:
+        super().__init__(root)
+        self.failure: Exception | None = None
+        self._stopped = False
+
+    def setup(self, node: Node, **kwargs: Any) -> None:
+        """Set up every behaviour of the tree on a node that may have any parameter already.
+
+        Args:
+            node: The node to tick on.
+            kwargs: As `py_trees_ros.trees.BehaviourTree.setup` has them.
+
+        Raises:
+            TreeTooDeepError: If the tree is nested too deeply to be ticked.
+        """
+        require_tickable_depth(self.root)
+        given = [name for name in _ITS_PARAMETERS if node.has_parameter(name)]
+        for name in given:
+            # Declared anew by the class, with the value that was given.
+            node.undeclare_parameter(name)
+        super().setup(node=node, **kwargs)
+
+    def tick(self, *args: Any, **kwargs: Any) -> None:
+        """Tick once; what is raised is kept in `failure`, and the tree is stopped."""
+        if self._stopped:
+            return
+        try:
+            super().tick(*args, **kwargs)
+        except Exception as error:  # noqa: BLE001 - kept and logged; nobody would catch it in a timer
+            self._fail(error)
+
+    def settle(self, executor: Executor, timeout_sec: float = SETTLE_SEC) -> list[str]:
+        """Stop the tree, then spin until nothing of its leaves is under way any more.
+
+        Args:
+            executor: The executor of the node.
+            timeout_sec: How long to spin at most, in seconds of the steady clock.
+
+        Returns:
+            The names of the leaves that had something under way to the end.
+        """
+        self._stop(None)
+        return settle(self.root, executor, timeout_sec, self._log)
+
+    def shutdown(self) -> None:
+        """Stop the tree, and give back what it has, its node included."""
+        self._stop(None)
+        super().shutdown()
+
+    def _fail(self, error: Exception) -> None:
+        self.failure = error
+        behaviour = raised_in(error)
+        self._log(f"{blamed(behaviour)} failed: {described(error)}. The tree is stopped.")
+        self.node.get_logger().debug("".join(traceback.format_exception(error)))
+        self._stop(behaviour)
+
+    def _stop(self, failed: Behaviour | None) -> None:
+        if self._stopped:
+            return
+        self._stopped = True
+        if self.timer is not None:
+            self.timer.cancel()
+        stop_behaviours(self.root, failed, self._log)
+
+    def _log(self, text: str) -> None:
+        if self.node is not None:
+            self.node.get_logger().error(text)

@@ -1,0 +1,78 @@
+"""Stopping a tree, so that a robot is not left driving, whatever its leaves do meanwhile."""
+
+import time
+from collections.abc import Callable
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+from rclpy.exceptions import InvalidHandle
+from rclpy.executors import Executor, ExternalShutdownException
+
+from sar_compiler.ros.blame import described, raised_in
+from sar_compiler.runtime.leaf import Settling
+
+Log = Callable[[str], None]
+
+SETTLE_SEC = 1.5
+"""How long the answers to cancels are waited for, seconds of the steady clock."""
+
+# How long one turn of the executor may take while stopped leaves settle.
+_TURN_SEC = 0.02
+
+
+def stop_behaviours(root: Behaviour, failed: Behaviour | None, log: Log) -> None:
+    """Stop the leaf that failed, the root, and then whoever that did not reach.
+
+    A composite that raised in its first tick is INVALID and stops none of its children, and the leaf
+    that raised is INVALID too, although it may have sent its goal.
+
+    Args:
+        root: The tree.
+        failed: The behaviour that raised, if any.
+        log: Is told who failed while it was stopped.
+    """
+    if failed is not None and not failed.children:
+        _stop_one(failed, log)
+    if failed is not root:
+        _stop_one(root, log)
+    for behaviour in list(root.iterate()):
+        if behaviour.status == Status.RUNNING:
+            _stop_one(behaviour, log)
+
+
+def settle(root: Behaviour, executor: Executor, timeout_sec: float, log: Log) -> list[str]:
+    """Spin until nothing of a stopped tree's leaves is under way any more.
+
+    Args:
+        root: The tree.
+        executor: The executor of its node.
+        timeout_sec: How long to spin at most, in seconds of the steady clock.
+        log: Is told of what somebody's callback raised.
+
+    Returns:
+        The names of the leaves that had something under way to the end.
+    """
+    deadline = time.monotonic() + timeout_sec
+    while _unsettled(root) and time.monotonic() < deadline:
+        try:
+            executor.spin_once(timeout_sec=_TURN_SEC)
+        except (ExternalShutdownException, InvalidHandle):
+            break
+        except Exception as error:  # noqa: BLE001 - somebody's callback; the goals still count
+            log(f"while the tree was stopping: {described(error)}")
+        if not executor.context.ok():
+            break
+    return [leaf.name for leaf in _unsettled(root)]
+
+
+def _stop_one(behaviour: Behaviour, log: Log) -> None:
+    try:
+        behaviour.stop(Status.INVALID)
+    except Exception as error:  # noqa: BLE001 - the others must be stopped all the same
+        log(f"'{behaviour.name}' failed while it was stopped: {described(error)}")
+        # Not again, and not as one that is still running.
+        (raised_in(error) or behaviour).status = Status.INVALID
+
+
+def _unsettled(root: Behaviour) -> list[Behaviour]:
+    return [leaf for leaf in root.iterate() if isinstance(leaf, Settling) and not leaf.settled()]

@@ -1,0 +1,152 @@
+"""Ticking with py_trees_ros: its class by its published interface, as it cannot be installed from PyPI."""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import py_trees
+import pytest
+from py_trees.common import Status
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from tests.ros.conftest import Ros
+
+pytestmark = pytest.mark.ros
+
+STAND_INS = Path(__file__).parents[1] / "stand_ins"
+INSTALLED = importlib.util.find_spec("py_trees_ros") is not None
+
+
+class Probe(py_trees.behaviour.Behaviour):
+    """Runs until it is stopped, unless `on_update` says otherwise."""
+
+    def __init__(self, on_update: Callable[[], Status] = lambda: Status.RUNNING) -> None:
+        super().__init__("Probe")
+        self.on_update = on_update
+        self.given: dict[str, Any] = {}
+        self.ends: list[Status] = []
+
+    def setup(self, **kwargs: Any) -> None:
+        self.given = kwargs
+
+    def update(self) -> Status:
+        return self.on_update()
+
+    def terminate(self, new_status: Status) -> None:
+        self.ends.append(new_status)
+
+
+@pytest.fixture
+def engine_class(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """The engine on the class by its published interface."""
+    monkeypatch.syspath_prepend(str(STAND_INS))
+    modules = ("py_trees_ros", "py_trees_ros.trees", "sar_compiler.ros.py_trees_ros_engine")
+    for name in modules:
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    from sar_compiler.ros.engine import find_engine
+
+    yield find_engine("py_trees_ros")
+    for name in modules:
+        sys.modules.pop(name, None)
+
+
+@pytest.fixture
+def engine_of(engine_class: Any, ros: Ros) -> Callable[..., Any]:
+    def make(root: py_trees.behaviour.Behaviour, **node_options: Any) -> Any:
+        engine = engine_class(root)
+        engine.setup(node=ros.node("mission", **node_options))
+        return engine
+
+    return make
+
+
+@pytest.mark.skipif(INSTALLED, reason="py_trees_ros is installed here")
+def test_where_it_is_not_installed_the_message_says_where_to_get_it() -> None:
+    from sar_compiler.ros.engine import EngineError, find_engine
+
+    with pytest.raises(EngineError, match=r"No module named 'py_trees_ros'.*ros-jazzy-py-trees-ros"):
+        find_engine("py_trees_ros")
+
+
+@pytest.mark.skipif(not INSTALLED, reason="py_trees_ros is not installed here")
+def test_the_installed_class_has_the_interface_that_these_tests_assume(engine_class: Any) -> None:
+    assumed = engine_class.__mro__[1]
+    for name in ("py_trees_ros", "py_trees_ros.trees"):
+        sys.modules.pop(name)
+    sys.path.remove(str(STAND_INS))
+    from py_trees_ros.trees import BehaviourTree
+
+    for method in ("__init__", "setup", "tick_tock", "shutdown"):
+        real, ours = (inspect.signature(getattr(it, method)).parameters for it in (BehaviourTree, assumed))
+        assert list(real) == list(ours)
+
+
+def test_the_timer_of_the_node_ticks_the_tree(engine_of: Callable[..., Any], ros: Ros) -> None:
+    engine = engine_of(Probe())
+    engine.tick_tock(10.0)
+    ros.spin_until(lambda: engine.count >= 3, "three ticks")
+    engine.shutdown()
+
+
+def test_the_leaves_are_given_the_node(engine_of: Callable[..., Any]) -> None:
+    probe = Probe()
+    engine = engine_of(probe)
+    assert probe.given == {"node": engine.node}
+    engine.shutdown()
+
+
+def test_parameters_of_the_class_that_were_given_count(engine_of: Callable[..., Any]) -> None:
+    from rclpy.parameter import Parameter
+
+    engine = engine_of(
+        Probe(),
+        automatically_declare_parameters_from_overrides=True,
+        parameter_overrides=[Parameter("default_snapshot_stream", value=True)],
+    )
+    assert engine.node.get_parameter("default_snapshot_stream").value is True
+    engine.shutdown()
+
+
+def test_a_leaf_that_raises_stops_the_tree_and_is_kept(engine_of: Callable[..., Any], ros: Ros) -> None:
+    def fail() -> Status:
+        message = "the arm fell off"
+        raise ValueError(message)
+
+    steady, faulty = Probe(), Probe(fail)
+    root = py_trees.composites.Parallel(
+        "Both", py_trees.common.ParallelPolicy.SuccessOnAll(), children=[steady, faulty]
+    )
+    engine = engine_of(root)
+    engine.tick_tock(10.0)
+    ros.spin_until(lambda: engine.failure, "the failure")
+    assert (str(engine.failure), steady.ends) == ("the arm fell off", [Status.INVALID])
+    engine.shutdown()
+
+
+def test_settling_stops_the_tree_from_its_root(engine_of: Callable[..., Any], ros: Ros) -> None:
+    probe = Probe()
+    engine = engine_of(probe)
+    engine.tick_tock(10.0)
+    ros.spin_until(lambda: engine.count, "a tick")
+    assert engine.settle(ros.executor) == []
+    assert probe.ends == [Status.INVALID]
+    ticks = engine.count
+    ros.spin_for(0.05)
+    assert engine.count == ticks
+    engine.shutdown()
+
+
+def test_a_tree_that_is_too_deep_is_refused_before_its_leaves_are_set_up(engine_class: Any, ros: Ros) -> None:
+    from sar_compiler.ros.depth import TreeTooDeepError
+
+    root: py_trees.behaviour.Behaviour = Probe()
+    for _ in range(2000):
+        root = py_trees.decorators.Inverter("Not", root)
+    with pytest.raises(TreeTooDeepError):
+        engine_class(root).setup(node=ros.node())
