@@ -6,16 +6,19 @@ VENV ?= .venv
 PYTHON ?= $(if $(wildcard $(VENV)/.python-*),$(VENV)/bin/python,python3)
 SPEED ?= 5
 JOBS ?= auto
+# py_trees of a robot's ROS 2 (with Python 3.12) and the newest one; each cell is Python/py_trees.
+MATRIX ?= 3.12/2.3.0 3.12/2.5.0 3.10/2.6.0 3.11/2.6.0 3.12/2.6.0 3.13/2.6.0
 
 BIN := $(VENV)/bin
 INTERFACES := $(shell find interfaces pip_interfaces -type f 2>/dev/null)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help env demo test coverage lint format schemas golden bench soak clean require
+.PHONY: help env demo test test-matrix lint format schemas golden bench soak clean require
 
 help:
 	@echo "make demo         fly the search-and-rescue mission in the embedded simulator (SPEED=$(SPEED) times real time)"
 	@echo "make test         run the tests"
+	@echo "make test-matrix  run the tests with every Python of this machine and older py_trees, too"
 	@echo "make lint         style and types"
 	@echo "make soak         the long tests"
 	@echo "make bench        the benchmarks"
@@ -31,6 +34,19 @@ demo: env
 
 test: env
 	$(BIN)/python -m pytest -n $(JOBS) --cov --cov-report=term
+
+# An environment for each Python, below build/; what pythonX.Y does not start is left out, and said.
+test-matrix:
+	@for cell in $(MATRIX); do \
+	  python=$${cell%/*}; py_trees=$${cell#*/}; \
+	  python$$python -c '' 2>/dev/null || { left="$$left $$cell"; continue; }; \
+	  echo "== Python $$python, py_trees $$py_trees"; \
+	  { $(MAKE) --no-print-directory env VENV=build/matrix/$$python PYTHON=python$$python && \
+	    build/matrix/$$python/bin/python -m pip install --quiet py_trees==$$py_trees && \
+	    $(MAKE) --no-print-directory test VENV=build/matrix/$$python && passed="$$passed $$cell"; } || failed="$$failed $$cell"; \
+	done; \
+	echo "passed:$${passed:- none}"; echo "failed:$${failed:- none}"; echo "not on this machine:$${left:- none}"; \
+	[ -z "$$failed" ]
 
 lint: env
 	$(BIN)/ruff check .
