@@ -1,32 +1,47 @@
 """Where the files are that ship with the package: trees, configuration, maps, worlds."""
 
-import sysconfig
 from pathlib import Path
 
 from sar_compiler.errors import SarError
 
-_CHECKOUT = Path(__file__).resolve().parent.parent
-_INSTALLED = Path(sysconfig.get_path("data")) / "share" / "sar_compiler"
+_PACKAGE = Path(__file__).resolve().parent
+# Stands at the top of the shipped files, in a checkout and wherever they are installed.
+_MANIFEST = "package.xml"
 
 
 class ResourceError(SarError):
     """A shipped file was asked for that does not exist."""
 
 
-def shipped_root() -> Path:
-    """Return the folder that holds the shipped `trees/`, `config/`, `maps/` and `worlds/`.
+def shipped_root(package: Path = _PACKAGE) -> Path:
+    """Return the folder that holds the shipped `trees/`, `config/`, `maps/`, `worlds/` and so on.
 
-    In a checkout (also an editable install) that is the folder around the package; after an ordinary
-    installation it is `share/sar_compiler` below the environment.
+    In a checkout (also an editable installation, also `colcon build --symlink-install`) that is the folder
+    around the package. An installed package has them in `share/sar_compiler` of the nearest folder above it
+    that has one: the environment, the user's `~/.local`, `/usr/local`, the install folder of a workspace.
+
+    Args:
+        package: The folder of the package, where its own modules are.
+
+    Raises:
+        ResourceError: If neither is there.
     """
-    return _CHECKOUT if (_CHECKOUT / "trees").is_dir() else _INSTALLED
+    places = [package.parent, *(above / "share" / "sar_compiler" for above in package.parents)]
+    found = next((place for place in places if (place / _MANIFEST).is_file()), None)
+    if found is None:
+        message = (
+            f"the files that ship with sar_compiler are not there: the package is in {package}, but no folder "
+            "above it has them in share/sar_compiler; install it again, with pip or colcon"
+        )
+        raise ResourceError(message)
+    return found
 
 
 def shipped(kind: str, name: str) -> Path:
     """Return the path of a shipped file.
 
     Args:
-        kind: The folder: `trees`, `config`, `maps` or `worlds`.
+        kind: The folder, for instance `trees`.
         name: The file's name in it.
 
     Raises:
@@ -54,7 +69,7 @@ def find(kind: str, name: str, suffix: str) -> Path:
         as written, whether there is such a file or not.
     """
     path = Path(name)
+    if path.name != name or path.suffix or path.exists():
+        return path
     named = shipped_root() / kind / f"{name}{suffix}"
-    if path.name == name and not path.suffix and not path.exists() and named.is_file():
-        return named
-    return path
+    return named if named.is_file() else path

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from sar_compiler import resources
-from sar_compiler.resources import ResourceError, find, shipped
+from sar_compiler.resources import ResourceError, find, shipped, shipped_root
 
 
 def test_a_shipped_file_is_found_by_kind_and_name():
@@ -34,10 +33,35 @@ def test_a_file_in_the_current_folder_comes_before_a_shipped_one(tmp_path, monke
     assert find("trees", "search_and_rescue", ".xml") == Path("search_and_rescue")
 
 
-def test_an_installed_package_has_its_files_in_the_environment(tmp_path, monkeypatch):
-    (tmp_path / "trees").mkdir()
-    monkeypatch.setattr(resources, "_CHECKOUT", tmp_path / "nowhere")
-    monkeypatch.setattr(resources, "_INSTALLED", tmp_path)
-    assert resources.shipped_root() == tmp_path
+def test_in_a_checkout_they_are_in_the_folder_around_the_package(tmp_path):
+    (tmp_path / "package.xml").touch()
+    assert shipped_root(tmp_path / "sar_compiler") == tmp_path
+
+
+@pytest.mark.parametrize(
+    "library",
+    ["lib/python3.12/site-packages", "local/lib/python3.12/dist-packages", "lib/python3/dist-packages", "."],
+)
+def test_an_installed_package_has_its_files_in_the_share_folder_beside_the_library(tmp_path, library):
+    share = tmp_path / "share" / "sar_compiler"
+    share.mkdir(parents=True)
+    (share / "package.xml").touch()
+    assert shipped_root(tmp_path / library / "sar_compiler") == share
+
+
+def test_of_two_installations_the_nearer_one_counts(tmp_path):
+    for prefix in (tmp_path, tmp_path / "environment"):
+        (prefix / "share" / "sar_compiler").mkdir(parents=True)
+        (prefix / "share" / "sar_compiler" / "package.xml").touch()
+    package = tmp_path / "environment" / "lib" / "python3.12" / "site-packages" / "sar_compiler"
+    assert shipped_root(package) == tmp_path / "environment" / "share" / "sar_compiler"
+
+
+def test_a_package_without_its_files_says_that_it_has_to_be_installed_again(tmp_path):
+    with pytest.raises(ResourceError, match=f"the package is in {tmp_path}, .* install it again"):
+        shipped_root(tmp_path)
+
+
+def test_where_nothing_of_a_kind_is_shipped_the_error_says_so():
     with pytest.raises(ResourceError, match="there is: nothing"):
-        shipped("trees", "a.xml")
+        shipped("moons", "luna.yaml")

@@ -1,0 +1,59 @@
+"""What package.xml says agrees with what is said and done elsewhere."""
+
+import ast
+import re
+import sys
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+# Modules whose rosdep key has another name.
+KEYS = {
+    "PIL": "python3-pil",
+    "jsonschema": "python3-jsonschema",
+    "lxml": "python3-lxml",
+    "numpy": "python3-numpy",
+    "scipy": "python3-scipy",
+    "yaml": "python3-yaml",
+}
+FILES = sorted(path for top in ("sar_compiler", "launch", "examples") for path in Path(top).rglob("*.py"))
+# The examples' files import each other.
+OURS = {"sar_compiler", *(path.stem for path in Path("examples").rglob("*.py"))}
+# Read by type checkers only.
+NEVER_RUN = {"typing_extensions"}
+
+
+def manifest():
+    return ET.parse("package.xml").getroot()  # noqa: S314 - it is ours
+
+
+def imported(path):
+    """The names of the packages that a file imports, wherever in it."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name.split(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            yield node.module.split(".")[0]
+
+
+def test_the_version_is_that_of_the_project():
+    project = re.search(
+        r'^version = "(.+)"$', Path("pyproject.toml").read_text(encoding="utf-8"), re.MULTILINE
+    )
+    assert project
+    assert manifest().findtext("version") == project[1]
+
+
+def test_whatever_is_imported_is_a_dependency():
+    names = (
+        {name for path in FILES for name in imported(path)} - set(sys.stdlib_module_names) - OURS - NEVER_RUN
+    )
+    depended = {entry.text for entry in manifest().iter("exec_depend")}
+    assert sorted({KEYS.get(name, name) for name in names} - depended) == []
+
+
+def test_whatever_the_launch_files_start_is_a_dependency():
+    text = "".join(path.read_text(encoding="utf-8") for path in Path("launch").glob("*.py"))
+    started = set(re.findall(r'(?:get_package_share_directory\(|\bpackage=)"(\w+)"', text)) - OURS
+    depended = {entry.text for entry in manifest().iter("exec_depend")}
+    assert started
+    assert sorted(started - depended) == []

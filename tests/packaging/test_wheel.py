@@ -1,0 +1,58 @@
+"""The package installed with pip into an environment of its own."""
+
+import os
+import subprocess
+import sys
+import sysconfig
+
+import pytest
+
+from tests.packaging.test_workspace import files_below
+from tests.packaging.workspace import clone
+
+
+def done(*command, **options):
+    """Run a command that must succeed; return what it printed."""
+    run = subprocess.run(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False, **options
+    )
+    assert run.returncode == 0, run.stdout
+    return run.stdout
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """Install the package, without what it depends on, into a new environment; return both folders."""
+    folder = tmp_path_factory.mktemp("wheel")
+    clone(folder / "repository")
+    done(sys.executable, "-m", "venv", folder / "environment")
+    done(
+        folder / "environment" / "bin" / "python", "-m",
+        "pip", "install", "--no-deps", "--disable-pip-version-check", folder / "repository",
+    )  # fmt: skip
+    return folder / "repository", folder / "environment"
+
+
+def test_every_shipped_file_is_in_the_environment(installed):
+    repository, environment = installed
+    assert files_below(environment / "share" / "sar_compiler") == files_below(repository)
+
+
+def test_the_ament_index_of_the_environment_has_the_package(installed):
+    _, environment = installed
+    index = environment / "share" / "ament_index" / "resource_index" / "packages"
+    assert [path.name for path in index.iterdir()] == ["sar_compiler"]
+    assert (environment / "share" / "sar_compiler" / "package.xml").is_file()
+
+
+def test_the_shipped_tree_is_shown_by_its_name(installed, tmp_path):
+    _, environment = installed
+    # Only the libraries come from the environment of the tests.
+    variables = {**os.environ, "PYTHONPATH": sysconfig.get_path("purelib")}
+    printed = done(
+        environment / "bin" / "sar-compile", "show", "search_and_rescue", cwd=tmp_path, env=variables
+    )
+    assert "MissionOrReturnToBase" in printed
+    root = "import sar_compiler.resources as r; print(r.shipped_root())"
+    printed = done(environment / "bin" / "python", "-c", root, cwd=tmp_path, env=variables)
+    assert printed.strip() == str(environment / "share" / "sar_compiler")

@@ -1,0 +1,89 @@
+"""The repository in a ROS 2 workspace: colcon builds it, and it flies out of the install folder."""
+
+import os
+from importlib.metadata import distribution
+
+import pytest
+
+from tests.packaging.workspace import Workspace
+
+pytestmark = pytest.mark.ros
+
+SHIPPED = ("config", "examples", "launch", "maps", "rviz", "schemas", "trees", "worlds")
+
+
+def files_below(folder, tops=SHIPPED):
+    """The files in these folders of a folder, as paths relative to it."""
+    return {
+        path.relative_to(folder).as_posix()
+        for top in tops
+        for path in (folder / top).rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    }
+
+
+def test_both_packages_are_built_and_none_of_the_stand_ins(workspace):
+    built = sorted(path.name for path in (workspace.path / "install").iterdir() if path.is_dir())
+    assert built == ["sar_compiler", "sar_interfaces"]
+
+
+def test_every_command_stands_where_ros2_run_looks_for_it(workspace):
+    commands = distribution("sar_compiler").entry_points.select(group="console_scripts").names
+    assert commands
+    assert [name for name in commands if not os.access(workspace.executable(name), os.X_OK)] == []
+
+
+def test_every_shipped_file_is_in_the_share_folder(workspace):
+    assert {"trees/search_and_rescue.xml", "examples/drive_to_goal/params.yaml"} <= files_below(
+        workspace.share
+    )
+    assert files_below(workspace.share) == files_below(workspace.repository)
+
+
+def test_a_shell_that_has_sourced_it_runs_the_installed_code(workspace):
+    where = workspace.evaluate(
+        "import sar_compiler, sar_interfaces as i; print(sar_compiler.__file__, i.__file__)"
+    )
+    assert [path.split("/lib/")[0] for path in where.split()] == [
+        str(workspace.path / "install" / "sar_compiler"),
+        str(workspace.path / "install" / "sar_interfaces"),
+    ]
+
+
+def test_shipped_files_are_read_where_the_ament_index_finds_the_package(workspace):
+    indexed = workspace.evaluate(
+        "from ament_index_python.packages import get_package_share_directory as share; print(share('sar_compiler'))"
+    )
+    read = workspace.evaluate("from sar_compiler.resources import shipped_root; print(shipped_root())")
+    assert indexed == read == str(workspace.share)
+
+
+def test_the_shipped_tree_is_valid_and_shown_by_its_name(workspace):
+    workspace.say("sar-compile", "validate", "search_and_rescue")
+    assert "MissionOrReturnToBase" in workspace.say("sar-compile", "show", "search_and_rescue")
+
+
+def test_one_command_of_the_install_folder_flies_the_whole_mission(start):
+    run = start("sar-run", "--sim", "--speed", 20)
+    assert run.end(90) == 0, run.output
+    assert "Summary: the mission is complete." in run.output
+
+
+def test_four_processes_of_the_install_folder_fly_the_mission_together(start):
+    start("sar-sim", "run", "--speed", 20)
+    detection = start("sar-detect-survivor-server")
+    reports = start("sar-report-survivor-server")
+    run = start("sar-run", "--until", "complete", "--ros-args", "-p", "use_sim_time:=true")
+    assert run.end(90) == 0, run.output
+    assert "Detection request for zone_a: FOUND at (-2.50, 3.20)" in detection.log
+    assert "Report received: survivor_2 at (4.10, -2.50). Acknowledged." in reports.log
+
+
+def test_with_symlinks_a_change_in_the_source_folder_counts_at_once(tmp_path):
+    linked = Workspace(tmp_path / "workspace")
+    linked.fill_and_build("--symlink-install", "--packages-select", "sar_compiler")
+    tree = linked.repository / "trees" / "search_and_rescue.xml"
+    tree.write_text(
+        tree.read_text(encoding="utf-8").replace("MissionOrReturnToBase", "Changed"), encoding="utf-8"
+    )
+    assert "[o] Changed" in linked.say("sar-compile", "show", "search_and_rescue")
