@@ -1,0 +1,71 @@
+"""What holds for every launch file, the mission's and those of the examples."""
+
+import ast
+from importlib.metadata import distribution
+from pathlib import Path
+
+import pytest
+
+from tests.launch.launch_file import ROOT, LaunchFile, keyword, matches, pattern
+
+FILES = sorted([*ROOT.glob("launch/*.launch.py"), *ROOT.glob("examples/**/*.launch.py")])
+
+# Programs of other packages.
+FOREIGN = {"rviz2": ["rviz2"]}
+
+
+@pytest.fixture(params=FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def file(request: pytest.FixtureRequest) -> LaunchFile:
+    return LaunchFile(request.param)
+
+
+def commands() -> list[str]:
+    return [
+        script.name
+        for script in distribution("sar_compiler").entry_points
+        if script.group == "console_scripts"
+    ]
+
+
+def test_the_mission_and_the_examples_have_launch_files():
+    assert {"launch", "examples"} <= {path.relative_to(ROOT).parts[0] for path in FILES}
+
+
+def test_everything_that_is_started_shows_its_output_as_on_a_terminal(file: LaunchFile):
+    for call in file.starters():
+        said = (ast.unparse(keyword(call, "output")), ast.unparse(keyword(call, "emulate_tty")))
+        assert said == ("'screen'", "True"), f"line {call.lineno}: {ast.unparse(call)}"
+
+
+def test_every_argument_that_is_looked_at_is_declared(file: LaunchFile):
+    assert file.used() <= file.declared()
+
+
+def test_every_argument_that_is_declared_is_looked_at(file: LaunchFile):
+    assert file.declared() <= file.used()
+
+
+def test_every_argument_is_described(file: LaunchFile):
+    for call in file.calls("DeclareLaunchArgument"):
+        assert ast.unparse(keyword(call, "description")) != "None", f"line {call.lineno}"
+
+
+def test_every_shipped_file_that_is_named_exists(file: LaunchFile):
+    for path in file.paths():
+        assert list(Path("/").glob(path.lstrip("/"))), f"there is no {path}"
+
+
+def test_every_executable_is_one_of_its_package(file: LaunchFile):
+    for call in file.calls("Node"):
+        package, executable = keyword(call, "package"), keyword(call, "executable")
+        name = pattern(package)
+        if name == "None":  # a program by its path
+            assert ast.unparse(executable) == "sys.executable", f"line {call.lineno}"
+            continue
+        known = commands() if name == "sar_compiler" else FOREIGN.get(name, [])
+        assert any(matches(executable, each) for each in known), f"{name} has no {ast.unparse(executable)}"
+
+
+def test_the_package_whose_files_are_meant_is_this_one(file: LaunchFile):
+    packages = {ast.unparse(call.args[0]) for call in file.calls("get_package_share_directory")}
+    assert packages <= {"'sar_compiler'", "'nav2_bringup'", "'rviz2'"}

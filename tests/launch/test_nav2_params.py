@@ -1,0 +1,189 @@
+"""Nav2's parameters: read as Nav2's nodes read them, and held against what Jazzy's Nav2 (1.3.13) needs."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import yaml
+
+from sar_compiler.mission.parameter_file import check_parameter_file
+from tests.launch.launch_file import ROOT, LaunchFile, texts
+from tests.ros.conftest import Ros
+
+PARAMS = ROOT / "config" / "nav2_params.yaml"
+MAP = ROOT / "maps" / "disaster_zone.yaml"
+
+# The nodes that bringup_launch.py brings up, by localization_launch.py and navigation_launch.py.
+SERVERS = [
+    "map_server", "amcl", "controller_server", "smoother_server", "planner_server", "route_server",
+    "behavior_server", "velocity_smoother", "collision_monitor", "bt_navigator", "waypoint_follower",
+    "docking_server",
+]  # fmt: skip
+# Every parameter of theirs has a default that serves; map_server's file is the launch argument `map`.
+NEED_NOTHING = {"map_server", "smoother_server", "route_server", "waypoint_follower"}
+COSTMAPS = ["local_costmap", "global_costmap"]
+
+# Without these, bringing Nav2 up fails: they have no default in its sources.
+REQUIRED = {
+    "collision_monitor": ["polygons", "observation_sources", "FootprintApproach.type", "FootprintApproach.action_type"],
+    "docking_server": ["dock_plugins", "simple_charging_dock.plugin"],
+}  # fmt: skip
+
+# Publishers of velocities, or listeners to them; each has a parameter of its own, which is false by default.
+COMMANDING = [
+    "controller_server",
+    "behavior_server",
+    "velocity_smoother",
+    "collision_monitor",
+    "docking_server",
+]
+LISTENING_TO_ODOMETRY = ["controller_server", "bt_navigator", "velocity_smoother"]
+
+
+def flat(tree: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            yield from flat(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
+
+
+def sections() -> dict[str, dict[str, Any]]:
+    """Return the parameters by the full names of the nodes."""
+    found: dict[str, dict[str, Any]] = {}
+    for name, section in yaml.safe_load(PARAMS.read_text(encoding="utf-8")).items():
+        inner = section if "ros__parameters" not in section else {"": section}
+        for node, content in inner.items():
+            found[f"/{name}/{node}".rstrip("/")] = dict(flat(content["ros__parameters"]))
+    return found
+
+
+SECTIONS = sections()
+
+
+def costmap(name: str) -> dict[str, Any]:
+    return SECTIONS[f"/{name}/{name}"]
+
+
+def test_it_is_a_parameter_file_that_ros_reads_as_it_is_meant():
+    check_parameter_file(PARAMS)
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("name", SECTIONS)
+def test_a_real_node_of_the_name_gets_the_sections_values(name, ros: Ros):
+    namespace, _, base = name.rpartition("/")
+    node = ros.node(
+        base,
+        namespace=namespace,
+        cli_args=["--ros-args", "--params-file", str(PARAMS)],
+        automatically_declare_parameters_from_overrides=True,
+    )
+    assert {key: node.get_parameter(key).value for key in SECTIONS[name]} == SECTIONS[name]
+
+
+@pytest.mark.parametrize("server", SERVERS)
+def test_every_server_of_nav2s_bringup_has_what_it_needs(server):
+    assert (f"/{server}" in SECTIONS) != (server in NEED_NOTHING)
+
+
+@pytest.mark.parametrize(
+    ("server", "name"), [(key, name) for key, names in REQUIRED.items() for name in names]
+)
+def test_what_has_no_default_is_given(server, name):
+    assert SECTIONS[f"/{server}"][name]
+
+
+def test_there_is_no_section_of_a_node_that_nobody_starts():
+    assert set(SECTIONS) == {f"/{name}" for name in set(SERVERS) - NEED_NOTHING} | {
+        f"/{name}/{name}" for name in COSTMAPS
+    }
+
+
+@pytest.mark.parametrize("server", COMMANDING)
+def test_velocity_commands_are_stamped_all_the_way(server):
+    assert SECTIONS[f"/{server}"]["enable_stamped_cmd_vel"] is True
+
+
+@pytest.mark.parametrize("server", LISTENING_TO_ODOMETRY)
+def test_odometry_is_the_rosbots_filtered_one(server):
+    assert SECTIONS[f"/{server}"]["odom_topic"] == "odometry/filtered"
+
+
+@pytest.mark.parametrize("name", COSTMAPS)
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("robot_radius", 0.22), ("resolution", 0.05), ("inflation_layer.inflation_radius", 0.30)],
+)
+def test_both_costmaps_are_of_this_robot(name, key, value):
+    assert costmap(name)[key] == value
+
+
+@pytest.mark.parametrize("name", COSTMAPS)
+def test_every_layer_of_a_costmap_has_a_plugin(name):
+    section = costmap(name)
+    assert all(f"{layer}.plugin" in section for layer in section["plugins"])
+    assert section["plugins"][-1] == "inflation_layer", "inflates what the layers before it have marked"
+
+
+@pytest.mark.parametrize("name", COSTMAPS)
+def test_the_scan_marks_obstacles_and_clears_them(name):
+    section = costmap(name)
+    assert section["obstacle_layer.observation_sources"] == "scan"
+    assert section["obstacle_layer.scan.clearing"] is True
+    assert section["obstacle_layer.scan.max_obstacle_height"] > 0.0
+
+
+def test_localisation_is_amcls_on_the_scan_and_waits_for_the_missions_initial_pose():
+    assert SECTIONS["/amcl"]["scan_topic"] == "scan"
+    assert SECTIONS["/amcl"]["set_initial_pose"] is False
+
+
+def test_the_robots_frame_is_base_link_for_everybody():
+    frames = {
+        value
+        for section in SECTIONS.values()
+        for key, value in section.items()
+        if key in {"base_frame_id", "robot_base_frame", "base_frame"}
+    }
+    assert frames == {"base_link"}
+
+
+def test_the_controller_knows_how_the_local_costmap_is_inflated():
+    controller, local = SECTIONS["/controller_server"], costmap("local_costmap")
+    assert (
+        controller["FollowPath.inflation_cost_scaling_factor"] == local["inflation_layer.cost_scaling_factor"]
+    )
+    assert controller["FollowPath.cost_scaling_dist"] <= local["inflation_layer.inflation_radius"]
+
+
+def test_an_absolute_topic_is_one_that_the_launch_file_leads_into_the_namespace():
+    absolute = {
+        value
+        for section in SECTIONS.values()
+        for value in section.values()
+        if isinstance(value, str) and value.startswith("/")
+    }
+    remaps = LaunchFile(ROOT / "launch" / "search_and_rescue.launch.py").calls("SetRemap")
+    assert absolute == {texts(call.args[0])[0] for call in remaps} == {"/scan"}
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("name", COSTMAPS)
+def test_that_remapping_finds_the_robots_scan_from_the_costmaps_own_namespace(name, ros: Ros):
+    """As launched with namespace:=robot1. A relative topic would end in the costmap's namespace."""
+    from std_msgs.msg import Empty
+
+    node = ros.node(name, namespace=f"/robot1/{name}", cli_args=["--ros-args", "-r", "/scan:=/robot1/scan"])
+    absolute, relative = (node.create_subscription(Empty, topic, print, 1) for topic in ("/scan", "scan"))
+    assert absolute.topic_name == "/robot1/scan"
+    assert relative.topic_name == f"/robot1/{name}/scan"
+
+
+def test_the_map_is_one_that_nav2s_map_server_reads():
+    content = yaml.safe_load(MAP.read_text(encoding="utf-8"))
+    assert set(content) == {
+        "image", "mode", "resolution", "origin", "negate", "occupied_thresh", "free_thresh",
+    }  # fmt: skip
+    assert (MAP.parent / content["image"]).is_file()
+    assert content["resolution"] == costmap("global_costmap")["resolution"]

@@ -1,0 +1,146 @@
+"""The mission's launch file."""
+
+import ast
+import subprocess
+from collections.abc import Iterator
+
+import pytest
+
+from sar_compiler.mission.ending import Until
+from sar_compiler.resources import find
+from tests.launch.launch_file import ROOT, LaunchFile, keyword, texts
+from tests.launch.topics import KNOWN, SIMULATED
+from tests.processes import BIN, Command
+from tests.ros.conftest import Ros
+
+FILE = LaunchFile(ROOT / "launch" / "search_and_rescue.launch.py")
+
+# What nav2_bringup's bringup_launch.py declares in Jazzy (1.3.13).
+BRINGUP = {
+    "namespace", "use_namespace", "slam", "map", "use_localization", "use_sim_time", "params_file",
+    "autostart", "use_composition", "use_respawn", "log_level",
+}  # fmt: skip
+
+COMMANDS = ["sar-run", "sar-sim", "sar-detect-survivor-server", "sar-report-survivor-server"]
+WITH_TRANSFORMS = ["sar-run", "sar-sim", "rviz2"]
+
+
+def test_the_arguments_are_those_that_users_rely_on():
+    assert FILE.declared() == {
+        "tree", "params_file", "nav2_params_file", "map", "tick_rate_hz", "until", "namespace", "sim", "world",
+        "speed", "use_sim_time", "autostart", "rviz", "record",
+    }  # fmt: skip
+
+
+def test_nav2_is_given_only_arguments_that_its_bringup_has():
+    (include,) = FILE.calls("IncludeLaunchDescription")
+    given = keyword(include, "launch_arguments")
+    names = {
+        ast.literal_eval(key)
+        for node in ast.walk(given)
+        if isinstance(node, ast.Dict)
+        for key in node.keys
+        if key
+    }
+    assert names == {
+        "namespace", "use_namespace", "map", "params_file", "use_sim_time", "autostart",
+    }  # fmt: skip
+    assert names <= BRINGUP
+
+
+def test_nav2s_arguments_do_not_reach_beyond_its_group():
+    """An include sets its arguments for all that follows; the mission has a `params_file`, too."""
+    (group,) = FILE.calls("GroupAction")
+    assert "include" in [name.id for name in ast.walk(group) if isinstance(name, ast.Name)]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_runs_in_the_namespace(command):
+    assert ast.unparse(keyword(FILE.node(command), "namespace")) == "LaunchConfiguration('namespace')"
+
+
+@pytest.mark.parametrize("command", WITH_TRANSFORMS)
+def test_transforms_move_with_the_namespace(command):
+    assert ast.unparse(keyword(FILE.node(command), "remappings")) == "TRANSFORMS"
+    assert FILE.constant("TRANSFORMS") == [("/tf", "tf"), ("/tf_static", "tf_static")]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_no_node_is_given_a_name_because_a_command_has_several_nodes(command):
+    assert ast.unparse(keyword(FILE.node(command), "name")) == "None"
+
+
+@pytest.mark.parametrize("command", ["sar-run", "sar-sim"])
+def test_every_option_given_to_a_command_is_one_of_its(command):
+    given = texts(keyword(FILE.node(command), "arguments"))
+    words = [command, "run", "--help"] if command == "sar-sim" else [command, "--help"]
+    known = subprocess.run([BIN / words[0], *words[1:]], capture_output=True, text=True, check=True).stdout
+    options = [text for text in given if text.startswith("-")]
+    assert options
+    assert all(f"{option} " in known for option in options)
+
+
+def test_every_parameter_given_to_the_mission_is_one_that_the_docs_list():
+    documented = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "docs").glob("*.md"))
+    names = [texts(call.args[0])[0] for call in FILE.calls("Parameter")]
+    assert set(names) == {"tick_rate_hz", "use_sim_time"}
+    assert all(f"| `{name}` |" in documented for name in names)
+
+
+def test_the_tick_rate_is_the_parameter_files_unless_one_is_given():
+    assert ast.literal_eval(FILE.default("tick_rate_hz")) == ""
+
+
+def test_simulated_time_goes_with_the_simulator_unless_something_else_is_said():
+    assert ast.unparse(FILE.default("use_sim_time")) == "LaunchConfiguration('sim')"
+
+
+@pytest.mark.parametrize(
+    ("argument", "kind", "suffix"), [("tree", "trees", ".xml"), ("world", "worlds", ".yaml")]
+)
+def test_what_is_meant_without_an_argument_is_shipped(argument, kind, suffix):
+    assert find(kind, ast.literal_eval(FILE.default(argument)), suffix).is_file()
+
+
+def test_the_mission_goes_on_until_it_is_stopped_unless_something_else_is_said():
+    assert Until(ast.literal_eval(FILE.default("until"))) is Until.FOREVER
+
+
+@pytest.mark.parametrize("command", ["sar-run", "sar-sim"])
+def test_all_ends_with_what_the_rest_makes_no_sense_without(command):
+    assert ast.unparse(keyword(FILE.node(command), "on_exit")) == "end_all"
+
+
+def test_a_simulation_stays_on_this_machine():
+    (call,) = FILE.calls("SetEnvironmentVariable")
+    assert texts(call) == ["ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST"]
+    assert "IfCondition" in ast.unparse(keyword(call, "condition"))
+
+
+def test_what_is_recorded_is_what_somebody_publishes():
+    recorded = FILE.constant("RECORDED")
+    assert isinstance(recorded, tuple)
+    assert set(recorded) <= KNOWN
+    assert FILE.constant("RECORDED_GLOBALLY") == ("/clock", "/rosout")
+
+
+@pytest.fixture
+def simulator() -> Iterator[Command]:
+    """The simulator, started with the arguments that the launch file gives it for `namespace:=robot1`."""
+    remaps = [word for source, name in FILE.constant("TRANSFORMS") for word in ("-r", f"{source}:={name}")]  # type: ignore[attr-defined]
+    command = Command(
+        "sar-sim", "run", "disaster_zone", "--speed", "1.0", "--ros-args", "-r", "__ns:=/robot1", *remaps
+    )
+    yield command
+    command.stop(timeout_sec=20.0)
+
+
+@pytest.mark.ros
+def test_the_simulator_has_the_topics_that_the_view_and_the_recording_are_for(simulator: Command, ros: Ros):
+    node = ros.node("witness")
+    wanted = {f"/robot1/{name}" for name in SIMULATED} | {"/clock"}
+    ros.spin_until(
+        lambda: wanted <= {name for name, _ in node.get_topic_names_and_types()},
+        f"all of {sorted(wanted)}",
+        timeout_sec=30.0,
+    )
