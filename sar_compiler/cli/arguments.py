@@ -14,6 +14,9 @@ INTERRUPTED = 130
 PIPE_CLOSED = 141
 """As a shell reports a process that wrote to a pipe which nobody reads: what was found is not known to be read."""
 
+# What the simulator needs and nothing else does.
+_SIMULATOR = ("numpy", "scipy", "PIL")
+
 
 class Parser(argparse.ArgumentParser):
     """An argument parser that takes options only as they are spelt."""
@@ -37,6 +40,11 @@ def run(command: Callable[[], int], prog: str) -> int:
     except SarError as error:
         print(f"{prog}: {error}", file=sys.stderr)
         return USAGE
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] not in _SIMULATOR:
+            raise
+        print(f"{prog}: {_incomplete(error)}", file=sys.stderr)
+        return USAGE
     except BrokenPipeError:
         # The reader has seen enough (`| head`); what is left in the buffer has nowhere to go.
         sys.stderr.close()
@@ -55,6 +63,13 @@ def speed(text: str) -> float:
         message = f"'{text}' is not a number above 0"
         raise argparse.ArgumentTypeError(message)
     return value
+
+
+def _incomplete(error: ModuleNotFoundError) -> str:
+    return (
+        f"the simulator is not complete ({error}): it needs numpy, scipy and Pillow; "
+        "pip install 'sar_compiler[sim]' brings them, rosdep on a robot"
+    )
 
 
 def no_ros(error: ImportError) -> SarError:

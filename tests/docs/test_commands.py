@@ -1,0 +1,155 @@
+"""Every command that the documentation shows is one that can be typed."""
+
+import ast
+import re
+from importlib.metadata import entry_points
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.cli import compile as sar_compile
+from sar_compiler.cli import run as sar_run
+from sar_compiler.cli import sim as sar_sim
+from sar_compiler.ros.arguments import split_arguments
+from tests.docs.markdown import PAGES, codes, commands, tables
+
+ALL = [command for page in PAGES for command in commands(page)]
+OURS = {
+    script.name
+    for script in entry_points(group="console_scripts")
+    if script.value.startswith("sar_compiler.")
+}
+FILE = re.compile(r"(?:.*:=)?([\w./-]+\.(?:xml|yaml|py|sh|txt|json|xsd|pgm|md))(?:::.*)?")
+_RULES = {
+    "-p": r"[\w./*]+:=.+",
+    "--param": r"[\w./*]+:=.+",
+    "-r": r"[^:]+(:[^=]+)?:=.+",
+    "--remap": r".+:=.+",
+}
+
+
+def program(command):
+    return command.words[0].removeprefix(".venv/bin/")
+
+
+def of(*programs):
+    """Parametrise a test with the commands that begin with one of some programs."""
+    chosen = [command for command in ALL if program(command) in programs]
+    assert chosen, f"the documentation never shows {programs}"
+    return pytest.mark.parametrize("command", chosen, ids=str)
+
+
+def parse(command):
+    """Have the command's own parser read its arguments; a mistake is a SystemExit."""
+    name, arguments = program(command), command.words[1:]
+    if name == "sar-run":
+        sar_run._options(arguments)
+    elif name == "sar-compile":
+        sar_compile._parser().parse_args(arguments)
+    elif name == "sar-sim":
+        sar_sim._parser().parse_args(split_arguments(arguments).own)
+    else:
+        assert split_arguments(arguments).own in ([], ["--help"]), f"{name} takes ROS arguments only"
+
+
+def refused(command):
+    """Say whether a command's own parser refuses it; `--help` ends in order."""
+    try:
+        parse(command)
+    except SystemExit as end:
+        return end.code != 0
+    return False
+
+
+@of(*OURS)
+def test_a_command_of_the_project_parses_with_its_own_parser(command):
+    assert not refused(command), f"{command}: see standard error"
+
+
+@of(*OURS)
+def test_the_ros_arguments_of_a_command_have_the_form_of_ros(command):
+    ros = split_arguments(command.words[1:]).ros
+    flags = list(pairwise([*ros, ""]))[::2]
+    wrong = [
+        (flag, value) for flag, value in flags if flag in _RULES and not re.fullmatch(_RULES[flag], value)
+    ]
+    unknown = [flag for flag, _ in flags if flag not in {*_RULES, "--params-file", "--log-level"}]
+    assert (wrong, unknown) == ([], []), str(command)
+
+
+@of("python", "python3", "bash", "sh", *OURS)
+def test_the_files_that_a_command_names_are_there(command):
+    outputs = {value for flag, value in pairwise(command.words) if flag in {"-o", "--output"}}
+    named = [
+        found[1] for word in command.words[1:] if word not in outputs and (found := FILE.fullmatch(word))
+    ]
+    modules = [value for flag, value in pairwise(command.words) if flag == "--nodes"]
+    missing = [name for name in named if not there(command, name)]
+    missing += [name for name in modules if not module_there(command, name)]
+    assert missing == [], str(command)
+
+
+def there(command, name):
+    return Path(name).exists() or name in command.made
+
+
+def module_there(command, name):
+    path = name.replace(".", "/")
+    return there(command, f"{path}.py") or there(command, f"{path}/__init__.py")
+
+
+@of("make")
+def test_the_targets_that_make_is_asked_for_exist(command):
+    makefile = Path("Makefile").read_text(encoding="utf-8")
+    targets = {word for line in re.findall(r"^([\w -]+):", makefile, re.MULTILINE) for word in line.split()}
+    assert {word for word in command.words[1:] if "=" not in word} <= targets, str(command)
+    variables = set(re.findall(r"^(\w+) [?:]?=", makefile, re.MULTILINE))
+    assert {word.split("=")[0] for word in command.words[1:] if "=" in word} <= variables, str(command)
+
+
+ROS2 = [command for command in ALL if command.words[0] == "ros2" and "sar_compiler" in command.words]
+
+
+@pytest.mark.parametrize("command", [each for each in ROS2 if each.words[1] == "run"], ids=str)
+def test_what_ros2_runs_is_a_command_of_the_package(command):
+    assert command.words[3] in OURS, str(command)
+    if command.words[3] == "sar-run":
+        sar_run._options(command.words[4:])
+
+
+@pytest.mark.parametrize("command", [each for each in ROS2 if each.words[1] == "launch"], ids=str)
+def test_what_ros2_launches_is_a_launch_file_that_declares_the_arguments(command):
+    found = [path for folder in ("launch", "examples") for path in Path(folder).rglob(command.words[3])]
+    assert len(found) == 1, f"{command}: there are {found}"
+    given = {word.split(":=")[0] for word in command.words[4:] if ":=" in word}
+    assert given <= declared_arguments(found[0]), str(command)
+
+
+def declared_arguments(launch_file):
+    """Return the names of the arguments that a launch file declares, also by way of a table of texts."""
+    tree = ast.parse(launch_file.read_text(encoding="utf-8"))
+    return {
+        node.value
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    }
+
+
+def test_the_table_of_the_launch_file_s_arguments_is_complete():
+    path = Path("launch/search_and_rescue.launch.py")
+    declared = {
+        node.args[0].value
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Name)
+        and node.func.id in {"declare", "DeclareLaunchArgument"}
+        and isinstance(node.args[0], ast.Constant)
+    }
+    explained = {
+        code
+        for heading, _, cells in tables(Path("docs/getting_started.md"))
+        if heading == "Arguments of the launch file"
+        for code in codes(cells[0])
+    }
+    assert explained == declared

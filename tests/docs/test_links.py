@@ -1,0 +1,29 @@
+"""Nothing in the documentation leads nowhere."""
+
+import pytest
+
+from tests.docs.markdown import PAGES, anchors, links
+
+
+@pytest.mark.parametrize("page", PAGES, ids=str)
+def test_every_link_within_the_repository_leads_somewhere(page):
+    dead = []
+    for line, target in links(page):
+        if target.startswith(("https://", "http://", "mailto:")):
+            continue
+        path, _, anchor = target.partition("#")
+        goal = (page.parent / path) if path else page
+        if not goal.exists() or (anchor and anchor not in anchors(goal)):
+            dead.append(f"{page}:{line} {target}")
+    assert dead == []
+
+
+def test_the_index_lists_every_page_of_the_documentation():
+    index = next(page for page in PAGES if str(page) == "docs/README.md")
+    listed = {target.partition("#")[0] for _, target in links(index)}
+    missing = [
+        str(page)
+        for page in PAGES
+        if page.parent == index.parent and page != index and page.name not in listed
+    ]
+    assert missing == []

@@ -1,0 +1,154 @@
+"""The messages that the documentation explains are those that the project prints."""
+
+import ast
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+import yaml
+
+from sar_compiler.mission.parameter_file import check_parameter_file
+from sar_compiler.mission.parameters import read_mission
+from tests.docs.markdown import blocks, codes, tables
+from tests.processes import BIN
+
+TROUBLESHOOTING = Path("docs/troubleshooting.md")
+PARAMETERS = Path("docs/parameter_file.md")
+TREES = Path("docs/writing_a_tree.md")
+LEAVES = Path("docs/writing_a_leaf.md")
+# The one section of troubleshooting whose messages come from other programs.
+OTHERS = "What other programs say"
+# Beside Python, what else speaks to a user.
+ELSEWHERE = (Path("Makefile"),)
+
+
+def texts_of(path):
+    """Return the texts of a module; f-strings with what is filled in cut out, but for the module's own constants."""
+    module = ast.parse(path.read_text(encoding="utf-8"))
+    constants = {
+        target.id: node.value.value
+        for node in module.body
+        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant)
+        for target in node.targets
+        if isinstance(target, ast.Name) and isinstance(node.value.value, str)
+    }
+    for node in ast.walk(module):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node.value
+        elif isinstance(node, ast.JoinedStr):
+            yield from "".join(piece_of(value, constants) for value in node.values).split("\0")
+
+
+def piece_of(value, constants):
+    if isinstance(value, ast.Constant):
+        return str(value.value)
+    named = isinstance(value, ast.FormattedValue) and isinstance(value.value, ast.Name)
+    return constants.get(value.value.id, "\0") if named else "\0"
+
+
+def texts_of_the_source():
+    """Return all the texts in the source, by file."""
+    texts = {str(path): list(texts_of(path)) for path in Path("sar_compiler").rglob("*.py")}
+    return texts | {str(path): [path.read_text(encoding="utf-8")] for path in ELSEWHERE}
+
+
+TEXTS = texts_of_the_source()
+
+
+def quoted(page, chosen):
+    """Return the messages in the first column of a page's tables under some headings."""
+    found = [
+        pytest.param(message, id=f"{page.name}:{line} {message[:50]}")
+        for heading, line, cells in tables(page)
+        if chosen(heading)
+        for message in codes(cells[0])
+    ]
+    assert len(found) > 4, page
+    return found
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        *quoted(TROUBLESHOOTING, lambda heading: heading != OTHERS),
+        *quoted(PARAMETERS, lambda heading: heading == "Mistakes of the whole file"),
+        *quoted(LEAVES, lambda heading: heading == "What is refused"),
+    ],
+)
+def test_a_message_that_is_explained_is_printed_by_the_project(message):
+    parts = [part.strip() for part in message.split("…") if part.strip()]
+    assert any(len(part) > 4 for part in parts), f"nothing of '{message}' is fixed"
+    speakers = [
+        file for file, texts in TEXTS.items() if all(any(part in text for text in texts) for part in parts)
+    ]
+    assert speakers, f"no file of the source says {parts}"
+
+
+BASE = next(block.text for block in blocks(PARAMETERS) if block.file == "params.yaml")
+MISTAKES = [
+    pytest.param(codes(cells[0])[0], codes(cells[1])[0], id=codes(cells[0])[0])
+    for heading, _, cells in tables(PARAMETERS)
+    if heading == "Mistakes"
+]
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize(("written", "said"), MISTAKES)
+def test_a_mistake_in_the_parameter_file_is_answered_as_the_page_says(tmp_path, written, said):
+    file = tmp_path / "params.yaml"
+    file.write_text(with_line(BASE, written), encoding="utf-8")
+    done = subprocess.run(
+        [BIN / "sar-run", "--check", "--params", file],
+        capture_output=True,
+        text=True,
+        timeout=60.0,
+        check=False,
+    )
+    assert done.returncode == 2, done.stderr
+    pattern = re.escape(said).replace("…", r"[\d:]+")
+    assert re.search(pattern, done.stderr.replace(str(file), "params.yaml")), done.stderr
+
+
+def with_line(base, written):
+    """Put a line in the place of that with the same key, and of what is below it; or at the end."""
+    key = written.split(":")[0]
+    lines = base.splitlines()
+    at = next((number for number, line in enumerate(lines) if line.strip().startswith(f"{key}:")), len(lines))
+    indent = " " * (len(lines[at]) - len(lines[at].lstrip()) if at < len(lines) else 4)
+    after = at + 1
+    while after < len(lines) and lines[after].startswith(f"{indent} "):
+        after += 1
+    return "\n".join([*lines[:at], f"{indent}{written}", *lines[after:]]) + "\n"
+
+
+def test_the_small_file_that_the_mistakes_are_made_in_is_correct(tmp_path):
+    file = tmp_path / "params.yaml"
+    file.write_text(BASE, encoding="utf-8")
+    check_parameter_file(file)
+    assert read_mission(flat(yaml.safe_load(BASE)["/**"]["ros__parameters"])).zones[0]["id"] == "kitchen"
+
+
+def flat(parameters, prefix=""):
+    pairs = [
+        flat(value, f"{prefix}{key}.").items() if isinstance(value, dict) else [(f"{prefix}{key}", value)]
+        for key, value in parameters.items()
+    ]
+    return dict(pair for each in pairs for pair in each)
+
+
+def test_every_code_of_a_finding_is_explained():
+    explained = {
+        code for heading, _, cells in tables(TREES) if heading == "Findings" for code in codes(cells[0])
+    }
+    places = [
+        *Path("sar_compiler/tree").glob("*.py"),
+        *Path("sar_compiler/checks").glob("*.py"),
+        Path("sar_compiler/nodes/binding.py"),
+        Path("sar_compiler/compiler.py"),
+    ]
+    # Kebab-case words are nothing else there; the schema's own code is a single one.
+    written = {
+        text for path in places for text in TEXTS[str(path)] if re.fullmatch(r"[a-z]+(-[a-z]+)+", text)
+    }
+    assert explained - {"schema"} == written - {"utf-8"}
