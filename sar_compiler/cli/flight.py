@@ -51,9 +51,6 @@ _TURN_SEC = 0.05
 # The contract's tree can swing between a zone out of reach and base for ever; seconds of simulated time.
 _SIMULATED_TIME_LIMIT_SEC = 900.0
 
-_START = (0.0, 0.0, 0.0)
-"""Where the robot stands when a mission begins: x, y (m), yaw (rad) in the frame `map`."""
-
 
 def fly(options: "Options", signals: StopSignals) -> int:
     """Check the tree, wait for what it needs, and tick it to the end.
@@ -259,7 +256,8 @@ class _Flight:
         # A check changes nothing on a robot of somebody else's.
         told = self._run.set_initial_pose and (not self._options.check or self.simulation is not None)
         with readable_ros_errors():
-            readiness = Readiness(self._node, tree.uses(), initial_pose=_START if told else None)
+            start = self._run.initial_pose if told else None
+            readiness = Readiness(self._node, tree.uses(), initial_pose=start)
         wait_until_ready(executor, readiness, self._run.startup_timeout_sec, lambda: self._over)
         if readiness.uses_nav2 and not self._over:
             self._node.get_logger().info("Nav2 is active.")

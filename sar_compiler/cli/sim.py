@@ -10,6 +10,7 @@ from sar_compiler.cli.arguments import OK, Parser, no_ros, run, speed
 from sar_compiler.ros.arguments import init_arguments, split_arguments
 from sar_compiler.ros.faults import NAVIGATION, Fault, FaultError, FaultPlan, parse_fault
 from sar_compiler.ros.signals import StopSignals
+from sar_compiler.sim.placement import Placement, PlacementError, parse_placement
 
 if TYPE_CHECKING:
     from sar_compiler.sim.simulation import Simulation
@@ -53,12 +54,23 @@ def _parser() -> argparse.ArgumentParser:
         help="simulated seconds per second, at most (default 1)",
     )
     live.add_argument(
+        "--robot",
+        type=_robot,
+        action="append",
+        default=[],
+        metavar="NAME[:X,Y[,YAW]]",
+        help="a robot in the namespace /NAME, with /tf and /tf_static moved into it, that starts at X, Y (metres) "
+        "looking along YAW (radians), frame map, by default at the world's start; may be repeated. Without it "
+        "there is one robot, in the namespace of the command line",
+    )
+    live.add_argument(
         "--fault",
         type=_fault,
         action="append",
         default=[],
         metavar="SPEC",
-        help="misbehave: navigate_to_pose:abort=ZONE, :reject=COUNT, :die@ZONE[,back=SECONDS]",
+        help="misbehave: navigate_to_pose:abort=ZONE, :reject=COUNT, :die@ZONE[,back=SECONDS]; may be repeated. "
+        "Each robot of several does so, and counts for itself",
     )
     text = "Drive through a world with a lidar and write the map that comes of it."
     survey = commands.add_parser("map", help=text, description=text)
@@ -90,6 +102,13 @@ def _seed(text: str) -> int:
     return int(text)
 
 
+def _robot(text: str) -> Placement:
+    try:
+        return parse_placement(text)
+    except PlacementError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
 def _fault(text: str) -> Fault:
     try:
         fault = parse_fault(text)
@@ -115,6 +134,7 @@ def _map(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
+    from sar_compiler.sim.fleet import check_placements
     from sar_compiler.sim.world_file import find_world
 
     signals = StopSignals()
@@ -127,22 +147,31 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     except ImportError as error:
         raise no_ros(error) from error
     world = find_world(options.world)
+    robots = options.robot or [Placement("")]
+    check_placements(world, robots)
     arguments = init_arguments(ros_arguments)
     stay_on_this_machine()
     with readable_ros_errors():
         rclpy.init(args=arguments, signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
     try:
         print(LOOKING_AROUND, file=sys.stderr, flush=True)
-        refuse_company(should_stop=lambda: signals.came)
+        refuse_company(actions=[robot.action for robot in robots], should_stop=lambda: signals.came)
         faults = FaultPlan(options.fault)
-        with Simulation(world, speed=options.speed, faults=faults, seed=options.seed) as simulation:
+        with Simulation(world, robots, speed=options.speed, faults=faults, seed=options.seed) as simulation:
             print(
-                f"sar-sim: '{world.name}' runs, at most {options.speed:g} times as fast as real time",
+                f"sar-sim: '{world.name}' runs{_with(robots)}, "
+                f"at most {options.speed:g} times as fast as real time",
                 flush=True,
             )
             return _wait(simulation, signals)
     finally:
         rclpy.try_shutdown()
+
+
+def _with(robots: Sequence[Placement]) -> str:
+    """Return the robots that have a name, for a message."""
+    names = [f"/{robot.name}" for robot in robots if robot.name]
+    return f" with {' and '.join(names)}" if names else ""
 
 
 def _wait(simulation: "Simulation", signals: StopSignals) -> int:

@@ -37,7 +37,7 @@ _SLOWEST_TICK_HZ = 1e-6
 _POSE = ("x", "y", "yaw")
 _POINT = ("x", "y")
 _KNOWN = ("zone_order", "tick_rate_hz", "set_initial_pose")
-_GROUPS = ("zones", "base_station")
+_GROUPS = ("zones", "base_station", "initial_pose")
 _HOW_TO_ORDER = 'give the zones to visit, for instance zone_order: ["zone_a", "zone_b"]'
 
 
@@ -82,12 +82,14 @@ class RunParameters:
     Attributes:
         tick_rate_hz: How often the tree is ticked at least.
         set_initial_pose: Whether the localisation is told where the robot stands before the start.
+        initial_pose: Where that is: x, y (m), yaw (rad), in the frame `map`.
         startup_timeout_sec: How long to wait before the first tick for what the tree needs.
         time_limit_sec: How long the run may take, on the node's clock; None for as long as it takes.
     """
 
     tick_rate_hz: float = DEFAULT_TICK_RATE_HZ
     set_initial_pose: bool = True
+    initial_pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
     startup_timeout_sec: float = DEFAULT_STARTUP_TIMEOUT_SEC
     time_limit_sec: float | None = None
 
@@ -141,7 +143,7 @@ def read_mission(parameters: Mapping[str, object]) -> MissionParameters:
     groups = reader.group("zones", _POSE)
     order = reader.order(groups)
     zones = [{"id": zone_id, **reader.zone(zone_id, groups)} for zone_id in order]
-    base = reader.base_station()
+    base = reader.pose("base_station")
     run = reader.run()
     reader.complain()
     notes = [
@@ -249,14 +251,14 @@ class _Reader:
         self._report(f"{prefix}.{name}", "is missing: give a number")
         return 0.0
 
-    def base_station(self) -> dict[str, float]:
-        """Return the base's pose; what is not given is 0."""
+    def pose(self, prefix: str) -> dict[str, float]:
+        """Return the one pose `<prefix>.{x,y,yaw}`; what is not given is 0."""
         for key in self._parameters:
-            if key == "base_station":
+            if key == prefix:
                 self._report(key, f"must hold x, y and yaw, is {_shown(self._parameters[key])}")
-            elif key.startswith("base_station.") and key.partition(".")[2] not in _POSE:
+            elif key.startswith(f"{prefix}.") and key.partition(".")[2] not in _POSE:
                 self._report(key, f"is not known there; {_did_you_mean(key.partition('.')[2], _POSE)}")
-        keys = {name: f"base_station.{name}" for name in _POSE}
+        keys = {name: f"{prefix}.{name}" for name in _POSE}
         return {name: self.number(key) if key in self._parameters else 0.0 for name, key in keys.items()}
 
     def number(self, key: str) -> float:
@@ -273,10 +275,11 @@ class _Reader:
 
     def run(self) -> dict[str, Any]:
         """Return the values of a `RunParameters`."""
-        limit = "time_limit_sec"
+        limit, start = "time_limit_sec", self.pose("initial_pose")
         return {
             "tick_rate_hz": self.rate(),
             "set_initial_pose": self.switch("set_initial_pose", default=True),
+            "initial_pose": (start["x"], start["y"], start["yaw"]),
             "startup_timeout_sec": self.duration("startup_timeout_sec", DEFAULT_STARTUP_TIMEOUT_SEC),
             limit: self.duration(limit, 0.0) if limit in self._parameters else None,
         }

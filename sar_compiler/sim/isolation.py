@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from rclpy.context import Context
 from rclpy.node import Node, NodeNameNonExistentError
@@ -11,8 +11,9 @@ from sar_compiler.errors import SarError
 
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _CLOCK = "/clock"
-# The service by which an action server can be seen in the graph.
-_GOALS = "navigate_to_pose/_action/send_goal"
+_ACTION = "navigate_to_pose"
+# By this service of it an action server can be seen in the graph.
+_GOALS = "/_action/send_goal"
 # How long to look around before concluding that nobody is there, seconds. Half of the participants on one
 # machine see each other within 0.3 s; where the first announcements get lost, they meet with the next
 # periodic one, which Fast DDS sends every 3 s (up to 3.1 s were seen).
@@ -51,6 +52,7 @@ def refuse_company(
     *,
     context: Context | None = None,
     namespace: str | None = None,
+    actions: Sequence[str] = (_ACTION,),
     look_around_sec: float = LOOK_AROUND_SEC,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> None:
@@ -58,7 +60,8 @@ def refuse_company(
 
     Args:
         context: An initialised context; the default context if None.
-        namespace: Namespace of the navigation server; that of the command line if None.
+        namespace: Namespace of relative names; that of the command line if None.
+        actions: Names of the navigation actions of all robots.
         look_around_sec: How long to look, seconds. One that is found ends it at once.
         should_stop: Says that nobody waits for the answer any more; the function then just returns.
 
@@ -70,42 +73,50 @@ def refuse_company(
         # That nobody is there can only be told by waiting: discovery has no end that could be waited for.
         deadline = time.monotonic() + look_around_sec
         while time.monotonic() < deadline and not should_stop():
-            found = _company(node)
+            found = _company(node, actions)
             if found is not None and _UNKNOWN not in found.node:
                 raise found
             time.sleep(_LOOK_EVERY_SEC)
-        found = _company(node)
+        found = _company(node, actions)
         if found is not None:
             raise found
     finally:
         node.destroy_node()
 
 
-def refuse_rivals(node: Node) -> None:
+def refuse_rivals(node: Node, actions: Sequence[str] = (_ACTION,)) -> None:
     """Make sure, while a simulation runs, that it alone provides `/clock` and `navigate_to_pose`.
 
     Discovery can miss somebody at the start, and others may come later.
 
     Args:
         node: A node of the simulation's.
+        actions: Names of the navigation actions of all its robots.
 
     Raises:
         IsolationError: If there is another one.
     """
     if node.count_publishers(_CLOCK) > 1:
         raise IsolationError(_ANOTHER, _CLOCK)
-    if node.count_services(_GOALS) > 1:
-        raise IsolationError(_ANOTHER, _action_of(node))
+    for action in actions:
+        goals = node.resolve_service_name(action + _GOALS)
+        if node.count_services(goals) > 1:
+            raise IsolationError(_ANOTHER, _title(goals))
 
 
-def _company(node: Node) -> IsolationError | None:
+def _company(node: Node, actions: Sequence[str]) -> IsolationError | None:
     for publisher in node.get_publishers_info_by_topic(_CLOCK):
         return IsolationError(_full_name(publisher.node_name, publisher.node_namespace), _CLOCK)
-    goals = node.resolve_service_name(_GOALS)
+    found = (_server(node, node.resolve_service_name(action + _GOALS)) for action in actions)
+    return next((error for error in found if error is not None), None)
+
+
+def _server(node: Node, goals: str) -> IsolationError | None:
+    """Return what to say about whoever serves the service *goals*, if anybody does."""
     # A mere client's name stands in the graph, too.
     if not node.count_services(goals):
         return None
-    what = _action_of(node)
+    what = _title(goals)
     for name, namespace in node.get_node_names_and_namespaces():
         try:
             services = node.get_service_names_and_types_by_node(name, namespace)
@@ -116,8 +127,8 @@ def _company(node: Node) -> IsolationError | None:
     return IsolationError(_UNKNOWN, what)
 
 
-def _action_of(node: Node) -> str:
-    return f"the action {node.resolve_service_name(_GOALS).removesuffix('/_action/send_goal')}"
+def _title(goals: str) -> str:
+    return f"the action {goals.removesuffix(_GOALS)}"
 
 
 def _full_name(name: str, namespace: str) -> str:

@@ -106,6 +106,7 @@ class Drive:
         if state.pose.distance_to(self._mark) > _MOVE or turned > _TURN:
             self._mark, self._mark_time = state.pose, now
         if now - self._mark_time > _PATIENCE_SEC:
-            text = f"the robot has not moved for {_PATIENCE_SEC:g} s"
+            reason = ": something that is not on the map is in its way" if state.touching else ""
+            text = f"the robot has not moved for {_PATIENCE_SEC:g} s{reason}"
             return Outcome(Ending.ABORTED, NavCode.FAILED_TO_MAKE_PROGRESS, text)
         return None

@@ -56,16 +56,30 @@ class NodeHost:
         executor: Serves them.
         context: Their context.
         namespace: Their namespace, or None for the one of the command line.
+        cli_args: ROS arguments of their own; they win over those of the command line.
     """
 
-    def __init__(self, executor: PacedExecutor, context: Context, namespace: str | None = None) -> None:
+    def __init__(
+        self,
+        executor: PacedExecutor,
+        context: Context,
+        namespace: str | None = None,
+        cli_args: Sequence[str] = (),
+    ) -> None:
         self._executor, self._context, self._namespace = executor, context, namespace
+        self._cli_args = list(cli_args)
         self._nodes: list[Node] = []
 
     def create(self, name: str) -> Node:
         """Return a new node."""
         # Nobody sets parameters of these; their services would be waited for in every round.
-        node = Node(name, context=self._context, namespace=self._namespace, start_parameter_services=False)
+        node = Node(
+            name,
+            context=self._context,
+            namespace=self._namespace,
+            cli_args=self._cli_args,
+            start_parameter_services=False,
+        )
         self._nodes.append(node)
         self._executor.add_node(node)
         return node

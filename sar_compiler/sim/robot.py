@@ -1,12 +1,13 @@
 """The differential-drive robot: speed and acceleration limits, contact, odometry."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from sar_compiler.sim.geometry import ORIGIN, Pose2D, normalise_angle
-from sar_compiler.sim.world import World
+from sar_compiler.sim.geometry import ORIGIN, Cylinder, Pose2D, normalise_angle
+from sar_compiler.sim.world import Solid, World
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class RobotState:
         pose: True pose of `base_link`, frame `map`.
         velocity: True velocity, frame `base_link`.
         odometry: Pose of `base_link` as the wheels tell it, frame `odom` (the pose at the start).
-        touching: Whether the last step ended at an obstacle.
+        touching: Whether the last step ended at an obstacle, or at another robot.
     """
 
     pose: Pose2D
@@ -60,10 +61,11 @@ class RobotState:
 
 
 class Robot:
-    """A disc that obeys commands as well as it can, and never enters an obstacle.
+    """A disc that obeys commands as well as it can, and never enters an obstacle or another robot.
 
     Args:
         world: Where it drives.
+        start: Its pose at time zero, frame `map`; the world's start if None.
         seed: Seed of the odometry's noise.
         limits: What its drive can do.
         odometry_noise: Standard deviation of each step's odometry, as a part of the way driven.
@@ -74,19 +76,34 @@ class Robot:
         self,
         world: World,
         *,
+        start: Pose2D | None = None,
         seed: int = 0,
         limits: Limits | None = None,
         odometry_noise: float = 0.01,
         command_timeout: float = 0.5,
     ) -> None:
         self.limits = limits or Limits()
-        self.state = RobotState(world.start)
+        self.state = RobotState(start or world.start)
         self._world = world
+        self._others: tuple[Robot, ...] = ()
         self._noise = odometry_noise
         self._random = np.random.default_rng([seed, 1])
         self._timeout = command_timeout
         self._command = STAND
         self._command_age = math.inf
+
+    def meet(self, others: Iterable["Robot"]) -> None:
+        """Make *others*, in the same world, solid to this robot and visible to its lidar."""
+        self._others = tuple(others)
+
+    def surroundings(self) -> Solid:
+        """Return all that this robot can touch and see: the world's obstacles, and the others where they are."""
+        if not self._others:
+            return self._world.solid
+        poses = (other.state.pose for other in self._others)
+        return self._world.solid.with_cylinders(
+            Cylinder(pose.x, pose.y, self._world.robot_radius) for pose in poses
+        )
 
     def command(self, twist: Twist2D) -> None:
         """Ask for a velocity; what is not finite counts as zero, what is too fast is clipped."""
@@ -94,7 +111,10 @@ class Robot:
         self._command_age = 0.0
 
     def step(self, duration: float) -> RobotState:
-        """Let *duration* seconds pass and return the new state."""
+        """Let *duration* seconds pass and return the new state.
+
+        Other robots stand still meanwhile: those of one world take their steps one after the other.
+        """
         wanted = self._command if self._command_age < self._timeout else STAND
         self._command_age += duration
         before = self.state
@@ -105,7 +125,7 @@ class Robot:
         length = v * duration * _sinc(w * duration / 2)
         position = (before.pose.x, before.pose.y)
         direction = heading if length >= 0.0 else heading + math.pi
-        gone = self._world.solid.free_travel(position, direction, abs(length), self._world.robot_radius)
+        gone = self.surroundings().free_travel(position, direction, abs(length), self._world.robot_radius)
         touching = gone < abs(length)
         moved = math.copysign(gone, length)
         self.state = RobotState(

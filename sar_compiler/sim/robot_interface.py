@@ -14,7 +14,6 @@ from sar_compiler.sim.lidar import Lidar
 from sar_compiler.sim.messages import to_pose, to_stamp, to_transform
 from sar_compiler.sim.node_host import NodeHost
 from sar_compiler.sim.robot import Robot, Twist2D
-from sar_compiler.sim.world import World
 
 # One scan in this many steps (5 Hz at 0.05 s).
 _SCAN_EVERY = 4
@@ -26,17 +25,14 @@ class RobotInterface:
 
     Args:
         host: Makes the node.
-        world: What the lidar sees.
         robot: The robot; its command is whatever was asked for last.
         lidar: Its scanner.
         seed: Seed of the scanner's noise.
     """
 
-    def __init__(
-        self, host: NodeHost, world: World, robot: Robot, *, lidar: Lidar | None = None, seed: int = 0
-    ) -> None:
+    def __init__(self, host: NodeHost, robot: Robot, *, lidar: Lidar | None = None, seed: int = 0) -> None:
         self.robot = robot
-        self._world, self._seed = world, seed
+        self._seed = seed
         self._lidar = lidar or Lidar()
         self._node = host.create("rosbot")
         self._odometry = self._node.create_publisher(Odometry, "odometry/filtered", 10)
@@ -48,15 +44,14 @@ class RobotInterface:
         self._odometry_message.header.frame_id = _ODOM
         self._scan_message = self._empty_scan()
 
-    def step(self, duration: float, step: int, now_ns: int) -> None:
-        """Move the robot and publish what its sensors say.
+    def publish(self, step: int, now_ns: int) -> None:
+        """Publish what the robot's sensors say at the end of a step.
 
         Args:
-            duration: How long the step takes, seconds.
             step: Its number.
             now_ns: The simulated time at its end, nanoseconds.
         """
-        state = self.robot.step(duration)
+        state = self.robot.state
         stamp = to_stamp(now_ns)
         message = self._odometry_message
         message.header.stamp = stamp
@@ -68,7 +63,7 @@ class RobotInterface:
         # The noise depends on the step alone, so whether anybody listens changes nothing.
         if step % _SCAN_EVERY == 0 and self._scan.get_subscription_count():
             random = np.random.default_rng([self._seed, 3, step])
-            ranges = self._lidar.scan(self._world.solid, state.pose, random)
+            ranges = self._lidar.scan(self.robot.surroundings(), state.pose, random)
             self._scan_message.header.stamp = stamp
             self._scan_message.ranges = array("f", ranges.astype(np.float32).tobytes())
             self._scan.publish(self._scan_message)

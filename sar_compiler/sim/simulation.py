@@ -1,4 +1,4 @@
-"""The whole simulator on ROS 2: the world, one robot, the stand-in for Nav2, and the clock."""
+"""The whole simulator on ROS 2: the world, its robots with their stand-ins for Nav2, and the clock."""
 
 import logging
 import threading
@@ -14,17 +14,16 @@ from rclpy.utilities import get_default_context
 from rosgraph_msgs.msg import Clock
 
 from sar_compiler.errors import SarError
-from sar_compiler.ros.faults import FaultPlan
-from sar_compiler.sim.amcl import Amcl
-from sar_compiler.sim.bt_navigator import BtNavigator
+from sar_compiler.ros.faults import NAVIGATION, FaultPlan
+from sar_compiler.sim.fleet import make_robots, seed_of
 from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.isolation import refuse_rivals
 from sar_compiler.sim.messages import to_stamp
 from sar_compiler.sim.node_host import NodeHost, PacedExecutor
-from sar_compiler.sim.occupancy import OccupancyMap, read_map
+from sar_compiler.sim.occupancy import read_map
+from sar_compiler.sim.placement import Placement
 from sar_compiler.sim.planner import Planner
-from sar_compiler.sim.robot import Robot
-from sar_compiler.sim.robot_interface import RobotInterface
+from sar_compiler.sim.simulated_robot import NavigationSetup, SimulatedRobot
 from sar_compiler.sim.world import World
 
 if TYPE_CHECKING:
@@ -54,14 +53,14 @@ class Simulation:
     where the machine cannot keep up, time slows.
 
     Args:
-        world: The world.
-        occupancy_map: The map that the stand-in for Nav2 plans on; by default the one that the world names.
-            Without any there is no stand-in: only the robot's own topics.
+        world: The world. Where it names no map there is no stand-in for Nav2: only the robots' own topics.
+        robots: The robots in it, in the order of their steps, each in the namespace of its name, `/tf` and
+            `/tf_static` with it. By default one without a name at the world's start.
         speed: Simulated seconds per second.
-        faults: What goes wrong with navigation.
+        faults: What goes wrong with navigation, for every robot alike; each has an account of its own.
         seed: Seed of all noise. The same seed and commands give the same states, bit for bit.
         context: The nodes' context; the default context if None. It is initialised already.
-        namespace: The nodes' namespace; that of the command line if None. `/clock` stays global.
+        namespace: The namespace of the other nodes; that of the command line if None. `/clock` stays global.
         extra_nodes: Nodes of the caller that the same thread serves; the caller destroys them.
 
     Attributes:
@@ -69,6 +68,7 @@ class Simulation:
 
     Raises:
         SimulationError: If the speed is not above 0.
+        PlacementError: If the robots cannot be placed as asked.
         FaultError: If a fault names a zone that there is not.
         MapError: If the world's map cannot be read.
     """
@@ -76,8 +76,8 @@ class Simulation:
     def __init__(
         self,
         world: World,
+        robots: Sequence[Placement] = (Placement(""),),
         *,
-        occupancy_map: OccupancyMap | None = None,
         speed: float = 1.0,
         faults: FaultPlan | None = None,
         seed: int = 0,
@@ -90,12 +90,8 @@ class Simulation:
             raise SimulationError(message)
         self.failure: BaseException | None = None
         self._period = STEP_SEC / speed
-        faults = faults or FaultPlan()
-        zones = world.zones if faults.zones is None else faults.zones
-        faults.navigation.check_zones(zones)
-        if occupancy_map is None and world.map_path is not None:
-            occupancy_map = read_map(world.map_path)
-        self._planner = None if occupancy_map is None else Planner(occupancy_map, world.robot_radius)
+        bodies = make_robots(world, robots, seed=seed)
+        navigation = _navigation(world, faults or FaultPlan())
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="simulation", daemon=True)
         self._step_count = 0
@@ -104,19 +100,12 @@ class Simulation:
         self._host = NodeHost(self._executor, context, namespace)
         self._clock_node = self._host.create("simulator")
         self._clock = self._clock_node.create_publisher(Clock, "/clock", 10)
-        self._robot = Robot(world, seed=seed)
-        self._interface = RobotInterface(self._host, world, self._robot, seed=seed)
-        self._amcl: Amcl | None = None
-        self._navigator: BtNavigator | None = None
-        if occupancy_map is not None and self._planner is not None:
-            self._amcl = Amcl(self._host, self._robot, occupancy_map)
-            self._navigator = BtNavigator(
-                self._host,
-                self._robot,
-                self._planner,
-                self._amcl.pose,
-                zones=zones,
-                faults=faults.navigation,
+        self._actions = [robot.action for robot in robots]
+        self._robots: dict[str, SimulatedRobot] = {}
+        for number, (robot, body) in enumerate(zip(robots, bodies, strict=True)):
+            host = NodeHost(self._executor, context, namespace, robot.ros_arguments)
+            self._robots[robot.name] = SimulatedRobot(
+                host, body, seed=seed_of(seed, number), navigation=navigation
             )
         self._host.adopt(extra_nodes)
 
@@ -125,9 +114,9 @@ class Simulation:
         """Simulated seconds since the start."""
         return self._step_count * STEP_SEC
 
-    def robot_pose(self) -> Pose2D:
-        """Return the robot's true pose, frame `map`."""
-        return self._robot.state.pose
+    def robot_pose(self, name: str = "") -> Pose2D:
+        """Return the true pose of the robot called *name*, frame `map`."""
+        return self._robots[name].pose
 
     def start(self) -> None:
         """Let time run. Once only."""
@@ -144,8 +133,8 @@ class Simulation:
         if self._thread.is_alive():
             _log.error("the simulation's thread does not end")
             return
-        if self._navigator is not None:
-            self._navigator.close()
+        for robot in self._robots.values():
+            robot.close()
         self._host.destroy_all()
         self._executor.shutdown()
 
@@ -170,7 +159,7 @@ class Simulation:
                 self._executor.serve_until(due)
                 if due > look:
                     look = due + _LOOK_EVERY_SEC
-                    refuse_rivals(self._clock_node)
+                    refuse_rivals(self._clock_node, self._actions)
             self._farewell()
         except ExternalShutdownException:
             pass  # the context was shut down: whoever did it wants us to end
@@ -181,15 +170,28 @@ class Simulation:
         """Let one step of time pass."""
         self._step_count += 1
         now_ns = self._step_count * STEP_NS
-        self._interface.step(STEP_SEC, self._step_count, now_ns)
+        robots = self._robots.values()
+        # All have moved before the first of them looks around.
+        for robot in robots:
+            robot.move(STEP_SEC)
+        for robot in robots:
+            robot.sense(self._step_count, now_ns)
         self._clock.publish(Clock(clock=to_stamp(now_ns)))
-        if self._amcl is not None:
-            self._amcl.step(self._step_count, now_ns)
-        if self._navigator is not None:
-            self._navigator.step(self._step_count, now_ns)
+        for robot in robots:
+            robot.navigate(self._step_count, now_ns)
 
     def _farewell(self) -> None:
-        """Tell the client of a goal under way that it has ended."""
-        if self._navigator is None or not self._navigator.stop():
-            return
-        self._executor.serve_until(time.monotonic() + _FAREWELL_SEC, to_the_end=True)
+        """Tell the clients of goals under way that these have ended."""
+        if any([robot.stop() for robot in self._robots.values()]):  # noqa: C419 - all have to stop
+            self._executor.serve_until(time.monotonic() + _FAREWELL_SEC, to_the_end=True)
+
+
+def _navigation(world: World, faults: FaultPlan) -> NavigationSetup | None:
+    """Return what the stand-ins for Nav2 are made from, or None where the world has no map."""
+    zones = world.zones if faults.zones is None else faults.zones
+    faults.navigation.check_zones(zones)
+    if world.map_path is None:
+        return None
+    occupancy = read_map(world.map_path)
+    navigation_faults = [fault for fault in faults.faults if fault.target == NAVIGATION]
+    return NavigationSetup(occupancy, Planner(occupancy, world.robot_radius), zones, navigation_faults)

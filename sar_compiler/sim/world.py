@@ -1,8 +1,9 @@
 """The true world: what stands in it, and how far a disc can move before it touches something."""
 
+import copy
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -59,8 +60,14 @@ class Solid:
         self._half = np.array([(b.size_x / 2, b.size_y / 2) for b in boxes], dtype=np.float64).reshape(-1, 2)
         self._cos = np.array([math.cos(b.yaw) for b in boxes], dtype=np.float64)
         self._sin = np.array([math.sin(b.yaw) for b in boxes], dtype=np.float64)
-        self.discs = np.array([(c.x, c.y, c.radius) for c in cylinders], dtype=np.float64).reshape(-1, 3)
+        self.discs = _discs(cylinders)
         self.segments = _segments(boxes)
+
+    def with_cylinders(self, cylinders: Iterable[Cylinder]) -> "Solid":
+        """Return these obstacles and further round ones."""
+        more = copy.copy(self)
+        more.discs = np.concatenate((self.discs, _discs(cylinders)))
+        return more
 
     def offsets(self, x: float, y: float) -> tuple[Floats, Floats]:
         """Return, for every obstacle, the vector from its nearest point to (x, y), metres.
@@ -122,6 +129,11 @@ class Solid:
                 return gone
             gone += safe
         return gone
+
+
+def _discs(cylinders: Iterable[Cylinder]) -> Floats:
+    """Return *cylinders* as rows (x, y, radius), metres."""
+    return np.array([(c.x, c.y, c.radius) for c in cylinders], dtype=np.float64).reshape(-1, 3)
 
 
 def _segments(boxes: Sequence[Box]) -> Floats:

@@ -51,6 +51,7 @@ class TestReadingAMission:
     def test_only_the_contract_has_defaults(self) -> None:
         read = read_mission(mission())
         assert read.base_station == {"x": 0.0, "y": 0.0, "yaw": 0.0}
+        assert read.initial_pose == (0.0, 0.0, 0.0)
         assert (read.tick_rate_hz, read.set_initial_pose, read.notes) == (2.0, True, ())
 
     def test_what_is_given_counts(self) -> None:
@@ -58,6 +59,11 @@ class TestReadingAMission:
         read = read_mission(given)
         assert read.base_station == {"x": 1.0, "y": 0.0, "yaw": -0.5}
         assert (read.tick_rate_hz, read.set_initial_pose) == (10.0, False)
+
+    def test_the_initial_pose_is_read_like_the_base_station_and_apart_from_it(self) -> None:
+        read = read_mission(mission(initial_pose__x=-2, initial_pose__yaw=1.57, base_station__y=0.5))
+        assert read.initial_pose == (-2.0, 0.0, 1.57)
+        assert read.base_station == {"x": 0.0, "y": 0.5, "yaw": 0.0}
 
     def test_whole_numbers_are_read_as_floats(self) -> None:
         x = read_mission(mission(zones__zone_a__x=3)).zones[0]["x"]
@@ -106,6 +112,7 @@ class TestReadingAMission:
                 [
                     *("zone_order", "zones", "zones.a", "zones.a.x", "zones.a.y", "zones.a.yaw", "zones.a.z"),
                     *("base_station", "base_station.x", "base_station.q", "tick_rate_hz", "set_initial_pose"),
+                    *("initial_pose", "initial_pose.x", "initial_pose.q"),
                 ]
             ),
             st.one_of(
@@ -172,6 +179,10 @@ class TestMistakes:
         text = mistakes(mission(base_station__x="1.5"))["base_station.x"]
         assert text == "must be a number, is the text '1.5' (write it without quotes)"
 
+    @pytest.mark.parametrize("value", [math.inf, "0.5", True])
+    def test_an_initial_pose_that_is_no_place(self, value: object) -> None:
+        assert list(mistakes(mission(initial_pose__y=value))) == ["initial_pose.y"]
+
     @pytest.mark.parametrize("value", [0, -1.0, math.nan, 1e9, 1e-12, "2", False])
     def test_a_tick_rate_that_is_none(self, value: object) -> None:
         assert list(mistakes(mission(tick_rate_hz=value))) == ["tick_rate_hz"]
@@ -179,9 +190,10 @@ class TestMistakes:
     def test_an_unknown_name_beside_a_pose(self) -> None:
         assert "did you mean 'yaw'?" in mistakes(mission(zones__zone_a__yw=1.0))["zones.zone_a.yw"]
         assert "did you mean 'x'?" in mistakes(mission(base_station__X=1.0))["base_station.X"]
+        assert "did you mean 'yaw'?" in mistakes(mission(initial_pose__Yaw=1.0))["initial_pose.Yaw"]
         assert "there may be x, y, yaw" in mistakes(mission(zones__zone_a__height=1.0))["zones.zone_a.height"]
 
-    @pytest.mark.parametrize("key", ["zones", "zones.zone_a", "base_station"])
+    @pytest.mark.parametrize("key", ["zones", "zones.zone_a", "base_station", "initial_pose"])
     def test_a_value_in_the_place_of_a_pose(self, key: str) -> None:
         assert key in mistakes(mission() | {key: 3.0})
 
@@ -203,7 +215,10 @@ class TestReadingHowATreeIsRun:
         assert (run.startup_timeout_sec, run.time_limit_sec) == (60.0, None)
 
     def test_what_is_given_counts(self) -> None:
-        run = read_run({"tick_rate_hz": 5, "startup_timeout_sec": 3, "time_limit_sec": 600.0})
+        run = read_run(
+            {"tick_rate_hz": 5, "startup_timeout_sec": 3, "time_limit_sec": 600.0, "initial_pose.x": 1}
+        )
+        assert run.initial_pose == (1.0, 0.0, 0.0)
         assert (run.tick_rate_hz, run.startup_timeout_sec, run.time_limit_sec) == (5.0, 3.0, 600.0)
 
     @pytest.mark.parametrize("key", ["tick_rate_hz", "startup_timeout_sec", "time_limit_sec"])
@@ -288,6 +303,7 @@ class TestParameterFiles:
             },
             "base_station": {"x": 0.0, "y": 0.0, "yaw": 0.0},
             "tick_rate_hz": 2.0,
+            "initial_pose": {"x": 0.0, "y": 0.0, "yaw": 0.0},
             "set_initial_pose": True,
         }
 

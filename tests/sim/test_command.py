@@ -60,6 +60,25 @@ def test_a_namespace_on_the_command_line_moves_the_robot(ros_context: Any) -> No
 
 
 @pytest.mark.ros
+def test_named_robots_keep_their_namespaces_whatever_that_of_the_command_line_is(ros_context: Any) -> None:
+    client = Client(ros_context, namespace="/robot1")
+    pair = ["--robot", "robot1:-0.7,0,3.14", "--robot", "robot2:0.7,0"]
+    process = started(*pair, "--speed", "20", "--ros-args", "-r", "__ns:=/lab", "-r", "/tf:=elsewhere")
+    try:
+        client.make_ready()
+        names = {name for name, _ in client.node.get_topic_names_and_types()}
+        assert {"/robot1/tf", "/robot2/tf", "/robot2/scan", "/clock"} <= names
+        assert not {"/tf", "/elsewhere", "/lab/tf", "/lab/scan"} & names
+        assert ("simulator", "/lab") in client.node.get_node_names_and_namespaces()
+    finally:
+        client.close()
+        process.terminate()
+        output, _ = process.communicate(timeout=10)
+    assert process.returncode == 0
+    assert output.startswith("sar-sim: 'disaster_zone' runs with /robot1 and /robot2, at most 20 times")
+
+
+@pytest.mark.ros
 def test_a_second_simulation_is_refused_and_the_first_named(client: Client) -> None:
     from rosgraph_msgs.msg import Clock
 
@@ -78,6 +97,9 @@ def test_a_second_simulation_is_refused_and_the_first_named(client: Client) -> N
         (["run", "--seed", "-1"], "'-1' is not a whole number"),
         (["run", "--fault", "navigate_to_pose:abrt=zone_a"], "did you mean 'abort'?"),
         (["run", "--fault", "report_survivor:drop=1"], "the world has no such service"),
+        (["run", "--robot", "robot-1"], "'robot-1' cannot be a namespace"),
+        (["run", "--robot", "robot1:0.5"], "expected NAME, NAME:X,Y or NAME:X,Y,YAW (metres and radians"),
+        (["run", "--robot", "robot1:0,north"], "'north' is not a finite number"),
         (["fly"], "invalid choice: 'fly'"),
         ([], "required: command"),
     ],
@@ -87,6 +109,22 @@ def test_wrong_usage_is_named(arguments: list[str], problem: str, capsys: pytest
         main(arguments)
     assert raised.value.code == 2
     assert problem in capsys.readouterr().err
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize(
+    ("robots", "problem"),
+    [
+        (["a", "a:2,0"], "sar-sim: robot 'a': 2 robots have this name"),
+        (["a", "b"], "sar-sim: robot 'b': would start at (0.00, 0.00), touching robot 'a'"),
+        (["a:3,-3"], "sar-sim: robot 'a': would start in an obstacle"),
+    ],
+)
+def test_robots_that_cannot_be_placed_are_wrong_usage(robots: list[str], problem: str) -> None:
+    process = started(*(part for robot in robots for part in ("--robot", robot)))
+    _, errors = process.communicate(timeout=20)
+    assert process.returncode == 2
+    assert errors.startswith(problem)
 
 
 def test_a_world_that_cannot_be_mapped_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:

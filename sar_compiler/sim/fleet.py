@@ -1,0 +1,72 @@
+"""Several robots in one world: where they may start, and what they are to each other."""
+
+import itertools
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from sar_compiler.sim.geometry import Pose2D
+from sar_compiler.sim.placement import Placement, PlacementError
+from sar_compiler.sim.robot import Robot
+from sar_compiler.sim.world import World
+
+
+def check_placements(world: World, placements: Sequence[Placement]) -> None:
+    """Make sure that robots can start as they are placed.
+
+    Raises:
+        PlacementError: If two have one name, or if one would start in or at an obstacle or another robot.
+    """
+    for name, count in Counter(placement.name for placement in placements).items():
+        if count > 1:
+            problem = f"{count} robots have this name; each needs one of its own, as its namespace"
+            raise PlacementError(name, problem)
+    radius = world.robot_radius
+    starts = [(placement.name, placement.start or world.start) for placement in placements]
+    for name, start in starts:
+        if not world.solid.clearance(start.x, start.y) > radius:
+            problem = (
+                f"would start in an obstacle, or touching one, at {_shown(start)}; "
+                f"its centre needs more than {radius:g} m around it"
+            )
+            raise PlacementError(name, problem)
+    for (one, here), (other, there) in itertools.combinations(starts, 2):
+        if not here.distance_to(there) > 2 * radius:
+            problem = (
+                f"would start at {_shown(there)}, touching robot '{one}' at {_shown(here)}; their centres "
+                f"need more than {2 * radius:g} m between them (give a start: {other}:X,Y)"
+            )
+            raise PlacementError(other, problem)
+
+
+def make_robots(world: World, placements: Sequence[Placement], *, seed: int = 0) -> list[Robot]:
+    """Return robots that are solid to each other, in the order in which they take their steps.
+
+    Args:
+        world: Where they drive.
+        placements: Where they start.
+        seed: Seed of all noise.
+
+    Raises:
+        PlacementError: If they cannot start there.
+    """
+    check_placements(world, placements)
+    robots = [
+        Robot(world, start=placement.start, seed=seed_of(seed, number))
+        for number, placement in enumerate(placements)
+    ]
+    for robot in robots:
+        robot.meet(other for other in robots if other is not robot)
+    return robots
+
+
+def seed_of(seed: int, number: int) -> int:
+    """Return the seed of one robot's noise: for the first (number 0) the one that a single robot would have."""
+    if number == 0:
+        return seed
+    return int(np.random.SeedSequence(seed, spawn_key=(number,)).generate_state(1, np.uint64)[0])
+
+
+def _shown(start: Pose2D) -> str:
+    return f"({start.x:.2f}, {start.y:.2f})"

@@ -1,0 +1,83 @@
+"""Which robots there are in a world, and where they start; as the command line writes it."""
+
+import math
+import re
+from dataclasses import dataclass
+
+from sar_compiler.errors import SarError
+from sar_compiler.sim.geometry import Pose2D
+
+_FORM = "NAME, NAME:X,Y or NAME:X,Y,YAW (metres and radians, frame map)"
+# What ROS takes as one part of a namespace; rmw allows some 240 characters for all of it.
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,99}")
+
+
+class PlacementError(SarError):
+    """Robots cannot be placed as asked.
+
+    Attributes:
+        robot: The name of the robot at fault, or the text that should have described it; "" for the one
+            without a name.
+    """
+
+    def __init__(self, robot: str, problem: str) -> None:
+        self.robot = robot
+        super().__init__(f"robot '{robot}': {problem}" if robot else f"the robot {problem}")
+
+
+@dataclass(frozen=True)
+class Placement:
+    """One robot in a world.
+
+    Attributes:
+        name: Its name; the robot's nodes live in the namespace `/name`. Without a name ("") they live in the
+            namespace of the simulation, with the global `/tf`.
+        start: Its pose at time zero, frame `map`; the world's start if None.
+    """
+
+    name: str
+    start: Pose2D | None = None
+
+    @property
+    def action(self) -> str:
+        """The name of the robot's navigation action."""
+        return f"/{self.name}/navigate_to_pose" if self.name else "navigate_to_pose"
+
+    @property
+    def ros_arguments(self) -> list[str]:
+        """The ROS arguments that move the robot's nodes, with its transforms, into its namespace."""
+        if not self.name:
+            return []
+        return ["--ros-args", "-r", f"__ns:=/{self.name}", "-r", "/tf:=tf", "-r", "/tf_static:=tf_static"]
+
+
+def parse_placement(text: str) -> Placement:
+    """Read `NAME[:X,Y[,YAW]]`.
+
+    Raises:
+        PlacementError: If it has another form, a name that ROS refuses or a number that is not finite.
+    """
+    name, colon, pose = text.partition(":")
+    if not _NAME.fullmatch(name):
+        problem = (
+            f"'{name}' cannot be a namespace: that takes letters, digits and underscores, at most 100 and no "
+            f"digit first; expected {_FORM}"
+        )
+        raise PlacementError(text, problem)
+    if not colon:
+        return Placement(name)
+    numbers = [_number(text, part) for part in pose.split(",")]
+    if len(numbers) not in {2, 3}:
+        problem = f"'{pose}' has {len(numbers)} number{'s' * (len(numbers) != 1)}; expected {_FORM}"
+        raise PlacementError(text, problem)
+    return Placement(name, Pose2D(*numbers))
+
+
+def _number(text: str, part: str) -> float:
+    try:
+        value = float(part)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise PlacementError(text, f"'{part}' is not a finite number; expected {_FORM}")
+    return value
