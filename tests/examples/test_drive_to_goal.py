@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
+import yaml
 
 from sar_compiler.nodes.registry import load_registry
 from sar_compiler.testing import assert_matches_golden, compiled
@@ -35,6 +36,11 @@ def test_the_leaves_have_the_lecture_s_values_by_default():
     assert list(defaults.values()) == [2.0, 0.0, 0.3, 0.4, 0.8, 0.8, 0.0]
 
 
+def test_the_parameter_file_has_every_value_that_the_tree_takes_from_parameters():
+    values = yaml.safe_load((FOLDER / "params.yaml").read_text(encoding="utf-8"))["/**"]["ros__parameters"]
+    assert set(re.findall(r"\{@(\w+)\}", TREE.read_text(encoding="utf-8"))) == set(values) - {"tick_rate_hz"}
+
+
 def test_the_timeout_runs_on_the_mission_s_clock():
     tree = compiled(TREE, registry=load_registry([LEAVES]))
     timeouts = [node for node in tree.root.iterate() if node.name == "DriveForwardTimeout"]
@@ -58,7 +64,7 @@ def test_the_robot_reaches_the_goal_and_the_run_ends(start):
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize(("goal_x", "goal_y"), [(2.0, 0.0), (-1.0, 1.0)])
+@pytest.mark.parametrize(("goal_x", "goal_y"), [(5.0, 0.0), (-1.0, 1.0)])
 def test_the_robot_stands_at_the_goal_that_the_parameters_name(start, witness, goal_x, goal_y):
     watching = witness()
     run = run_example(start, "forever", "-p", f"goal_x:={goal_x}", "-p", f"goal_y:={goal_y}")

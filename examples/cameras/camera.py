@@ -1,0 +1,63 @@
+"""A camera without a lens: a node that describes each of its pictures in a text, on `image_raw`.
+
+Its names are relative and its values are parameters, so that it can be moved, renamed, joined and set
+from outside, without a change here.
+"""
+
+import sys
+
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
+from rclpy.context import Context
+from rclpy.exceptions import ParameterException
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from sar_compiler.errors import SarError
+from sar_compiler.ros.errors import readable_ros_errors
+from sar_compiler.ros.serving import serve
+
+_RATE = ParameterDescriptor(
+    description="pictures per second",
+    floating_point_range=[FloatingPointRange(from_value=0.1, to_value=100.0)],
+)
+_SCENE = ParameterDescriptor(description="what is to be seen in the pictures")
+
+
+class CameraError(SarError):
+    """A parameter was given a value that it cannot have."""
+
+
+class Camera(Node):
+    """Publishes `std_msgs/msg/String` on the relative topic `image_raw`.
+
+    Parameters: `rate_hz`, pictures per second, 0.1 to 100; `scene`, what is to be seen in them.
+
+    Args:
+        context: The context of the node.
+        cli_args: ROS arguments of its own.
+
+    Raises:
+        RosArgumentError: If its name is one that a node cannot have.
+        CameraError: If a parameter is given a value that it cannot have.
+    """
+
+    def __init__(self, context: Context, cli_args: list[str]) -> None:
+        with readable_ros_errors():
+            super().__init__("camera_node", context=context, cli_args=cli_args)
+        try:
+            rate_hz = self.declare_parameter("rate_hz", 1.0, _RATE).value
+            self._scene = self.declare_parameter("scene", "an empty room", _SCENE).value
+        except ParameterException as error:
+            raise CameraError(str(error)) from error
+        self._count = 0
+        self._pictures = self.create_publisher(String, "image_raw", 10)
+        self._timer = self.create_timer(1.0 / rate_hz, self._take_picture)
+        self.get_logger().info(f"Publishing on {self._pictures.topic_name}: {self._scene}, {rate_hz:g} Hz.")
+
+    def _take_picture(self) -> None:
+        self._count += 1
+        self._pictures.publish(String(data=f"picture {self._count} of {self._scene}"))
+
+
+if __name__ == "__main__":
+    sys.exit(serve(Camera, "camera.py", "Publish pictures, as texts, on image_raw.", sys.argv[1:]))

@@ -1,0 +1,37 @@
+"""A node that looks at the pictures of a camera: it says in the log and on `seen` what is in them."""
+
+import sys
+
+from rclpy.context import Context
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from sar_compiler.ros.errors import readable_ros_errors
+from sar_compiler.ros.serving import serve
+
+
+class ImageProcessor(Node):
+    """Subscribes to `camera/image` and publishes on `seen`, both relative and `std_msgs/msg/String`.
+
+    Args:
+        context: The context of the node.
+        cli_args: ROS arguments of its own.
+
+    Raises:
+        RosArgumentError: If its name is one that a node cannot have.
+    """
+
+    def __init__(self, context: Context, cli_args: list[str]) -> None:
+        with readable_ros_errors():
+            super().__init__("image_processor", context=context, cli_args=cli_args)
+        self._seen = self.create_publisher(String, "seen", 10)
+        self._pictures = self.create_subscription(String, "camera/image", self._look_at, 10)
+        self.get_logger().info(f"Looking at {self._pictures.topic_name}.")
+
+    def _look_at(self, picture: String) -> None:
+        self.get_logger().info(f"I see {picture.data}.")
+        self._seen.publish(picture)
+
+
+if __name__ == "__main__":
+    sys.exit(serve(ImageProcessor, "image_processor.py", "Say what is in pictures.", sys.argv[1:]))

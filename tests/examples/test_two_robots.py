@@ -1,0 +1,227 @@
+"""The example `two_robots`: two missions in one world, as its README flies them, and what a bystander sees."""
+
+import math
+import os
+import re
+import threading
+from pathlib import Path
+
+import pytest
+import rclpy
+import yaml
+from action_msgs.msg import GoalStatusArray
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from rclpy.context import Context
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from tf2_msgs.msg import TFMessage
+
+from tests.e2e.witness import LATCHED
+from tests.processes import BIN, Command
+
+FOLDER = Path("examples/two_robots")
+ROBOTS = ("robot1", "robot2")
+ZONES = {"robot1": ["zone_a", "zone_d"], "robot2": ["zone_b", "zone_c"]}
+SURVIVORS = {"robot1": ("map", -2.5, 3.2), "robot2": ("map", 4.1, -2.5)}
+SUCCEEDED = 4
+
+
+def parameters(robot):
+    return yaml.safe_load((FOLDER / f"{robot}.yaml").read_text())["/**"]["ros__parameters"]
+
+
+def on_the_map(start, places):
+    """Places in a robot's frame `odom`, which is where it started, as places in `map`."""
+    cos, sin = math.cos(start["yaw"]), math.sin(start["yaw"])
+    return [(start["x"] + cos * x - sin * y, start["y"] + sin * x + cos * y) for x, y in places]
+
+
+class Bystander:
+    """A node in no robot's namespace, which keeps what it hears from both and on the global topics."""
+
+    def __init__(self):
+        self._context = Context()
+        rclpy.init(context=self._context, args=[])
+        self.node = Node("bystander", context=self._context)
+        self._news = threading.Condition()
+        self.frames = {}
+        self.goals = {}
+        self.places: dict[str, list[tuple[float, float]]] = {f"/{robot}/tf": [] for robot in ROBOTS}
+        self.told: dict[str, set[tuple[float, float]]] = {robot: set() for robot in ROBOTS}
+        for namespace in ("", *(f"/{robot}" for robot in ROBOTS)):
+            self._hear(TFMessage, f"{namespace}/tf", self._take_frames, 10_000)
+            self._hear(TFMessage, f"{namespace}/tf_static", self._take_frames, LATCHED)
+            status = f"{namespace}/navigate_to_pose/_action/status"
+            self._hear(GoalStatusArray, status, self._take_goals, LATCHED)
+        for robot in ROBOTS:
+            self._hear(PoseWithCovarianceStamped, f"/{robot}/initialpose", self._take_told, 10)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
+
+    def _hear(self, kind, topic, take, qos):
+        def took(message):
+            with self._news:
+                take(topic, message)
+                self._news.notify_all()
+
+        self.node.create_subscription(kind, topic, took, qos)
+
+    def _take_frames(self, topic, message):
+        for transform in message.transforms:
+            at = transform.transform.translation
+            frames = self.frames.setdefault(topic, {})
+            frames[transform.child_frame_id] = (transform.header.frame_id, at.x, at.y)
+            if transform.child_frame_id == "base_link":
+                self.places[topic].append((at.x, at.y))
+
+    def _take_goals(self, topic, message):
+        for status in message.status_list:
+            goals = self.goals.setdefault(topic.split("/")[1], {})
+            goals[bytes(status.goal_info.goal_id.uuid)] = status.status
+
+    def _take_told(self, topic, message):
+        position = message.pose.pose.position
+        self.told[topic.split("/")[1]].add((position.x, position.y))
+
+    def _spin(self):
+        try:
+            self._executor.spin()
+        except ExternalShutdownException:
+            return
+
+    def wait_until(self, seen, what, timeout_sec=20.0):
+        """Wait until something has been heard."""
+        with self._news:
+            assert self._news.wait_for(seen, timeout_sec), f"{what} did not come: {self.frames}, {self.goals}"
+
+    def close(self):
+        """Stop listening."""
+        self._context.try_shutdown()
+        self._thread.join(5.0)
+        self._executor.shutdown()
+        self.node.destroy_node()
+
+
+class Flight:
+    """The script from its start to its end, and who saw it.
+
+    Attributes:
+        run: The script.
+        status: Its exit status.
+        bystander: What was heard meanwhile.
+        global_publishers: How many published on each global topic while both robots were there.
+    """
+
+    def __init__(self, run, bystander):
+        self.run, self.bystander = run, bystander
+        run.wait_for("Mission complete.", 60.0)
+        node = bystander.node
+        self.global_publishers = {name: node.count_publishers(name) for name in ("/tf", "/tf_static")}
+        self.status = run.end()
+        for robot in ROBOTS:
+            bystander.wait_until(
+                lambda robot=robot: list(bystander.goals.get(robot, {}).values()) == [SUCCEEDED] * 3,
+                f"the success of three goals of {robot}",
+            )
+            bystander.wait_until(
+                lambda robot=robot: "survivor_1" in bystander.frames.get(f"/{robot}/tf_static", {}),
+                f"the frame of the survivor that {robot} found",
+            )
+
+    def log_of(self, robot, node):
+        """The lines of one node, with their wall time."""
+        return [(time, text) for time, name, text in self.run.stamped_log() if name == f"{robot}.{node}"]
+
+
+@pytest.fixture(scope="module")
+def flight():
+    bystander = Bystander()
+    run = Command(
+        "/bin/bash", FOLDER / "two_robots.sh", 10, env={"PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}"}
+    )
+    try:
+        yield Flight(run, bystander)
+    finally:
+        run.kill()
+        bystander.close()
+
+
+@pytest.mark.ros
+def test_both_missions_are_complete_and_so_the_script_succeeds(flight):
+    assert flight.status == 0, flight.run.output
+    assert flight.run.output.count("Summary: the mission is complete.") == 2
+
+
+@pytest.mark.ros
+def test_both_are_under_way_at_the_same_time(flight):
+    drives = [flight.log_of(robot, "search_and_rescue") for robot in ROBOTS]
+    starts = [next(time for time, text in log if text.startswith("Navigating to ")) for log in drives]
+    ends = [next(time for time, text in log if text == "Mission complete.") for log in drives]
+    assert max(starts) < min(ends)
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_each_mission_visits_the_zones_of_its_own_parameters(flight, robot):
+    assert parameters(robot)["zone_order"] == ZONES[robot]
+    log = [text for _, text in flight.log_of(robot, "search_and_rescue")]
+    reached = [text for text in log if text.startswith("Reached ")]
+    assert reached == [*(f"Reached {zone}." for zone in ZONES[robot]), "Reached base station."]
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_each_robot_drives_to_its_own_zones_and_never_into_the_other_half(flight, robot):
+    own = parameters(robot)
+    places = on_the_map(own["initial_pose"], flight.bystander.places[f"/{robot}/tf"])
+    for zone in ZONES[robot]:
+        target = own["zones"][zone]
+        assert min(math.dist(place, (target["x"], target["y"])) for place in places) < 0.3
+    side = math.copysign(1.0, own["initial_pose"]["x"])
+    assert all(x * side > 0.0 for x, _ in places)
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_each_localisation_is_told_where_its_own_robot_starts(flight, robot):
+    start = parameters(robot)["initial_pose"]
+    assert flight.bystander.told[robot] == {(start["x"], start["y"])}
+    assert "The initial pose" not in flight.run.output, "a robot does not stand where it is told"
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_each_server_is_asked_by_its_own_robot_only(flight, robot):
+    asked = [text for _, text in flight.log_of(robot, "detect_survivor_server") if "request for" in text]
+    assert [text.split(":")[0] for text in asked] == [
+        f"Detection request for {zone}" for zone in ZONES[robot]
+    ]
+    _, x, y = SURVIVORS[robot]
+    reports = [text for _, text in flight.log_of(robot, "report_survivor_server") if "received" in text]
+    assert reports == [f"Report received: survivor_1 at ({x:.2f}, {y:.2f}). Acknowledged."]
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_each_robot_s_survivor_is_a_frame_of_that_robot_only(flight, robot):
+    assert flight.bystander.frames[f"/{robot}/tf_static"] == {"survivor_1": SURVIVORS[robot]}
+
+
+@pytest.mark.ros
+def test_nothing_is_on_the_global_topics(flight):
+    assert flight.global_publishers == {"/tf": 0, "/tf_static": 0}
+    topics = {f"/{robot}/{name}" for robot in ROBOTS for name in ("tf", "tf_static")}
+    assert set(flight.bystander.frames) == topics
+    assert set(flight.bystander.goals) == set(ROBOTS)
+
+
+@pytest.mark.parametrize("file", ["two_robots.sh", "two_robots.launch.py"])
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_a_robot_starts_where_its_parameters_say(file, robot):
+    text = (FOLDER / file).read_text(encoding="utf-8")
+    [start] = re.findall(rf'{robot}(?:": ")?:?(-?[\d.]+,[-\d.]+,[-\d.]+)', text)
+    pose = parameters(robot)["initial_pose"]
+    assert [float(number) for number in start.split(",")] == [pose["x"], pose["y"], pose["yaw"]]
+    assert parameters(robot)["base_station"] == pose
