@@ -6,8 +6,9 @@ VENV ?= .venv
 PYTHON ?= $(if $(wildcard $(VENV)/.python-*),$(VENV)/bin/python,python3)
 SPEED ?= 5
 JOBS ?= auto
-# py_trees of a robot's ROS 2 (with Python 3.12) and the newest one; each cell is Python/py_trees.
-MATRIX ?= 3.12/2.3.0 3.12/2.5.0 3.10/2.6.0 3.11/2.6.0 3.12/2.6.0 3.13/2.6.0
+# Each cell is Python/py_trees: the versions of a robot's apt with the Python that is here, and every Python
+# (where pythonX.Y starts it) with the newest py_trees.
+MATRIX ?= $(WANTED)/2.3.0 $(WANTED)/2.5.0 3.10/2.6.0 3.11/2.6.0 3.12/2.6.0 3.13/2.6.0
 
 BIN := $(VENV)/bin
 INTERFACES := $(shell find interfaces pip_interfaces -type f 2>/dev/null)
@@ -46,7 +47,7 @@ test-matrix:
 	    $(MAKE) --no-print-directory test VENV=build/matrix/$$python && passed="$$passed $$cell"; } || failed="$$failed $$cell"; \
 	done; \
 	echo "passed:$${passed:- none}"; echo "failed:$${failed:- none}"; echo "not on this machine:$${left:- none}"; \
-	[ -z "$$failed" ]
+	[ -z "$$failed" ] && [ -n "$$passed" ]
 
 lint: env
 	$(BIN)/ruff check .

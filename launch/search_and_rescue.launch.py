@@ -184,13 +184,14 @@ def simulator() -> Node:
 
 def servers() -> list[Node]:
     """Return the servers that detect survivors and take reports of them."""
-    time = {"use_sim_time": LaunchConfiguration("use_sim_time")}
+    time = Parameter("use_sim_time", LaunchConfiguration("use_sim_time"))
     return [
         Node(
             package="sar_compiler",
             executable="sar-detect-survivor-server",
             namespace=LaunchConfiguration("namespace"),
-            parameters=[time],
+            # The file may have a table of survivors, which is for this server.
+            parameters=[LaunchConfiguration("params_file"), time],
             output="screen",
             emulate_tty=True,
         ),

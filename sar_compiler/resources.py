@@ -1,5 +1,6 @@
 """Where the files are that ship with the package: trees, configuration, maps, worlds."""
 
+import difflib
 from pathlib import Path
 
 from sar_compiler.errors import SarError
@@ -69,7 +70,29 @@ def find(kind: str, name: str, suffix: str) -> Path:
         as written, whether there is such a file or not.
     """
     path = Path(name)
-    if path.name != name or path.suffix or path.exists():
+    if not is_bare_word(name) or path.is_file():
         return path
     named = shipped_root() / kind / f"{name}{suffix}"
     return named if named.is_file() else path
+
+
+def is_bare_word(name: str) -> bool:
+    """Say whether a name has neither a folder nor a suffix, so that it may mean a shipped file."""
+    path = Path(name)
+    return path.name == name and not path.suffix
+
+
+def not_found(kind: str, name: str, suffix: str) -> str:
+    """Return the message for a name under which `find` has found nothing.
+
+    Args:
+        kind: The folder of the shipped files.
+        name: What the user wrote.
+        suffix: What shipped names end with.
+    """
+    noun = kind.removesuffix("s")
+    names = sorted(entry.stem for entry in (shipped_root() / kind).glob(f"*{suffix}"))
+    near = difflib.get_close_matches(name, names, n=1)
+    hint = f"; did you mean '{near[0]}'?" if near else ""
+    there = f"there {'is' if len(names) == 1 else 'are'}: {', '.join(names) or 'none'}"
+    return f"there is no {noun} file '{name}', nor a shipped {noun} of that name ({there}){hint}"

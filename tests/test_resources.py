@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from sar_compiler.resources import ResourceError, find, shipped, shipped_root
+from sar_compiler.resources import ResourceError, find, not_found, shipped, shipped_root
 
 
 def test_a_shipped_file_is_found_by_kind_and_name():
@@ -31,6 +31,19 @@ def test_a_file_in_the_current_folder_comes_before_a_shipped_one(tmp_path, monke
     (tmp_path / "search_and_rescue").touch()
     monkeypatch.chdir(tmp_path)
     assert find("trees", "search_and_rescue", ".xml") == Path("search_and_rescue")
+
+
+def test_a_folder_in_the_current_folder_does_not_hide_a_shipped_file(tmp_path, monkeypatch):
+    (tmp_path / "search_and_rescue").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert find("trees", "search_and_rescue", ".xml") == shipped("trees", "search_and_rescue.xml")
+
+
+def test_a_name_that_means_nothing_gets_those_that_do():
+    assert not_found("worlds", "emty", ".yaml") == (
+        "there is no world file 'emty', nor a shipped world of that name "
+        "(there are: disaster_zone, empty); did you mean 'empty'?"
+    )
 
 
 def test_in_a_checkout_they_are_in_the_folder_around_the_package(tmp_path):

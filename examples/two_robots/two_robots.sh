@@ -8,11 +8,17 @@ PATH=$PATH:$here/../../.venv/bin
 # A simulation is of no interest to other machines.
 export ROS_AUTOMATIC_DISCOVERY_RANGE=${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}
 
+command -v sar-run > /dev/null || { echo "two_robots.sh: there is no sar-run; run 'make env' first" >&2; exit 2; }
+
 summaries=$(mktemp -d)
 end() {
+    # A second Ctrl-C must not cut this short.
+    trap '' INT TERM
     kill $(jobs -p) 2>/dev/null
     wait
-    tail -n +1 "$summaries"/*
+    for summary in "$summaries"/*; do
+        [ -s "$summary" ] && printf '\n%s: ' "${summary##*/}" && cat "$summary"
+    done
     rm -r "$summaries"
 }
 trap end EXIT

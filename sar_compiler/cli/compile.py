@@ -101,12 +101,12 @@ def _validate(arguments: argparse.Namespace) -> int:
 
 def _findings_of(path: str, registry: "Registry") -> "list[Diagnostic]":
     from sar_compiler.checks import check
-    from sar_compiler.resources import find
     from sar_compiler.tree.diagnostic import TreeError
+    from sar_compiler.tree.shipped import find_tree
     from sar_compiler.tree.xml import read_xml
 
     try:
-        return check(read_xml(find("trees", path, ".xml")), registry)
+        return check(read_xml(find_tree(path)), registry)
     except TreeError as error:
         return list(error.findings)
 
@@ -114,15 +114,15 @@ def _findings_of(path: str, registry: "Registry") -> "list[Diagnostic]":
 def _show(arguments: argparse.Namespace) -> int:
     from sar_compiler.checks import check
     from sar_compiler.compiler import bind_main, preview_tree
-    from sar_compiler.resources import find
     from sar_compiler.tree.diagnostic import TreeError
+    from sar_compiler.tree.shipped import find_tree
     from sar_compiler.tree.xml import read_xml
     from sar_compiler.views.outline import outline
     from sar_compiler.views.text import ascii_tree, unicode_tree
 
     registry = _registry(arguments)
     try:
-        tree_file = read_xml(find("trees", arguments.file, ".xml"))
+        tree_file = read_xml(find_tree(arguments.file))
         # Which tree is the main one does not matter where one is asked for.
         findings = [
             finding

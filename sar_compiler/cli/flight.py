@@ -18,22 +18,38 @@ from sar_compiler.cli.arguments import FINDINGS, OK
 from sar_compiler.compiler import CompiledTree, bind_main, compile_tree, context_types
 from sar_compiler.errors import SarError
 from sar_compiler.mission.ending import Ending, Until, Verdict
-from sar_compiler.mission.parameters import MissionParameters, RunParameters, read_mission, read_run
+from sar_compiler.mission.parameter_file import sections_elsewhere
+from sar_compiler.mission.parameters import (
+    MISSION_NAMES,
+    MissionParameters,
+    RunParameters,
+    lookalikes,
+    read_mission,
+    read_run,
+)
 from sar_compiler.mission.record import MissionRecord
 from sar_compiler.mission.zone_manager import ZoneManager
 from sar_compiler.nodes.binding import Binding
 from sar_compiler.nodes.registry import load_registry
-from sar_compiler.resources import find, shipped
-from sar_compiler.ros.arguments import init_arguments, names_parameter_file, node_arguments
+from sar_compiler.resources import shipped
+from sar_compiler.ros.arguments import (
+    init_arguments,
+    names_parameter_file,
+    node_arguments,
+    parameter_files,
+)
+from sar_compiler.ros.blame import tell
 from sar_compiler.ros.clock import RosClock
 from sar_compiler.ros.engine import Engine, EngineFactory, find_engine
 from sar_compiler.ros.errors import readable_ros_errors
 from sar_compiler.ros.faults import FaultPlan
 from sar_compiler.ros.parameters import flat_parameters, mission_node
 from sar_compiler.ros.readiness import NotReadyError, Readiness, wait_until_ready
+from sar_compiler.ros.setting_up import SetupFailedError
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.runtime.clock import Clock
 from sar_compiler.tree.diagnostic import Severity, TreeError
+from sar_compiler.tree.shipped import find_tree
 from sar_compiler.tree.xml import read_xml
 from sar_compiler.views.summary import mission_summary
 from sar_compiler.views.text import unicode_tree
@@ -41,6 +57,7 @@ from sar_compiler.views.text import unicode_tree
 if TYPE_CHECKING:
     from sar_compiler.cli.run import Options
     from sar_compiler.sim.simulation import Simulation
+    from sar_compiler.sim.world import World
 
 NODE_NAME = "search_and_rescue"
 NOT_READY = 3
@@ -69,16 +86,19 @@ def fly(options: "Options", signals: StopSignals) -> int:
     make_engine = find_engine(options.engine)
     binding = _checked_tree(options)
     is_mission = ZoneManager in context_types(binding)
+    world = _world(options)
     with ExitStack() as stack:
         context = stack.enter_context(_ros(options, signals, is_mission))
+        if signals.came:
+            return signals.exit_status
         node = stack.enter_context(_mission_node(options, context))
         parameters = flat_parameters(node)
-        mission = read_mission(parameters) if is_mission else None
+        mission = read_mission(parameters, _sections_elsewhere(options, node)) if is_mission else None
         run = mission or read_run(parameters)
         flight = _Flight(options, signals, node, run, mission, make_engine)
         tree = compile_tree(binding, flight.context, parameters)
-        if options.sim is not None:
-            flight.simulation = stack.enter_context(_simulation(options, node, mission))
+        if world is not None:
+            flight.simulation = stack.enter_context(_simulation(options, world, node, mission))
         try:
             return flight.run(tree)
         except NotReadyError as error:
@@ -87,13 +107,27 @@ def fly(options: "Options", signals: StopSignals) -> int:
 
 
 def _checked_tree(options: "Options") -> Binding:
-    path = find("trees", options.tree, ".xml")
+    path = find_tree(options.tree)
     registry = load_registry(options.nodes)
     tree_file = read_xml(path)
     findings = check(tree_file, registry)
     if any(finding.severity is Severity.ERROR for finding in findings):
         raise TreeError(findings)
     return bind_main(tree_file, registry)
+
+
+def _world(options: "Options") -> "World | None":
+    """Return the world to simulate, if one is; a wrong name is said before anything takes time."""
+    if options.sim is None:
+        return None
+    from sar_compiler.sim.world_file import find_world
+
+    return find_world(options.sim)
+
+
+def _sections_elsewhere(options: "Options", node: Node) -> str:
+    files = parameter_files(options.ros, options.params)
+    return sections_elsewhere(files, node.get_fully_qualified_name())
 
 
 @contextmanager
@@ -133,16 +167,16 @@ def _mission_node(options: "Options", context: Context) -> Iterator[Node]:
 
 
 @contextmanager
-def _simulation(options: "Options", node: Node, mission: MissionParameters | None) -> "Iterator[Simulation]":
+def _simulation(
+    options: "Options", world: "World", node: Node, mission: MissionParameters | None
+) -> "Iterator[Simulation]":
     """Start the world, the stand-in for Nav2 and the two servers in this process."""
     from sar_compiler.ros.detect_survivor_server import DetectSurvivorServer
     from sar_compiler.ros.report_survivor_server import ReportSurvivorServer
     from sar_compiler.sim.simulation import Simulation
-    from sar_compiler.sim.world_file import find_world
 
     zones = {zone["id"]: (zone["x"], zone["y"]) for zone in mission.zones} if mission else None
     faults = FaultPlan(options.faults, zones)
-    world = find_world(options.sim or "")
     servers: list[Node] = (
         [
             server(
@@ -228,6 +262,7 @@ class _Flight:
         Raises:
             NotReadyError: If something that the tree needs does not come in time.
         """
+        self._warn_of_slips(tree)
         self._greet()
         executor = SingleThreadedExecutor(context=self._node.context)
         executor.add_node(self._node)
@@ -241,6 +276,13 @@ class _Flight:
             return self._tick(executor, tree)
         finally:
             executor.shutdown()
+
+    def _warn_of_slips(self, tree: CompiledTree) -> None:
+        """Warn of parameters that nobody reads and that are nearly what is read."""
+        bound = [origin.bound for origin in tree.origins.values()]
+        taken = [key.removeprefix("@") for each in bound for key in each.keys.values()]
+        for note in lookalikes(flat_parameters(self._node), (*MISSION_NAMES, *taken)):
+            self._node.get_logger().warning(note)
 
     def _greet(self) -> None:
         mission = self._mission
@@ -273,6 +315,11 @@ class _Flight:
                 _turn(executor)
             elapsed = self._clock.now() - self._started
             self._say_what_is_left(engine.settle(executor))
+        except SetupFailedError as error:
+            tell(self._node, str(error), error)
+            return self._failed(
+                "the tree was not started, because one of its leaves failed in setup (see above)"
+            )
         finally:
             engine.shutdown()
         return self._conclude(engine, elapsed)

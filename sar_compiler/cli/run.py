@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sar_compiler.cli.arguments import USAGE, Parser, no_ros, run, speed
+from sar_compiler.cli.arguments import USAGE, Parser, run, speed
 from sar_compiler.mission.ending import Until
+from sar_compiler.resources import find
 from sar_compiler.ros.arguments import split_arguments
 from sar_compiler.ros.faults import Fault, FaultError, parse_fault
 from sar_compiler.ros.signals import StopSignals
@@ -54,17 +55,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run `sar-run` and return its exit status."""
     # Before anything that takes time, so that Ctrl-C ends the command in order from its first moment.
     signals = StopSignals()
-    options = _options(sys.argv[1:] if argv is None else argv)
-    return run(lambda: _fly(options, signals), PROG)
+    return run(lambda: _fly(_options(sys.argv[1:] if argv is None else argv), signals), PROG)
 
 
 def _fly(options: Options, signals: StopSignals) -> int:
+    from sar_compiler.cli.flight import fly
     from sar_compiler.tree.diagnostic import TreeError
 
-    try:
-        from sar_compiler.cli.flight import fly
-    except ImportError as error:
-        raise no_ros(error) from error
     try:
         return fly(options, signals)
     except TreeError as error:
@@ -79,7 +76,7 @@ def _options(argv: Sequence[str]) -> Options:
     given = parser.parse_args(split.own)
     if given.sim is None and (given.speed is not None or given.fault):
         parser.error(f"{'--speed' if given.speed is not None else '--fault'} is for the simulator: add --sim")
-    if given.sim is not None and given.sim.endswith(".xml"):
+    if given.sim is not None and _looks_like_a_tree(given.sim):
         parser.error(f"--sim takes a world, and '{given.sim}' looks like a tree: put the tree before --sim")
     return Options(
         tree=given.tree,
@@ -94,6 +91,15 @@ def _options(argv: Sequence[str]) -> Options:
         nodes=tuple(given.nodes),
         ros=tuple(split.ros),
     )
+
+
+def _looks_like_a_tree(world: str) -> bool:
+    """Say whether what was given for a world is a tree file, or names a shipped tree and no world."""
+    if world.endswith(".xml"):
+        return True
+    named = (find(kind, world, suffix) for kind, suffix in (("worlds", ".yaml"), ("trees", ".xml")))
+    is_world, is_tree = (path.is_file() for path in named)
+    return is_tree and not is_world
 
 
 def _parser() -> Parser:

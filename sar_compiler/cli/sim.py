@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import OK, Parser, no_ros, run, speed
+from sar_compiler.cli.arguments import OK, Parser, run, speed
 from sar_compiler.ros.arguments import init_arguments, split_arguments
 from sar_compiler.ros.faults import NAVIGATION, Fault, FaultError, FaultPlan, parse_fault
 from sar_compiler.ros.signals import StopSignals
@@ -134,18 +134,16 @@ def _map(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
+    # Before anything that takes time, so that Ctrl-C ends the command in order from its first moment.
+    signals = StopSignals()
+    import rclpy
+
+    from sar_compiler.ros.errors import readable_ros_errors
     from sar_compiler.sim.fleet import check_placements
+    from sar_compiler.sim.isolation import LOOKING_AROUND, refuse_company, stay_on_this_machine
+    from sar_compiler.sim.simulation import Simulation
     from sar_compiler.sim.world_file import find_world
 
-    signals = StopSignals()
-    try:
-        import rclpy
-
-        from sar_compiler.ros.errors import readable_ros_errors
-        from sar_compiler.sim.isolation import LOOKING_AROUND, refuse_company, stay_on_this_machine
-        from sar_compiler.sim.simulation import Simulation
-    except ImportError as error:
-        raise no_ros(error) from error
     world = find_world(options.world)
     robots = options.robot or [Placement("")]
     check_placements(world, robots)
@@ -156,6 +154,8 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     try:
         print(LOOKING_AROUND, file=sys.stderr, flush=True)
         refuse_company(actions=[robot.action for robot in robots], should_stop=lambda: signals.came)
+        if signals.came:
+            return OK
         faults = FaultPlan(options.fault)
         with Simulation(world, robots, speed=options.speed, faults=faults, seed=options.seed) as simulation:
             print(

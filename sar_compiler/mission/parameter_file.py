@@ -5,6 +5,7 @@ something else, or not at all, without a word. What is refused here is what it r
 passes over; the rest passes, whichever nodes the file is for. Which scalars are numbers is its own decision, too.
 """
 
+import difflib
 import math
 import re
 from collections.abc import Iterable, Iterator
@@ -68,6 +69,41 @@ def check_parameter_file(path: Path | str) -> None:
     problems = list(_problems(_text_of(file)))
     if problems:
         raise ParameterFileError(file, problems)
+
+
+def sections_elsewhere(paths: Iterable[Path | str], node: str) -> str:
+    """Say which nodes parameter files are for, if none of their sections is for a node.
+
+    Args:
+        paths: The files, each one that `check_parameter_file` passes.
+        node: The full name of the node, with its namespace.
+
+    Returns:
+        A remark in words; empty if there are no files, or a section is for the node.
+    """
+    files = [yaml.compose(_text_of(Path(path)), Loader=yaml.BaseLoader) for path in paths]
+    names = list(dict.fromkeys(name for root in files if root is not None for name in _sections(root, "")))
+    if not names or any(_is_for(name, node) for name in names):
+        return ""
+    whose = "the file's" if len(files) == 1 else "the files'"
+    return f"{whose} sections are for {', '.join(names)}; this node is {node}"
+
+
+def _sections(root: yaml.Node, above: str) -> Iterator[str]:
+    """Yield the full names, wildcards as they are, of the nodes that a file has sections for."""
+    if isinstance(root, yaml.MappingNode):
+        for key, value in root.value:
+            if key.value == _SECTION:
+                yield above
+            else:
+                yield from _sections(value, f"{above}/{key.value.strip('/')}")
+
+
+def _is_for(section: str, node: str) -> bool:
+    """Say whether a section is for a node; `*` is one part of a name, `**` any number of them."""
+    parts = {"**": r"(/\w+)*", "*": r"/\w+"}
+    pattern = "".join(parts.get(part, "/" + re.escape(part)) for part in section.split("/")[1:])
+    return re.fullmatch(pattern, node) is not None
 
 
 def _text_of(file: Path) -> str:
@@ -146,6 +182,12 @@ def _at(where: yaml.Node | yaml.Event, text: str) -> FileProblem:
     return FileProblem(mark.line + 1, mark.column + 1, text) if mark is not None else FileProblem(1, 1, text)
 
 
+def _is_meant_for_section(key: str, value: yaml.Node) -> bool:
+    """Say whether a key is nearly the name of the section, and not a node's that has a section below it."""
+    below = [each.value for each, _ in value.value] if isinstance(value, yaml.MappingNode) else []
+    return _SECTION not in below and bool(difflib.get_close_matches(key.lower(), [_SECTION], 1, 0.9))
+
+
 class _Walk:
     """Goes through a composed file; yields what is wrong where.
 
@@ -165,7 +207,9 @@ class _Walk:
             if not isinstance(key, yaml.ScalarNode):
                 continue
             if key.value != _SECTION:
-                if isinstance(value, yaml.MappingNode):
+                if _is_meant_for_section(key.value, value):
+                    yield _at(key, f"'{key.value}': did you mean '{_SECTION}' (two underscores)?")
+                elif isinstance(value, yaml.MappingNode):
                     yield from self.nodes(value, key.value)
                 else:
                     yield _at(key, f"'{key.value}' stands outside of {_SECTION}: move it below, or indent it")

@@ -16,12 +16,14 @@ from sar_compiler.mission.parameter_file import ParameterFileError, check_parame
 __all__ = [
     "DEFAULT_STARTUP_TIMEOUT_SEC",
     "DEFAULT_TICK_RATE_HZ",
+    "MISSION_NAMES",
     "MissionParameters",
     "ParameterError",
     "ParameterFileError",
     "Problem",
     "RunParameters",
     "check_parameter_file",
+    "lookalikes",
     "read_mission",
     "read_run",
     "read_survivors",
@@ -36,8 +38,18 @@ _SLOWEST_TICK_HZ = 1e-6
 
 _POSE = ("x", "y", "yaw")
 _POINT = ("x", "y")
-_KNOWN = ("zone_order", "tick_rate_hz", "set_initial_pose")
-_GROUPS = ("zones", "base_station", "initial_pose")
+
+MISSION_NAMES = (
+    *("tick_rate_hz", "set_initial_pose", "initial_pose", "startup_timeout_sec", "time_limit_sec"),
+    *("zone_order", "zones", "base_station", "survivors"),
+)
+"""What may stand in a mission's file, also for the detection server; of a group its first part."""
+
+# What every node of ROS has.
+_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
+# How alike two names must be, from 0 to 1, for one to be a slip of the other.
+_ALIKE = 0.8
+
 _HOW_TO_ORDER = 'give the zones to visit, for instance zone_order: ["zone_a", "zone_b"]'
 
 
@@ -127,11 +139,13 @@ def read_run(parameters: Mapping[str, object]) -> RunParameters:
     return run
 
 
-def read_mission(parameters: Mapping[str, object]) -> MissionParameters:
+def read_mission(parameters: Mapping[str, object], elsewhere: str = "") -> MissionParameters:
     """Read a mission from a node's parameters.
 
     Args:
         parameters: Values by flat name. Names that mean nothing here are others' business.
+        elsewhere: Where parameters were given that have not come here
+            (`parameter_file.sections_elsewhere`), to be said where the mission is missing.
 
     Returns:
         The mission; whole numbers have become floats.
@@ -141,7 +155,7 @@ def read_mission(parameters: Mapping[str, object]) -> MissionParameters:
     """
     reader = _Reader(parameters)
     groups = reader.group("zones", _POSE)
-    order = reader.order(groups)
+    order = reader.order(groups, elsewhere)
     zones = [{"id": zone_id, **reader.zone(zone_id, groups)} for zone_id in order]
     base = reader.pose("base_station")
     run = reader.run()
@@ -151,8 +165,32 @@ def read_mission(parameters: Mapping[str, object]) -> MissionParameters:
         for zone_id in groups
         if zone_id not in order
     ]
-    notes += reader.lookalikes()
     return MissionParameters(zones=zones, base_station=base, notes=tuple(notes), **run)
+
+
+def lookalikes(given: Iterable[str], read: Iterable[str]) -> list[str]:
+    """Say which parameters are nearly, and not quite, ones that are read.
+
+    Args:
+        given: The flat names of a node's parameters. Those that are like nothing are others' business.
+        read: The names that are, beside ROS's own; of a group, such as `zones`, the first part.
+
+    Returns:
+        A note for each slip, with the name that was probably meant.
+    """
+    known = sorted({*read, *_ROS})
+    plain = [name for name in known if "." not in name]
+    notes: dict[str, None] = {}
+    for name in given:
+        first = name.partition(".")[0]
+        if name in known or first in known:
+            continue
+        for written, names in ((name, known), (first, plain)):
+            near = get_close_matches(written.lower(), names, 1, _ALIKE)
+            if near:
+                notes[f"parameter '{written}' is not read; did you mean '{near[0]}'?"] = None
+                break
+    return list(notes)
 
 
 def read_survivors(
@@ -206,12 +244,13 @@ class _Reader:
                 self._report(key, f"is not known there; {_did_you_mean(name, allowed)}")
         return groups
 
-    def order(self, groups: Mapping[str, object]) -> list[str]:
+    def order(self, groups: Mapping[str, object], elsewhere: str) -> list[str]:
         """Return the ids to visit, each once and known."""
         if "zone_order" not in self._parameters:
             near = get_close_matches("zone_order", self._parameters, 1, 0.75)
             hint = f" (is '{near[0]}' meant to be it?)" if near else ""
-            self._report("zone_order", f"is missing{hint}: {_HOW_TO_ORDER}")
+            place = f" ({elsewhere})" if elsewhere else ""
+            self._report("zone_order", f"is missing{hint}: {_HOW_TO_ORDER}{place}")
             return []
         value = self._parameters["zone_order"]
         if isinstance(value, str | bytes) or not isinstance(value, Iterable):
@@ -323,16 +362,6 @@ class _Reader:
             return value
         self._report(key, f"must be true or false, is {_shown(value)}")
         return default
-
-    def lookalikes(self) -> list[str]:
-        """Return a note for each name that is nearly one of the mission's own, which is not given."""
-        notes = []
-        tops = {key.partition(".")[0] for key in self._parameters}
-        for wanted in (*_KNOWN, *_GROUPS):
-            others = sorted(tops - {wanted, *_KNOWN, *_GROUPS})
-            near = get_close_matches(wanted, others, 1, 0.8) if wanted not in tops else []
-            notes += [f"parameter '{name}' is not read; did you mean '{wanted}'?" for name in near]
-        return notes
 
 
 def _shown(value: object) -> str:

@@ -19,6 +19,9 @@ C = TypeVar("C", bound=type[Any])
 
 MARK = "__registration__"
 
+# A name of XML without a colon, which would be a namespace.
+_TAG = re.compile(r"[^\W\d][\w.-]*")
+
 
 class RegistrationError(SarError):
     """A class cannot be the meaning of a tag."""
@@ -143,6 +146,9 @@ def register(
     Returns:
         A decorator that returns the class unchanged but for the mark.
 
+    Raises:
+        RegistrationError: If one of them is not what it must be.
+
     Example:
         A leaf that a file writes as `<Say message="hi"/>`::
 
@@ -150,20 +156,72 @@ def register(
             class Say(py_trees.behaviour.Behaviour):
                 def __init__(self, name: str, message: str) -> None: ...
     """
+    _require_tag(tag)
+    _require_kind(tag, kind)
+    names = _status_names(tag, outcomes)
+    needs = _uses(tag, uses)
 
     def mark(cls: C) -> C:
-        registration = Registration(
-            tag=tag,
-            cls=cls,
-            kind=kind,
-            outcomes=frozenset(status.name for status in outcomes),
-            effects=effects,
-            uses=tuple(uses),
-        )
+        registration = Registration(tag=tag, cls=cls, kind=kind, outcomes=names, effects=effects, uses=needs)
         setattr(cls, MARK, registration)
         return cls
 
     return mark
+
+
+def _require_tag(tag: object) -> None:
+    if isinstance(tag, str) and _TAG.fullmatch(tag):
+        return
+    message = (
+        f"a leaf cannot be registered under {_shown(tag)}: a tag is one word of letters, digits, '_', '-' and '.', "
+        "and begins with a letter or '_'"
+    )
+    raise RegistrationError(message)
+
+
+def _require_kind(tag: str, kind: object) -> None:
+    if isinstance(kind, Kind):
+        return
+    meant = [each for each in Kind if str(kind).lower() == each.value.lower()]
+    choices = " or ".join(f"Kind.{each.name}" for each in meant or Kind)
+    message = f"<{tag}>: kind is {_shown(kind)}; write {choices}"
+    raise RegistrationError(message)
+
+
+def _status_names(tag: str, outcomes: object) -> frozenset[str]:
+    from py_trees.common import Status
+
+    choices = "Status.SUCCESS, Status.FAILURE or Status.RUNNING"
+    statuses = _members(tag, "outcomes", outcomes, "{Status.SUCCESS}")
+    for outcome in statuses:
+        if not isinstance(outcome, Status):
+            meant = f"Status.{outcome}" if outcome in Status.__members__ else choices
+            message = f"<{tag}>: outcomes holds {_shown(outcome)}; write {meant}"
+            raise RegistrationError(message)
+    return frozenset(status.name for status in statuses)
+
+
+def _uses(tag: str, uses: object) -> tuple[Use, ...]:
+    needs = _members(tag, "uses", uses, '[Use.topic("...")]')
+    for use in needs:
+        if not isinstance(use, Use):
+            message = (
+                f"<{tag}>: uses holds {_shown(use)}; write Use.action(name), Use.service(name), "
+                "Use.topic(name) or Use.nav2()"
+            )
+            raise RegistrationError(message)
+    return needs
+
+
+def _members(tag: str, argument: str, value: object, example: str) -> tuple[Any, ...]:
+    if isinstance(value, Iterable) and not isinstance(value, str):
+        return tuple(value)
+    message = f"<{tag}>: {argument} is {_shown(value)}; write several or one in brackets, as {example}"
+    raise RegistrationError(message)
+
+
+def _shown(value: object) -> str:
+    return f"the text '{value}'" if isinstance(value, str) else repr(value)
 
 
 def _constructor(cls: type[Any]) -> list[tuple[str, inspect.Parameter]]:

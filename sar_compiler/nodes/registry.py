@@ -3,6 +3,7 @@
 import functools
 import importlib
 import importlib.metadata
+import re
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
@@ -15,6 +16,7 @@ from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.nodes.values import nearest
 
 ENTRY_POINTS = "sar_compiler.nodes"
+_REGISTERS = re.compile(r"^@(\w+\.)*register\(", re.MULTILINE)
 
 
 class RegistryError(SarError):
@@ -48,13 +50,16 @@ class Registry:
             )
             raise RegistryError(message)
 
-    def add_module(self, module: ModuleType) -> None:
-        """Add every class of a module that carries the mark of `register`."""
+    def add_module(self, module: ModuleType) -> int:
+        """Add every class of a module that carries the mark of `register`; return how many there were."""
+        count = 0
         for value in vars(module).values():
             # The mark must be the class's own: a subclass of a leaf is not that leaf.
             registration = vars(value).get(MARK) if isinstance(value, type) else None
             if registration is not None:
                 self.add(registration)
+                count += 1
+        return count
 
     def __contains__(self, tag: str) -> bool:
         return tag in self._registrations
@@ -88,7 +93,7 @@ def load_registry(modules: Iterable[str] = ()) -> Registry:
         modules: Import paths of further modules of leaves; they may lie in the current folder.
 
     Raises:
-        RegistryError: If a module cannot be imported; names it and says why.
+        RegistryError: If a module cannot be imported or has no leaves; names it and says why.
     """
     from sar_compiler.nodes import controls, decorators, leaves
 
@@ -97,7 +102,7 @@ def load_registry(modules: Iterable[str] = ()) -> Registry:
         registry.add_module(_import(entry_point.value, f"entry point '{entry_point.name}'"))
     for module in modules:
         _look_here()
-        registry.add_module(_import(module, "--nodes"))
+        _add_named(registry, module)
     return registry
 
 
@@ -105,6 +110,39 @@ def load_registry(modules: Iterable[str] = ()) -> Registry:
 def default_registry() -> Registry:
     """Return the registry of everything installed."""
     return load_registry()
+
+
+def _add_named(registry: Registry, name: str) -> None:
+    """Add the leaves of a module that the user has named."""
+    if name.endswith(".py") or "/" in name:
+        message = f"'{name}' (--nodes) is a file; {_as_module(Path(name))}"
+        raise RegistryError(message)
+    module = _import(name, "--nodes")
+    if not registry.add_module(module):
+        submodule = next(_submodules_with_leaves(module), None)
+        hint = f"; did you mean '{submodule}'?" if submodule else ""
+        message = f"the module '{name}' (--nodes) registers no node{hint}"
+        raise RegistryError(message)
+
+
+def _as_module(path: Path) -> str:
+    """Say how to write a file as a module."""
+    try:
+        here = path.resolve().relative_to(Path.cwd())
+    except (OSError, ValueError):
+        here = Path("..")
+    parts = here.with_suffix("").parts
+    if not parts or not all(part.isidentifier() for part in parts):
+        return "write it as a module that is installed or lies in the current folder: --nodes PKG.MOD"
+    return f"write it as a module: --nodes {'.'.join(parts)}"
+
+
+def _submodules_with_leaves(package: ModuleType) -> Iterator[str]:
+    """Find, by their text alone, the modules of a package that register leaves."""
+    for folder in getattr(package, "__path__", ()):
+        for path in sorted(Path(folder).glob("*.py")):
+            if path.stem.isidentifier() and _REGISTERS.search(path.read_text("utf-8", errors="replace")):
+                yield f"{package.__name__}.{path.stem}"
 
 
 def _look_here() -> None:

@@ -54,9 +54,8 @@ def init_arguments(ros: Sequence[str], params_file: Path | None = None) -> list[
     """
     first = [] if params_file is None else [_FILE_FLAG, str(params_file)]
     arguments = [*first, *ros]
-    for flag, value in pairwise(arguments):
-        if flag == _FILE_FLAG:
-            check_parameter_file(value)
+    for file in parameter_files(arguments):
+        check_parameter_file(file)
     kept = _without_node_names(arguments)
     return [_BEGIN, *kept] if kept else []
 
@@ -64,6 +63,12 @@ def init_arguments(ros: Sequence[str], params_file: Path | None = None) -> list[
 def names_parameter_file(ros: Sequence[str]) -> bool:
     """Say whether the user's own ROS arguments name a parameter file."""
     return _FILE_FLAG in ros
+
+
+def parameter_files(ros: Sequence[str], params_file: Path | None = None) -> list[Path]:
+    """Return the parameter files that count: the one given apart, then those among the ROS arguments."""
+    first = [] if params_file is None else [params_file]
+    return first + [Path(value) for flag, value in pairwise(ros) if flag == _FILE_FLAG]
 
 
 def node_arguments(ros: Sequence[str]) -> list[str]:

@@ -1,23 +1,31 @@
-"""Whose exception it was."""
+"""Whose exception it was, and saying so in the log."""
 
 import traceback
 
 from py_trees.behaviour import Behaviour
+from rclpy.node import Node
+
+from sar_compiler.errors import SarError
 
 
 def described(error: BaseException) -> str:
-    """Return an exception's type and text in one line."""
+    """Return an exception's type and text in one line; one of the project's says enough without its type."""
     text = " ".join(str(error).split())
+    if isinstance(error, SarError):
+        return text
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 def raised_in(error: BaseException) -> Behaviour | None:
     """Return the innermost behaviour of a tree that an exception passed through, if any."""
-    found = None
-    for frame, _ in traceback.walk_tb(error.__traceback__):
-        owner = frame.f_locals.get("self")
-        found = owner if isinstance(owner, Behaviour) else found
-    return found
+    passed = _behaviours_passed(error)
+    return passed[-1] if passed else None
+
+
+def called_by_engine(error: BaseException) -> Behaviour | None:
+    """Return the outermost behaviour of a tree that an exception passed through, if any."""
+    passed = _behaviours_passed(error)
+    return passed[0] if passed else None
 
 
 def blamed(behaviour: Behaviour | None) -> str:
@@ -25,3 +33,38 @@ def blamed(behaviour: Behaviour | None) -> str:
     if behaviour is None:
         return "a tick handler"
     return f"'{behaviour.name}' ({type(behaviour).__name__})"
+
+
+def tell(node: Node | None, text: str, error: BaseException | None = None) -> None:
+    """Log an error, if there is a node to log it.
+
+    Args:
+        node: The node.
+        text: What is wrong.
+        error: The exception behind it; its traceback is logged for those who debug.
+    """
+    if node is None:
+        return
+    node.get_logger().error(text)
+    if error is not None:
+        node.get_logger().debug("".join(traceback.format_exception(error)))
+
+
+def tell_failure(node: Node | None, error: BaseException) -> Behaviour | None:
+    """Log what a tick raised, because of which the tree is stopped.
+
+    Args:
+        node: The node that the tree is ticked on.
+        error: What was raised.
+
+    Returns:
+        The behaviour that raised it; None if it was none of the tree.
+    """
+    behaviour = raised_in(error)
+    tell(node, f"{blamed(behaviour)} failed: {described(error)}. The tree is stopped.", error)
+    return behaviour
+
+
+def _behaviours_passed(error: BaseException) -> list[Behaviour]:
+    owners = [frame.f_locals.get("self") for frame, _ in traceback.walk_tb(error.__traceback__)]
+    return [owner for owner in owners if isinstance(owner, Behaviour)]

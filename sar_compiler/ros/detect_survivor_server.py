@@ -7,10 +7,11 @@ from typing import Any
 from rclpy.context import Context
 from sar_interfaces.srv import DetectSurvivor
 
-from sar_compiler.mission.parameters import read_survivors
+from sar_compiler.mission.parameters import lookalikes, read_survivors
 from sar_compiler.ros.faults import ServiceFaults, create_service
 from sar_compiler.ros.parameters import DataNode, flat_parameters
 from sar_compiler.ros.serving import serve
+from sar_compiler.ros.signals import StopSignals
 
 SURVIVORS = {"zone_a": (-2.5, 3.2), "zone_c": (4.1, -2.5)}
 """Where survivors are by default: x and y in metres in the frame `map`, by zone."""
@@ -38,7 +39,10 @@ class DetectSurvivorServer(DataNode):
         **options: Any,
     ) -> None:
         super().__init__("detect_survivor_server", context, cli_args, **options)
-        self._survivors = read_survivors(flat_parameters(self), SURVIVORS)
+        parameters = flat_parameters(self)
+        self._survivors = read_survivors(parameters, SURVIVORS)
+        for note in lookalikes(parameters, ["survivors"]):
+            self.get_logger().warning(note)
         create_service(self, DetectSurvivor, "detect_survivor", self._answer, faults=faults)
         self.get_logger().info("DetectSurvivor service ready.")
 
@@ -53,14 +57,20 @@ class DetectSurvivorServer(DataNode):
         return response
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the server as a command; returns its exit status."""
+def main(argv: Sequence[str] | None = None, signals: StopSignals | None = None) -> int:
+    """Run the server as a command; returns its exit status.
+
+    Args:
+        argv: The command line without the command; by default the process's.
+        signals: Whether the process was asked to stop, where that is already looked after.
+    """
     return serve(
         lambda context, arguments: DetectSurvivorServer(context, cli_args=arguments),
         "sar-detect-survivor-server",
         "Serve detect_survivor (sar_interfaces/srv/DetectSurvivor). "
         "The parameters survivors.<zone>.x and .y replace the survivors it knows of.",
         argv,
+        signals,
     )
 
 

@@ -31,7 +31,11 @@ class Engine(Protocol):
         """Have a handler called after every tick."""
 
     def setup(self, node: Node) -> None:
-        """Set up every behaviour of the tree on a node."""
+        """Set up every behaviour of the tree on a node.
+
+        Raises:
+            SetupFailedError: If the setup of a behaviour raised something; the others are shut down.
+        """
 
     def tick_tock(self, period_ms: float) -> None:
         """Start ticking, from the node's executor, and return at once."""

@@ -52,4 +52,30 @@ def _in_words(text: str) -> str:
     if rule is None:
         return f"ROS does not accept its arguments: {' '.join(text.split())}"
     kind, given, reason = rule[1], rule[2], " ".join(rule[3].split())
-    return f"'{given}' is not understood: {_FORMS.get(kind, reason)}"
+    in_name = _wrong_in_remap(given.partition(" ")[2]) if kind == "remap rule" else None
+    return f"'{given}' is not understood: {in_name or _FORMS.get(kind, reason)}"
+
+
+# What rcl refuses in the new name of a rule, beside single characters.
+_FAULTS = {
+    r"^$": "there is no name after :=",
+    r"(^|/)\d": "a name, and each part of it between slashes, begins with a letter or _",
+    r"//|/$": "there is no name between or after slashes",
+    r"__": "no name has two underscores one after the other",
+}
+
+
+def _wrong_in_remap(rule: str) -> str | None:
+    """Say which name of `from:=to` ROS does not take, and why; None where the form itself is wrong."""
+    old, assigned, new = rule.partition(":=")
+    if not assigned or not old:
+        return None
+    what = old.rpartition(":")[2]  # without the node that the rule is for
+    if what == "__ns" and new and not new.startswith("/"):
+        return f"a namespace begins with a slash: {old}:=/{new.removeprefix('~/')}"
+    if what in ("__node", "__name") and "/" in new:
+        return "a node's name has no slash: its namespace is given with __ns:=/name"
+    wrong = re.search(r"[^A-Za-z0-9_/]", re.sub("[~*:]", "", old) + new.removeprefix("~"))
+    if wrong:
+        return f"'{wrong[0]}' is not allowed in a name: letters, digits, _ and /"
+    return next((words for fault, words in _FAULTS.items() if re.search(fault, new)), None)

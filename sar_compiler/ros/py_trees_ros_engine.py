@@ -5,17 +5,19 @@ What it lacks next to `runner.TreeRunner`: leaves with good news do not wake the
 still stops the ticks, and with them the deadlines of the leaves.
 """
 
-import traceback
 from typing import Any
 
 import py_trees_ros.trees
 from py_trees.behaviour import Behaviour
+from py_trees.behaviours import Dummy
 from rclpy.executors import Executor
 from rclpy.node import Node
 
-from sar_compiler.ros.blame import blamed, described, raised_in
+from sar_compiler.ros.blame import tell_failure
 from sar_compiler.ros.depth import require_tickable_depth
-from sar_compiler.ros.stopping import SETTLE_SEC, settle, stop_behaviours
+from sar_compiler.ros.setting_up import give_up
+from sar_compiler.ros.statuses import require_statuses
+from sar_compiler.ros.stopping import SETTLE_SEC, settle, shut_down, stop_behaviours
 
 # What the class declares on its node, whether or not it was given on the command line.
 _ITS_PARAMETERS = (
@@ -37,10 +39,12 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
         failure: What a leaf (or a handler) raised; the tree was stopped by it.
     """
 
+    root: Behaviour
+
     def __init__(self, root: Behaviour) -> None:
         super().__init__(root)
         self.failure: Exception | None = None
-        self._stopped = False
+        self._stopped = self._shut_down = False
 
     def setup(self, node: Node, **kwargs: Any) -> None:
         """Set up every behaviour of the tree on a node that may have any parameter already.
@@ -51,13 +55,20 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
 
         Raises:
             TreeTooDeepError: If the tree is nested too deeply to be ticked.
+            SetupFailedError: If the setup of a behaviour raised something. Those that were set up before
+                it are shut down.
         """
         require_tickable_depth(self.root)
         given = [name for name in _ITS_PARAMETERS if node.has_parameter(name)]
         for name in given:
             # Declared anew by the class, with the value that was given.
             node.undeclare_parameter(name)
-        super().setup(node=node, **kwargs)
+        try:
+            super().setup(node=node, **kwargs)
+        except Exception as error:  # noqa: BLE001 - raised again, in words
+            self._stopped = self._shut_down = True
+            give_up(self.root, error, node)
+        require_statuses(self.root)
 
     def tick(self, *args: Any, **kwargs: Any) -> None:
         """Tick once; what is raised is kept in `failure`, and the tree is stopped."""
@@ -79,19 +90,26 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
             The names of the leaves that had something under way to the end.
         """
         self._stop(None)
-        return settle(self.root, executor, timeout_sec, self._log)
+        return settle(self.root, executor, timeout_sec, self.node)
 
     def shutdown(self) -> None:
         """Stop the tree, and give back what it has, its node included."""
         self._stop(None)
-        super().shutdown()
+        if not self._shut_down:
+            self._shut_down = True
+            shut_down(list(self.root.iterate()), self.node)
+        if self.node is None:
+            return
+        # The class's own goes through the tree once more, and ends at the first behaviour that raises.
+        root, self.root = self.root, Dummy("nothing is left to shut down")
+        try:
+            super().shutdown()
+        finally:
+            self.root = root
 
     def _fail(self, error: Exception) -> None:
         self.failure = error
-        behaviour = raised_in(error)
-        self._log(f"{blamed(behaviour)} failed: {described(error)}. The tree is stopped.")
-        self.node.get_logger().debug("".join(traceback.format_exception(error)))
-        self._stop(behaviour)
+        self._stop(tell_failure(self.node, error))
 
     def _stop(self, failed: Behaviour | None) -> None:
         if self._stopped:
@@ -99,8 +117,4 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
         self._stopped = True
         if self.timer is not None:
             self.timer.cancel()
-        stop_behaviours(self.root, failed, self._log)
-
-    def _log(self, text: str) -> None:
-        if self.node is not None:
-            self.node.get_logger().error(text)
+        stop_behaviours(self.root, failed, self.node)

@@ -10,6 +10,7 @@ from sar_interfaces.srv import ReportSurvivor
 from sar_compiler.ros.faults import ServiceFaults, create_service
 from sar_compiler.ros.parameters import DataNode
 from sar_compiler.ros.serving import serve
+from sar_compiler.ros.signals import StopSignals
 
 FRAME = "map"
 """The frame in which the base takes reports."""
@@ -65,13 +66,19 @@ def _told(request: Any) -> str:
     return f"{request.survivor_id} at ({point.x:.2f}, {point.y:.2f})"
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the server as a command; returns its exit status."""
+def main(argv: Sequence[str] | None = None, signals: StopSignals | None = None) -> int:
+    """Run the server as a command; returns its exit status.
+
+    Args:
+        argv: The command line without the command; by default the process's.
+        signals: Whether the process was asked to stop, where that is already looked after.
+    """
     return serve(
         lambda context, arguments: ReportSurvivorServer(context, cli_args=arguments),
         "sar-report-survivor-server",
         "Serve report_survivor (sar_interfaces/srv/ReportSurvivor): acknowledge survivors reported in map.",
         argv,
+        signals,
     )
 
 

@@ -45,12 +45,9 @@ class OneServer:
 
     def __init__(self, node: Node, kind: str, name: str) -> None:
         self._node = node
-        self._title = f"{kind} {name}"
         self._service = node.resolve_service_name(f"{name}/_action/send_goal" if kind == "action" else name)
-        resolved = self._service.removesuffix("/_action/send_goal")
-        if resolved != f"/{name.lstrip('/')}":
-            self._title += f" ({resolved})"
-        self._resolved = resolved
+        self._resolved = self._service.removesuffix("/_action/send_goal")
+        self._title = f"{kind} {_with_full_name(name, self._resolved)}"
 
     @property
     def contested(self) -> bool:
@@ -82,7 +79,7 @@ class Published:
     def __init__(self, node: Node, name: str) -> None:
         self._node = node
         self._topic = node.resolve_topic_name(name)
-        self._title = f"topic {name}" + (f" ({self._topic})" if self._topic != f"/{name.lstrip('/')}" else "")
+        self._title = f"topic {_with_full_name(name, self._topic)}"
 
     def missing(self) -> str | None:
         """Say whether there is no publisher."""
@@ -127,6 +124,9 @@ class Localised:
         self._pose = pose
         self._sent_at = -math.inf
         self._answered = False
+        self._answers, self._poses = (
+            _with_full_name(topic, node.resolve_topic_name(topic)) for topic in ("amcl_pose", "initialpose")
+        )
         self._publisher = node.create_publisher(PoseWithCovarianceStamped, "initialpose", QoSProfile(depth=1))
         # QoSProfile is reliable and volatile unless it is told otherwise.
         self._subscription = node.create_subscription(
@@ -143,8 +143,8 @@ class Localised:
             self._sent_at = now
             self._publisher.publish(self._message())
         x, y, yaw = self._pose
-        deaf = "" if heard else ", and nobody listens to initialpose"
-        return f"topic amcl_pose: no answer to the initial pose ({x:.2f}, {y:.2f}, yaw {yaw:.2f}){deaf}"
+        deaf = "" if heard else f", and nobody listens to {self._poses}"
+        return f"topic {self._answers}: no answer to the initial pose ({x:.2f}, {y:.2f}, yaw {yaw:.2f}){deaf}"
 
     def close(self) -> None:
         """Destroy the publisher and the subscription."""
@@ -181,9 +181,11 @@ class NodeActive:
 
     def __init__(self, node: Node, name: str, now: Callable[[], float] = time.monotonic) -> None:
         self._node = node
-        self._name = name
         self._now = now
         self._client: Any = node.create_client(GetState, f"{name}/get_state")
+        self._service = node.resolve_service_name(f"{name}/get_state")
+        self._name = name
+        self._title = f"node {_with_full_name(name, self._service.removesuffix('/get_state'))}"
         self._call: Future | None = None
         self._asked_at = -math.inf
         self._state: str | None = None
@@ -194,18 +196,14 @@ class NodeActive:
         if not self._client.service_is_ready():
             self._drop()
             self._state = None
-            return f"node {self._name}: not there (no service {self._name}/get_state)"
+            return f"node {self._name}: not there (no service {self._service})"
         self._take_answer()
         if self._call is None and self._now() - self._asked_at >= _ASK_PERIOD_SEC:
             self._asked_at = self._now()
             self._call = self._client.call_async(GetState.Request())
         if self._state is None:
-            return f"node {self._name}: {self._name}/get_state has not answered" + (
-                " in time" if self._lost else ""
-            )
-        return (
-            None if self._state == "active" else f"node {self._name}: state '{self._state}', must be 'active'"
-        )
+            return f"node {self._name}: {self._service} has not answered" + (" in time" if self._lost else "")
+        return None if self._state == "active" else f"{self._title}: state '{self._state}', must be 'active'"
 
     def close(self) -> None:
         """Destroy the client."""
@@ -228,6 +226,11 @@ class NodeActive:
         call, self._call = self._call, None
         if call is not None:
             self._client.remove_pending_request(call)
+
+
+def _with_full_name(name: str, resolved: str) -> str:
+    """Return a name, and in brackets what has become of it where that is not plain to see."""
+    return name if resolved == f"/{name.lstrip('/')}" else f"{name} ({resolved})"
 
 
 def _name_of(state: Any) -> str:

@@ -7,7 +7,6 @@ from the root, so that a robot is not left driving.
 """
 
 import time
-import traceback
 from collections.abc import Callable
 from typing import Any
 
@@ -21,9 +20,11 @@ from rclpy.node import Node
 
 from sar_compiler.errors import SarError
 from sar_compiler.ros.beat import Beat
-from sar_compiler.ros.blame import blamed, described, raised_in
+from sar_compiler.ros.blame import described, tell, tell_failure
 from sar_compiler.ros.depth import require_tickable_depth
-from sar_compiler.ros.stopping import SETTLE_SEC, settle, stop_behaviours
+from sar_compiler.ros.setting_up import give_up
+from sar_compiler.ros.statuses import require_statuses
+from sar_compiler.ros.stopping import SETTLE_SEC, settle, shut_down, stop_behaviours
 
 TickHandler = Callable[[py_trees.trees.BehaviourTree], None]
 
@@ -73,7 +74,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         self._guard: Any = None
         self._handlers: tuple[TickHandler | None, TickHandler | None] = (None, None)
         self._ticks_left = py_trees.trees.CONTINUOUS_TICK_TOCK
-        self._running = self._ticking = self._stopped = self._woken = False
+        self._running = self._ticking = self._stopped = self._shut_down = self._woken = False
         self.post_tick_handlers.append(self._remember_status)
 
     @property
@@ -103,6 +104,8 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             TypeError: If *node* is not a node.
             TreeTooDeepError: If the tree is nested too deeply to be ticked.
             SetupTimeoutError: If it took too long.
+            SetupFailedError: If the setup of a behaviour raised something. Those that were set up before
+                it are shut down, as with a `SetupTimeoutError`.
         """
         if node is not None and not isinstance(node, Node):
             message = f"a tree is set up with an rclpy node, not with {node!r}"
@@ -112,15 +115,25 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         self.node = node if node is not None else rclpy.create_node(node_name)
         self._guard = self.node.create_guard_condition(self._on_wake)
         limit = float(timeout.value if isinstance(timeout, Duration) else timeout)
-        deadline = time.monotonic() + limit
+        try:
+            self._set_up_behaviours(limit, visitor, {"node": self.node, "wake": self.wake, **kwargs})
+        except Exception as error:  # noqa: BLE001 - raised again, in words
+            self._stopped = self._shut_down = True
+            give_up(self.root, error, self.node)
+        require_statuses(self.root)
+
+    def _set_up_behaviours(
+        self, limit_sec: float, visitor: py_trees.visitors.VisitorBase | None, given: dict[str, Any]
+    ) -> None:
+        deadline = time.monotonic() + limit_sec
         if visitor is not None:
             visitor.initialise()
         for behaviour in self.root.iterate():
-            behaviour.setup(**{"node": self.node, "wake": self.wake, **kwargs})
+            behaviour.setup(**given)
             if visitor is not None:
                 behaviour.visit(visitor)
             if time.monotonic() > deadline:
-                raise SetupTimeoutError(behaviour.name, limit)
+                raise SetupTimeoutError(behaviour.name, limit_sec)
         if visitor is not None:
             visitor.finalise()
 
@@ -201,7 +214,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             return
         self._stopped = True
         self._pause()
-        stop_behaviours(self.root, self.failed_behaviour, self._log)
+        stop_behaviours(self.root, self.failed_behaviour, self.node)
 
     def settle(self, executor: Executor, timeout_sec: float = SETTLE_SEC) -> list[str]:
         """Stop the tree, then spin until nothing of its leaves is under way any more.
@@ -214,13 +227,14 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             The names of the leaves that had something under way to the end.
         """
         self.stop()
-        return settle(self.root, executor, timeout_sec, self._log)
+        return settle(self.root, executor, timeout_sec, self.node)
 
     def shutdown(self) -> None:
         """Stop the tree and give back what it has; never raises, may be called again."""
         self.stop()
-        for behaviour in list(self.root.iterate()):
-            self._try(behaviour.shutdown, f"'{behaviour.name}' could not be shut down")
+        if not self._shut_down:
+            self._shut_down = True
+            shut_down(list(self.root.iterate()), self.node)
         node, guard, self._guard = self.node, self._guard, None
         if node is None or guard is None:
             return
@@ -233,7 +247,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         try:
             action()
         except Exception as error:  # noqa: BLE001
-            self._log(f"{complaint}: {described(error)}")
+            tell(self.node, f"{complaint}: {described(error)}")
 
     def _require_not_stopped(self) -> None:
         if self._stopped:
@@ -274,10 +288,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
 
     def _fail(self, error: Exception) -> None:
         self.failure = error
-        behaviour = self.failed_behaviour = raised_in(error)
-        self._log(f"{blamed(behaviour)} failed: {described(error)}. The tree is stopped.")
-        if self.node is not None:
-            self.node.get_logger().debug("".join(traceback.format_exception(error)))
+        self.failed_behaviour = tell_failure(self.node, error)
         self.stop()
 
     def _pause(self) -> None:
@@ -285,7 +296,3 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         beat, self._beat = self._beat, None
         if beat is not None:
             beat.destroy()
-
-    def _log(self, text: str) -> None:
-        if self.node is not None:
-            self.node.get_logger().error(text)

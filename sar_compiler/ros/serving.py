@@ -22,7 +22,13 @@ NodeFactory = Callable[[Context, list[str]], Node]
 """Makes the node in a context, with arguments of its own."""
 
 
-def serve(make_node: NodeFactory, prog: str, description: str, argv: Sequence[str] | None) -> int:
+def serve(
+    make_node: NodeFactory,
+    prog: str,
+    description: str,
+    argv: Sequence[str] | None,
+    signals: StopSignals | None = None,
+) -> int:
     """Run a node as a command until SIGINT or SIGTERM.
 
     Args:
@@ -30,6 +36,7 @@ def serve(make_node: NodeFactory, prog: str, description: str, argv: Sequence[st
         prog: The command's name.
         description: What `--help` says of it.
         argv: The command line without the command, `--ros-args` included; by default the process's.
+        signals: Whether the process was asked to stop; by default they are taken over here, and given back.
 
     Returns:
         0 once it was stopped: being stopped is how a server's work ends. A wrong command line leaves
@@ -43,13 +50,14 @@ def serve(make_node: NodeFactory, prog: str, description: str, argv: Sequence[st
     )
     split = split_arguments(sys.argv[1:] if argv is None else argv)
     parser.parse_args(split.own)
-    signals = StopSignals()
+    stop = signals or StopSignals()
     try:
-        _run(make_node, split.ros, lambda: signals.came)
+        _run(make_node, split.ros, lambda: stop.came)
     except SarError as error:
         parser.error(str(error))
     finally:
-        signals.give_back()
+        if signals is None:
+            stop.give_back()
     return 0
 
 

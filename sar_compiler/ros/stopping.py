@@ -1,17 +1,16 @@
 """Stopping a tree, so that a robot is not left driving, whatever its leaves do meanwhile."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Iterable
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor, ExternalShutdownException
+from rclpy.node import Node
 
-from sar_compiler.ros.blame import described, raised_in
+from sar_compiler.ros.blame import described, raised_in, tell
 from sar_compiler.runtime.leaf import Settling
-
-Log = Callable[[str], None]
 
 SETTLE_SEC = 1.5
 """How long the answers to cancels are waited for, seconds of the steady clock."""
@@ -20,7 +19,7 @@ SETTLE_SEC = 1.5
 _TURN_SEC = 0.02
 
 
-def stop_behaviours(root: Behaviour, failed: Behaviour | None, log: Log) -> None:
+def stop_behaviours(root: Behaviour, failed: Behaviour | None, node: Node | None) -> None:
     """Stop the leaf that failed, the root, and then whoever that did not reach.
 
     A composite that raised in its first tick is INVALID and stops none of its children, and the leaf
@@ -29,25 +28,25 @@ def stop_behaviours(root: Behaviour, failed: Behaviour | None, log: Log) -> None
     Args:
         root: The tree.
         failed: The behaviour that raised, if any.
-        log: Is told who failed while it was stopped.
+        node: Logs who failed while it was stopped.
     """
     if failed is not None and not failed.children:
-        _stop_one(failed, log)
+        _stop_one(failed, node)
     if failed is not root:
-        _stop_one(root, log)
+        _stop_one(root, node)
     for behaviour in list(root.iterate()):
         if behaviour.status == Status.RUNNING:
-            _stop_one(behaviour, log)
+            _stop_one(behaviour, node)
 
 
-def settle(root: Behaviour, executor: Executor, timeout_sec: float, log: Log) -> list[str]:
+def settle(root: Behaviour, executor: Executor, timeout_sec: float, node: Node | None) -> list[str]:
     """Spin until nothing of a stopped tree's leaves is under way any more.
 
     Args:
         root: The tree.
         executor: The executor of its node.
         timeout_sec: How long to spin at most, in seconds of the steady clock.
-        log: Is told of what somebody's callback raised.
+        node: Logs what somebody's callback raised.
 
     Returns:
         The names of the leaves that had something under way to the end.
@@ -59,19 +58,49 @@ def settle(root: Behaviour, executor: Executor, timeout_sec: float, log: Log) ->
         except (ExternalShutdownException, InvalidHandle):
             break
         except Exception as error:  # noqa: BLE001 - somebody's callback; the goals still count
-            log(f"while the tree was stopping: {described(error)}")
+            tell(node, f"while the tree was stopping: {described(error)}")
         if not executor.context.ok():
             break
     return [leaf.name for leaf in _unsettled(root)]
 
 
-def _stop_one(behaviour: Behaviour, log: Log) -> None:
+def stop_leaves(behaviours: Iterable[Behaviour], node: Node | None) -> None:
+    """Stop the leaves among behaviours of a tree that was not ticked yet.
+
+    Args:
+        behaviours: The behaviours.
+        node: Logs who failed while it was stopped.
+    """
+    for behaviour in behaviours:
+        if not behaviour.children:
+            _stop_one(behaviour, node)
+
+
+def shut_down(behaviours: Iterable[Behaviour], node: Node | None) -> None:
+    """Shut behaviours down, each of them, whatever the others raise.
+
+    Args:
+        behaviours: The behaviours.
+        node: Logs who failed.
+    """
+    for behaviour in behaviours:
+        _shut_one_down(behaviour, node)
+
+
+def _stop_one(behaviour: Behaviour, node: Node | None) -> None:
     try:
         behaviour.stop(Status.INVALID)
     except Exception as error:  # noqa: BLE001 - the others must be stopped all the same
-        log(f"'{behaviour.name}' failed while it was stopped: {described(error)}")
+        tell(node, f"'{behaviour.name}' failed while it was stopped: {described(error)}")
         # Not again, and not as one that is still running.
         (raised_in(error) or behaviour).status = Status.INVALID
+
+
+def _shut_one_down(behaviour: Behaviour, node: Node | None) -> None:
+    try:
+        behaviour.shutdown()
+    except Exception as error:  # noqa: BLE001 - the others must be shut down all the same
+        tell(node, f"'{behaviour.name}' could not be shut down: {described(error)}")
 
 
 def _unsettled(root: Behaviour) -> list[Behaviour]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sar_compiler.sim.geometry import Pose2D
+from sar_compiler.sim.occupancy import read_map
 from sar_compiler.sim.placement import Placement, PlacementError
 from sar_compiler.sim.robot import Robot
 from sar_compiler.sim.world import World
@@ -16,7 +17,9 @@ def check_placements(world: World, placements: Sequence[Placement]) -> None:
     """Make sure that robots can start as they are placed.
 
     Raises:
-        PlacementError: If two have one name, or if one would start in or at an obstacle or another robot.
+        PlacementError: If two have one name, or if one would start in or at an obstacle or another robot, or
+            outside the world's map.
+        MapError: If the world's map cannot be read.
     """
     for name, count in Counter(placement.name for placement in placements).items():
         if count > 1:
@@ -31,6 +34,7 @@ def check_placements(world: World, placements: Sequence[Placement]) -> None:
                 f"its centre needs more than {radius:g} m around it"
             )
             raise PlacementError(name, problem)
+        _require_on_map(world, name, start)
     for (one, here), (other, there) in itertools.combinations(starts, 2):
         if not here.distance_to(there) > 2 * radius:
             problem = (
@@ -38,6 +42,13 @@ def check_placements(world: World, placements: Sequence[Placement]) -> None:
                 f"need more than {2 * radius:g} m between them (give a start: {other}:X,Y)"
             )
             raise PlacementError(other, problem)
+
+
+def _require_on_map(world: World, name: str, start: Pose2D) -> None:
+    """Refuse a start where the localisation would refuse the initial pose."""
+    if world.map_path is not None and read_map(world.map_path).cell_at(start.x, start.y) is None:
+        problem = f"would start at {_shown(start)}, which is outside the world's map (metres, frame map)"
+        raise PlacementError(name, problem)
 
 
 def make_robots(world: World, placements: Sequence[Placement], *, seed: int = 0) -> list[Robot]:

@@ -9,7 +9,7 @@ from sar_compiler.sim.geometry import Pose2D
 
 _FORM = "NAME, NAME:X,Y or NAME:X,Y,YAW (metres and radians, frame map)"
 # What ROS takes as one part of a namespace; rmw allows some 240 characters for all of it.
-_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,99}")
+_NAME = re.compile(r"(?!.*__)[A-Za-z_][A-Za-z0-9_]{0,99}")
 
 
 class PlacementError(SarError):
@@ -58,9 +58,11 @@ def parse_placement(text: str) -> Placement:
         PlacementError: If it has another form, a name that ROS refuses or a number that is not finite.
     """
     name, colon, pose = text.partition(":")
+    if not name:
+        raise PlacementError(text, f"has no name; expected {_FORM}")
     if not _NAME.fullmatch(name):
         problem = (
-            f"'{name}' cannot be a namespace: that takes letters, digits and underscores, at most 100 and no "
+            f"'{name}' cannot be a namespace: that takes letters, digits and single underscores, at most 100 and no "
             f"digit first; expected {_FORM}"
         )
         raise PlacementError(text, problem)

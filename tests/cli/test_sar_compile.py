@@ -52,6 +52,22 @@ def test_a_file_that_is_not_there_has_status_2_and_the_others_are_checked(capsys
     assert "unknown-node" in out
 
 
+@pytest.mark.parametrize("command", ["validate", "show"])
+def test_a_word_that_names_neither_a_file_nor_a_shipped_tree_lists_those_there_are(capsys, command):
+    status, _, err = run(capsys, command, "search_and_rescu")
+    assert status == 2
+    assert err == (
+        "sar-compile: there is no tree file 'search_and_rescu', nor a shipped tree of that name "
+        "(there is: search_and_rescue); did you mean 'search_and_rescue'?\n"
+    )
+
+
+def test_of_several_files_the_others_are_checked_when_a_word_names_none(capsys):
+    status, out, err = run(capsys, "validate", "nosuch", SHIPPED)
+    assert (status, out) == (2, f"{SHIPPED}: no findings\n")
+    assert "there is no tree file 'nosuch'" in err
+
+
 def test_json_has_the_fields_that_scripts_rely_on(capsys, broken):
     status, out, _ = run(capsys, "validate", "--format", "json", broken, SHIPPED)
     assert status == 1
@@ -188,6 +204,35 @@ def test_a_module_that_cannot_be_loaded_has_status_2(capsys):
     status, _, err = run(capsys, "validate", "--nodes", "no.such.module", SHIPPED)
     assert status == 2
     assert err.startswith("sar-compile: the module of leaves 'no.such.module' (--nodes) cannot be imported")
+
+
+@pytest.mark.parametrize(
+    ("written", "words"),
+    [
+        ("tests/nodes/leaves.py", "is a file; write it as a module: --nodes tests.nodes.leaves"),
+        ("./tests/nodes/leaves.py", "write it as a module: --nodes tests.nodes.leaves"),
+        ("tests/nodes/leaves", "write it as a module: --nodes tests.nodes.leaves"),
+        ("leaves.py", "write it as a module: --nodes leaves"),
+        ("/elsewhere/leaves.py", "a module that is installed or lies in the current folder: --nodes PKG.MOD"),
+        ("../leaves.py", "a module that is installed or lies in the current folder: --nodes PKG.MOD"),
+    ],
+)
+def test_a_file_in_the_place_of_a_module_is_told_how_to_be_written(capsys, written, words):
+    status, _, err = run(capsys, "nodes", "--nodes", written)
+    assert status == 2
+    assert err.startswith(f"sar-compile: '{written}' (--nodes) is a file; ")
+    assert err.endswith(f"{words}\n")
+
+
+def test_a_module_without_leaves_is_refused(capsys):
+    status, _, err = run(capsys, "nodes", "--nodes", "json")
+    assert (status, err) == (2, "sar-compile: the module 'json' (--nodes) registers no node\n")
+
+
+def test_a_package_without_leaves_points_at_its_module_that_has_some(capsys):
+    status, _, err = run(capsys, "nodes", "--nodes", "examples.decorators")
+    assert status == 2
+    assert err.endswith("registers no node; did you mean 'examples.decorators.leaves'?\n")
 
 
 def test_schema_prints_the_committed_schema(capsys):

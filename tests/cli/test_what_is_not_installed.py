@@ -5,6 +5,8 @@ import sys
 
 import pytest
 
+from sar_compiler.cli.arguments import run
+
 
 def run_without(library, *arguments):
     """Run a command in an interpreter that cannot import a library; return its status and what it said."""
@@ -13,7 +15,9 @@ def run_without(library, *arguments):
         f"import sys; sys.modules[{library!r}] = None\n"
         f"from sar_compiler.cli.{command} import main; sys.exit(main({rest!r}))"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60.0, check=False
+    )
     return done.returncode, done.stderr
 
 
@@ -25,7 +29,41 @@ def test_the_simulator_names_what_it_lacks(library, tmp_path):
     assert "pip install 'sar_compiler[sim]'" in said
 
 
-def test_flying_without_ros_says_where_ros_comes_from():
-    status, said = run_without("rclpy", "run", "--sim")
-    assert status == 2
-    assert "ROS 2 is not here" in said
+SIMULATING = [("sim", "run"), ("run", "--sim")]
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("command", SIMULATING, ids=" ".join)
+@pytest.mark.parametrize("library", ["numpy", "scipy", "PIL"])
+def test_what_the_simulator_lacks_is_not_taken_for_a_missing_ros(library, command):
+    status, said = run_without(library, *command)
+    assert (status, "Traceback" in said) == (2, False), said
+    assert "the simulator is not complete (" in said
+    assert library in said
+    assert "ROS 2 is not here" not in said
+
+
+SERVERS = [("detect_survivor_server",), ("report_survivor_server",)]
+
+
+WITHOUT_ROS = [
+    *(("rclpy", command) for command in (*SIMULATING, *SERVERS)),
+    *(pytest.param("sar_interfaces", command, marks=pytest.mark.ros) for command in SERVERS),
+    pytest.param("nav2_msgs", ("sim", "run"), marks=pytest.mark.ros),
+]
+
+
+@pytest.mark.parametrize(("library", "command"), WITHOUT_ROS)
+def test_without_ros_a_command_says_where_ros_comes_from(library, command):
+    status, said = run_without(library, *command)
+    assert (status, "Traceback" in said) == (2, False), said
+    assert "ROS 2 is not here (" in said
+    assert library in said
+
+
+def test_a_library_that_is_nobodys_to_install_is_a_failure_of_the_project():
+    def command():
+        import a_slip_in_an_import  # type: ignore[import-not-found]  # noqa: F401
+
+    with pytest.raises(ModuleNotFoundError):
+        run(command, "sar-run")

@@ -6,6 +6,8 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import OneShotPolicy, Status
 
 from sar_compiler.compiler import bind_main, compile_tree, context_types, preview_tree
+from sar_compiler.mission.record import MissionRecord
+from sar_compiler.mission.zone_manager import ZoneManager
 from sar_compiler.nodes.register import Registration
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Kind, Use
@@ -228,3 +230,14 @@ def test_the_shipped_tree_compiles_to_stock_classes_and_the_nine_leaves():
         "py_trees.decorators.OneShot",
     }
     assert len([name for name in classes if name.startswith("sar_compiler.mission.")]) == 9
+
+
+def test_all_leaves_of_a_tree_hold_the_same_zone_manager():
+    zones = ZoneManager([{"id": "a", "x": 0.0, "y": 0.0, "yaw": 0.0}], {"x": 0.0, "y": 0.0, "yaw": 0.0})
+    binding = bind_main(read_xml("trees/search_and_rescue.xml"), default_registry())
+    record = MissionRecord()
+    context = {ZoneManager: zones, MissionRecord: record, Clock: ManualClock()}
+    tree = compile_tree(binding, context, {})
+    held = [vars(leaf)["_zones"] for leaf in tree.root.iterate() if "_zones" in vars(leaf)]
+    assert len(held) >= 5
+    assert all(each is zones for each in held)

@@ -13,6 +13,7 @@ from sar_compiler.cli import run as sar_run
 from sar_compiler.cli import sim as sar_sim
 from sar_compiler.ros.arguments import split_arguments
 from tests.docs.markdown import PAGES, codes, commands, tables
+from tests.launch.launch_file import LaunchFile
 
 ALL = [command for page in PAGES for command in commands(page)]
 OURS = {
@@ -127,12 +128,14 @@ def test_what_ros2_launches_is_a_launch_file_that_declares_the_arguments(command
 
 
 def declared_arguments(launch_file):
-    """Return the names of the arguments that a launch file declares, also by way of a table of texts."""
-    tree = ast.parse(launch_file.read_text(encoding="utf-8"))
-    return {
-        node.value
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    """Return the names of the arguments that a launch file declares."""
+    declared = LaunchFile(launch_file).declared()
+    if all(name.isidentifier() for name in declared):
+        return declared
+    # A table of texts has the others.
+    texts = (node for node in ast.walk(ast.parse(launch_file.read_text(encoding="utf-8"))))
+    return declared | {
+        node.value for node in texts if isinstance(node, ast.Constant) and isinstance(node.value, str)
     }
 
 

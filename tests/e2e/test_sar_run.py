@@ -48,6 +48,8 @@ def test_a_tree_file_that_is_not_there_is_named(start):
         (["--sim", "--fault", "report_survivor:drp=1"], "drop"),
         (["--sim", "moon"], "there is no world file 'moon'"),
         (["--sim", "my_tree.xml"], "put the tree before --sim"),
+        (["--sim", "search_and_rescue"], "'search_and_rescue' looks like a tree: put the tree before --sim"),
+        (["nosuchtree"], "there is no tree file 'nosuchtree', nor a shipped tree of that name"),
         (["--nodes", "no.such.module"], "'no.such.module' (--nodes) cannot be imported"),
         (["--ros-args", "-p"], "-p needs a value"),
         (["--ros-args", "--nonsense"], "not a ROS argument: --nonsense"),
@@ -79,6 +81,19 @@ def test_a_mistake_in_the_parameters_is_one_error_that_names_the_key(start, tmp_
     output = refused(start, "--sim", "--params", params)
     assert len(re.findall("^sar-run: ", output, re.MULTILINE)) == 1
     assert words in output
+
+
+def test_a_world_that_is_not_there_is_said_before_the_look_around(start):
+    assert "Looking whether" not in refused(start, "--sim", "moon")
+
+
+def test_a_file_for_another_node_says_whose_its_sections_are(start, tmp_path):
+    params = tmp_path / "params.yaml"
+    params.write_text("/robot1/search_and_rescue:\n  ros__parameters: {zone_order: [a]}\n", encoding="utf-8")
+    for arguments in (["--params", params], ["--ros-args", "--params-file", params]):
+        assert (
+            "(the file's sections are for /robot1/search_and_rescue; this node is /search_and_rescue)"
+        ) in refused(start, *arguments)
 
 
 def test_what_does_not_appear_in_time_is_named_and_has_a_status_of_its_own(start):

@@ -76,3 +76,12 @@ def test_a_leaf_that_raises_ends_the_run_and_is_named(start, tmp_path):
     run = start("sar-run", tree, "--nodes", "failing_leaves", env={"PYTHONPATH": str(tmp_path)})
     assert run.end() == 1
     assert "'Bang' (Explode) failed: ValueError: boom. The tree is stopped." in run.output
+
+
+@pytest.mark.ros
+def test_a_signal_during_the_look_around_ends_the_run_before_anything_is_started(start):
+    run = start("sar-run", "--sim").wait_for("Looking whether another simulation")
+    run.send(signal.SIGINT)
+    assert run.end() == 130, run.output
+    assert "ready" not in run.output
+    assert "Loaded" not in run.output

@@ -175,7 +175,9 @@ def test_that_remapping_finds_the_robots_scan_from_the_costmaps_own_namespace(na
     from std_msgs.msg import Empty
 
     node = ros.node(name, namespace=f"/robot1/{name}", cli_args=["--ros-args", "-r", "/scan:=/robot1/scan"])
-    absolute, relative = (node.create_subscription(Empty, topic, print, 1) for topic in ("/scan", "scan"))
+    absolute, relative = (
+        node.create_subscription(Empty, topic, lambda _: None, 1) for topic in ("/scan", "scan")
+    )
     assert absolute.topic_name == "/robot1/scan"
     assert relative.topic_name == f"/robot1/{name}/scan"
 

@@ -87,6 +87,11 @@ def test_every_parameter_given_to_the_mission_is_one_that_the_docs_list():
     assert all(f"| `{name}` |" in documented for name in names)
 
 
+def test_the_detection_server_takes_its_survivors_from_the_parameter_file():
+    given = ast.unparse(keyword(FILE.node("sar-detect-survivor-server"), "parameters"))
+    assert given.startswith("[LaunchConfiguration('params_file'),")
+
+
 def test_the_tick_rate_is_the_parameter_files_unless_one_is_given():
     assert ast.literal_eval(FILE.default("tick_rate_hz")) == ""
 

@@ -3,6 +3,7 @@
 import contextlib
 import math
 from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -11,10 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sar_compiler.mission.parameters import (
+    MISSION_NAMES,
     MissionParameters,
     ParameterError,
     ParameterFileError,
+    RunParameters,
     check_parameter_file,
+    lookalikes,
     read_mission,
     read_run,
     read_survivors,
@@ -80,11 +84,6 @@ class TestReadingAMission:
         [note] = read_mission(mission(zone_order=["zone_a"])).notes
         assert "zone_b" in note
         assert "never visited" in note
-
-    def test_a_name_that_is_nearly_right_is_noted(self) -> None:
-        [note] = read_mission(mission(tick_rate=5.0)).notes
-        assert "'tick_rate'" in note
-        assert "'tick_rate_hz'" in note
 
     @given(
         st.lists(
@@ -227,6 +226,49 @@ class TestReadingHowATreeIsRun:
         with pytest.raises(ParameterError) as caught:
             read_run({key: value})
         assert [problem.key for problem in caught.value.problems] == [key]
+
+
+class TestNamesThatNobodyReads:
+    @pytest.mark.parametrize(
+        ("given", "meant"),
+        [
+            ("tick_rate", "tick_rate_hz"),
+            ("Tick_Rate_Hz", "tick_rate_hz"),
+            ("startup_timeout", "startup_timeout_sec"),
+            ("time_limit", "time_limit_sec"),
+            ("zone_oder", "zone_order"),
+            ("use_simtime", "use_sim_time"),
+            ("goalx", "goal_x"),
+            ("wait.secs", "wait.sec"),
+        ],
+    )
+    def test_one_that_is_nearly_right_is_noted_with_the_one_that_was_meant(
+        self, given: str, meant: str
+    ) -> None:
+        notes = lookalikes([given], (*MISSION_NAMES, "goal_x", "wait.sec"))
+        assert notes == [f"parameter '{given}' is not read; did you mean '{meant}'?"]
+
+    def test_it_is_noted_also_where_the_right_one_is_given_by_a_file(self) -> None:
+        assert len(lookalikes(["goal_x", "goalx"], ["goal_x"])) == 1
+
+    def test_a_group_is_noted_once(self) -> None:
+        given = ["survivor.kitchen.x", "survivor.kitchen.y", "survivor.attic.x"]
+        assert lookalikes(given, MISSION_NAMES) == [
+            "parameter 'survivor' is not read; did you mean 'survivors'?"
+        ]
+
+    def test_what_is_read_is_not_noted(self) -> None:
+        given = ["survivors.attic.x", "zones.attic.x", "initial_pose.yaw", "use_sim_time", "goal_x"]
+        assert lookalikes(given, (*MISSION_NAMES, "goal_x")) == []
+
+    def test_what_is_like_nothing_belongs_to_somebody_else(self) -> None:
+        assert (
+            lookalikes(["robot_description", "zone_count", "goal.height"], ["goal.x", *MISSION_NAMES]) == []
+        )
+
+    def test_every_parameter_of_a_run_is_known(self) -> None:
+        assert lookalikes([field.name for field in fields(RunParameters)], MISSION_NAMES) == []
+        assert {field.name for field in fields(RunParameters)} <= set(MISSION_NAMES)
 
 
 class TestSurvivors:

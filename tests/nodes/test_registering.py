@@ -100,6 +100,56 @@ def test_a_control_or_decorator_must_take_what_stands_in_it(kind, wanted):
     assert f"without a parameter '{wanted}'" in refused(Node, kind)
 
 
+@pytest.mark.parametrize("tag", ["M M", "", "2nd", "a:b", "M/", "-m", 3, None])
+def test_a_tag_that_cannot_be_written_in_a_file_is_refused(tag):
+    with pytest.raises(RegistrationError, match="a tag is one word of letters"):
+        register(tag, kind=Kind.ACTION)
+
+
+@pytest.mark.parametrize("tag", ["M", "_m", "Detect_2", "a-b.c", "Überfahrt"])
+def test_a_tag_is_any_name_of_xml(tag):
+    register(tag, kind=Kind.ACTION)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"kind": "action"}, "<M>: kind is the text 'action'; write Kind.ACTION"),
+        (
+            {"kind": "leaf"},
+            "<M>: kind is the text 'leaf'; write Kind.CONTROL or Kind.DECORATOR or Kind.ACTION or Kind.CONDITION",
+        ),
+        ({"outcomes": {"SUCCESS"}}, "<M>: outcomes holds the text 'SUCCESS'; write Status.SUCCESS"),
+        (
+            {"outcomes": [True]},
+            "<M>: outcomes holds True; write Status.SUCCESS, Status.FAILURE or Status.RUNNING",
+        ),
+        (
+            {"outcomes": "SUCCESS"},
+            "<M>: outcomes is the text 'SUCCESS'; write several or one in brackets, as {Status.SUCCESS}",
+        ),
+        (
+            {"uses": ["odometry"]},
+            (
+                "<M>: uses holds the text 'odometry'; "
+                "write Use.action(name), Use.service(name), Use.topic(name) or Use.nav2()"
+            ),
+        ),
+        (
+            {"uses": Use.topic("odometry")},
+            (
+                "<M>: uses is Use(kind='topic', name='odometry'); "
+                'write several or one in brackets, as [Use.topic("...")]'
+            ),
+        ),
+    ],
+)
+def test_an_argument_of_another_type_is_refused_with_what_to_write(arguments, words):
+    with pytest.raises(RegistrationError) as caught:
+        register("M", **{"kind": Kind.ACTION, **arguments})
+    assert str(caught.value) == words
+
+
 def test_arguments_of_any_name_are_no_attributes():
     class Leaf(Behaviour):
         def __init__(self, name: str, *args: int, **kwargs: int) -> None: ...

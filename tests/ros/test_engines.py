@@ -15,7 +15,7 @@ from py_trees.common import Status
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from tests.ros.conftest import Ros
+    from tests.ros.conftest import Ros, Said
 
 pytestmark = pytest.mark.ros
 
@@ -31,6 +31,7 @@ class Probe(py_trees.behaviour.Behaviour):
         self.on_update = on_update
         self.given: dict[str, Any] = {}
         self.ends: list[Status] = []
+        self.shutdowns = 0
 
     def setup(self, **kwargs: Any) -> None:
         self.given = kwargs
@@ -40,6 +41,9 @@ class Probe(py_trees.behaviour.Behaviour):
 
     def terminate(self, new_status: Status) -> None:
         self.ends.append(new_status)
+
+    def shutdown(self) -> None:
+        self.shutdowns += 1
 
 
 @pytest.fixture
@@ -127,6 +131,53 @@ def test_a_leaf_that_raises_stops_the_tree_and_is_kept(engine_of: Callable[..., 
     ros.spin_until(lambda: engine.failure, "the failure")
     assert (str(engine.failure), steady.ends) == ("the arm fell off", [Status.INVALID])
     engine.shutdown()
+
+
+def test_an_update_that_returns_no_status_stops_the_tree(
+    engine_of: Callable[..., Any], ros: Ros, said: Said
+) -> None:
+    probe = Probe(lambda: None)  # type: ignore[arg-type, return-value]
+    engine = engine_of(probe)
+    engine.tick_tock(10.0)
+    ros.spin_until(lambda: engine.failure, "the failure")
+    assert probe.ends == [Status.INVALID]
+    assert said.has("'Probe' (Probe) failed: update() returned None, which is no status")
+    engine.shutdown()
+
+
+def test_a_setup_that_raises_is_named_and_what_was_set_up_before_it_is_shut_down_once(
+    engine_class: Any, ros: Ros
+) -> None:
+    from sar_compiler.ros.setting_up import SetupFailedError
+
+    class Unready(Probe):
+        def setup(self, **kwargs: Any) -> None:
+            message = "boom"
+            raise ValueError(message)
+
+    ready, unready, untouched = Probe(), Unready(), Probe()
+    root = py_trees.composites.Sequence("Sequence", memory=True, children=[ready, unready, untouched])
+    engine = engine_class(root)
+    with pytest.raises(SetupFailedError, match=r"^'Probe' \(Unready\) failed in setup: ValueError: boom$"):
+        engine.setup(node=ros.node())
+    engine.shutdown()
+    assert (ready.ends, ready.shutdowns) == ([Status.INVALID], 1)
+    assert (untouched.shutdowns, unready.shutdowns) == (0, 0)
+
+
+def test_a_leaf_that_cannot_be_shut_down_does_not_keep_the_others_from_it(
+    engine_of: Callable[..., Any], said: Said
+) -> None:
+    class Stubborn(Probe):
+        def shutdown(self) -> None:
+            message = "the arm fell off"
+            raise ValueError(message)
+
+    last = Probe()
+    engine = engine_of(py_trees.composites.Sequence("Sequence", memory=True, children=[Stubborn(), last]))
+    engine.shutdown()
+    assert last.shutdowns == 1
+    assert said.has("'Probe' could not be shut down: ValueError: the arm fell off")
 
 
 def test_settling_stops_the_tree_from_its_root(engine_of: Callable[..., Any], ros: Ros) -> None:

@@ -203,8 +203,24 @@ class TestNav2:
 
     def test_names_the_nodes_that_are_not_there(self, ros: Ros) -> None:
         assert missing(ros, readiness(ros.node(), Use.nav2(), initial_pose=None)) == [
-            "node amcl: not there (no service amcl/get_state)",
-            "node bt_navigator: not there (no service bt_navigator/get_state)",
+            "node amcl: not there (no service /amcl/get_state)",
+            "node bt_navigator: not there (no service /bt_navigator/get_state)",
+        ]
+
+    def test_in_a_namespace_shows_the_full_names_that_it_looks_for(self, ros: Ros) -> None:
+        node = ros.node("mission", namespace="/robot3")
+        pose, *nodes = missing(ros, readiness(node, Use.nav2()))
+        assert pose.startswith("topic amcl_pose (/robot3/amcl_pose): no answer to the initial pose (")
+        assert pose.endswith(", and nobody listens to initialpose (/robot3/initialpose)")
+        assert nodes == [
+            "node amcl: not there (no service /robot3/amcl/get_state)",
+            "node bt_navigator: not there (no service /robot3/bt_navigator/get_state)",
+        ]
+
+    def test_in_a_namespace_shows_the_full_name_of_a_node_that_is_not_active(self, ros: Ros) -> None:
+        FakeNav2(ros.node("nav2", namespace="/robot3"), states=("active", "inactive"))
+        assert missing(ros, readiness(ros.node("mission", namespace="/robot3"), Use.nav2()), 1.0) == [
+            "node bt_navigator (/robot3/bt_navigator): state 'inactive', must be 'active'"
         ]
 
     def test_names_the_state_of_a_node_that_is_not_active(self, ros: Ros) -> None:

@@ -66,6 +66,14 @@ class Lingering(Probe):
         return time.monotonic() - self.stopped_at >= self.linger_sec
 
 
+class Unready(Probe):
+    """Cannot be set up."""
+
+    def setup(self, **kwargs: Any) -> None:
+        message = "boom"
+        raise ValueError(message)
+
+
 def runner_of(root: py_trees.behaviour.Behaviour, node: Any, **kwargs: Any) -> TreeRunner:
     from sar_compiler.ros.runner import TreeRunner
 
@@ -449,6 +457,46 @@ class TestFailing:
         assert runner.failed_behaviour is None
         assert said.has("a tick handler failed")
 
+    @pytest.mark.parametrize("returned", [None, True, "SUCCESS"])
+    def test_an_update_that_returns_no_status_fails_and_says_what_it_returned(
+        self, ros: Ros, said: Said, returned: Any
+    ) -> None:
+        probe = Probe("Out", on_update=lambda _: returned)
+        runner = runner_of(sequence(probe), ros.node())
+        runner.tick_tock(5.0)
+        ros.spin_until(lambda: not runner.running, "the end of the tree")
+        assert (runner.failed_behaviour, probe.updates, probe.ends) == (probe, 1, [Status.INVALID])
+        assert said.has(
+            f"'Out' (Probe) failed: update() returned {returned!r}, which is no status; "
+            "return Status.SUCCESS, FAILURE or RUNNING. The tree is stopped."
+        )
+
+    def test_a_leaf_that_forgets_its_status_later_on_ends_its_time_out_too(self, ros: Ros) -> None:
+        from sar_compiler.nodes.decorators import Timeout
+        from sar_compiler.runtime.clock import ManualClock
+
+        def forget(probe: Probe) -> Any:
+            return Status.RUNNING if probe.updates < 3 else None
+
+        probe = Probe("Out", on_update=forget)
+        runner = runner_of(Timeout("Within", probe, 30.0, ManualClock()), ros.node())
+        runner.tick_tock(5.0)
+        ros.spin_until(lambda: not runner.running, "the end of the tree")
+        assert (runner.failed_behaviour, probe.updates) == (probe, 3)
+        assert set(probe.ends) == {Status.INVALID}
+
+    def test_a_leaf_may_be_invalid(self, ros: Ros) -> None:
+        probe = Probe(on_update=lambda _: Status.INVALID)
+        runner = runner_of(probe, ros.node())
+        runner.tick_tock(5.0, number_of_iterations=3)
+        ros.spin_until(lambda: not runner.running, "three ticks")
+        assert (probe.updates, runner.failure) == (3, None)
+
+    def test_behaviours_keep_their_classes(self, ros: Ros) -> None:
+        root = sequence(Probe())
+        runner_of(root, ros.node())
+        assert [type(each) for each in root.iterate()] == [Probe, py_trees.composites.Sequence]
+
     def test_a_single_tick_raises_what_the_leaf_raised(self, ros: Ros) -> None:
         runner = runner_of(Probe(on_update=failing), ros.node())
         with pytest.raises(ValueError, match="arm"):
@@ -480,6 +528,40 @@ class TestSetupAndShutdown:
                 timeout=0.01,
             )
         assert caught.value.behaviour == "Dawdling"
+
+    def test_names_the_leaf_whose_setup_raises(self, ros: Ros) -> None:
+        from sar_compiler.ros.setting_up import SetupFailedError
+
+        with pytest.raises(SetupFailedError) as caught:
+            runner_of(sequence(Unready("M")), ros.node())
+        assert str(caught.value) == "'M' (Unready) failed in setup: ValueError: boom"
+        assert isinstance(caught.value.__cause__, ValueError)
+
+    def test_what_was_set_up_before_a_setup_that_raises_is_stopped_and_shut_down_once(
+        self, ros: Ros, said: Said
+    ) -> None:
+        from sar_compiler.ros.runner import TreeRunner
+        from sar_compiler.ros.setting_up import SetupFailedError
+
+        ready, unready, untouched = Probe(), Unready("M"), Probe()
+        runner = TreeRunner(sequence(ready, unready, untouched))
+        with pytest.raises(SetupFailedError):
+            runner.setup(node=ros.node())
+        runner.shutdown()
+        assert (ready.ends, ready.shutdowns) == ([Status.INVALID], 1)
+        assert (untouched.ends, untouched.shutdowns, unready.shutdowns) == ([], 0, 0)
+        assert not said.has("could not be shut down")
+
+    def test_a_setup_that_says_in_words_what_is_wrong_is_passed_on(self, ros: Ros) -> None:
+        from sar_compiler.errors import SarError
+
+        class Particular(Probe):
+            def setup(self, **kwargs: Any) -> None:
+                message = "the arm is not plugged in"
+                raise SarError(message)
+
+        with pytest.raises(SarError, match=r"^the arm is not plugged in$"):
+            runner_of(sequence(Particular()), ros.node())
 
     def test_can_be_set_up_with_a_time_limit_off_the_main_thread(self, ros: Ros) -> None:
         probe = Probe()
@@ -532,7 +614,7 @@ class TestSetupAndShutdown:
         ros.spin_until(lambda: probe.updates, "a tick")
         runner.shutdown()
         runner.shutdown()
-        assert probe.shutdowns >= 1
+        assert probe.shutdowns == 1
         assert probe.ends == [Status.INVALID]
 
     def test_shutdown_does_not_raise_when_the_context_is_down(self, ros: Ros) -> None:

@@ -44,6 +44,20 @@ def test_a_signal_ends_the_simulation_with_its_status_and_no_traceback(
 
 
 @pytest.mark.ros
+def test_a_signal_during_the_look_around_ends_it_before_a_world_is_there() -> None:
+    process = started("--robot", "r1")
+    try:
+        assert process.stderr is not None
+        assert "Looking whether another simulation" in process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=10) == 0
+    finally:
+        process.kill()
+        output, errors = process.communicate()
+    assert (output, errors) == ("", "")
+
+
+@pytest.mark.ros
 def test_a_namespace_on_the_command_line_moves_the_robot(ros_context: Any) -> None:
     client = Client(ros_context, namespace="/robot1")
     remaps = ["-r", "__ns:=/robot1", "-r", "/tf:=tf"]
@@ -97,6 +111,8 @@ def test_a_second_simulation_is_refused_and_the_first_named(client: Client) -> N
         (["run", "--seed", "-1"], "'-1' is not a whole number"),
         (["run", "--fault", "navigate_to_pose:abrt=zone_a"], "did you mean 'abort'?"),
         (["run", "--fault", "report_survivor:drop=1"], "the world has no such service"),
+        (["run", "--robot", ""], "the robot has no name; expected NAME, NAME:X,Y"),
+        (["run", "--robot", ":1,2"], "robot ':1,2': has no name; expected NAME, NAME:X,Y"),
         (["run", "--robot", "robot-1"], "'robot-1' cannot be a namespace"),
         (["run", "--robot", "robot1:0.5"], "expected NAME, NAME:X,Y or NAME:X,Y,YAW (metres and radians"),
         (["run", "--robot", "robot1:0,north"], "'north' is not a finite number"),

@@ -67,11 +67,13 @@ class TestNames:
     @pytest.mark.parametrize(
         ("text", "problem"),
         [
-            ("", "'' cannot be a namespace"),
+            ("", "the robot has no name; expected NAME"),
             ("1st", "'1st' cannot be a namespace"),
             ("/robot1", "'/robot1' cannot be a namespace"),
             ("robot-1:0,0", "'robot-1' cannot be a namespace"),
             ("r" * 101, "cannot be a namespace"),
+            ("a__b:1,1", "'a__b' cannot be a namespace"),
+            ("___", "'___' cannot be a namespace"),
             ("robot1:", "'' is not a finite number"),
             ("robot1:1", "'1' has 1 number;"),
             ("robot1:1,2,3,4", "'1,2,3,4' has 4 numbers;"),
@@ -118,6 +120,13 @@ class TestPlaces:
             check_placements(disaster_zone, [Placement("lost", Pose2D(3.0, -3.0))])
         with pytest.raises(PlacementError, match=r"more than 0.22 m"):
             check_placements(disaster_zone, [Placement("near", Pose2D(0.2, 3.0))])
+
+    def test_a_start_outside_the_map_is_refused(self, disaster_zone: World) -> None:
+        with pytest.raises(
+            PlacementError,
+            match=r"robot 'far': would start at \(100.00, 100.00\), which is outside the world's map",
+        ):
+            check_placements(disaster_zone, [Placement("far", Pose2D(100.0, 100.0))])
 
     def test_two_at_the_world_s_start_touch_and_are_told_how_to_be_placed(self) -> None:
         with pytest.raises(

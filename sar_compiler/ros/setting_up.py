@@ -1,0 +1,45 @@
+"""What happens when the leaves of a tree cannot be set up."""
+
+from itertools import takewhile
+from typing import NoReturn
+
+from py_trees.behaviour import Behaviour
+from rclpy.node import Node
+
+from sar_compiler.errors import SarError
+from sar_compiler.ros.blame import blamed, called_by_engine, described, raised_in
+from sar_compiler.ros.stopping import shut_down, stop_leaves
+
+
+class SetupFailedError(SarError, RuntimeError):
+    """The setup of a leaf raised something.
+
+    Attributes:
+        behaviour: The leaf's name.
+    """
+
+    def __init__(self, behaviour: Behaviour, error: Exception) -> None:
+        self.behaviour = behaviour.name
+        super().__init__(f"{blamed(behaviour)} failed in setup: {described(error)}")
+
+
+def give_up(root: Behaviour, error: Exception, node: Node) -> NoReturn:
+    """Stop and shut down what is set up of a tree already, and raise what kept the rest from it.
+
+    Args:
+        root: The tree.
+        error: What was raised while the tree was set up, behaviour after behaviour.
+        node: The node that it is set up with.
+
+    Raises:
+        SetupFailedError: If it came out of a behaviour's setup.
+        Exception: What was raised, if it says enough by itself (a `SarError`) or came from elsewhere.
+    """
+    called = called_by_engine(error)
+    ready = list(takewhile(lambda behaviour: behaviour is not called, root.iterate()))
+    stop_leaves(ready, node)
+    shut_down(ready, node)
+    behaviour = raised_in(error)
+    if behaviour is None or isinstance(error, SarError):
+        raise error
+    raise SetupFailedError(behaviour, error) from error

@@ -1,0 +1,48 @@
+"""Seeing that what `update()` returns is a status.
+
+py_trees only logs that it is none, at every tick, and the behaviour goes on for ever as if it had been
+reset: a `Timeout` around it begins anew each time.
+"""
+
+from collections.abc import Callable
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from sar_compiler.errors import SarError
+
+
+class NoStatusError(SarError, TypeError):
+    """An `update()` returned something else than a status."""
+
+    def __init__(self, returned: object) -> None:
+        message = (
+            f"update() returned {returned!r}, which is no status; return Status.SUCCESS, FAILURE or RUNNING"
+        )
+        super().__init__(message)
+
+
+def require_statuses(root: Behaviour) -> None:
+    """Have every behaviour of a tree fail in the tick in which its `update()` returns no status.
+
+    The behaviours keep their classes; only the method of each instance is covered by one that looks.
+
+    Args:
+        root: The tree, set up.
+    """
+    for behaviour in root.iterate():
+        if not isinstance(behaviour.update, _StatusOnly):
+            setattr(behaviour, "update", _StatusOnly(behaviour.update))  # noqa: B010 - for the type checker
+
+
+class _StatusOnly:
+    __slots__ = ("_update",)
+
+    def __init__(self, update: Callable[[], object]) -> None:
+        self._update = update
+
+    def __call__(self) -> Status:
+        status = self._update()
+        if isinstance(status, Status):
+            return status
+        raise NoStatusError(status)

@@ -1,0 +1,24 @@
+"""Which tree file a user means."""
+
+from pathlib import Path
+
+from sar_compiler import resources
+from sar_compiler.tree.diagnostic import UnreadableFileError
+
+
+def find_tree(name: str) -> Path:
+    """Return the tree file that a user means.
+
+    Args:
+        name: The path of a tree file, or the name of a shipped tree (`search_and_rescue`).
+
+    Returns:
+        The file; where *name* is plainly a path, it may not be there.
+
+    Raises:
+        UnreadableFileError: If *name* is a bare word, and neither a file nor a shipped tree is called so.
+    """
+    path = resources.find("trees", name, ".xml")
+    if resources.is_bare_word(name) and not path.exists():
+        raise UnreadableFileError(resources.not_found("trees", name, ".xml"))
+    return path

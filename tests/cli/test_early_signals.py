@@ -1,0 +1,54 @@
+"""Ctrl-C in the first moments of a command, while it is still importing."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+COMMANDS = dict(
+    re.findall(r'^(sar-[\w-]+) = "([\w.]+):main"$', Path("pyproject.toml").read_text("utf-8"), re.MULTILINE)
+)
+# Being stopped is how the work of the world and of a server ends.
+ENDINGS = {
+    "sar-run": ([], 130),
+    "sar-sim": (["run"], 0),
+    "sar-detect-survivor-server": ([], 0),
+    "sar-report-survivor-server": ([], 0),
+}
+
+# Starts a command as its script does, and sends SIGINT in the midst of the import of rclpy.
+PROGRAM = """
+import importlib, signal, sys
+
+class Interrupting:
+    def find_spec(self, name, path=None, target=None):
+        if name == "rclpy":
+            sys.meta_path.remove(self)
+            signal.raise_signal(signal.SIGINT)
+
+module, *sys.argv[1:] = sys.argv[1:]
+main = importlib.import_module(module).main
+sys.meta_path.insert(0, Interrupting())
+sys.exit(main())
+"""
+
+
+def test_every_command_that_needs_ros_is_tried():
+    assert set(ENDINGS) == set(COMMANDS) - {"sar-compile"}
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("command", sorted(ENDINGS))
+def test_ctrl_c_while_a_command_still_imports_ends_it_in_order(command):
+    arguments, expected = ENDINGS[command]
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, COMMANDS[command], *arguments],
+        capture_output=True,
+        text=True,
+        timeout=60.0,
+        check=False,
+    )
+    assert "Traceback" not in done.stderr, done.stderr
+    assert done.returncode == expected, done.stderr

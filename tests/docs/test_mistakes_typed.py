@@ -1,0 +1,175 @@
+"""Whoever types a mistake that `docs/troubleshooting.md` explains reads the message that it quotes."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.docs.markdown import codes, tables
+from tests.processes import BIN
+from tests.trees import document
+
+ROOT = Path.cwd()
+TROUBLESHOOTING = Path("docs/troubleshooting.md")
+INSTALLING, USAGE = "Installing", "Wrong usage, status 2"
+
+SECTIONS = "/robot1/search_and_rescue:\n  ros__parameters: {zone_order: [zone_a]}\n"
+FILES = {
+    "wrong.xml": document("<NavigateToZne/>"),
+    "section.yaml": SECTIONS,
+    "misspelt.yaml": SECTIONS.replace("ros__parameters", "ros_parameters"),
+}
+
+# What is typed, for each message. What is a file of the test's own folder is written as {folder}/….
+TYPED = {
+    "… cannot be flown like this; nothing has moved": "sar-run {folder}/wrong.xml",
+    "cannot read …: …": "sar-run nowhere.xml",
+    "there is no tree file '…', nor a shipped tree of that name": "sar-run nowhere",
+    "no node is called '…'": "sar-run {folder}/wrong.xml",
+    "'…' (--nodes) is a file; write it as a module": "sar-run --nodes examples/decorators/leaves.py",
+    "the module '…' (--nodes) registers no node": "sar-run --nodes examples.decorators",
+    "the module of leaves '…' (…) cannot be imported: …": "sar-run --nodes my.leaves",
+    "…: the mission has no parameter '…'": "sar-run examples/drive_to_goal/drive_to_goal.xml "
+    "--nodes examples.drive_to_goal.leaves",
+    "parameter …": "sar-run --ros-args -p tick_rate_hz:=0",
+    "… mistakes in the parameters:…": "sar-run --ros-args -p tick_rate_hz:=0 -p zone_order:=[moon]",
+    "sections are for …; this node is …": "sar-run --params {folder}/section.yaml",
+    "did you mean 'ros__parameters' (two underscores)?": "sar-run --params {folder}/misspelt.yaml",
+    "not a ROS argument: …": "sar-run --ros-args tick_rate_hz:=2.0",
+    "a parameter is given as name:=value, and a list holds values of one type": "sar-run --ros-args -p x=1",
+    "a namespace begins with a slash: __ns:=/…": "sar-run --ros-args -r __ns:=front",
+    "'…' is not allowed in a name: letters, digits, _ and /": "sar-run --ros-args -r __ns:=/front-1",
+    "a name is replaced by from:=to": "sar-run --ros-args -r scan=front/scan",
+    "ROS does not accept its arguments: …": "sar-run --ros-args -r __ns:=/front/",
+    "… is for the simulator: add --sim": "sar-run --speed 5",
+    "--sim takes a world, and '…' looks like a tree: put the tree before --sim": "sar-run --sim my.xml",
+    "there is no world file '…', nor a shipped world of that name": "sar-run --sim moon",
+    "fault '…': …": "sar-run --sim --fault report_survivor:drp=1",
+    "robot '…': …": "sar-sim run --robot robot-1",
+}
+COMPANY = "… already provides … here: a simulated robot must not mix with another one."
+MAKE = {
+    "make: … is Python …; ROS 2 from PyPI has 3.10 to 3.13": ("python", "echo 3.9"),
+    "make: the headers of … are missing (apt install python…": (
+        "python",
+        f'case "$2" in *Python.h*) exit 1;; *) exec {sys.executable} "$@";; esac',
+    ),
+    "make: there is no C and C++ compiler (apt install g++)": ("other", ""),
+    "make: ROS 2 from PyPI exists for x86-64 Linux only": ("uname", "echo Linux aarch64"),
+}
+LACKING = {
+    "ROS 2 is not here (…). On a robot, source its installation and workspace": "rclpy",
+    "the simulator is not complete (…)": "scipy",
+}
+NOT_SHIPPED = "no file '…' is shipped in …"
+NO_ENGINE = "--engine py_trees_ros: it is not installed here (…)"
+
+
+def explained(heading):
+    return {
+        message
+        for each, _, cells in tables(TROUBLESHOOTING)
+        if each == heading
+        for message in codes(cells[0])
+    }
+
+
+def test_every_mistake_of_usage_that_is_explained_is_typed():
+    assert explained(USAGE) == {*TYPED, COMPANY}
+
+
+def test_every_hindrance_to_installing_that_is_explained_is_met():
+    assert explained(INSTALLING) == {*MAKE, *LACKING, NOT_SHIPPED, NO_ENGINE}
+
+
+def said(*words, env=None, expected=2):
+    """Run a command that must be refused; return what it said."""
+    done = subprocess.run(
+        words,
+        capture_output=True,
+        text=True,
+        env={**os.environ, **(env or {})},
+        timeout=60.0,
+        check=False,
+    )
+    assert (done.returncode, "Traceback" in done.stderr) == (expected, False), done.stderr
+    return done.stdout + done.stderr
+
+
+def assert_read(message, text):
+    pattern = ".*".join(re.escape(part) for part in message.split("…"))
+    assert re.search(pattern, text, re.DOTALL), text
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("message", TYPED)
+def test_a_mistake_of_usage_is_answered_as_the_page_says(message, tmp_path):
+    for name, text in FILES.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    command, *arguments = TYPED[message].format(folder=tmp_path).split()
+    assert_read(message, said(BIN / command, *arguments))
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("command", [["sar-run", "--sim"], ["sar-sim", "run"]], ids=" ".join)
+def test_a_simulation_beside_another_clock_is_refused_as_the_page_says(command):
+    import rclpy
+    from rclpy.context import Context
+    from rosgraph_msgs.msg import Clock
+
+    context = Context()
+    rclpy.init(context=context)
+    try:
+        node = rclpy.create_node("somebody_else", context=context)
+        node.create_publisher(Clock, "/clock", 10)
+        assert_read(COMPANY, said(BIN / command[0], *command[1:]))
+    finally:
+        context.try_shutdown()
+
+
+@pytest.mark.parametrize("message", MAKE)
+def test_make_names_what_the_machine_lacks_as_the_page_says(message, tmp_path):
+    name, lines = MAKE[message]
+    make = shutil.which("make")
+    assert make is not None, "there is no make on this machine"
+    for tool in ("find", "uname"):
+        (tmp_path / tool).symlink_to(str(shutil.which(tool)))
+    (tmp_path / "python").symlink_to(sys.executable)
+    (tmp_path / name).unlink(missing_ok=True)
+    (tmp_path / name).write_text(f"#!/bin/sh\n{lines}\n", encoding="utf-8")
+    (tmp_path / name).chmod(0o755)
+    # Of the machine's own tools there are those alone; `require` looks, and makes nothing.
+    assert_read(message, said(make, "require", "PYTHON=python", env={"PATH": str(tmp_path)}))
+
+
+@pytest.mark.parametrize("message", LACKING)
+def test_a_library_that_is_not_installed_is_named_as_the_page_says(message):
+    program = (
+        f"import sys; sys.modules[{LACKING[message]!r}] = None; sys.argv[1:] = ['--sim']\n"
+        "from sar_compiler.cli.run import main; sys.exit(main())"
+    )
+    assert_read(message, said(sys.executable, "-c", program))
+
+
+@pytest.mark.ros
+def test_an_installation_without_a_shipped_file_is_named_as_the_page_says(tmp_path):
+    shutil.copytree(ROOT / "sar_compiler", tmp_path / "sar_compiler")
+    shutil.copytree(ROOT / "trees", tmp_path / "trees")
+    shutil.copy(ROOT / "package.xml", tmp_path)
+    run = "import sys; sys.argv[1:] = []; from sar_compiler.cli.run import main; sys.exit(main())"
+    assert_read(
+        NOT_SHIPPED, said(sys.executable, "-c", run, env={"PYTHONPATH": str(tmp_path), "PYTHONSAFEPATH": "1"})
+    )
+
+
+@pytest.mark.ros
+def test_an_engine_that_is_not_installed_is_named_as_the_page_says():
+    program = (
+        "import sys; sys.modules['py_trees_ros'] = None; sys.argv[1:] = ['--engine', 'py_trees_ros']\n"
+        "from sar_compiler.cli.run import main; sys.exit(main())"
+    )
+    assert_read(NO_ENGINE, said(sys.executable, "-c", program))

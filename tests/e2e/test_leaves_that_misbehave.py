@@ -1,0 +1,93 @@
+"""A leaf that is wrong in itself ends the run, and is named."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from tests.trees import document
+
+pytestmark = pytest.mark.ros
+
+STAND_INS = Path(__file__).parents[1] / "stand_ins"
+
+LEAVES = """
+from py_trees.behaviour import Behaviour
+from sar_compiler.nodes import Kind, register
+
+
+@register("Forgetful", kind=Kind.ACTION)
+class Forgetful(Behaviour):
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+
+    def update(self):
+        pass
+
+
+@register("Unready", kind=Kind.ACTION)
+class Unready(Forgetful):
+    def setup(self, **kwargs):
+        raise ValueError("boom")
+
+
+@register("Orderly", kind=Kind.ACTION)
+class Orderly(Forgetful):
+    def shutdown(self):
+        print("shut down:", self.name, flush=True)
+"""
+
+
+@pytest.fixture(params=["own", "py_trees_ros"])
+def fly(request, start, tmp_path):
+    """Fly a tree of these leaves with either engine."""
+    (tmp_path / "misbehaving_leaves.py").write_text(LEAVES, encoding="utf-8")
+
+    def run(body):
+        tree = tmp_path / "tree.xml"
+        tree.write_text(document(body), encoding="utf-8")
+        path = os.pathsep.join((str(tmp_path), str(STAND_INS)))
+        arguments = ("--nodes", "misbehaving_leaves", "--engine", request.param)
+        return start("sar-run", tree, *arguments, env={"PYTHONPATH": path})
+
+    return run
+
+
+def test_a_leaf_that_returns_no_status_ends_the_run_and_its_time_out(fly):
+    run = fly('<Timeout duration="600"><Forgetful name="Out"/></Timeout>')
+    assert run.end() == 1, run.output
+    assert (
+        "'Out' (Forgetful) failed: update() returned None, which is no status; "
+        "return Status.SUCCESS, FAILURE or RUNNING. The tree is stopped." in run.output
+    )
+
+
+def test_a_leaf_whose_setup_raises_is_named_and_those_before_it_are_shut_down(fly):
+    run = fly('<Sequence><Orderly name="Before"/><Unready name="M"/><Orderly name="Behind"/></Sequence>')
+    assert run.end() == 1, run.output
+    assert "'M' (Unready) failed in setup: ValueError: boom" in run.output
+    assert run.output.count("shut down: Before") == 1
+    assert "shut down: Behind" not in run.output
+    assert "Traceback" not in run.output
+    last = "sar-run: the tree was not started, because one of its leaves failed in setup (see above)"
+    assert last in run.output
+
+
+@pytest.mark.parametrize(
+    ("given", "note"),
+    [
+        ("goalx:=5.0", "parameter 'goalx' is not read; did you mean 'goal_x'?"),
+        ("survivor.kitchen.x:=5.0", "parameter 'survivor' is not read; did you mean 'survivors'?"),
+        ("time_limit:=5.0", "parameter 'time_limit' is not read; did you mean 'time_limit_sec'?"),
+    ],
+)
+def test_a_parameter_that_is_nearly_what_a_tree_takes_is_warned_of(start, given, note):
+    folder = Path("examples/drive_to_goal")
+    run = start(
+        "sar-run", folder / "drive_to_goal.xml", "--nodes", "examples.drive_to_goal.leaves",
+        "--params", folder / "params.yaml", "--ros-args", "-p", given,
+    )  # fmt: skip
+    run.wait_for(note)
+    run.wait_for("Waiting for")
+    run.stop()
+    assert run.output.count("is not read") == 1, run.output
