@@ -34,7 +34,7 @@ demo: env
 	$(BIN)/sar-run --sim --speed $(SPEED)
 
 test: env
-	$(BIN)/python -m pytest -n $(JOBS) --cov --cov-report=term
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov --cov-report=term
 
 # An environment for each Python, below build/; what pythonX.Y does not start is left out, and said.
 test-matrix:
@@ -68,6 +68,8 @@ schemas: env
 	mkdir -p schemas
 	$(BIN)/sar-compile schema --format xsd > schemas/sar_tree.xsd.new
 	mv schemas/sar_tree.xsd.new schemas/sar_tree.xsd
+	$(BIN)/sar-compile schema --format json > schemas/sar_tree.schema.json.new
+	mv schemas/sar_tree.schema.json.new schemas/sar_tree.schema.json
 
 golden: env
 	SAR_RENEW_GOLDEN=1 $(BIN)/python -m pytest -q tests/golden tests/examples -k reviewed

@@ -18,7 +18,8 @@ from pathlib import Path
 
 from sar_compiler.compiler import CompiledTree, bind_main, preview_tree
 from sar_compiler.nodes.registry import Registry, default_registry
-from sar_compiler.tree.xml import read_xml
+from sar_compiler.tree.forest import load_forest
+from sar_compiler.tree.reading import read_tree_file
 from sar_compiler.views.outline import outline
 from sar_compiler.views.text import ascii_tree
 
@@ -37,7 +38,9 @@ def compiled(tree: str | Path, tree_id: str | None = None, registry: Registry | 
     Raises:
         TreeError: If the tree is not valid.
     """
-    return preview_tree(bind_main(read_xml(tree), registry or default_registry(), tree_id))
+    return preview_tree(
+        bind_main(load_forest(Path(tree), read_tree_file), registry or default_registry(), tree_id)
+    )
 
 
 def assert_matches_golden(

@@ -1,6 +1,6 @@
 """Short ways to write tree files in tests."""
 
-from sar_compiler.tree.model import TreeFile
+from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
 
 
@@ -9,6 +9,11 @@ def document(body: str, main: str = "Main") -> str:
     return f'<root BTCPP_format="4">\n<BehaviorTree ID="{main}">\n{body}\n</BehaviorTree>\n</root>\n'
 
 
-def tree_file(body: str) -> TreeFile:
+def forest(body: str) -> Forest:
     """Read a file with one tree."""
-    return parse_xml(document(body), "test.xml")
+    return forest_of(document(body))
+
+
+def forest_of(text: str) -> Forest:
+    """Read a file by itself, from its text."""
+    return Forest.of(parse_xml(text, "test.xml"))

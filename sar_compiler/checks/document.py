@@ -1,21 +1,37 @@
 """The frame of a file: its root element, its trees and which one is executed."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
-from sar_compiler.nodes.binding import find_main_tree
+from sar_compiler.nodes.attributes import NOTES
+from sar_compiler.nodes.main_tree import find_main_tree
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.values import nearest
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
-from sar_compiler.tree.model import MODEL_TAG, ROOT_TAG, TREE_TAG, Element, TreeFile
+from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, ROOT_TAG, TREE_TAG, Element, TreeFile
 
 ROOT_ATTRIBUTES = ("BTCPP_format", "main_tree_to_execute")
-TREE_ATTRIBUTES = ("ID",)
+TREE_ATTRIBUTES = ("ID", *NOTES)
+INCLUDE_ATTRIBUTES = ("path", "ros_pkg")
 FORMAT = "4"
+_SECTIONS = (TREE_TAG, INCLUDE_TAG, MODEL_TAG)
 
 
-def check_document(tree_file: TreeFile, _registry: Registry) -> Iterator[Diagnostic]:
+def check_document(
+    forest: Forest, _registry: Registry, _palettes: Iterable[TreeFile] = ()
+) -> Iterator[Diagnostic]:
     """Yield what is wrong outside the trees."""
-    root = tree_file.root
+    for tree_file in forest.files:
+        yield from _frame(tree_file.root)
+    yield from _tree_ids(forest)
+    if forest.main.root.tag == ROOT_TAG:
+        try:
+            find_main_tree(forest)
+        except TreeError as error:
+            yield from error.findings
+
+
+def _frame(root: Element) -> Iterator[Diagnostic]:
     if root.tag != ROOT_TAG:
         message = f"the outermost element is <{root.tag}>; a tree file has <{ROOT_TAG}> there"
         hint = f'put everything in <{ROOT_TAG} BTCPP_format="{FORMAT}">'
@@ -24,17 +40,15 @@ def check_document(tree_file: TreeFile, _registry: Registry) -> Iterator[Diagnos
     yield from _unknown_attributes(root, ROOT_ATTRIBUTES)
     yield from _format(root)
     for child in root.children:
-        if child.tag not in (TREE_TAG, MODEL_TAG):
+        if child.tag not in _SECTIONS:
             message = f"<{child.tag}> cannot stand directly in <{ROOT_TAG}>"
-            near = nearest(child.tag, (TREE_TAG, MODEL_TAG))
-            yield _finding(
-                child, "unknown-element", message, suggestion=near, hint=f"nodes stand in a <{TREE_TAG}>"
-            )
-    yield from _tree_ids(tree_file)
-    try:
-        find_main_tree(tree_file)
-    except TreeError as error:
-        yield from error.findings
+            near = nearest(child.tag, _SECTIONS)
+            hint = f"nodes stand in a <{TREE_TAG}>"
+            yield _finding(child, "unknown-element", message, suggestion=near, hint=hint)
+        elif child.tag == INCLUDE_TAG:
+            yield from _unknown_attributes(child, INCLUDE_ATTRIBUTES)
+    for extra in [child for child in root.children if child.tag == MODEL_TAG][1:]:
+        yield _finding(extra, "duplicate-model", f"a file has one <{MODEL_TAG}>; this is another")
 
 
 def _format(root: Element) -> Iterator[Diagnostic]:
@@ -45,23 +59,32 @@ def _format(root: Element) -> Iterator[Diagnostic]:
         yield Diagnostic("wrong-format", message, root.source, span, suggestion=FORMAT)
 
 
-def _tree_ids(tree_file: TreeFile) -> Iterator[Diagnostic]:
+def _tree_ids(forest: Forest) -> Iterator[Diagnostic]:
     first: dict[str, Element] = {}
-    for tree in tree_file.trees:
-        yield from _unknown_attributes(tree, TREE_ATTRIBUTES)
-        tree_id = tree.attributes.get("ID")
-        if tree_id is None and len(tree_file.trees) > 1:
-            message = f"this <{TREE_TAG}> has no ID, so nothing can name it"
-            yield _finding(tree, "missing-tree-id", message, hint='write ID="..."')
-        elif tree_id == "":
-            span = tree.value_span("ID")
-            yield Diagnostic("missing-tree-id", "the ID of a tree must not be empty", tree.source, span)
-        elif tree_id is not None and tree_id in first:
-            message = f"the tree ID '{tree_id}' is taken by the tree in line {first[tree_id].line}"
-            span = tree.value_span("ID")
-            yield Diagnostic("duplicate-tree-id", message, tree.source, span, hint="give each tree its own")
-        elif tree_id is not None:
-            first[tree_id] = tree
+    for tree_file in forest.files:
+        for tree in tree_file.trees:
+            yield from _unknown_attributes(tree, TREE_ATTRIBUTES)
+            tree_id = tree.attributes.get("ID")
+            if tree_id is None:
+                yield from _nameless(tree, tree_file)
+            elif tree_id == "":
+                message = "the ID of a tree must not be empty"
+                yield Diagnostic("missing-tree-id", message, tree.source, tree.value_span("ID"))
+            elif first.setdefault(tree_id, tree) is not tree:
+                yield _duplicate(tree, first[tree_id])
+
+
+def _nameless(tree: Element, tree_file: TreeFile) -> Iterator[Diagnostic]:
+    if len(tree_file.trees) > 1:
+        message = f"this <{TREE_TAG}> has no ID, so nothing can name it"
+        yield _finding(tree, "missing-tree-id", message, hint='write ID="..."')
+
+
+def _duplicate(tree: Element, first: Element) -> Diagnostic:
+    file = "" if first.source is tree.source else f" of {first.source.path}"
+    message = f"the tree ID '{tree.attributes['ID']}' is taken by the tree in line {first.line}{file}"
+    span = tree.value_span("ID")
+    return Diagnostic("duplicate-tree-id", message, tree.source, span, hint="give each tree its own")
 
 
 def _unknown_attributes(element: Element, known: tuple[str, ...]) -> Iterator[Diagnostic]:

@@ -8,60 +8,83 @@ of which the rules said nothing.
 import bisect
 import functools
 import re
-from collections.abc import Iterable, Iterator
+import sys
+from collections.abc import Iterable, Iterator, Sequence
 
 from lxml import etree
 
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.schema import xml_schema
+from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.model import Element, TreeFile
+from sar_compiler.tree.source import Form
+from sar_compiler.tree.xml_writer import one_tag_a_line
 
 
 @functools.lru_cache(maxsize=8)
 def _schema_of(registry: Registry) -> etree.XMLSchema:
-    return etree.XMLSchema(etree.fromstring(xml_schema(registry).encode()))
+    return _schema(registry, ())
 
 
-def schema_errors(tree_file: TreeFile, registry: Registry) -> list[tuple[int, str]]:
+def _schema(registry: Registry, described: Iterable[NodeSpec]) -> etree.XMLSchema:
+    return etree.XMLSchema(etree.fromstring(xml_schema(registry, described).encode()))
+
+
+def schema_errors(
+    tree_file: TreeFile, registry: Registry, described: Sequence[NodeSpec] = ()
+) -> list[tuple[int, str]]:
     """Return what lxml says about a file: pairs of line and message.
 
     The line is that in which a start tag ends; libxml2 knows no columns, and goes on behind an
     unexpected element without looking at its siblings.
     """
     parser = etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True, load_dtd=False)
-    # libxml2 does not count a lone carriage return as the end of a line, expat does.
-    text = re.sub(r"\r\n?", "\n", tree_file.source.text)
+    text, lines = _as_xml(tree_file)
     try:
         document = etree.fromstring(text.encode(), parser)
     except etree.XMLSyntaxError as error:  # what expat lets pass, such as a prefix that is not bound
-        return [(error.lineno or 1, f"not well-formed XML: {error.msg}")]
-    schema = _schema_of(registry)
+        return [(lines[(error.lineno or 1) - 1], f"not well-formed XML: {error.msg}")]
+    schema = _schema(registry, described) if described else _schema_of(registry)
     if schema.validate(document):
         return []
     # The log grows over the life of the schema object; the last validation's errors are those of now.
-    return [(error.line, error.message) for error in schema.error_log.filter_from_errors()]
+    return [(lines[error.line - 1], error.message) for error in schema.error_log.filter_from_errors()]
+
+
+def _as_xml(tree_file: TreeFile) -> tuple[str, Sequence[int]]:
+    """Return a file as XML, and which of its lines each line of that is."""
+    if tree_file.source.form is not Form.XML:
+        return one_tag_a_line(tree_file.root), [element.line for element in tree_file.root.iterate()]
+    # libxml2 does not count a lone carriage return as the end of a line, expat does.
+    text = re.sub(r"\r\n?", "\n", tree_file.source.text)
+    return text, range(1, text.count("\n") + 2)
 
 
 def check_schema(
-    tree_file: TreeFile, registry: Registry, findings: Iterable[Diagnostic]
+    tree_file: TreeFile, registry: Registry, described: Sequence[NodeSpec], findings: Iterable[Diagnostic]
 ) -> Iterator[Diagnostic]:
     """Yield what the schema refuses in places where the rules found nothing.
 
     Args:
         tree_file: The file.
         registry: What tags mean.
+        described: Nodes that only a model describes.
         findings: What the rules found.
     """
-    errors = schema_errors(tree_file, registry)
+    errors = schema_errors(tree_file, registry, described)
     if not errors:
         return
-    spoken_of = {finding.span.line for finding in findings}
+    spoken_of = {finding.span.line for finding in findings if finding.source is tree_file.source}
     elements = sorted(tree_file.root.iterate(), key=_place)
     for line, message in errors:
         # The last element that begins in the line or before it.
-        element = elements[max(0, bisect.bisect_left(elements, (line + 1, 0), key=_place) - 1)]
-        if not any(number in spoken_of for number in range(element.line, line + 1)):
+        index = max(0, bisect.bisect_left(elements, (line + 1, 0), key=_place) - 1)
+        element, last = elements[index], line
+        if tree_file.source.form is not Form.XML:
+            # Attributes stand in lines of their own, up to the next element.
+            last = elements[index + 1].line - 1 if index + 1 < len(elements) else sys.maxsize
+        if not any(element.line <= number <= last for number in spoken_of):
             yield Diagnostic("schema", message, tree_file.source, element.tag_span())
 
 

@@ -1,4 +1,4 @@
-"""`sar-compile`: check, show and describe trees; works without ROS."""
+"""`sar-compile`: check, show, convert and describe trees; works without ROS."""
 
 import argparse
 import json
@@ -7,14 +7,16 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE, Parser, run
+from sar_compiler.cli.convert import convert_file
+from sar_compiler.cli.diff import diff_files
+from sar_compiler.cli.format import format_files
+from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_model, load, palettes
 
 if TYPE_CHECKING:
     from sar_compiler.nodes.registry import Registry
     from sar_compiler.tree.diagnostic import Diagnostic
 
 PROG = "sar-compile"
-
-_FILE_HELP = "a tree file, or the name of a shipped tree"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -43,7 +45,9 @@ def _parser() -> Parser:
         )
 
     validate = command("validate", "Say everything that is wrong with tree files.")
-    validate.add_argument("files", nargs="+", metavar="FILE", help=_FILE_HELP)
+    validate.add_argument("files", nargs="+", metavar="FILE", help=FILE_HELP)
+    add_model(validate)
+    add_include_path(validate)
     validate.add_argument("--strict", action="store_true", help="count warnings as errors")
     validate.add_argument(
         "--format", choices=("text", "json"), default="text", help="for people, or for scripts"
@@ -51,7 +55,9 @@ def _parser() -> Parser:
     validate.set_defaults(run=_validate)
 
     show = command("show", "Show the compiled tree.")
-    show.add_argument("file", metavar="FILE", help=_FILE_HELP)
+    show.add_argument("file", metavar="FILE", help=FILE_HELP)
+    add_model(show)
+    add_include_path(show)
     show.add_argument("--tree", metavar="ID", help="the tree to show (default: the one the file executes)")
     show.add_argument(
         "--format",
@@ -61,15 +67,44 @@ def _parser() -> Parser:
     )
     show.set_defaults(run=_show)
 
+    convert = command("convert", "Write a tree file in another form; says what that cannot have.")
+    convert.add_argument("file", metavar="FILE", help=FILE_HELP)
+    convert.add_argument(
+        "--to",
+        choices=("xml", "yaml", "btcpp"),
+        required=True,
+        help="the form to write; btcpp: XML that BehaviorTree.CPP 4 and Groot2 open",
+    )
+    add_model(convert)
+    convert.add_argument("-o", "--output", metavar="OUT", help="the file to write (default: standard output)")
+    convert.set_defaults(run=convert_file)
+
+    formatting = command("format", "Write tree files in their canonical form; comments stay.")
+    formatting.add_argument("files", nargs="+", metavar="FILE", help="a tree file")
+    formatting.add_argument(
+        "--check", action="store_true", help="write nothing; name the files that would change"
+    )
+    formatting.set_defaults(run=format_files)
+
+    diff = command("diff", "Say what is different between two trees, whatever their form.")
+    diff.add_argument("old", metavar="A", help=FILE_HELP)
+    diff.add_argument("new", metavar="B", help=FILE_HELP)
+    diff.set_defaults(run=diff_files)
+
     nodes = command("nodes", "Say what can be written in a tree file.")
     nodes.add_argument("tag", nargs="?", metavar="TAG", help="describe this one with its attributes")
     nodes.add_argument(
-        "--format", choices=("text", "json"), default="text", help="for people, or for scripts"
+        "--format",
+        choices=("text", "json", "groot2"),
+        default="text",
+        help="for people, for scripts, or as a palette for Groot2",
     )
     nodes.set_defaults(run=_nodes)
 
     schema = command("schema", "Print the schema of tree files, for editors and other tools.")
-    schema.add_argument("--format", choices=("xsd",), default="xsd")
+    schema.add_argument(
+        "--format", choices=("xsd", "json"), default="xsd", help="for files in XML, or for those in YAML"
+    )
     schema.set_defaults(run=_schema)
     return parser
 
@@ -83,7 +118,7 @@ def _validate(arguments: argparse.Namespace) -> int:
     unreadable = 0
     for path in arguments.files:
         try:
-            found = _findings_of(path, registry)
+            found = _findings_of(path, registry, arguments)
         except UnreadableFileError as error:
             unreadable += 1
             print(f"{PROG}: {error}", file=sys.stderr)
@@ -99,14 +134,12 @@ def _validate(arguments: argparse.Namespace) -> int:
     return FINDINGS if any(finding.severity in counted for finding in findings) else OK
 
 
-def _findings_of(path: str, registry: "Registry") -> "list[Diagnostic]":
+def _findings_of(path: str, registry: "Registry", arguments: argparse.Namespace) -> "list[Diagnostic]":
     from sar_compiler.checks import check
     from sar_compiler.tree.diagnostic import TreeError
-    from sar_compiler.tree.shipped import find_tree
-    from sar_compiler.tree.xml import read_xml
 
     try:
-        return check(read_xml(find_tree(path)), registry)
+        return check(load(path, arguments), registry, palettes(arguments))
     except TreeError as error:
         return list(error.findings)
 
@@ -115,21 +148,19 @@ def _show(arguments: argparse.Namespace) -> int:
     from sar_compiler.checks import check
     from sar_compiler.compiler import bind_main, preview_tree
     from sar_compiler.tree.diagnostic import TreeError
-    from sar_compiler.tree.shipped import find_tree
-    from sar_compiler.tree.xml import read_xml
     from sar_compiler.views.outline import outline
     from sar_compiler.views.text import ascii_tree, unicode_tree
 
     registry = _registry(arguments)
     try:
-        tree_file = read_xml(find_tree(arguments.file))
+        forest, described = load(arguments.file, arguments), palettes(arguments)
         # Which tree is the main one does not matter where one is asked for.
         findings = [
             finding
-            for finding in check(tree_file, registry)
+            for finding in check(forest, registry, described)
             if arguments.tree is None or finding.code != "no-main-tree"
         ]
-        tree = None if findings else preview_tree(bind_main(tree_file, registry, arguments.tree))
+        tree = None if findings else preview_tree(bind_main(forest, registry, arguments.tree, described))
     except TreeError as error:
         findings, tree = list(error.findings), None
     if tree is None:
@@ -145,6 +176,7 @@ def _show(arguments: argparse.Namespace) -> int:
 
 def _nodes(arguments: argparse.Namespace) -> int:
     from sar_compiler.views.nodes import nodes_as_json, nodes_as_text
+    from sar_compiler.views.palette import palette
 
     registry = _registry(arguments)
     if arguments.tag is not None and arguments.tag not in registry:
@@ -152,15 +184,23 @@ def _nodes(arguments: argparse.Namespace) -> int:
         advice = f"; did you mean '{near}'?" if near else ""
         print(f"{PROG}: no node is called '{arguments.tag}'{advice}", file=sys.stderr)
         return USAGE
-    specs = list(registry) if arguments.tag is None else [registry[arguments.tag]]
+    specs = list(registry) if arguments.tag is None else registry.variants(arguments.tag)
+    if arguments.format == "groot2":
+        print(palette(specs), end="")
+        return OK
     print(nodes_as_json(specs) if arguments.format == "json" else nodes_as_text(specs))
     return OK
 
 
 def _schema(arguments: argparse.Namespace) -> int:
+    from sar_compiler.nodes.json_schema import json_schema
     from sar_compiler.nodes.schema import xml_schema
 
-    print(xml_schema(_registry(arguments)), end="")
+    registry = _registry(arguments)
+    if arguments.format == "json":
+        print(json.dumps(json_schema(registry), indent=2, ensure_ascii=False))
+    else:
+        print(xml_schema(registry), end="")
     return OK
 
 

@@ -29,7 +29,7 @@ from sar_compiler.mission.parameters import (
 )
 from sar_compiler.mission.record import MissionRecord
 from sar_compiler.mission.zone_manager import ZoneManager
-from sar_compiler.nodes.binding import Binding
+from sar_compiler.nodes.bound import Binding
 from sar_compiler.nodes.registry import load_registry
 from sar_compiler.resources import shipped
 from sar_compiler.ros.arguments import (
@@ -49,8 +49,9 @@ from sar_compiler.ros.setting_up import SetupFailedError
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.runtime.clock import Clock
 from sar_compiler.tree.diagnostic import Severity, TreeError
+from sar_compiler.tree.forest import load_forest
+from sar_compiler.tree.reading import read_tree_file
 from sar_compiler.tree.shipped import find_tree
-from sar_compiler.tree.xml import read_xml
 from sar_compiler.views.summary import mission_summary
 from sar_compiler.views.text import unicode_tree
 
@@ -109,11 +110,11 @@ def fly(options: "Options", signals: StopSignals) -> int:
 def _checked_tree(options: "Options") -> Binding:
     path = find_tree(options.tree)
     registry = load_registry(options.nodes)
-    tree_file = read_xml(path)
-    findings = check(tree_file, registry)
+    forest = load_forest(path, read_tree_file, options.include_path)
+    findings = check(forest, registry)
     if any(finding.severity is Severity.ERROR for finding in findings):
         raise TreeError(findings)
-    return bind_main(tree_file, registry)
+    return bind_main(forest, registry)
 
 
 def _world(options: "Options") -> "World | None":

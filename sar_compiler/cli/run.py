@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sar_compiler.cli.arguments import USAGE, Parser, run, speed
+from sar_compiler.cli.loading import FILE_HELP, add_include_path
 from sar_compiler.mission.ending import Until
 from sar_compiler.resources import find
 from sar_compiler.ros.arguments import split_arguments
@@ -35,6 +36,7 @@ class Options:
         engine: What ticks the tree: `own` or `py_trees_ros`.
         faults: How the simulated servers misbehave.
         nodes: Modules of leaves.
+        include_path: Further folders that files may be included from.
         ros: ROS arguments, without `--ros-args`.
     """
 
@@ -48,6 +50,7 @@ class Options:
     engine: str
     faults: tuple[Fault, ...]
     nodes: tuple[str, ...]
+    include_path: tuple[Path, ...]
     ros: tuple[str, ...]
 
 
@@ -89,6 +92,7 @@ def _options(argv: Sequence[str]) -> Options:
         engine=given.engine,
         faults=tuple(given.fault),
         nodes=tuple(given.nodes),
+        include_path=tuple(given.include_path),
         ros=tuple(split.ros),
     )
 
@@ -113,7 +117,7 @@ def _parser() -> Parser:
         nargs="?",
         default=_DEFAULT_TREE,
         metavar="TREE",
-        help="a tree file, or the name of a shipped tree (default: %(default)s)",
+        help=f"{FILE_HELP} (default: %(default)s)",
     )
     parser.add_argument("--params", type=Path, metavar="FILE", help="a ROS 2 parameter file")
     parser.add_argument(
@@ -157,6 +161,7 @@ def _parser() -> Parser:
         metavar="PKG.MOD",
         help="load a module of leaves (installed, or in the current folder); may be repeated",
     )
+    add_include_path(parser)
     return parser
 
 

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from sar_compiler.errors import SarError
-from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role, Use
-from sar_compiler.nodes.values import is_class, value_type_of, without_none
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Skips, Use
+from sar_compiler.nodes.values import ANYTHING, ValueType, is_class, value_type_of, without_none
 from sar_compiler.runtime.context import is_mission_context
+from sar_compiler.runtime.ports import InOut, Input, Output
 
 if TYPE_CHECKING:
     import py_trees
@@ -19,6 +20,18 @@ C = TypeVar("C", bound=type[Any])
 
 MARK = "__registration__"
 
+CHILD_COUNTS: dict[Kind, tuple[int, int | None]] = {
+    Kind.CONTROL: (1, None),
+    Kind.DECORATOR: (1, 1),
+    Kind.ACTION: (0, 0),
+    Kind.CONDITION: (0, 0),
+}
+"""How many children a node of a kind takes, at least and at most."""
+_DIRECTIONS: dict[object, Direction] = {
+    Input: Direction.INPUT,
+    Output: Direction.OUTPUT,
+    InOut: Direction.INOUT,
+}
 # A name of XML without a colon, which would be a namespace.
 _TAG = re.compile(r"[^\W\d][\w.-]*")
 
@@ -40,6 +53,14 @@ class Registration:
         uses: What it needs outside the tree.
         defaults: Defaults for parameters that have none in the constructor.
         fixed: Parameters whose value the tag itself says.
+        skips: Whether a tick can be skipped.
+        skip_cls: The class that takes the place of *cls* where a child can skip.
+        child_count: How many children it takes, at least and at most; by default what its kind says.
+        hidden: Constructor parameters that this tag does not have.
+        required: Parameters that must be written, though the constructor can do without.
+        factory: Makes the node in place of *cls*, whose signature it then has instead of the constructor.
+        variant: Whether it is one more meaning of a tag that means something already: the attributes that a
+            file writes choose between them.
         doc: A description to take the place of the class's docstring, for classes of other libraries.
         parameter_docs: Descriptions of parameters, where `doc` is given.
     """
@@ -52,6 +73,13 @@ class Registration:
     uses: tuple[Use, ...] = ()
     defaults: Mapping[str, object] = field(default_factory=dict)
     fixed: Mapping[str, object] = field(default_factory=dict)
+    skips: Skips = Skips.NEVER
+    skip_cls: type[Any] | None = None
+    child_count: tuple[int, int | None] | None = None
+    hidden: frozenset[str] = frozenset()
+    required: frozenset[str] = frozenset()
+    factory: Callable[..., Any] | None = None
+    variant: bool = False
     doc: str = ""
     parameter_docs: Mapping[str, str] = field(default_factory=dict)
 
@@ -61,23 +89,30 @@ class Registration:
         Raises:
             RegistrationError: If it cannot be written in a tree file; names the parameter.
         """
-        summary, parameter_docs = (self.doc, self.parameter_docs) if self.doc else _documentation(self.cls)
+        summary, parameter_docs = _documentation(self.factory or self.cls)
+        summary, parameter_docs = self.doc or summary, {**parameter_docs, **self.parameter_docs}
         try:
-            hints = typing.get_type_hints(self.cls.__init__)
+            hints = typing.get_type_hints(self.factory or self.cls.__init__)
         except Exception as error:
             message = f"<{self.tag}>: the annotations of {_name_of(self.cls)} cannot be resolved: {error}"
             raise RegistrationError(message) from error
-        parameters = {
-            name: self._parameter(parameter, hints.get(name), parameter_docs.get(name, ""))
-            for name, parameter in _constructor(self.cls)
-        }
+        found = (
+            self._parameter(parameter, hints.get(name), parameter_docs.get(name, ""))
+            for name, parameter in self._constructor()
+            if name not in self.hidden
+        )
+        parameters = {parameter.name: parameter for parameter in found}
         self._complain_unless_structured(parameters)
         return NodeSpec(
             tag=self.tag,
             kind=self.kind,
             cls=self.cls,
+            factory=self.factory,
             parameters=parameters,
             fixed=self.fixed,
+            skips=self.skips,
+            skip_cls=self.skip_cls,
+            child_count=self.child_count or CHILD_COUNTS[self.kind],
             outcomes=self.outcomes,
             effects=self.effects,
             uses=self.uses,
@@ -85,32 +120,47 @@ class Registration:
         )
 
     def _parameter(self, parameter: inspect.Parameter, annotation: object, doc: str) -> Parameter:
-        name = parameter.name
+        keyword, name = parameter.name, parameter.name.removesuffix("_")
         default = self.defaults.get(name, parameter.default)
-        required = default is inspect.Parameter.empty
-        default = None if required else default
+        required = default is inspect.Parameter.empty or name in self.required
+        common: dict[str, Any] = {
+            "required": required,
+            "default": None if required else default,
+            "doc": doc,
+            "keyword": "" if keyword == name else keyword,
+        }
         structure = {"name": Role.NAME, "child": Role.CHILD, "children": Role.CHILDREN}.get(name)
         if structure is Role.NAME:
             return Parameter(name, structure, required=False, value_type=value_type_of(str), doc=doc)
         if structure is not None and not self.kind.is_leaf:
             return Parameter(name, structure, required=required, doc=doc)
         if annotation is None:
-            message = f"<{self.tag}>: parameter '{name}' of {_name_of(self.cls)} has no annotation"
+            message = f"<{self.tag}>: parameter '{keyword}' of {_name_of(self.cls)} has no annotation"
             raise RegistrationError(message)
         target = without_none(annotation)
-        value_type = value_type_of(annotation)
+        direction = _DIRECTIONS.get(typing.get_origin(target) or target)
+        value_type = _carried_type(target) if direction else value_type_of(target)
         if value_type is not None:
-            return Parameter(name, Role.ATTRIBUTE, required, default, value_type=value_type, doc=doc)
+            return Parameter(name, Role.ATTRIBUTE, value_type=value_type, direction=direction, **common)
         if is_class(target) and is_mission_context(target):
-            return Parameter(name, Role.CONTEXT, required, default, target=target, doc=doc)
+            return Parameter(name, Role.CONTEXT, target=target, **common)
         if is_class(target) and _is_behaviour(target):
-            return Parameter(name, Role.REFERENCE, required, default, target=target, doc=doc)
+            return Parameter(name, Role.REFERENCE, target=target, **common)
         message = (
-            f"<{self.tag}>: parameter '{name}' of {_name_of(self.cls)} is annotated with {annotation!r}, which is "
-            "neither a value that can be written in a file (float, int, bool, str, an enum, Path, timedelta) "
-            "nor a leaf class nor marked with @mission_context"
+            f"<{self.tag}>: parameter '{keyword}' of {_name_of(self.cls)} is annotated with {annotation!r}, which is "
+            "neither a value that can be written in a file (float, int, bool, str, an enum, Path, timedelta, a list "
+            "of such, or a port such as Input[float]) nor a leaf class nor marked with @mission_context"
         )
         raise RegistrationError(message)
+
+    def _constructor(self) -> list[tuple[str, inspect.Parameter]]:
+        """Return the parameters of what makes the node, without `self` and without `*args` and `**kwargs`."""
+        if self.factory is not None:
+            parameters = list(inspect.signature(self.factory).parameters.items())
+        else:
+            parameters = list(inspect.signature(self.cls.__init__).parameters.items())[1:]
+        variadic = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+        return [(name, parameter) for name, parameter in parameters if parameter.kind not in variadic]
 
     def _complain_unless_structured(self, parameters: Mapping[str, Parameter]) -> None:
         roles = {parameter.role for parameter in parameters.values()}
@@ -139,7 +189,7 @@ def register(
     Args:
         tag: The tag in a tree file.
         kind: What the class is.
-        outcomes: The statuses that a tick can return.
+        outcomes: The statuses that a tick can return, `runtime.skipping.SKIPPED` among them.
         effects: What it does to the world, in a few words ("drives the robot"); empty if nothing.
         uses: What it needs outside the tree before the first tick.
 
@@ -167,6 +217,17 @@ def register(
         return cls
 
     return mark
+
+
+def _outcome(status: "py_trees.common.Status") -> str:
+    """Name an outcome; INVALID is what `update` returns for skipped (`runtime.skipping.SKIPPED`)."""
+    return "SKIPPED" if status.name == "INVALID" else status.name
+
+
+def _carried_type(port: object) -> ValueType | None:
+    """Return the type of what a port carries: `T` of `Input[T]`, anything for a bare `Input`."""
+    carried = typing.get_args(port)[0] if typing.get_args(port) else object
+    return ANYTHING if carried in (object, Any) else value_type_of(carried)
 
 
 def _require_tag(tag: object) -> None:
@@ -198,7 +259,7 @@ def _status_names(tag: str, outcomes: object) -> frozenset[str]:
             meant = f"Status.{outcome}" if outcome in Status.__members__ else choices
             message = f"<{tag}>: outcomes holds {_shown(outcome)}; write {meant}"
             raise RegistrationError(message)
-    return frozenset(status.name for status in statuses)
+    return frozenset(_outcome(status) for status in statuses)
 
 
 def _uses(tag: str, uses: object) -> tuple[Use, ...]:
@@ -224,12 +285,6 @@ def _shown(value: object) -> str:
     return f"the text '{value}'" if isinstance(value, str) else repr(value)
 
 
-def _constructor(cls: type[Any]) -> list[tuple[str, inspect.Parameter]]:
-    parameters = list(inspect.signature(cls.__init__).parameters.items())[1:]
-    variadic = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
-    return [(name, parameter) for name, parameter in parameters if parameter.kind not in variadic]
-
-
 def _is_behaviour(cls: type) -> bool:
     from py_trees.behaviour import Behaviour
 
@@ -240,7 +295,7 @@ def _name_of(cls: type) -> str:
     return f"{cls.__module__}.{cls.__qualname__}"
 
 
-def _documentation(cls: type[Any]) -> tuple[str, dict[str, str]]:
+def _documentation(cls: Callable[..., Any]) -> tuple[str, dict[str, str]]:
     """Return a docstring's first paragraph and the descriptions of its `Args:`."""
     text = inspect.cleandoc(cls.__doc__ or "")
     summary = " ".join(text.split("\n\n", 1)[0].split())

@@ -31,24 +31,27 @@ class Registry:
     """
 
     def __init__(self, registrations: Iterable[Registration] = ()) -> None:
-        self._registrations: dict[str, Registration] = {}
-        self._specs: dict[str, NodeSpec] = {}
+        self._registrations: dict[str, list[Registration]] = {}
+        self._specs: dict[str, list[NodeSpec]] = {}
         for registration in registrations:
             self.add(registration)
 
     def add(self, registration: Registration) -> None:
-        """Add a tag.
+        """Add a tag, or (for registrations that say so) one more meaning of it.
 
         Raises:
             RegistryError: If the tag already means another class.
         """
-        known = self._registrations.setdefault(registration.tag, registration)
-        if known.cls is not registration.cls:
+        known = self._registrations.setdefault(registration.tag, [])
+        if any(other.cls is registration.cls for other in known):
+            return
+        if known and not registration.variant:
             message = (
                 f"two classes are registered as <{registration.tag}>: "
-                f"{_name_of(known.cls)} and {_name_of(registration.cls)}"
+                f"{_name_of(known[0].cls)} and {_name_of(registration.cls)}"
             )
             raise RegistryError(message)
+        known.append(registration)
 
     def add_module(self, module: ModuleType) -> int:
         """Add every class of a module that carries the mark of `register`; return how many there were."""
@@ -65,21 +68,30 @@ class Registry:
         return tag in self._registrations
 
     def __iter__(self) -> Iterator[NodeSpec]:
-        return (self[tag] for tag in sorted(self._registrations))
+        return (spec for tag in sorted(self._registrations) for spec in self.variants(tag))
 
     def __getitem__(self, tag: str) -> NodeSpec:
-        spec = self._specs.get(tag)
-        if spec is None:
-            spec = self._specs[tag] = self._registrations[tag].spec()
-        return spec
+        if tag not in self:
+            raise KeyError(tag)
+        return self.variants(tag)[0]
 
     def get(self, tag: str) -> NodeSpec | None:
-        """Return what a tag means, or None if it means nothing here."""
-        return self[tag] if tag in self._registrations else None
+        """Return what a tag means in the first place, or None if it means nothing here."""
+        return next(iter(self.variants(tag)), None)
+
+    def variants(self, tag: str) -> list[NodeSpec]:
+        """Return everything that a tag can mean; the attributes written choose among it."""
+        if tag not in self._specs and tag in self:
+            self._specs[tag] = [registration.spec() for registration in self._registrations[tag]]
+        return self._specs.get(tag, [])
+
+    def by_tag(self) -> dict[str, list[NodeSpec]]:
+        """Return everything that every tag can mean, in the order of the tags."""
+        return {tag: self.variants(tag) for tag in sorted(self._registrations)}
 
     def registrations(self) -> list[Registration]:
         """Return what was registered, to make another registry from."""
-        return list(self._registrations.values())
+        return [registration for variants in self._registrations.values() for registration in variants]
 
     def nearest(self, tag: str) -> str | None:
         """Return the tag that was probably meant, or None."""

@@ -3,10 +3,11 @@
 from collections.abc import Iterable
 from xml.sax.saxutils import escape, quoteattr
 
-from sar_compiler.nodes.binding import ONESHOT, ONESHOT_TYPE
+from sar_compiler.nodes.attributes import CONDITIONS, NOTES, ONESHOT, ONESHOT_TYPE
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import ValueType
+from sar_compiler.tree.model import SUBTREE_TAG
 
 _HEAD = """\
 <?xml version="1.0" encoding="UTF-8"?>
@@ -16,6 +17,12 @@ _HEAD = """\
     <xs:complexType>
       <xs:choice minOccurs="1" maxOccurs="unbounded">
         <xs:element name="BehaviorTree" type="tree"/>
+        <xs:element name="include">
+          <xs:complexType>
+            <xs:attribute name="path" type="name" use="required"/>
+            <xs:attribute name="ros_pkg" type="name"/>
+          </xs:complexType>
+        </xs:element>
         <xs:element name="TreeNodesModel">
           <xs:complexType>
             <xs:sequence>
@@ -36,6 +43,15 @@ _HEAD = """\
     <xs:group ref="node"/>
     <xs:attribute name="ID" type="name"/>
   </xs:complexType>
+  <xs:complexType name="subtree" mixed="true">
+    <xs:attribute name="ID" type="name" use="required"/>
+    <xs:anyAttribute processContents="skip"/>
+  </xs:complexType>
+  <xs:complexType name="explicit">
+    <xs:group ref="node" minOccurs="0" maxOccurs="unbounded"/>
+    <xs:attribute name="ID" type="name" use="required"/>
+    <xs:anyAttribute processContents="skip"/>
+  </xs:complexType>
   <xs:simpleType name="name">
     <xs:restriction base="xs:string">
       <xs:minLength value="1"/>
@@ -46,50 +62,93 @@ _HEAD = """\
       <xs:documentation>A key of the blackboard.</xs:documentation>
     </xs:annotation>
     <xs:restriction base="xs:string">
-      <xs:pattern value=" *\\{.+\\} *"/>
+      <xs:pattern value=" *(\\{.+\\}|=) *"/>
     </xs:restriction>
   </xs:simpleType>
 """
 
 
-def xml_schema(registry: Registry) -> str:
-    """Return the schema (XSD 1.0) of the files that may be written with a registry."""
-    specs = list(registry)
+_EXPLICIT = frozenset(kind.value for kind in Kind)
+
+
+def xml_schema(registry: Registry, described: Iterable[NodeSpec] = ()) -> str:
+    """Return the schema (XSD 1.0) of the files that may be written with a registry.
+
+    Args:
+        registry: What tags mean.
+        described: Nodes that only a model describes.
+    """
+    tags = registry.by_tag()
+    for spec in described:
+        tags.setdefault(spec.tag, [spec])
     types = {
         parameter.value_type.name: parameter.value_type
+        for specs in tags.values()
         for spec in specs
         for parameter in spec.attributes
         if parameter.value_type is not None
     }
-    lines = [_HEAD.rstrip("\n"), *_group(specs)]
+    lines = [_HEAD.rstrip("\n"), *_group(tags), *_common()]
     for name in sorted(types):
         lines += _value_type(types[name])
     lines += _named_type(ONESHOT, _enumeration(ONESHOT_TYPE.choices))
-    for spec in specs:
-        lines += _node_type(spec)
+    for tag, specs in tags.items():
+        lines += _node_type(tag, specs)
     return "\n".join([*lines, "</xs:schema>", ""])
 
 
-def _group(specs: Iterable[NodeSpec]) -> list[str]:
-    elements = [f'      <xs:element name="{spec.tag}" type="{spec.tag}.node"/>' for spec in specs]
+def _group(tags: Iterable[str]) -> list[str]:
+    tags = list(tags)
+    elements = [f'      <xs:element name="{tag}" type="{tag}.node"/>' for tag in tags]
+    elements.append(f'      <xs:element name="{SUBTREE_TAG}" type="subtree"/>')
+    # A tag of its own comes before the explicit form of the same name (py_trees' Condition).
+    elements += [
+        f'      <xs:element name="{kind.value}" type="explicit"/>' for kind in Kind if kind.value not in tags
+    ]
     return ['  <xs:group name="node">', "    <xs:choice>", *elements, "    </xs:choice>", "  </xs:group>"]
 
 
-def _node_type(spec: NodeSpec) -> list[str]:
+def _common() -> list[str]:
+    names = [*CONDITIONS, *NOTES]
+    attributes = [f'    <xs:attribute name="{name}" type="xs:string"/>' for name in names]
+    oneshot = f'    <xs:attribute name="{ONESHOT}" type="{ONESHOT}.value"/>'
+    return ['  <xs:attributeGroup name="common">', oneshot, *attributes, "  </xs:attributeGroup>"]
+
+
+def _node_type(tag: str, specs: list[NodeSpec]) -> list[str]:
+    if tag in _EXPLICIT:
+        return _either_form(tag, specs[0])
+    kind = specs[0].kind
     # In an element without children XSD refuses even a line break, unless its content is "mixed".
-    mixed = ' mixed="true"' if spec.kind.is_leaf else ""
-    lines = [f'  <xs:complexType name="{spec.tag}.node"{mixed}>', *_documentation(spec.doc, "    ")]
-    if spec.kind is Kind.CONTROL:
+    mixed = ' mixed="true"' if kind.is_leaf else ""
+    lines = [f'  <xs:complexType name="{tag}.node"{mixed}>', *_documentation(specs[0].doc, "    ")]
+    if kind is Kind.CONTROL:
         lines.append('    <xs:group ref="node" minOccurs="1" maxOccurs="unbounded"/>')
-    elif spec.kind is Kind.DECORATOR:
+    elif kind is Kind.DECORATOR:
         lines.append('    <xs:group ref="node"/>')
-    for parameter in spec.attributes:
-        lines += _attribute(spec, parameter)
-    lines.append(f'    <xs:attribute name="{ONESHOT}" type="{ONESHOT}.value"/>')
-    return [*lines, "  </xs:complexType>"]
+    written: dict[str, list[tuple[NodeSpec, Parameter]]] = {}
+    for spec in specs:
+        for parameter in spec.attributes:
+            written.setdefault(parameter.name, []).append((spec, parameter))
+    for choices in written.values():
+        spec, parameter = choices[0]
+        lines += _attribute(spec, parameter, always=len(choices) == len(specs))
+    return [*lines, '    <xs:attributeGroup ref="common"/>', "  </xs:complexType>"]
 
 
-def _attribute(spec: NodeSpec, parameter: Parameter) -> list[str]:
+def _either_form(tag: str, spec: NodeSpec) -> list[str]:
+    """A tag that is also the explicit form of others (py_trees' Condition): its ID decides, which XSD cannot say."""
+    return [
+        f'  <xs:complexType name="{tag}.node">',
+        *_documentation(spec.doc, "    "),
+        '    <xs:group ref="node" minOccurs="0" maxOccurs="unbounded"/>',
+        '    <xs:attribute name="ID" type="name"/>',
+        '    <xs:anyAttribute processContents="skip"/>',
+        "  </xs:complexType>",
+    ]
+
+
+def _attribute(spec: NodeSpec, parameter: Parameter, *, always: bool) -> list[str]:
     head = f'    <xs:attribute name="{parameter.name}"'
     value_type = parameter.value_type
     if value_type is not None and parameter.name in spec.fixed:
@@ -100,7 +159,7 @@ def _attribute(spec: NodeSpec, parameter: Parameter) -> list[str]:
         head += ' type="name"'
     else:
         head += f' type="{value_type.name}.value"'
-    if parameter.required and parameter.role is Role.ATTRIBUTE:
+    if parameter.required and always and parameter.role is Role.ATTRIBUTE:
         head += ' use="required"'
     if not parameter.doc:
         return [f"{head}/>"]

@@ -1,6 +1,7 @@
 """What is known of a tag, as plain data."""
 
-from collections.abc import Mapping
+import functools
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
@@ -20,6 +21,23 @@ class Kind(str, Enum):
     def is_leaf(self) -> bool:
         """Whether such a node has no children."""
         return self in (Kind.ACTION, Kind.CONDITION)
+
+
+class Direction(str, Enum):
+    """Which way the values of a port go, in the words of a `TreeNodesModel`."""
+
+    INPUT = "input_port"
+    OUTPUT = "output_port"
+    INOUT = "inout_port"
+
+
+class Skips(Enum):
+    """Whether a tick of a node can be skipped."""
+
+    NEVER = "never"
+    FROM_CHILD = "from a child"
+    """Where one of its children can."""
+    ALWAYS = "always"
 
 
 class Role(Enum):
@@ -77,13 +95,16 @@ class Parameter:
     """One constructor parameter of a node's class.
 
     Attributes:
-        name: Its name, which is also the attribute's.
+        name: The attribute's name; that of the parameter without a `_` at its end.
         role: What it becomes.
         required: Whether a file must (or, for the context, whether a mission must) provide it.
         default: Its value where nothing is written.
         value_type: For an attribute: how its text becomes a value.
+        direction: For an attribute that is a port (`Input`, `Output`, `InOut`): which way its values go;
+            None for a value that is fixed when the tree is compiled.
         target: For a reference the class referred to, for the context the class handed over.
         doc: Its description, from the class's docstring.
+        keyword: Its name in the constructor, where that is another one (`if_` for `if`).
     """
 
     name: str
@@ -91,8 +112,10 @@ class Parameter:
     required: bool
     default: object = None
     value_type: ValueType | None = None
+    direction: Direction | None = None
     target: type | None = None
     doc: str = ""
+    keyword: str = ""
 
 
 @dataclass(frozen=True)
@@ -102,9 +125,13 @@ class NodeSpec:
     Attributes:
         tag: The tag in a tree file.
         kind: What it is.
-        cls: The class of which the compiler makes an instance.
-        parameters: The class's constructor parameters by name, in their order.
+        cls: The class of which the compiler makes an instance; None where only a model describes the node.
+        factory: What makes an instance, where it is not the class itself.
+        parameters: The parameters of what makes an instance, by name, in their order.
         fixed: Parameters whose value the tag itself says (`ReactiveSequence`: `memory` is false).
+        skips: Whether a tick can be skipped.
+        skip_cls: The class that takes the place of *cls* where a child can skip.
+        child_count: How many children it takes, at least and at most; None for any number.
         outcomes: The names of the statuses that a tick can return.
         effects: What it does to the world, in a few words; empty if nothing.
         uses: What it needs outside the tree.
@@ -113,13 +140,63 @@ class NodeSpec:
 
     tag: str
     kind: Kind
-    cls: type[Any]
+    cls: type[Any] | None
     parameters: Mapping[str, Parameter]
     fixed: Mapping[str, object] = field(default_factory=dict)
+    skips: Skips = Skips.NEVER
+    skip_cls: type[Any] | None = None
+    child_count: tuple[int, int | None] = (0, None)
     outcomes: frozenset[str] = frozenset()
     effects: str = ""
     uses: tuple[Use, ...] = ()
     doc: str = ""
+    factory: Callable[..., Any] | None = None
+
+    @functools.cached_property
+    def references(self) -> list[Parameter]:
+        """The parameters that refer to other nodes."""
+        return [parameter for parameter in self.parameters.values() if parameter.role is Role.REFERENCE]
+
+    @functools.cached_property
+    def required(self) -> list[Parameter]:
+        """The attributes that a file has to write."""
+        attributes = (p for p in self.parameters.values() if p.role is Role.ATTRIBUTE)
+        return [p for p in attributes if p.required and p.name not in self.fixed]
+
+    @functools.cached_property
+    def plain(self) -> list[Parameter]:
+        """The attributes whose values are fixed when the tree is compiled."""
+        return [p for p in self.parameters.values() if p.role is Role.ATTRIBUTE and p.direction is None]
+
+    @functools.cached_property
+    def plain_defaults(self) -> dict[str, object]:
+        """What those attributes are where nothing is written."""
+        return {p.name: self.fixed.get(p.name, p.default) for p in self.plain}
+
+    @functools.cached_property
+    def ports(self) -> list[Parameter]:
+        """The attributes that are ports."""
+        return [p for p in self.parameters.values() if p.role is Role.ATTRIBUTE and p.direction is not None]
+
+    @functools.cached_property
+    def handed_over(self) -> list[Parameter]:
+        """The parameters that the mission provides."""
+        return [p for p in self.parameters.values() if p.role is Role.CONTEXT]
+
+    @functools.cached_property
+    def is_plain(self) -> bool:
+        """Whether it has no ports, and nothing from the mission."""
+        return not self.ports and not self.handed_over
+
+    @functools.cached_property
+    def skips_by_itself(self) -> bool:
+        """Whether a tick can be skipped whatever the children do."""
+        return self.skips is Skips.ALWAYS or (self.kind.is_leaf and "SKIPPED" in self.outcomes)
+
+    @functools.cached_property
+    def renamed(self) -> dict[str, str]:
+        """The parameters that have another name in the constructor."""
+        return {p.name: p.keyword for p in self.parameters.values() if p.keyword}
 
     @property
     def attributes(self) -> list[Parameter]:

@@ -2,18 +2,25 @@
 
 import difflib
 import enum
+import json
 import math
 import re
 import types
 import typing
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
 from typing import TypeGuard
 
+from sar_compiler.runtime.expressions import Script
+from sar_compiler.runtime.script import parse
+from sar_compiler.runtime.tokens import ScriptError
+
 # No number that a robot needs has more digits.
 _LONGEST_INTEGER = 100
+_INT64 = range(-(2**63), 2**63)
 _INTEGER = r"[+\-]?[0-9]+"
 _REAL = r"[+\-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+\-]?[0-9]+)?"
 _DURATION = r"([0-9]+(\.[0-9]*)?|\.[0-9]+)(ms|s|min)?"
@@ -38,12 +45,22 @@ class ConversionError(ValueError):
     Args:
         message: What is wrong, in the words of the person who wrote the text.
         suggestion: What to write instead, where that can be guessed.
+        hint: What to do, where there is no text to put in place.
+        place: Which characters of the text are meant, from and to; None for all of it.
     """
 
-    def __init__(self, message: str, suggestion: str | None = None) -> None:
+    def __init__(
+        self,
+        message: str,
+        suggestion: str | None = None,
+        hint: str | None = None,
+        place: tuple[int, int] | None = None,
+    ) -> None:
         super().__init__(message)
         self.message = message
         self.suggestion = suggestion
+        self.hint = hint
+        self.place = place
 
 
 @dataclass(frozen=True)
@@ -56,6 +73,7 @@ class ValueType:
         convert: Makes the value of a text or raises `ConversionError`.
         pattern: A regular expression (as XSD and JSON Schema both read it) of its texts; empty: any.
         choices: All its texts, where they can be listed.
+        python: The type of its values; None for any.
     """
 
     name: str
@@ -63,6 +81,53 @@ class ValueType:
     convert: Callable[[str], object]
     pattern: str = ""
     choices: tuple[str, ...] = ()
+    python: type | None = None
+
+    def fit(self, value: object) -> object:
+        """Make a value of this type of one that is on the blackboard.
+
+        Texts are read as they would be in a file, numbers as if they were written there; a whole number
+        serves where a number is wanted, and the other way round if nothing is lost.
+
+        Raises:
+            ConversionError: If it is no such value; the message names it.
+        """
+        if self.python is None or (isinstance(value, self.python) and not _odd(value, self.python)):
+            return value
+        if isinstance(value, str):
+            return self.convert(value)
+        if isinstance(value, _NUMBERS):
+            if self.python is str:
+                return as_text(value)
+            if self.python not in _NUMBERS:
+                whole = isinstance(value, float) and value.is_integer()
+                return self.convert(as_text(int(value) if whole else value))
+            with suppress(OverflowError, ValueError):  # infinity, or a whole number beyond every float
+                if value == self.python(value):
+                    return self.python(value)
+        message = f"{value!r} is not {self.label}"
+        raise ConversionError(message)
+
+
+def literal_value(text: str) -> int | float | str:
+    """Return the constant that a text given to a subtree is: a number where all of it is one, else a text."""
+    if re.fullmatch(_INTEGER, text) and len(text) <= _LONGEST_INTEGER and int(text) in _INT64:
+        return int(text)
+    if re.fullmatch(_REAL, text) and math.isfinite(float(text)):
+        return float(text)
+    return text
+
+
+def as_text(value: bool | float) -> str:
+    """Write a number as BehaviorTree.CPP does where a text is wanted."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return str(value) if isinstance(value, int) else f"{value:f}"
+
+
+def _odd(value: object, wanted: type) -> bool:
+    """Say whether Python takes a value for one of a type that a reader would not: True for a number."""
+    return isinstance(value, bool) and wanted is not bool
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
@@ -73,9 +138,16 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
     return found[0] if found else None
 
 
-def blackboard_key(text: str) -> str | None:
-    """Return the key that a text such as `{goal}` refers to; None if the text is a literal."""
+def blackboard_key(text: str, port: str = "") -> str | None:
+    """Return the key that a text such as `{goal}` refers to; None if the text is a literal.
+
+    Args:
+        text: The text.
+        port: The name of the port that it is written for, which is what `{=}` stands for.
+    """
     stripped = text.strip(" ")
+    if port and stripped in ("{=}", "="):
+        return port
     if len(stripped) > len("{}") and stripped.startswith("{") and stripped.endswith("}"):
         return stripped[1:-1]
     return None
@@ -93,13 +165,24 @@ def value_type_of(annotation: object) -> ValueType | None:
     annotation = without_none(annotation)
     if is_class(annotation) and annotation in _PLAIN:
         return _PLAIN[annotation]
+    if typing.get_origin(annotation) is list and typing.get_args(annotation)[0] in _PLAIN:
+        return _list_of(_PLAIN[typing.get_args(annotation)[0]])
     if is_class(annotation) and issubclass(annotation, enum.Enum):
-        return _choice(annotation.__name__, {member.name: member for member in annotation})
+        return _choice(annotation.__name__, {member.name: member for member in annotation}, annotation)
     if typing.get_origin(annotation) is typing.Literal:
         literals = typing.get_args(annotation)
         if all(isinstance(literal, str) for literal in literals):
             return _choice(".".join(("one_of", *literals)), {literal: literal for literal in literals})
     return None
+
+
+def type_of_cpp_name(name: str) -> ValueType | None:
+    """Return the type that BehaviorTree.CPP's name means (in a `TreeNodesModel`); None for any other."""
+    if name.startswith("std::vector<") and name.endswith(">"):
+        item = _CPP_TYPES.get(name.removeprefix("std::vector<").removesuffix(">").strip())
+        return _list_of(_PLAIN[item]) if item else None
+    python = _CPP_TYPES.get(name)
+    return _PLAIN[python] if python else None
 
 
 def is_class(annotation: object) -> TypeGuard[type]:
@@ -164,24 +247,88 @@ def _leading(pattern: str, text: str) -> str | None:
     return match.group(0) if match else None
 
 
-def _choice(name: str, members: dict[str, object]) -> ValueType:
+def _script(text: str) -> object:
+    return _parsed(text, allow_empty=True)
+
+
+def _condition(text: str) -> object:
+    return _parsed(text, allow_empty=False)
+
+
+def _parsed(text: str, *, allow_empty: bool) -> object:
+    try:
+        return parse(text, allow_empty=allow_empty)
+    except ScriptError as error:
+        place = (error.start, error.end)
+        raise ConversionError(str(error), error.suggestion, error.hint, place) from None
+
+
+def _choice(name: str, members: dict[str, object], python: type = str) -> ValueType:
     names = tuple(members)
+    enumerated = [member for member in members.values() if isinstance(member, enum.Enum)]
+    numbered = {str(member.value): member for member in enumerated if isinstance(member.value, int)}
 
     def convert(text: str) -> object:
         try:
-            return members[text]
+            return members[text] if text in members else numbered[text]
         except KeyError:
             message = f"'{text}' is not one of {', '.join(names)}"
             raise ConversionError(message, nearest(text.strip(), names)) from None
 
-    return ValueType(name, f"one of {', '.join(names)}", convert, choices=names)
+    return ValueType(name, f"one of {', '.join(names)}", convert, choices=(*names, *numbered), python=python)
+
+
+def _list_of(item: ValueType) -> ValueType:
+    """Return the type of lists, written with semicolons between the items: `1;2;3`."""
+
+    def convert(text: str) -> object:
+        return [item.convert(part) for part in text.split(";")] if text else []
+
+    pattern = f"(({item.pattern})(;({item.pattern}))*)?" if item.pattern else ""
+    label = f"{item.label.split(' ', 1)[1]}s with ; between them"
+    return ValueType(f"{item.name}.list", label, convert, pattern=pattern, python=list)
+
+
+def _anything(text: str) -> object:
+    """Read a text that begins with `json:` as JSON; any other is a text."""
+    if not text.startswith(_JSON):
+        return text
+    try:
+        return json.loads(text.removeprefix(_JSON))
+    except RecursionError:
+        message = "what follows json: is nested too deeply"
+        raise ConversionError(message) from None
+    except ValueError as error:
+        message = f"what follows json: is not JSON: {error}"
+        raise ConversionError(message) from None
 
 
 _PLAIN: dict[type, ValueType] = {
-    bool: ValueType("boolean", "true or false", _boolean, choices=tuple(_BOOLS)),
-    int: ValueType("integer", "a whole number", _integer, pattern=_INTEGER),
-    float: ValueType("number", "a number", _real, pattern=_REAL),
-    str: ValueType("string", "a text", str),
-    Path: ValueType("path", "a path", Path),
-    timedelta: ValueType("duration", "a duration", _duration, pattern=_DURATION),
+    bool: ValueType("boolean", "true or false", _boolean, choices=tuple(_BOOLS), python=bool),
+    int: ValueType("integer", "a whole number", _integer, pattern=_INTEGER, python=int),
+    float: ValueType("number", "a number", _real, pattern=_REAL, python=float),
+    str: ValueType("string", "a text", str, python=str),
+    Path: ValueType("path", "a path", Path, python=Path),
+    Script: ValueType("script", "a script", _script, python=Script),
+    timedelta: ValueType("duration", "a duration", _duration, pattern=_DURATION, python=timedelta),
 }
+CONDITION = ValueType("condition", "a script", _condition, python=Script)
+"""The scripts of pre- and post-conditions, which must not be empty."""
+ANYTHING = ValueType("anything", "a value", _anything)
+"""What a port takes that carries any object; not a type for plain parameters."""
+_CPP_TYPES: dict[str, type] = {
+    "bool": bool,
+    "int": int,
+    "int64_t": int,
+    "uint64_t": int,
+    "unsigned int": int,
+    "unsigned": int,
+    "short": int,
+    "long": int,
+    "double": float,
+    "float": float,
+    "std::string": str,
+    "string": str,
+}
+_NUMBERS = (int, float, bool)
+_JSON = "json:"

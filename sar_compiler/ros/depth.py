@@ -5,9 +5,11 @@ import sys
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.errors import SarError
+from sar_compiler.runtime.parents import Parent
 
-# Stopping takes two frames a level; the rest is for the program around the tree.
-_FRAMES_PER_LEVEL = 2
+# How many of Python's frames halting takes for a level: a node of the project's, and a stock one. The rest is
+# for the program around the tree.
+_FRAMES_OF_OURS, _FRAMES_OF_STOCK = 5, 2
 _FRAMES_AROUND = 200
 
 
@@ -16,13 +18,13 @@ class TreeTooDeepError(SarError):
 
     Attributes:
         depth: Its number of levels.
-        limit: How many there may be.
     """
 
-    def __init__(self, depth: int, limit: int) -> None:
+    def __init__(self, depth: int) -> None:
         self.depth = depth
-        self.limit = limit
-        super().__init__(f"the tree is nested {depth} levels deep; at most {limit} can be ticked")
+        super().__init__(
+            f"the tree is nested {depth} levels deep, which is more than can be ticked and stopped"
+        )
 
 
 def require_tickable_depth(root: Behaviour) -> None:
@@ -31,10 +33,16 @@ def require_tickable_depth(root: Behaviour) -> None:
     Raises:
         TreeTooDeepError: If it cannot.
     """
-    limit = (sys.getrecursionlimit() - _FRAMES_AROUND) // _FRAMES_PER_LEVEL
-    depth, level = 0, [root]
+    limit = sys.getrecursionlimit() - _FRAMES_AROUND
+    depth, deepest, level = 0, 0, [(root, 0)]
     while level:
         depth += 1
-        level = [child for behaviour in level for child in behaviour.children]
-    if depth > limit:
-        raise TreeTooDeepError(depth, limit)
+        below = [(behaviour, frames + _frames(behaviour)) for behaviour, frames in level]
+        deepest = max(deepest, *(frames for _, frames in below))
+        level = [(child, frames) for behaviour, frames in below for child in behaviour.children]
+    if deepest > limit:
+        raise TreeTooDeepError(depth)
+
+
+def _frames(behaviour: Behaviour) -> int:
+    return _FRAMES_OF_OURS if isinstance(behaviour, Parent) else _FRAMES_OF_STOCK

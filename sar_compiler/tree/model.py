@@ -2,18 +2,47 @@
 
 import functools
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 from sar_compiler.tree.source import Source, Span
 
 ROOT_TAG = "root"
 TREE_TAG = "BehaviorTree"
 MODEL_TAG = "TreeNodesModel"
+INCLUDE_TAG = "include"
+SUBTREE_TAG = "SubTree"
+
+
+CHILDREN_KEY = "children"
+TEXT_KEY = "$text"
+"""The keys under which YAML has an element's children and its text."""
 
 
 @dataclass(frozen=True, slots=True)
+class Comment:
+    """A comment, and where it belongs.
+
+    Attributes:
+        text: What it says: lines without the marks of the form, the indentation they share, or blank ones
+            around them.
+        index: The child before which it stands; the number of children if it stands behind the last one.
+        attribute: The attribute to which it belongs instead, which only YAML can have.
+        beside: It shares the line of what it belongs to: of the attribute, or else of the element's tag.
+        apart: A blank line stands before it.
+    """
+
+    text: str
+    index: int = 0
+    attribute: str | None = None
+    beside: bool = False
+    apart: bool = False
+
+
+@dataclass(frozen=True, slots=True, init=False)
 class Element:
     """One element of a tree file.
+
+    Two elements are equal if they say the same; places, comments and the order of attributes do not count.
 
     Attributes:
         tag: Its tag.
@@ -22,6 +51,8 @@ class Element:
         source: The file.
         line: The line where it begins, from 1.
         column: The column where it begins, from 1.
+        text: The text in it: the description of a port in a `TreeNodesModel`; empty elsewhere.
+        comments: The comments in it and beside it, in the order of the file.
     """
 
     tag: str
@@ -30,6 +61,29 @@ class Element:
     source: Source = field(repr=False, compare=False)
     line: int = field(repr=False, compare=False)
     column: int = field(repr=False, compare=False)
+    text: str = field(default="", repr=False)
+    comments: tuple[Comment, ...] = field(default=(), repr=False, compare=False)
+
+    # What @dataclass would write goes through `object.__setattr__`, and takes a quarter of the time of reading.
+    def __init__(
+        self,
+        tag: str,
+        attributes: Mapping[str, str],
+        children: "tuple[Element, ...]",
+        source: Source,
+        line: int,
+        column: int,
+        text: str = "",
+        comments: tuple[Comment, ...] = (),
+    ) -> None:
+        _set_tag(self, tag)
+        _set_attributes(self, attributes)
+        _set_children(self, children)
+        _set_source(self, source)
+        _set_line(self, line)
+        _set_column(self, column)
+        _set_text(self, text)
+        _set_comments(self, comments)
 
     def tag_span(self) -> Span:
         """Return where it begins, up to the end of its tag's name."""
@@ -43,11 +97,27 @@ class Element:
         """Return where the value of one of its attributes stands, without quotes."""
         return self.source.spans.attribute_value(self.source, self, attribute)
 
+    def within_value(self, attribute: str, start: int, end: int) -> Span:
+        """Return where the characters from *start* to *end* of an attribute's value stand."""
+        return self.source.spans.within_value(self.source, self, attribute, start, end)
+
     def iterate(self) -> Iterator["Element"]:
         """Yield it and everything in it, in the order of the file."""
         yield self
         for child in self.children:
             yield from child.iterate()
+
+
+(
+    _set_tag,
+    _set_attributes,
+    _set_children,
+    _set_source,
+    _set_line,
+    _set_column,
+    _set_text,
+    _set_comments,
+) = (vars(Element)[each.name].__set__ for each in fields(Element))
 
 
 @dataclass(frozen=True)
@@ -57,10 +127,12 @@ class TreeFile:
     Attributes:
         source: The file's text and name.
         root: Its outermost element.
+        comments: The comments before (index 0) and behind it (index 1).
     """
 
     source: Source
     root: Element
+    comments: tuple[Comment, ...] = field(default=(), repr=False, compare=False)
 
     @functools.cached_property
     def trees(self) -> tuple[Element, ...]:

@@ -4,6 +4,7 @@ import bisect
 import functools
 import re
 from dataclasses import dataclass, field
+from enum import Enum
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
@@ -30,8 +31,20 @@ class Span:
     end_column: int
 
 
+class Form(str, Enum):
+    """How a tree file is written."""
+
+    XML = "xml"
+    YAML = "yaml"
+
+
 class Spans(Protocol):
     """Finds the parts of an element in the text; each form of tree file has its own."""
+
+    @property
+    def form(self) -> Form:
+        """The form of the text."""
+        ...
 
     def tag(self, source: "Source", element: "Element") -> Span:
         """Return where the element begins, up to the end of its tag's name."""
@@ -43,6 +56,22 @@ class Spans(Protocol):
 
     def attribute_value(self, source: "Source", element: "Element", name: str) -> Span:
         """Return where an attribute's value stands, without its quotes."""
+        ...
+
+    def within_value(self, source: "Source", element: "Element", name: str, start: int, end: int) -> Span:
+        """Return where the characters from *start* to *end* of an attribute's value stand.
+
+        Args:
+            source: The file.
+            element: The element.
+            name: The attribute.
+            start: The first character, counted in the value as it was read, from 0.
+            end: The character behind the last one.
+        """
+        ...
+
+    def stands_apart(self, source: "Source", element: "Element") -> bool:
+        """Say whether a blank line stands directly before the element."""
         ...
 
 
@@ -60,6 +89,11 @@ class Source:
     text: str = field(repr=False)
     spans: Spans = field(repr=False)
 
+    @property
+    def form(self) -> Form:
+        """How the text is written."""
+        return self.spans.form
+
     @functools.cached_property
     def line_starts(self) -> list[int]:
         """The offset of each line's first character."""
@@ -73,12 +107,21 @@ class Source:
         """Return a line without its end; an empty text for lines that are not there."""
         if not 1 <= number <= len(self.line_starts):
             return ""
-        return _LINE_END.split(self.text[self.line_starts[number - 1] :], maxsplit=1)[0]
+        end = self.line_starts[number] if number < len(self.line_starts) else len(self.text)
+        return self.text[self.line_starts[number - 1] : end].rstrip("\r\n")
 
     def span(self, start: int, end: int) -> Span:
         """Return the stretch between two offsets."""
-        return Span(*self._place(start), *self._place(end))
+        return Span(*self.place(start), *self.place(end))
 
-    def _place(self, offset: int) -> tuple[int, int]:
+    def place(self, offset: int) -> tuple[int, int]:
+        """Return the line and the column of an offset."""
         line = bisect.bisect_right(self.line_starts, offset)
         return line, offset - self.line_starts[line - 1] + 1
+
+    def blank_before(self, offset: int, passing: str = " \t\r\n") -> bool:
+        """Say whether a blank line stands before an offset, with nothing in between but *passing*."""
+        start = offset
+        while start and self.text[start - 1] in passing:
+            start -= 1
+        return len(_LINE_END.findall(self.text, start, offset)) > 1

@@ -4,29 +4,24 @@ expat does the work: it knows the line and column of every tag. Where an attribu
 in the text only when somebody asks, which is when there is something to say about it.
 """
 
-import codecs
+import dataclasses
 import re
+from collections.abc import Callable
 from pathlib import Path
 from xml.parsers import expat
 
-from sar_compiler.tree.diagnostic import Diagnostic, TreeError, UnreadableFileError
-from sar_compiler.tree.model import Element, TreeFile
-from sar_compiler.tree.source import Source, Span
-
-MAX_BYTES = 32 * 1024 * 1024
-"""Larger files are refused; 100,000 leaves need about a third of this."""
-
-MAX_DEPTH = 200
-"""Deeper nesting is refused: py_trees stops a tree by recursion, two frames for each level."""
+from sar_compiler.tree.comments import text_of_xml
+from sar_compiler.tree.content import MAX_DEPTH, read_bytes, source_of
+from sar_compiler.tree.diagnostic import Diagnostic, TreeError
+from sar_compiler.tree.growing import uncollected
+from sar_compiler.tree.model import MODEL_TAG, Comment, Element, TreeFile
+from sar_compiler.tree.source import Form, Source, Span
 
 _DECLARED_ENCODING = re.compile(rb"""^<\?xml\b[^>]*?\bencoding\s*=\s*["']([A-Za-z0-9._\-]+)["']""")
-_BYTE_ORDER_MARKS = [
-    (codecs.BOM_UTF8, "utf-8"),
-    (codecs.BOM_UTF16_LE, "utf-16-le"),
-    (codecs.BOM_UTF16_BE, "utf-16-be"),
-]
 _NAME = re.compile(r"<[^\s/>]+")
 _ATTRIBUTE = re.compile(r"""\s*([^\s=/>]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+# What stands for one character of a value.
+_CHARACTER = re.compile(r"&[^;]*;|\r\n|.", re.DOTALL)
 
 
 def read_xml(path: str | Path) -> TreeFile:
@@ -42,14 +37,7 @@ def read_xml(path: str | Path) -> TreeFile:
         UnreadableFileError: If the file is not there or cannot be read.
         TreeError: If it is not well-formed XML, too large, too deep, or has a DOCTYPE.
     """
-    try:
-        # One byte more than allowed is enough to know, whatever is at the other end of the path.
-        with Path(path).open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-    except OSError as error:
-        message = f"cannot read {path}: {error.strerror or error}"
-        raise UnreadableFileError(message) from error
-    return parse_xml(data, str(path))
+    return parse_xml(read_bytes(path), str(path))
 
 
 def parse_xml(data: bytes | str, path: str = "<text>") -> TreeFile:
@@ -65,19 +53,15 @@ def parse_xml(data: bytes | str, path: str = "<text>") -> TreeFile:
     Raises:
         TreeError: If it is not well-formed XML, too large, too deep, or has a DOCTYPE.
     """
-    if len(data) > MAX_BYTES:
-        source = Source(path, "", _SPANS)
-        message = f"the file is larger than {MAX_BYTES // 2**20} MiB"
-        raise TreeError([Diagnostic("file-too-large", message, source, _START)])
-    text = data if isinstance(data, str) else _decode(data, path)
-    source = Source(path, text.removeprefix("\ufeff"), _SPANS)
-    if not source.text.strip():
-        raise TreeError([Diagnostic("empty-file", "the file is empty", source, _START, hint=_EMPTY_HINT)])
-    return TreeFile(source, _Reader(source).read())
+    declared = _DECLARED_ENCODING.match(data) if isinstance(data, bytes) else None
+    encoding = declared.group(1).decode("ascii") if declared else None
+    return _Reader(source_of(data, path, _SPANS, encoding, _EMPTY_HINT)).read()
 
 
 class _XmlSpans:
     """Finds the parts of a start tag in the text."""
+
+    form = Form.XML
 
     def tag(self, source: Source, element: Element) -> Span:
         start = source.offset(element.line, element.column)
@@ -94,13 +78,16 @@ class _XmlSpans:
             return self.tag(source, element)
         return source.span(*match.span(2 if match.group(2) is not None else 3))
 
-    def end_of_tag(self, source: Source, element: Element) -> int:
-        """Return the offset behind the last attribute of a start tag."""
-        name = _NAME.match(source.text, source.offset(element.line, element.column))
-        offset = name.end() if name else 0
-        while match := _ATTRIBUTE.match(source.text, offset):
-            offset = match.end()
-        return offset
+    def within_value(self, source: Source, element: Element, name: str, start: int, end: int) -> Span:
+        match = self._attribute(source, element, name)
+        if match is None:
+            return self.tag(source, element)
+        first, last = match.span(2 if match.group(2) is not None else 3)
+        places = [found.start() for found in _CHARACTER.finditer(source.text, first, last)] + [last]
+        return source.span(*(places[min(index, len(places) - 1)] for index in (start, end)))
+
+    def stands_apart(self, source: Source, element: Element) -> bool:
+        return source.blank_before(source.offset(element.line, element.column))
 
     def _attribute(self, source: Source, element: Element, name: str) -> re.Match[str] | None:
         tag = _NAME.match(source.text, source.offset(element.line, element.column))
@@ -113,7 +100,7 @@ class _XmlSpans:
 
 
 _SPANS = _XmlSpans()
-_START = Span(1, 1, 1, 1)
+_NOTHING: tuple[str, tuple[Comment, ...]] = ("", ())
 _EMPTY_HINT = 'write <root BTCPP_format="4"> with a <BehaviorTree ID="..."> in it'
 _HINTS = {
     expat.errors.XML_ERROR_UNDEFINED_ENTITY: "write &amp; for an ampersand",
@@ -128,33 +115,75 @@ class _Reader:
     def __init__(self, source: Source) -> None:
         self._source = source
         self._parser = parser = expat.ParserCreate(encoding="utf-8")
-        parser.StartElementHandler = self._start
-        parser.EndElementHandler = self._end
         parser.StartDoctypeDeclHandler = self._doctype
-        # What is open: tag, attributes, line, column; and the children collected for each level.
+        parser.CommentHandler = self._comment
+        # What is open: tag, attributes, line, column; and the elements of each level that have ended.
         self._open: list[tuple[str, dict[str, str], int, int]] = []
-        self._children: list[list[Element]] = [[]]
+        self._levels: list[list[Element]] = [[]]
+        # What few elements have, by the number of elements around it.
+        self._comments: dict[int, list[Comment]] = {}
+        self._texts: dict[int, list[str]] = {}
+        parser.StartElementHandler, parser.EndElementHandler = self._handlers()
 
-    def read(self) -> Element:
+    def read(self) -> TreeFile:
         try:
             # A lone surrogate cannot be written as UTF-8; expat then says where the bad byte is.
-            self._parser.Parse(self._source.text.encode("utf-8", "surrogatepass"), True)  # noqa: FBT003
+            with uncollected():
+                self._parser.Parse(self._source.text.encode("utf-8", "surrogatepass"), True)  # noqa: FBT003
         except expat.ExpatError as error:
             raise TreeError([self._malformed(error)]) from None
-        return self._children[0][0]
+        return TreeFile(self._source, self._levels[0][0], tuple(self._comments.get(0, ())))
 
-    def _start(self, tag: str, attributes: dict[str, str]) -> None:
-        parser = self._parser
-        self._open.append((tag, attributes, parser.CurrentLineNumber, parser.CurrentColumnNumber + 1))
-        self._children.append([])
-        if len(self._open) > MAX_DEPTH:
-            message = f"elements are nested more than {MAX_DEPTH} deep"
-            self._refuse("too-deep", message, self._here(), self._here() + len(tag) + 1)
+    def _handlers(self) -> tuple[Callable[[str, dict[str, str]], None], Callable[[str], None]]:
+        """Return what is called for every tag; closures, which reach what they need faster than methods."""
+        parser, source, opened, levels = self._parser, self._source, self._open, self._levels
+        comments, texts = self._comments, self._texts
 
-    def _end(self, _tag: str) -> None:
-        tag, attributes, line, column = self._open.pop()
-        children = tuple(self._children.pop())
-        self._children[-1].append(Element(tag, attributes, children, self._source, line, column))
+        def start(tag: str, attributes: dict[str, str]) -> None:
+            opened.append((tag, attributes, parser.CurrentLineNumber, parser.CurrentColumnNumber + 1))
+            levels.append([])
+            if tag == MODEL_TAG:
+                # Only there does text mean something: it describes a port.
+                parser.CharacterDataHandler = self._data
+            if len(opened) > MAX_DEPTH:
+                self._too_deep(tag)
+
+        def end(tag: str) -> None:
+            text, notes = self._extras() if comments or texts else _NOTHING
+            children = tuple(levels.pop())
+            _, attributes, line, column = opened.pop()
+            levels[-1].append(Element(tag, attributes, children, source, line, column, text, notes))
+            if tag == MODEL_TAG:
+                parser.CharacterDataHandler = None
+
+        return start, end
+
+    def _too_deep(self, tag: str) -> None:
+        message = f"elements are nested more than {MAX_DEPTH} deep"
+        self._refuse("too-deep", message, self._here(), self._here() + len(tag) + 1)
+
+    def _extras(self) -> tuple[str, tuple[Comment, ...]]:
+        """Take the text and the comments of the element that ends."""
+        depth = len(self._open)
+        text = "".join(self._texts.pop(depth, ())).strip()
+        return "" if self._levels[-1] else text, tuple(self._comments.pop(depth, ()))
+
+    def _data(self, text: str) -> None:
+        self._texts.setdefault(len(self._open), []).append(text)
+
+    def _comment(self, data: str) -> None:
+        depth, start, siblings = len(self._open), self._here(), self._levels[-1]
+        before = self._source.text[self._source.offset(self._parser.CurrentLineNumber, 1) : start].rstrip()
+        text = text_of_xml(data)
+        beside = before.endswith(">") and "\n" not in text
+        if beside and depth and not siblings and depth not in self._comments:
+            self._comments[depth] = [Comment(text, beside=True)]
+        elif beside and siblings and _ends_with_leaf(before, siblings[-1]):
+            comment = Comment(text, beside=True)
+            siblings[-1] = dataclasses.replace(siblings[-1], comments=(comment,))
+        else:
+            comment = Comment(text, len(siblings), apart=self._source.blank_before(start))
+            self._comments.setdefault(depth, []).append(comment)
 
     def _doctype(self, *_declaration: object) -> None:
         message = "a DOCTYPE is not allowed in a tree file (entities could hide what the file says)"
@@ -174,11 +203,11 @@ class _Reader:
         words = expat.errors.messages.get(error.code, str(error))
         hint = _HINTS.get(words)
         if words == expat.errors.XML_ERROR_TAG_MISMATCH and self._open:
-            tag, _, opened, _ = self._open[-1]
+            tag, _, opened, *_ = self._open[-1]
             words = f"the end tag does not close <{tag}>, which was opened in line {opened}"
             hint = f"</{tag}> is expected here"
         elif words == expat.errors.XML_ERROR_NO_ELEMENTS and self._open:
-            tag, _, opened, _ = self._open[-1]
+            tag, _, opened, *_ = self._open[-1]
             words = f"the file ends before <{tag}>, opened in line {opened}, is closed"
         elif words == expat.errors.XML_ERROR_INVALID_TOKEN and self._source.text[:start].rstrip().endswith(
             "="
@@ -188,27 +217,7 @@ class _Reader:
         return Diagnostic("malformed-xml", f"not well-formed XML: {words}", self._source, span, hint=hint)
 
 
-def _decode(data: bytes, path: str) -> str:
-    encoding = next((name for mark, name in _BYTE_ORDER_MARKS if data.startswith(mark)), None)
-    if encoding is None:
-        declared = _DECLARED_ENCODING.match(data)
-        encoding = declared.group(1).decode("ascii") if declared else "utf-8"
-    try:
-        text = data.decode(encoding)
-    except UnicodeDecodeError as error:
-        place = len(data[: error.start].decode(encoding, "replace"))
-        message = f"byte 0x{data[error.start]:02x} is not {encoding}"
-        raise _wrong_encoding(message, path, data.decode(encoding, "replace"), place) from None
-    except (LookupError, UnicodeError):
-        message = f"the file declares the encoding '{encoding}', which tree files cannot have"
-        raise _wrong_encoding(message, path, data.decode("utf-8", "replace")) from None
-    if "\0" in text:
-        message = "the file has zero bytes, as UTF-16 without a byte order mark has"
-        raise _wrong_encoding(message, path, text, text.index("\0"))
-    return text
-
-
-def _wrong_encoding(message: str, path: str, text: str, place: int = 0) -> TreeError:
-    source = Source(path, text, _SPANS)
-    span = source.span(place, place + 1)
-    return TreeError([Diagnostic("wrong-encoding", message, source, span, hint="write it in UTF-8")])
+def _ends_with_leaf(text: str, element: Element) -> bool:
+    """Say whether a text ends with the end of an element that has no children, and no comment yet."""
+    ending = text.endswith(("/>", f"</{element.tag}>"))
+    return ending and not element.children and not element.comments

@@ -8,9 +8,9 @@ from sar_compiler.views.plain import plain
 
 
 def nodes_as_text(specs: Sequence[NodeSpec]) -> str:
-    """Return a list of tags; a single one with its attributes."""
-    if len(specs) == 1:
-        return _in_full(specs[0])
+    """Return a list of tags; a single one with its attributes, in every meaning that it has."""
+    if len({spec.tag for spec in specs}) == 1:
+        return "\n\nor\n\n".join(_in_full(spec) for spec in specs)
     width = max(len(spec.tag) for spec in specs)
     return "\n".join(f"{spec.tag:{width}}  {spec.kind.value.lower():9}  {spec.doc}" for spec in specs)
 
@@ -54,7 +54,7 @@ def _as_dict(spec: NodeSpec) -> dict[str, object]:
     return {
         "tag": spec.tag,
         "kind": spec.kind.value,
-        "class": f"{spec.cls.__module__}.{spec.cls.__qualname__}",
+        "class": f"{spec.cls.__module__}.{spec.cls.__qualname__}" if spec.cls else None,
         "doc": spec.doc,
         "outcomes": sorted(spec.outcomes),
         "effects": spec.effects,

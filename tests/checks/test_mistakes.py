@@ -4,8 +4,9 @@ import pytest
 
 from sar_compiler.checks import check
 from sar_compiler.nodes.registry import Registry, default_registry
-from sar_compiler.tree.xml import parse_xml, read_xml
-from tests.trees import document
+from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.xml import read_xml
+from tests.trees import document, forest_of
 
 
 @pytest.fixture(scope="module")
@@ -14,12 +15,19 @@ def registry() -> Registry:
 
 
 def found(text, registry):
-    findings = check(parse_xml(text, "test.xml"), registry)
+    findings = check(forest_of(text), registry)
     return [(f.code, f.span.line, f.span.column, f.suggestion) for f in findings]
 
 
 # Each: what is written in the tree (its first line is line 3), then code, line, column and suggestion.
 IN_A_TREE = {
+    "more successes than children": (
+        '<Parallel success_count="3"><Success/><Failure/></Parallel>',
+        "out-of-reach",
+        3,
+        26,
+        "2",
+    ),
     "an unknown tag": ("<Sequnce><Success/></Sequnce>", "unknown-node", 3, 1, "Sequence"),
     "a tag in the wrong case": ("<inverter><Success/></inverter>", "unknown-node", 3, 1, "Inverter"),
     "a tag like nothing known": ("<Xyzzy/>", "unknown-node", 3, 1, None),
@@ -247,7 +255,7 @@ def test_a_misspelt_node_brings_no_second_finding_for_those_that_refer_to_it(bro
 
 def test_what_is_said_names_what_can_be_written_instead(registry):
     text = document("<Retry><NotifyBase/></Retry>")
-    retry, notify = [f.render() for f in check(parse_xml(text, "test.xml"), registry)]
+    retry, notify = [f.render() for f in check(forest_of(text), registry)]
     assert retry.endswith('write num_failures="..." (a whole number)')
     assert notify.endswith("add a <DetectSurvivor> to the tree")
 
@@ -287,4 +295,4 @@ def test_nothing_is_said_of_a_correct_file(text, registry):
 
 
 def test_the_shipped_tree_is_correct(registry):
-    assert check(read_xml("trees/search_and_rescue.xml"), registry) == []
+    assert check(Forest.of(read_xml("trees/search_and_rescue.xml")), registry) == []

@@ -11,6 +11,7 @@ from sar_compiler.checks import RULES, check
 from sar_compiler.checks.schema import check_schema, schema_errors
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.schema import xml_schema
+from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
 from tests.checks.test_mistakes import CORRECT, IN_A_TREE
 from tests.nodes import leaves
@@ -37,7 +38,8 @@ def test_the_schema_accepts_what_is_correct(name):
 
 # What no XSD can say: that a name refers to something, and how large a number may be.
 BEYOND = {name for name, case in IN_A_TREE.items() if "reference" in case[1]} | {
-    "a number of too many digits"
+    "a number of too many digits",
+    "more successes than children",
 }
 
 
@@ -49,9 +51,9 @@ def test_the_schema_refuses_what_is_wrong_in_itself(name):
 
 def test_a_schema_error_is_shown_where_the_rules_found_nothing():
     tree = parse_xml(document("<Sequence/>\n"), "test.xml")
-    (alone,) = check_schema(tree, default_registry(), findings=[])
+    (alone,) = check_schema(tree, default_registry(), described=(), findings=[])
     assert (alone.code, alone.span.line, alone.span.column) == ("schema", 3, 1)
-    found = check(tree, default_registry())
+    found = check(Forest.of(tree), default_registry())
     assert [finding.code for finding in found] == ["empty-control"]
 
 
@@ -84,7 +86,7 @@ def written(element):
 @given(ELEMENTS)
 def test_the_rules_find_everything_that_the_schema_refuses(element):
     tree = parse_xml(document(written(element)))
-    found = [finding for rule in RULES for finding in rule(tree, default_registry())]
+    found = [finding for rule in RULES for finding in rule(Forest.of(tree), default_registry(), ())]
     if schema_errors(tree, default_registry()):
         assert found
-    assert not list(check_schema(tree, default_registry(), found)) or found
+    assert not list(check_schema(tree, default_registry(), (), found)) or found

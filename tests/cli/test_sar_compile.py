@@ -181,7 +181,7 @@ def test_nodes_as_json_is_complete(capsys):
         "refers_to": None,
         "required": True,
         "default": None,
-        "doc": "With how many failures to fail.",
+        "doc": "With how many failures to fail; 1 or less: with the first one.",
     }
 
 

@@ -13,10 +13,11 @@ from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Kind, Use
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.tree.diagnostic import TreeError
-from sar_compiler.tree.xml import parse_xml, read_xml
+from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.xml import read_xml
 from tests.nodes import leaves
 from tests.nodes.leaves import Radio
-from tests.trees import tree_file
+from tests.trees import forest, forest_of
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +29,7 @@ def registry() -> Registry:
 
 def compiled(body, registry, context=None, parameters=None):
     context = {Radio: Radio("1")} if context is None else context
-    return compile_tree(bind_main(tree_file(body), registry), context, parameters or {})
+    return compile_tree(bind_main(forest(body), registry), context, parameters or {})
 
 
 def findings(body, registry, **arguments):
@@ -175,7 +176,7 @@ def test_a_constructor_that_refuses_its_arguments_is_a_finding_with_its_words(re
 
 def test_a_tree_with_findings_is_not_compiled(registry):
     with pytest.raises(TreeError, match="unknown-node"):
-        bind_main(tree_file("<Sequense/>"), registry)
+        bind_main(forest("<Sequense/>"), registry)
 
 
 def test_the_tree_asked_for_is_compiled_instead_of_the_main_tree(registry):
@@ -183,9 +184,9 @@ def test_the_tree_asked_for_is_compiled_instead_of_the_main_tree(registry):
         '<root main_tree_to_execute="A"><BehaviorTree ID="A"><Success/></BehaviorTree>'
         '<BehaviorTree ID="B"><Failure/></BehaviorTree></root>'
     )
-    assert compile_tree(bind_main(parse_xml(text), registry, "B"), {}, {}).root.name == "Failure"
+    assert compile_tree(bind_main(forest_of(text), registry, "B"), {}, {}).root.name == "Failure"
     with pytest.raises(TreeError, match=r"missing-main-tree.*no tree 'C'; the file has A, B"):
-        bind_main(parse_xml(text), registry, "C")
+        bind_main(forest_of(text), registry, "C")
 
 
 def test_a_tree_says_what_it_uses_with_the_names_filled_in(registry):
@@ -197,7 +198,7 @@ def test_a_tree_says_what_it_uses_with_the_names_filled_in(registry):
 
 
 def test_a_tree_says_which_objects_a_mission_must_hand_over(registry):
-    binding = bind_main(tree_file('<Timeout duration="1"><Say message="a"/></Timeout>'), registry)
+    binding = bind_main(forest('<Timeout duration="1"><Say message="a"/></Timeout>'), registry)
     assert context_types(binding) == {Radio, Clock}
 
 
@@ -209,7 +210,7 @@ def test_every_behaviour_knows_the_element_it_was_made_from(registry):
 
 def test_a_preview_needs_no_mission(registry):
     tree = preview_tree(
-        bind_main(tree_file('<Timeout duration="{@t}"><Say message="{@m}"/></Timeout>'), registry)
+        bind_main(forest('<Timeout duration="{@t}"><Say message="{@m}"/></Timeout>'), registry)
     )
     leaf = tree.root.children[0]
     assert isinstance(leaf, leaves.Say)
@@ -221,7 +222,7 @@ def test_a_preview_needs_no_mission(registry):
 
 
 def test_the_shipped_tree_compiles_to_stock_classes_and_the_nine_leaves():
-    tree = preview_tree(bind_main(read_xml("trees/search_and_rescue.xml"), default_registry()))
+    tree = preview_tree(bind_main(Forest.of(read_xml("trees/search_and_rescue.xml")), default_registry()))
     classes = [f"{type(node).__module__}.{type(node).__qualname__}" for node in tree.root.iterate()]
     stock = {name for name in classes if name.startswith("py_trees.")}
     assert stock == {
@@ -234,7 +235,7 @@ def test_the_shipped_tree_compiles_to_stock_classes_and_the_nine_leaves():
 
 def test_all_leaves_of_a_tree_hold_the_same_zone_manager():
     zones = ZoneManager([{"id": "a", "x": 0.0, "y": 0.0, "yaw": 0.0}], {"x": 0.0, "y": 0.0, "yaw": 0.0})
-    binding = bind_main(read_xml("trees/search_and_rescue.xml"), default_registry())
+    binding = bind_main(Forest.of(read_xml("trees/search_and_rescue.xml")), default_registry())
     record = MissionRecord()
     context = {ZoneManager: zones, MissionRecord: record, Clock: ManualClock()}
     tree = compile_tree(binding, context, {})

@@ -15,6 +15,7 @@ import pytest
 
 from sar_compiler.checks import check
 from sar_compiler.nodes.registry import load_registry
+from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
 from tests.docs.markdown import blocks
 from tests.processes import BIN
@@ -114,4 +115,6 @@ def test_the_package_of_the_page_registers_its_leaves_by_entry_point(tmp_path):
 def test_every_fragment_of_a_tree_is_correct(fragment):
     whole = f'<root BTCPP_format="4"><BehaviorTree ID="Main">{fragment}</BehaviorTree></root>'
     text = fragment if fragment.startswith("<root") else whole
-    assert [finding.render() for finding in check(parse_xml(text, "fragment.xml"), load_registry())] == []
+    assert [
+        finding.render() for finding in check(Forest.of(parse_xml(text, "fragment.xml")), load_registry())
+    ] == []

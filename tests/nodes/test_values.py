@@ -83,7 +83,7 @@ def test_what_is_not_such_a_value_is_refused_with_the_nearest_one(annotation, te
     assert text in caught.value.message
 
 
-@pytest.mark.parametrize("annotation", [list[int], dict, object, int | str, Literal[1, 2]])
+@pytest.mark.parametrize("annotation", [list, list[list[int]], dict, object, int | str, Literal[1, 2]])
 def test_types_that_no_text_can_become_have_no_value_type(annotation):
     assert value_type_of(annotation) is None
 

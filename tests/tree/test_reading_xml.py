@@ -4,9 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sar_compiler.tree.content import MAX_BYTES, MAX_DEPTH
 from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
 from sar_compiler.tree.source import Span
-from sar_compiler.tree.xml import MAX_BYTES, MAX_DEPTH, parse_xml, read_xml
+from sar_compiler.tree.xml import parse_xml, read_xml
 
 
 def finding_of(data):
@@ -169,3 +170,39 @@ def test_whatever_bytes_come_there_is_a_file_or_a_finding(data):
     else:
         rendered = "a file"
     assert rendered
+
+
+def test_comments_are_kept_with_the_elements_that_they_stand_before_behind_and_beside():
+    text = """<!-- before -->
+<root> <!-- beside root -->
+  <A/> <!-- beside A -->
+  <!--
+    Before B,
+      in lines.
+  -->
+
+  <!-- also before B -->
+  <B><C/></B> <!-- at the end -->
+</root>
+<!-- behind -->"""
+    tree_file = parse_xml(text)
+    assert [(one.text, one.index) for one in tree_file.comments] == [("before", 0), ("behind", 1)]
+    assert [(one.text, one.index, one.beside, one.apart) for one in tree_file.root.comments] == [
+        ("beside root", 0, True, False),
+        ("Before B,\n  in lines.", 1, False, False),
+        ("also before B", 1, False, True),
+        ("at the end", 2, False, False),
+    ]
+    first, second = tree_file.root.children
+    assert [(one.text, one.beside) for one in first.comments] == [("beside A", True)]
+    assert second.comments == ()
+
+
+def test_comments_do_not_make_elements_differ():
+    assert parse_xml("<root><!-- a --><A/></root>").root == parse_xml("<root><A/></root>").root
+
+
+def test_only_the_ports_of_a_model_have_text():
+    port = '<input_port name="x"> Where <![CDATA[to]]> go </input_port>'
+    root = parse_xml(f"<root><A>a</A><TreeNodesModel>{port}</TreeNodesModel><B>b</B></root>").root
+    assert [element.text for element in root.iterate()] == ["", "", "", "Where to go", ""]

@@ -1,0 +1,60 @@
+"""`sar-compile convert`: write a tree file in another form."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sar_compiler.cli.arguments import FINDINGS, OK
+from sar_compiler.cli.loading import palettes
+from sar_compiler.cli.writing import WriteError, same_file, write_text
+
+if TYPE_CHECKING:
+    from sar_compiler.tree.conversion import Converted
+    from sar_compiler.tree.model import TreeFile
+
+
+def convert_file(arguments: argparse.Namespace) -> int:
+    """Convert a file and return the exit status.
+
+    What the other form cannot have is said on standard error. The status is that of findings if there is
+    something in the result that BehaviorTree.CPP cannot do without help; it is written all the same.
+
+    Raises:
+        WriteError: If the output would be the input, or cannot be written.
+        UnreadableFileError: If the file is not there or cannot be read.
+    """
+    from sar_compiler.tree.diagnostic import Severity, TreeError
+    from sar_compiler.tree.reading import read_tree_file
+    from sar_compiler.tree.shipped import find_tree
+
+    path = find_tree(arguments.file)
+    output = Path(arguments.output) if arguments.output is not None else None
+    if output is not None and same_file(path, output):
+        message = f"{output} is the file to convert; write to another one"
+        raise WriteError(message)
+    try:
+        converted = _converted(read_tree_file(path), arguments)
+    except TreeError as error:
+        print(error, file=sys.stderr)
+        return FINDINGS
+    for loss in converted.losses:
+        print(loss.render(), file=sys.stderr)
+    if output is None:
+        sys.stdout.buffer.write(converted.text.encode())
+        sys.stdout.flush()
+    else:
+        write_text(output, converted.text)
+    return OK if all(loss.severity is Severity.INFO for loss in converted.losses) else FINDINGS
+
+
+def _converted(tree_file: "TreeFile", arguments: argparse.Namespace) -> "Converted":
+    if arguments.to == "btcpp":
+        from sar_compiler.nodes.btcpp import convert_to_btcpp
+        from sar_compiler.nodes.registry import load_registry
+
+        return convert_to_btcpp(tree_file, load_registry(arguments.nodes), palettes(arguments))
+    from sar_compiler.tree.conversion import convert
+    from sar_compiler.tree.source import Form
+
+    return convert(tree_file, Form(arguments.to))

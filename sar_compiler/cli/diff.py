@@ -1,0 +1,30 @@
+"""`sar-compile diff`: what is different between two tree files."""
+
+import argparse
+import sys
+
+from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
+
+
+def diff_files(arguments: argparse.Namespace) -> int:
+    """Compare two files and return the exit status: 0 for equal ones, 1 for different ones.
+
+    A file that cannot be understood is wrong usage, 2: nothing is known of the difference.
+
+    Raises:
+        UnreadableFileError: If a file is not there or cannot be read.
+    """
+    from sar_compiler.tree.diagnostic import TreeError
+    from sar_compiler.tree.difference import difference
+    from sar_compiler.tree.reading import read_tree_file
+    from sar_compiler.tree.shipped import find_tree
+    from sar_compiler.views.difference import difference_as_text
+
+    try:
+        old, new = (read_tree_file(find_tree(name)) for name in (arguments.old, arguments.new))
+    except TreeError as error:
+        print(error, file=sys.stderr)
+        return USAGE
+    differences = difference(old, new)
+    print(difference_as_text(differences), end="")
+    return FINDINGS if differences else OK

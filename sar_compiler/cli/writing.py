@@ -1,0 +1,50 @@
+"""Writing files so that there is always a whole one: the old or the new."""
+
+import os
+from pathlib import Path
+
+from sar_compiler.errors import SarError
+
+
+class WriteError(SarError):
+    """A file cannot or must not be written."""
+
+
+def same_file(one: Path, other: Path) -> bool:
+    """Say whether two paths lead to the same file."""
+    try:
+        return one.samefile(other)
+    except OSError:
+        return False
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file in UTF-8, in one step; its permissions stay, and a link stays a link.
+
+    Raises:
+        WriteError: If that is not possible; the file is then as it was.
+    """
+    target = path.resolve()
+    try:
+        if target.exists() and not target.is_file():
+            target.write_bytes(text.encode())  # a device or a pipe cannot be replaced
+        else:
+            _replace(target, text.encode())
+    except OSError as error:
+        message = f"cannot write {path}: {error.strerror or error}"
+        raise WriteError(message) from error
+
+
+def _replace(target: Path, data: bytes) -> None:
+    new = target.with_name(f".{target.name}.{os.getpid()}.new")
+    try:
+        with new.open("xb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        if target.exists():
+            new.chmod(target.stat().st_mode & 0o7777)
+        new.replace(target)
+    except OSError:
+        new.unlink(missing_ok=True)
+        raise

@@ -1,0 +1,144 @@
+"""From a tree file and the registry to py_trees objects."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from uuid import UUID
+
+from py_trees.behaviour import Behaviour
+
+from sar_compiler.compiler.arguments import Arguments, PreviewArguments
+from sar_compiler.compiler.building import Builder, PreviewBuilder
+from sar_compiler.compiler.origins import Origin, Origins
+from sar_compiler.nodes.binding import bind
+from sar_compiler.nodes.bound import Binding
+from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.instances import Instance, expand
+from sar_compiler.nodes.main_tree import find_main_tree
+from sar_compiler.nodes.registry import Registry
+from sar_compiler.nodes.spec import Role, Use
+from sar_compiler.runtime.blackboard import Board
+from sar_compiler.tree.diagnostic import Diagnostic, TreeError
+from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.growing import uncollected
+from sar_compiler.tree.model import TreeFile
+
+__all__ = [
+    "CompiledTree",
+    "Origin",
+    "bind_main",
+    "compile_tree",
+    "context_types",
+    "preview_tree",
+]
+
+
+@dataclass(frozen=True)
+class CompiledTree:
+    """A tree that can be ticked.
+
+    Attributes:
+        root: The py_trees behaviour at its root.
+        origins: Where each behaviour comes from, by the behaviour's id.
+        instance: The tree and its subtrees, with their keys.
+    """
+
+    root: Behaviour
+    origins: Mapping[UUID, Origin]
+    instance: Instance
+
+    @property
+    def board(self) -> Board:
+        """Its entries on the blackboard."""
+        return self.instance.scope.board
+
+    def uses(self) -> list[Use]:
+        """Return what its leaves need outside the tree, each once."""
+        return list(dict.fromkeys(use for origin in self.origins.values() for use in origin.uses))
+
+
+def bind_main(
+    forest: Forest, registry: Registry, tree_id: str | None = None, palettes: Iterable[TreeFile] = ()
+) -> Binding:
+    """Bind the tree to execute.
+
+    Args:
+        forest: The file and what it includes.
+        registry: What tags mean.
+        tree_id: The tree; by default the one that the file executes.
+        palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
+
+    Raises:
+        TreeError: If there is none, or anything in it is wrong; carries all the findings.
+    """
+    binding = bind(forest, registry, find_main_tree(forest, tree_id), palettes)
+    if forest.findings or binding.findings:
+        raise TreeError([*forest.findings, *binding.findings])
+    return binding
+
+
+def context_types(binding: Binding) -> set[type]:
+    """Return the types of which a mission has to hand an object to a bound tree."""
+    return {
+        parameter.target
+        for bound in binding.nodes()
+        for parameter in bound.spec.parameters.values()
+        if parameter.role is Role.CONTEXT and parameter.target is not None
+    }
+
+
+def compile_tree(
+    binding: Binding, context: Mapping[type, object], parameters: Mapping[str, object]
+) -> CompiledTree:
+    """Compile a bound tree for a mission.
+
+    Args:
+        binding: The tree, without findings.
+        context: The objects that the mission hands to its leaves, by their type.
+        parameters: The keys of the root blackboard: the node parameters of the mission.
+
+    Raises:
+        TreeError: If a key is not there or its value does not fit, if the mission lacks an object that a
+            leaf needs, or if a constructor refuses its arguments.
+    """
+    collector = Collector()
+    return _compiled(
+        binding, Builder(binding, Arguments(context, parameters, collector), collector), parameters, collector
+    )
+
+
+def preview_tree(binding: Binding) -> CompiledTree:
+    """Compile a bound tree to be looked at: with stand-ins for what only a mission has.
+
+    Blackboard keys that are not known get the parameter's default or some value of its type; a node that
+    only a model describes becomes a stock behaviour of its kind.
+    """
+    collector = Collector()
+    return _compiled(
+        binding, PreviewBuilder(binding, PreviewArguments({}, {}, collector), collector), {}, collector
+    )
+
+
+def _compiled(
+    binding: Binding, builder: Builder, parameters: Mapping[str, object], collector: Collector
+) -> CompiledTree:
+    if binding.findings or binding.main.root is None:
+        raise TreeError(binding.findings)
+    top = expand(binding.main, collector)
+    for name, value in parameters.items():
+        top.scope.resolve(name).write(value)
+    # Everything that can be said of the arguments is said at once, before anything is made.
+    for instance in top.iterate():
+        builder.prepare(instance)
+    if collector.findings:
+        raise TreeError(_in_order(collector.findings))
+    with uncollected():
+        return CompiledTree(builder.place(top, binding.main.root), Origins(builder.makings), top)
+
+
+def _in_order(findings: list[Diagnostic]) -> list[Diagnostic]:
+    """Sort findings by file, line and column, each once, however often its tree is used."""
+    files = list(dict.fromkeys(finding.source.path for finding in findings))
+    return sorted(
+        dict.fromkeys(findings),
+        key=lambda finding: (files.index(finding.source.path), finding.span.line, finding.span.column),
+    )

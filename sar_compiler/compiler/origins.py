@@ -1,0 +1,75 @@
+"""Where the behaviours of a compiled tree come from."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+from uuid import UUID
+
+from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.nodes.instances import Instance
+from sar_compiler.nodes.spec import Role, Use
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a behaviour comes from.
+
+    Attributes:
+        bound: The part of the file that it was made from.
+        attributes: The values and references it was given, as one would write them: blackboard keys in
+            braces where their value was not known, references as names.
+        uses: What it needs outside the tree, with names filled in.
+    """
+
+    bound: BoundNode
+    attributes: Mapping[str, object]
+    uses: tuple[Use, ...] = ()
+
+
+Making = tuple[Instance, BoundNode, Mapping[str, object] | None, Mapping[str, Any] | None]
+"""How a behaviour was made: the instance that it belongs to, the node that it was made for, the attributes of a
+wrapper around the node (None for the node itself), and values of plain attributes from the blackboard."""
+
+
+class Origins(Mapping[UUID, Origin]):
+    """The origins of all behaviours, by their ids; each is worked out when somebody asks.
+
+    Args:
+        makings: How each was made.
+    """
+
+    def __init__(self, makings: Mapping[UUID, Making]) -> None:
+        self._makings = makings
+
+    def __getitem__(self, behaviour: UUID) -> Origin:
+        instance, bound, wrapper, known = self._makings[behaviour]
+        if wrapper is not None:
+            return Origin(bound, wrapper)
+        attributes = _attributes(instance, bound, known or {})
+        uses = tuple(Use(use.kind, use.name.format_map(attributes)) for use in bound.spec.uses)
+        return Origin(bound, attributes, uses)
+
+    def __iter__(self) -> Iterator[UUID]:
+        return iter(self._makings)
+
+    def __len__(self) -> int:
+        return len(self._makings)
+
+
+def _attributes(instance: Instance, bound: BoundNode, known: Mapping[str, Any]) -> dict[str, object]:
+    attributes: dict[str, object] = {}
+    for name, parameter in bound.spec.parameters.items():
+        if parameter.role is Role.ATTRIBUTE:
+            if name in known:
+                attributes[name] = known[name]
+            elif name in bound.keys:
+                attributes[name] = f"{{{bound.keys[name]}}}"
+            elif name in bound.values:
+                attributes[name] = bound.values[name]
+            elif parameter.direction is None:
+                attributes[name] = bound.spec.fixed.get(name, parameter.default)
+    for parameter in bound.spec.references:
+        target = instance.referred(bound, parameter.name)
+        if target is not None:
+            attributes[parameter.name] = target[1].name
+    return attributes

@@ -1,0 +1,131 @@
+"""What a tree means once its tags, texts and names are understood; plain data."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from py_trees.common import OneShotPolicy
+
+from sar_compiler.nodes.spec import NodeSpec, Parameter
+from sar_compiler.runtime.expressions import Script
+from sar_compiler.tree.diagnostic import Diagnostic
+from sar_compiler.tree.model import Element
+
+
+@dataclass(frozen=True)
+class Remapping:
+    """What the attributes of a `SubTree` say about the keys in it.
+
+    Attributes:
+        keys: Which key around the subtree each of these keys in it stands for.
+        constants: The texts of keys that are constants.
+        autoremap: Whether every other key stands for the one of the same name.
+    """
+
+    keys: Mapping[str, str] = field(default_factory=dict)
+    constants: Mapping[str, str] = field(default_factory=dict)
+    autoremap: bool = False
+
+
+_NOTHING: Mapping[str, Any] = MappingProxyType({})
+_APART = Remapping()
+
+
+def _nothing() -> Mapping[str, Any]:
+    return _NOTHING
+
+
+def _apart() -> Remapping:
+    return _APART
+
+
+@dataclass(eq=False, slots=True)
+class BoundNode:
+    """An element and what it means.
+
+    Its mappings are replaced, not written to: most nodes have nothing in most of them, and share that.
+
+    Attributes:
+        element: The element.
+        spec: What its tag means.
+        name: The node's name.
+        values: The values written for constructor parameters.
+        keys: The blackboard keys written for constructor parameters (`{key}`).
+        references: The nodes that constructor parameters refer to, as far as they stand in the same tree.
+        children: The nodes in it.
+        conditions: The scripts of its pre- and post-conditions, by their attributes' names.
+        oneshot: The policy of the OneShot to wrap it in.
+        subtree: The tree that it stands for, if it is a `SubTree`.
+        remapping: What it says about that tree's keys.
+    """
+
+    element: Element
+    spec: NodeSpec
+    name: str
+    values: Mapping[str, object] = field(default_factory=_nothing)
+    keys: Mapping[str, str] = field(default_factory=_nothing)
+    references: "Mapping[str, BoundNode]" = field(default_factory=_nothing)
+    children: "Sequence[BoundNode]" = ()
+    conditions: Mapping[str, Script] = field(default_factory=_nothing)
+    oneshot: OneShotPolicy | None = None
+    subtree: "BoundTree | None" = None
+    remapping: Remapping = field(default_factory=_apart)
+
+    def iterate(self) -> "Iterator[BoundNode]":
+        """Yield it and everything below it in its own tree, in the order of the file."""
+        yield self
+        for child in self.children:
+            yield from child.iterate()
+
+
+@dataclass(eq=False)
+class BoundTree:
+    """A `BehaviorTree`, bound by itself.
+
+    Attributes:
+        element: The `BehaviorTree` element.
+        name: Its ID; a made-up one for a tree without.
+        root: The bound tree; None where there is nothing to bind.
+        nodes: Everything in it, in the order of the file.
+        open_references: References to nodes that are not in this tree, but may be in one around it.
+        unknown_names: Names of nodes whose tags are not known; nothing more is said of references to them.
+    """
+
+    element: Element
+    name: str
+    root: BoundNode | None = None
+    nodes: list[BoundNode] = field(default_factory=list)
+    open_references: list[tuple[BoundNode, Parameter]] = field(default_factory=list)
+    unknown_names: set[str] = field(default_factory=set)
+
+    def subtrees(self) -> Iterator[BoundNode]:
+        """Yield its `SubTree` nodes whose trees are known."""
+        return (node for node in self.nodes if node.subtree is not None)
+
+
+@dataclass(frozen=True)
+class Binding:
+    """A whole tree, with everything that it consists of.
+
+    Attributes:
+        main: The tree to execute.
+        findings: What is wrong; the tree can be compiled only if there is nothing.
+    """
+
+    main: BoundTree
+    findings: tuple[Diagnostic, ...]
+
+    def trees(self) -> list[BoundTree]:
+        """Return the main tree and the trees that it uses, each once."""
+        found = [self.main]
+        for tree in found:
+            found.extend(
+                node.subtree for node in tree.subtrees() if node.subtree and node.subtree not in found
+            )
+        return found
+
+    def nodes(self) -> Iterator[BoundNode]:
+        """Yield every node of every tree."""
+        for tree in self.trees():
+            yield from tree.nodes

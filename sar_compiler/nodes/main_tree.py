@@ -1,0 +1,43 @@
+"""Which tree of a file is executed."""
+
+from sar_compiler.nodes.values import nearest
+from sar_compiler.tree.diagnostic import Diagnostic, TreeError
+from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.model import Element
+
+
+def find_main_tree(forest: Forest, tree_id: str | None = None) -> Element:
+    """Return the tree to execute.
+
+    Args:
+        forest: The file and what it includes.
+        tree_id: The ID asked for; None leaves the choice to the file.
+
+    Raises:
+        TreeError: If there is no such tree, or the file does not say which of several it is.
+    """
+    tree = forest.main_tree(tree_id)
+    if tree is not None:
+        return tree
+    raise TreeError([_missing(forest, tree_id)])
+
+
+def _missing(forest: Forest, tree_id: str | None) -> Diagnostic:
+    source, root = forest.main.source, forest.main.root
+    ids = list(forest.trees)
+    there = f"the file has {', '.join(ids)}" if ids else "the file has no tree with an ID"
+    named = forest.main.main_tree_name
+    if tree_id is not None:
+        message = f"there is no tree '{tree_id}'; {there}"
+        return Diagnostic("missing-main-tree", message, source, root.tag_span())
+    if named is not None:
+        message = f"main_tree_to_execute names the tree '{named}', which is not there; {there}"
+        span = root.value_span("main_tree_to_execute")
+        return Diagnostic("missing-main-tree", message, source, span, suggestion=nearest(named, ids))
+    count = sum(1 for _ in forest.iterate())
+    if not count:
+        hint = 'write a <BehaviorTree ID="..."> in it'
+        return Diagnostic("no-tree", "the file has no tree", source, root.tag_span(), hint=hint)
+    message = f"the file has {count} trees and does not say which one to execute"
+    hint = f'write main_tree_to_execute="{ids[0] if ids else "..."}"'
+    return Diagnostic("no-main-tree", message, source, root.tag_span(), hint=hint)

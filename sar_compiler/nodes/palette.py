@@ -1,0 +1,137 @@
+"""Nodes as BehaviorTree.CPP and Groot2 read of them: the `TreeNodesModel`.
+
+What `nodes.models` reads is written here.
+"""
+
+from collections.abc import Iterable, Sequence
+from datetime import timedelta
+from enum import Enum
+
+from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter, Role
+from sar_compiler.nodes.values import ValueType, as_text
+from sar_compiler.tree.made import made
+from sar_compiler.tree.model import MODEL_TAG, Element
+
+BUILT_IN = frozenset(
+    [
+        "AlwaysFailure",
+        "AlwaysSuccess",
+        "AsyncFallback",
+        "AsyncSequence",
+        "Delay",
+        "Fallback",
+        "ForceFailure",
+        "ForceSuccess",
+        "IfThenElse",
+        "Inverter",
+        "KeepRunningUntilFailure",
+        "LoopBool",
+        "LoopDouble",
+        "LoopInt",
+        "LoopString",
+        "Parallel",
+        "ParallelAll",
+        "Precondition",
+        "ReactiveFallback",
+        "ReactiveSequence",
+        "Repeat",
+        "RetryUntilSuccessful",
+        "RunOnce",
+        "Script",
+        "ScriptCondition",
+        "Sequence",
+        "SequenceWithMemory",
+        "SetBlackboard",
+        "SkipUnlessUpdated",
+        "Sleep",
+        "SubTree",
+        "Switch2",
+        "Switch3",
+        "Switch4",
+        "Switch5",
+        "Switch6",
+        "Timeout",
+        "TryCatch",
+        "UnsetBlackboard",
+        "WaitValueUpdate",
+        "WasEntryUpdated",
+        "WhileDoElse",
+    ]
+)
+"""The nodes that BehaviorTree.CPP has itself, and Groot2 knows without being told."""
+
+# By the names of value types; whatever else is written as a text is one to BehaviorTree.CPP.
+_TYPES = {"boolean": "bool", "integer": "int", "number": "double"}
+_LIST = ".list"
+
+
+def describe(specs: Iterable[NodeSpec]) -> Element:
+    """Return the `TreeNodesModel` of nodes, without those that BehaviorTree.CPP has itself.
+
+    Args:
+        specs: What there is; all meanings of a tag.
+    """
+    by_tag: dict[str, list[NodeSpec]] = {}
+    for spec in specs:
+        by_tag.setdefault(spec.tag, []).append(spec)
+    return made(
+        MODEL_TAG,
+        children=[description(variants) for tag, variants in by_tag.items() if tag not in BUILT_IN],
+    )
+
+
+def description(specs: Sequence[NodeSpec]) -> Element:
+    """Return the model of one tag, with the ports of everything that it can mean."""
+    ports = {
+        parameter.name: _port(parameter, spec)
+        for spec in specs
+        for parameter in spec.attributes
+        if parameter.role is not Role.NAME and parameter.name not in spec.fixed
+    }
+    return made(specs[0].kind.value, {"ID": specs[0].tag, "editable": "true"}, ports.values())
+
+
+def described_by_use(kind: str, tag: str, ports: Iterable[str]) -> Element:
+    """Return the model of a node of which nothing is known but how a tree uses it."""
+    inputs = [made(Direction.INPUT.value, {"name": port}) for port in ports]
+    return made(kind, {"ID": tag, "editable": "true"}, inputs)
+
+
+def _port(parameter: Parameter, spec: NodeSpec) -> Element:
+    attributes = {"name": parameter.name}
+    type_name = _type_name(parameter.value_type)
+    if type_name:
+        attributes["type"] = type_name
+    if not parameter.required and parameter.default is not None and parameter.name not in spec.fixed:
+        attributes["default"] = _written(parameter.default)
+    return made((parameter.direction or Direction.INPUT).value, attributes, text=_doc(parameter))
+
+
+def _doc(parameter: Parameter) -> str:
+    if parameter.role is not Role.REFERENCE or parameter.target is None:
+        return parameter.doc
+    return f"{parameter.doc} The name of a {parameter.target.__name__} node.".lstrip()
+
+
+def _type_name(value_type: ValueType | None) -> str:
+    """Return BehaviorTree.CPP's name of a type; empty for a port that carries anything."""
+    if value_type is None:
+        return "std::string"  # the name of another node
+    if value_type.python is None:
+        return ""
+    item = value_type.name.removesuffix(_LIST)
+    name = _TYPES.get(item, "std::string")
+    return name if item == value_type.name else f"std::vector<{name}>"
+
+
+def _written(value: object) -> str:
+    """Return a value as a file has it."""
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, timedelta):
+        return f"{value.total_seconds():g}"
+    if isinstance(value, (list, tuple)):
+        return ";".join(_written(item) for item in value)
+    if isinstance(value, bool):
+        return as_text(value)
+    return str(value)

@@ -1,0 +1,205 @@
+"""What py_trees' own nodes need to stand in a tree file.
+
+They keep their names, their arguments, and what they make of odd values (a count of 0, a negative one), which the
+documentation of each attribute says. Only what py_trees would stumble over in the middle of a run is refused.
+What is different here: their keys are the tree's, and a child of theirs cannot be one that can be skipped.
+"""
+
+from collections.abc import Callable
+from typing import Any, Literal, TypeVar
+
+from py_trees import behaviours, decorators
+from py_trees.behaviour import Behaviour
+from py_trees.blackboard import Client
+from py_trees.common import Access
+from py_trees.version import __version__ as py_trees_version
+
+from sar_compiler.errors import SarError
+from sar_compiler.nodes.register import Registration
+from sar_compiler.nodes.spec import Kind
+from sar_compiler.runtime.blackboard import Entry, Scope
+from sar_compiler.runtime.ports import Input
+
+B = TypeVar("B", bound=Behaviour)
+
+Answer = Literal["SUCCESS", "FAILURE", "RUNNING"]
+"""What a tick can answer; py_trees' INVALID is none."""
+
+
+class TooOldError(SarError):
+    """The installed py_trees does not have a node yet."""
+
+
+class SkippedChildError(SarError):
+    """A child that can be skipped stands in a node of py_trees', which would misread that."""
+
+
+def refusing_skips(tag: str, instead: str = "") -> type[Any]:
+    """Return what takes the place of a py_trees class where a child can be skipped: something that refuses.
+
+    py_trees does not know SKIPPED. It would take the status of the child's last tick for that of this one.
+
+    Args:
+        tag: The tag.
+        instead: How BehaviorTree.CPP's node of the kind is written, which knows; empty if there is none.
+    """
+    advice = f"write {instead} instead" if instead else "let the child succeed or fail instead"
+    message = f"its child can be skipped, and <{tag}> is py_trees', which does not know that; {advice}"
+
+    class Refusal:
+        def __init__(self, **_arguments: object) -> None:
+            raise SkippedChildError(message)
+
+    return Refusal
+
+
+class ScopedClient(Client):
+    """A client of py_trees' blackboard that works on the entries of a tree.
+
+    It takes the place of a stock node's own client, which would write past the tree: into a folder of
+    py_trees' that every tree shares, and without the board counting the writes.
+
+    Args:
+        stock: The client to replace; it is signed off.
+        entries: The entry behind each name that the client has registered.
+    """
+
+    entries: dict[str, Entry]
+
+    def __init__(self, stock: Client, entries: dict[str, Entry]) -> None:
+        super().__init__(name=stock.name, namespace=stock.namespace)
+        # Plain assignments to a client are writes to the blackboard.
+        object.__setattr__(self, "entries", entries)
+        for access, names in ((Access.READ, stock.read), (Access.WRITE, stock.write)):
+            for name in sorted(names):
+                self.register_key(name, access, remap_to=entries[name].name)
+        stock.unregister(clear=False)
+
+    def set(self, name: str, value: Any, overwrite: bool = True) -> bool:
+        """Write an entry, or an attribute of the object in it; either counts as one write of the entry."""
+        written = bool(super().set(name, value, overwrite))
+        if written:
+            entry = self._entry(name)
+            entry.write(entry.read())
+        return written
+
+    def unset(self, key: str) -> bool:
+        """Remove an entry; return whether there was one."""
+        removed = bool(super().unset(key))
+        self._entry(key).remove()
+        return removed
+
+    def _entry(self, name: str) -> Entry:
+        key, _, _ = name.partition(".")
+        return self.entries[key if key.startswith("/") else f"{self.namespace}/{key}"]
+
+
+class Keys:
+    """The keys that one stock node works with.
+
+    Args:
+        scope: Where they are looked up.
+    """
+
+    def __init__(self, scope: Scope) -> None:
+        self._scope = scope
+        self._entries: dict[str, Entry] = {}
+
+    def variable(self, attribute: str, port: Input[object]) -> str:
+        """Return py_trees' name for a key, or for an attribute of the object in it (`battery.percentage`).
+
+        Args:
+            attribute: The attribute that says the key, for messages.
+            port: The key: `key` or `{key}`.
+
+        Raises:
+            ValueError: If it is no key.
+        """
+        key, dot, inner = _text(attribute, port).partition(".")
+        return f"{self._name(attribute, key)}{dot}{inner}"
+
+    def key(self, attribute: str, port: Input[object]) -> str:
+        """Return py_trees' name for a key, where it does not look into objects; see `variable`."""
+        text = _text(attribute, port)
+        if "." in text:
+            message = f"{attribute}: '{text}' has a dot in it, and this node does not look into objects"
+            raise ValueError(message)
+        return self._name(attribute, text)
+
+    def numbered(self, attribute: str, port: Input[object], count: int) -> str:
+        """Return py_trees' name for a folder with the keys `1`, `2` and so on in it; see `variable`."""
+        folder = _text(attribute, port)
+        for number in range(1, count + 1):
+            key = f"{folder}/{number}"
+            self._entries[f"/{key}"] = self._scope.resolve(key)
+        return f"/{folder}"
+
+    def given_to(self, behaviour: B) -> B:
+        """Let a stock node that was made with these names work on the tree's keys."""
+        for attribute, client in list(vars(behaviour).items()):
+            if isinstance(client, Client):
+                scoped = ScopedClient(client, self._entries)
+                setattr(behaviour, attribute, scoped)
+                behaviour.blackboards = [
+                    scoped if attached is client else attached for attached in behaviour.blackboards
+                ]
+        return behaviour
+
+    def _name(self, attribute: str, key: str) -> str:
+        if not key:
+            message = f"{attribute}: a key does not begin with a dot; write key.attribute"
+            raise ValueError(message)
+        entry = self._scope.resolve(key)
+        # To py_trees a dot is an attribute of the object, also if it stands in the name of a tree.
+        name = entry.name.replace(".", "_")
+        self._entries[name] = entry
+        return name
+
+
+def made_by(
+    tag: str,
+    factory: Callable[..., Behaviour],
+    *outcomes: str,
+    kind: Kind = Kind.ACTION,
+    effects: str = "",
+) -> Registration:
+    """Return a node of py_trees' whose arguments cannot be written as they are: a function makes it.
+
+    One that the installed py_trees lacks is registered all the same: whether a file is correct does not depend
+    on the machine. The function refuses to make it.
+    """
+    is_decorator = kind is Kind.DECORATOR
+    module, base = (decorators, decorators.Decorator) if is_decorator else (behaviours, Behaviour)
+    return Registration(
+        tag,
+        getattr(module, tag, base),
+        kind,
+        frozenset(outcomes),
+        factory=factory,
+        effects=effects,
+        skip_cls=refusing_skips(tag) if is_decorator else None,
+    )
+
+
+def since_2_4(module: object, name: str) -> Callable[..., Any]:
+    """Return a class that py_trees has had since its version 2.4.
+
+    Raises:
+        TooOldError: If the installed one is older.
+    """
+    if not hasattr(module, name):
+        message = f"py_trees {py_trees_version} does not have {name}; it takes 2.4 or later"
+        raise TooOldError(message)
+    made: Callable[..., Any] = getattr(module, name)
+    return made
+
+
+def _text(attribute: str, port: Input[object]) -> str:
+    """Return the key that an attribute says, with braces or without."""
+    text = port.get() if port.entry is None else port.entry.key
+    if not isinstance(text, str) or not text or text.startswith("/") or text != "".join(text.split()):
+        message = (
+            f"{attribute}: '{text}' is no key; write its name, without a slash before it and without spaces"
+        )
+        raise ValueError(message)
+    return text

@@ -1,0 +1,74 @@
+"""Which nodes of a bound tree can be skipped."""
+
+from collections.abc import Iterable
+
+from sar_compiler.nodes.bound import BoundNode, BoundTree
+from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.spec import NodeSpec, Skips
+from sar_compiler.runtime.parents import Parent
+
+_CONDITIONS = ("_skipIf", "_while")
+
+
+class Skipping:
+    """Answers for the nodes of one tree and its subtrees, each looked at once.
+
+    Args:
+        nodes: All of them.
+    """
+
+    def __init__(self, nodes: Iterable[BoundNode]) -> None:
+        self._known: dict[BoundNode, bool] = {}
+        # In most trees nothing can be skipped, and nothing has to be looked at.
+        self._possible = any(_by_itself(bound) for bound in nodes)
+
+    def among_children(self, bound: BoundNode) -> bool:
+        """Say whether a child of a node can be skipped."""
+        if not self._possible:
+            return False
+        if bound.subtree is not None:
+            root = bound.subtree.root
+            return root is not None and self.of(root)
+        return any(self.of(child) for child in bound.children)
+
+    def of(self, bound: BoundNode) -> bool:
+        """Say whether a node can be skipped."""
+        if bound not in self._known:
+            self._known[bound] = _by_itself(bound) or (
+                bound.spec.skips is Skips.FROM_CHILD and self.among_children(bound)
+            )
+        return self._known[bound]
+
+
+def _by_itself(bound: BoundNode) -> bool:
+    """Say whether a node can be skipped whatever its children do."""
+    if bound.spec.skips_by_itself:
+        return True
+    return bool(bound.conditions) and any(condition in bound.conditions for condition in _CONDITIONS)
+
+
+def report_misread(trees: Iterable[BoundTree], collector: Collector) -> None:
+    """Report children that can be skipped where the node around them would take that for an interruption."""
+    nodes = [bound for tree in trees for bound in tree.nodes]
+    skipping = Skipping(nodes)
+    for bound in nodes:
+        if bound.oneshot is not None and skipping.of(bound):
+            message = f"oneshot: '{bound.name}' can be skipped, which OneShot takes for an interruption"
+            hint = "put it in a <RunOnce> instead"
+            collector.name(bound.element, "oneshot", "skip-misread", message, hint=hint)
+        if _misreads(bound.spec):
+            _report_children(bound, skipping, collector)
+
+
+def _misreads(spec: NodeSpec) -> bool:
+    """Say whether a node knows nothing of skipped children, and no class of the project's can take its place."""
+    known = spec.cls is None or spec.skip_cls is not None or issubclass(spec.cls, Parent)
+    return not spec.kind.is_leaf and not known
+
+
+def _report_children(bound: BoundNode, skipping: Skipping, collector: Collector) -> None:
+    for child in bound.children:
+        if skipping.of(child):
+            message = f"'{child.name}' can be skipped, which <{bound.element.tag}> takes for an interruption"
+            hint = "take BehaviorTree.CPP's node of the kind, or let the child succeed or fail instead"
+            collector.tag(child.element, "skip-misread", message, hint=hint)

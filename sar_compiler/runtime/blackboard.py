@@ -1,0 +1,195 @@
+"""The keys of a compiled tree, on py_trees' blackboard.
+
+py_trees has one store for the whole process. Each compiled tree has a prefix of its own in it, and each
+instance of a subtree a path below that, so which entry a key means is settled when the tree is compiled:
+`Scope.resolve` follows the subtree's remapping up to the scope that owns the entry.
+"""
+
+import functools
+import itertools
+import weakref
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from py_trees.blackboard import Blackboard
+
+from sar_compiler.errors import SarError
+from sar_compiler.runtime.context import mission_context
+
+ROOT_SIGN = "@"
+"""What a key of the root scope begins with, wherever it is written."""
+_PRIVATE = "_"
+STROKE = "%2F"
+"""What stands for a `/` of a key or of a subtree's name in the absolute name of an entry."""
+
+_instances = itertools.count()
+
+
+class MissingEntryError(SarError, KeyError):
+    """A key is read to which nothing has been written.
+
+    Attributes:
+        key: The key, as it was written.
+    """
+
+    def __init__(self, key: str) -> None:
+        self.key = key
+        super().__init__(f"nothing has been written to '{key}' yet")
+
+    def __str__(self) -> str:
+        # A KeyError would show its text in quotes.
+        return str(self.args[0])
+
+
+class Board:
+    """All entries of one compiled tree.
+
+    Args:
+        name: What its keys on py_trees' blackboard begin with; made unique in this process.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        # How often each entry was written; an entry is there if it has a number here.
+        self._stamps: dict[str, int] = {}
+        weakref.finalize(self, _forget, self._stamps)
+
+    @functools.cached_property
+    def prefix(self) -> str:
+        """What the absolute names of its entries begin with."""
+        number = next(_instances)
+        return f"/{self._name}~{number}" if number else f"/{self._name}"
+
+    def has(self, name: str) -> bool:
+        """Say whether there is an entry with an absolute name."""
+        return name in Blackboard.storage
+
+    def get(self, name: str) -> object:
+        """Return an entry's value; a `KeyError` if there is none."""
+        return Blackboard.storage[name]
+
+    def set(self, name: str, value: object) -> None:
+        """Write an entry, which is made if there is none."""
+        Blackboard.storage[name] = value
+        self._stamps[name] = self._stamps.get(name, 0) + 1
+
+    def remove(self, name: str) -> None:
+        """Remove an entry, if there is one."""
+        Blackboard.storage.pop(name, None)
+        self._stamps.pop(name, None)
+
+    def stamp(self, name: str) -> int:
+        """Return how often an entry was written; 0 if there is none."""
+        return self._stamps.get(name, 0)
+
+    def names(self) -> Iterator[str]:
+        """Yield the absolute names of all entries."""
+        yield from list(self._stamps)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One entry, which may not have been written yet.
+
+    Attributes:
+        board: Where it is.
+        name: Its absolute name.
+        key: The key as it was written in the tree file.
+    """
+
+    board: Board
+    name: str
+    key: str
+
+    @property
+    def exists(self) -> bool:
+        """Whether it has been written."""
+        return self.board.has(self.name)
+
+    @property
+    def stamp(self) -> int:
+        """How often it has been written."""
+        return self.board.stamp(self.name)
+
+    def read(self) -> object:
+        """Return its value.
+
+        Raises:
+            MissingEntryError: If it has not been written.
+        """
+        try:
+            return self.board.get(self.name)
+        except KeyError:
+            raise MissingEntryError(self.key) from None
+
+    def write(self, value: object) -> None:
+        """Write it."""
+        self.board.set(self.name, value)
+
+    def remove(self) -> None:
+        """Remove it."""
+        self.board.remove(self.name)
+
+
+@mission_context(lambda: Scope(Board("preview")))
+class Scope:
+    """The keys of one tree instance: the main tree's or a subtree's.
+
+    Args:
+        board: Where the entries are.
+        path: The instance's path; empty for the main tree.
+        parent: The scope of the tree around it.
+        remapping: Which key of the parent each of these keys stands for.
+        autoremap: Whether every other key stands for the parent's of the same name.
+        own: Keys that are this scope's own, whatever else is said (they were given as constants).
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        path: str = "",
+        parent: "Scope | None" = None,
+        remapping: Mapping[str, str] | None = None,
+        *,
+        autoremap: bool = False,
+        own: frozenset[str] = frozenset(),
+    ) -> None:
+        self.board = board
+        self.path = path
+        self._parent = parent
+        self._remapping = remapping or {}
+        self._autoremap = autoremap
+        self._own = own
+
+    @property
+    def root(self) -> "Scope":
+        """The main tree's scope."""
+        return self if self._parent is None else self._parent.root
+
+    def resolve(self, key: str) -> Entry:
+        """Return the entry that a key means here."""
+        scope, name = self.owner(key)
+        folder = f"{scope.board.prefix}/{scope.path}" if scope.path else scope.board.prefix
+        # A stroke in a key must not lead into the folder of a subtree.
+        return Entry(self.board, f"{folder}/{name.replace('/', STROKE)}", key)
+
+    def owner(self, key: str) -> "tuple[Scope, str]":
+        """Return the scope that owns what a key means here, and the key there."""
+        if key.startswith(ROOT_SIGN):
+            return self.root, key.removeprefix(ROOT_SIGN)
+        scope = self
+        while scope._parent is not None and key not in scope._own:
+            if key in scope._remapping:
+                key = scope._remapping[key]
+                if key.startswith(ROOT_SIGN):
+                    return self.root, key.removeprefix(ROOT_SIGN)
+            elif not scope._autoremap or key.startswith(_PRIVATE):
+                break
+            scope = scope._parent
+        return scope, key
+
+
+def _forget(stamps: dict[str, int]) -> None:
+    """Take the entries of a board that nobody has any more off py_trees' blackboard."""
+    for name in stamps:
+        Blackboard.storage.pop(name, None)

@@ -1,0 +1,127 @@
+"""The conditions of a node: scripts that decide whether it is ticked, and scripts that run when it ends."""
+
+from dataclasses import dataclass
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from sar_compiler.runtime.blackboard import Scope
+from sar_compiler.runtime.enums import Enums
+from sar_compiler.runtime.expressions import Script
+from sar_compiler.runtime.parents import Ticking, Wrapper, ended, outcome_of
+from sar_compiler.runtime.ports import Input
+from sar_compiler.runtime.scripting import NodeScript
+from sar_compiler.runtime.skipping import SKIPPED, reset
+
+
+@dataclass(frozen=True)
+class ConditionScripts:
+    """The scripts of a node's conditions; None for one that it does not have.
+
+    Attributes:
+        failure_if: Fail without being ticked if it is true when the node is to start.
+        success_if: Succeed without being ticked, likewise.
+        skip_if: Be skipped, likewise.
+        while_: Be skipped if it is false, and be halted if it becomes false while the node runs.
+        on_success: Is run when the node has succeeded.
+        on_failure: Is run when the node has failed.
+        on_halted: Is run when the node was halted while it ran.
+        post: Is run after any of these three.
+    """
+
+    failure_if: Script | None = None
+    success_if: Script | None = None
+    skip_if: Script | None = None
+    while_: Script | None = None
+    on_success: Script | None = None
+    on_failure: Script | None = None
+    on_halted: Script | None = None
+    post: Script | None = None
+
+
+class Conditions(Wrapper):
+    """A node's pre- and post-conditions. They belong to the node: it and they have one status between them.
+
+    Stock py_trees has guards that can only fail, and nothing that runs when a node ends.
+
+    Args:
+        name: The node's name.
+        child: The node.
+        scripts: The conditions.
+        scope: Where the scripts' variables are.
+        enums: The names that stand for numbers.
+    """
+
+    def __init__(
+        self, name: str, child: Behaviour, scripts: ConditionScripts, scope: Scope, enums: Enums
+    ) -> None:
+        # First, because a behaviour's constructor sets its status, which is the child's here.
+        self.decorated = child
+        super().__init__(name, child)
+
+        def ready(attribute: str, script: Script | None) -> NodeScript | None:
+            return NodeScript(Input(script), child.name, attribute, scope, enums) if script else None
+
+        before = (
+            (ready("_failureIf", scripts.failure_if), "_failureIf", Status.FAILURE),
+            (ready("_successIf", scripts.success_if), "_successIf", Status.SUCCESS),
+            (ready("_skipIf", scripts.skip_if), "_skipIf", SKIPPED),
+        )
+        self._before = [(script, attribute, outcome) for script, attribute, outcome in before if script]
+        self._while = ready("_while", scripts.while_)
+        self._after = {
+            Status.SUCCESS: ready("_onSuccess", scripts.on_success),
+            Status.FAILURE: ready("_onFailure", scripts.on_failure),
+        }
+        self._post = ready("_post", scripts.post)
+        self._on_halted = ready("_onHalted", scripts.on_halted)
+
+    @property
+    def status(self) -> Status:
+        """The node's status."""
+        return self.decorated.status
+
+    @status.setter
+    def status(self, status: Status) -> None:
+        self.decorated.status = status
+
+    def _work(self) -> Ticking:
+        outcome = self._decided()
+        if outcome is None:
+            yield from self.decorated.tick()
+            outcome = outcome_of(self.decorated)
+        if ended(outcome):
+            _run(self._after[outcome], self._post)
+        return outcome
+
+    def _decided(self) -> Status | None:
+        """Return what the pre-conditions make of this tick; None if the node is to be ticked."""
+        if self.status == Status.RUNNING:
+            if self._while is None or self._while.holds():
+                return None
+            self.stop(Status.INVALID)
+            self.feedback_message = "halted by _while"
+            return SKIPPED
+        self.feedback_message = ""
+        if not self._starts():
+            return None
+        for script, attribute, outcome in self._before:
+            if script.holds():
+                self.feedback_message = f"decided by {attribute}"
+                return outcome
+        if self._while is not None and not self._while.holds():
+            self.feedback_message = "decided by _while"
+            return SKIPPED
+        return None
+
+    def _halt(self) -> None:
+        was_running = self.status == Status.RUNNING
+        reset(self.decorated)
+        if was_running:
+            _run(self._on_halted, self._post)
+
+
+def _run(*scripts: NodeScript | None) -> None:
+    for script in scripts:
+        if script is not None:
+            script.run()

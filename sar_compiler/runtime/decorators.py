@@ -1,0 +1,117 @@
+"""Decorators that turn one end of their child into another."""
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from sar_compiler.runtime.parents import Ticking, Wrapper, ended
+from sar_compiler.runtime.ports import Input
+from sar_compiler.runtime.skipping import SKIPPED
+
+
+class Inverter(Wrapper):
+    """Turns success into failure and failure into success; a child that is skipped makes it skipped.
+
+    Stock py_trees passes a skipped tick on as if the child had been interrupted.
+
+    Args:
+        name: The node's name.
+        child: The child.
+    """
+
+    def _work(self) -> Ticking:
+        self.status = Status.RUNNING
+        outcome = yield from self._tick_child()
+        if not ended(outcome):
+            return outcome
+        return Status.FAILURE if outcome == Status.SUCCESS else Status.SUCCESS
+
+
+class ForceSuccess(Wrapper):
+    """Succeeds when its child ends, however it does; a child that is skipped makes it skipped.
+
+    Stock py_trees passes a skipped tick on as if the child had been interrupted.
+
+    Args:
+        name: The node's name.
+        child: The child.
+    """
+
+    _forced = Status.SUCCESS
+
+    def _work(self) -> Ticking:
+        self.status = Status.RUNNING
+        outcome = yield from self._tick_child()
+        return self._forced if ended(outcome) else outcome
+
+
+class ForceFailure(ForceSuccess):
+    """Fails when its child ends, however it does; a child that is skipped makes it skipped.
+
+    Stock py_trees passes a skipped tick on as if the child had been interrupted.
+
+    Args:
+        name: The node's name.
+        child: The child.
+    """
+
+    _forced = Status.FAILURE
+
+
+class KeepRunningUntilFailure(Wrapper):
+    """Answers RUNNING until its child fails, also when the child succeeds or is skipped.
+
+    Stock py_trees' SuccessIsRunning is stopped by a child that is skipped.
+
+    Args:
+        name: The node's name.
+        child: The child.
+    """
+
+    def _work(self) -> Ticking:
+        self.status = Status.RUNNING
+        outcome = yield from self._tick_child()
+        return Status.FAILURE if outcome == Status.FAILURE else Status.RUNNING
+
+
+class RunOnce(Wrapper):
+    """Lets its child end once; from then on it is skipped, or answers what the child did.
+
+    Stock py_trees' OneShot can only do the second. A child that was halted has not ended, and may run again.
+
+    Args:
+        name: The node's name.
+        child: The child.
+        then_skip: Whether to be skipped afterwards (true), or to answer the same again (false).
+    """
+
+    def __init__(self, name: str, child: Behaviour, then_skip: Input[bool] | None = None) -> None:
+        super().__init__(name, child)
+        self._then_skip = then_skip or Input(source=True)
+        self._answer: Status | None = None
+
+    def _work(self) -> Ticking:
+        then_skip = self._then_skip.get()
+        if self._answer is not None:
+            self.feedback_message = "has run"
+            return SKIPPED if then_skip else self._answer
+        self.status = Status.RUNNING
+        outcome = yield from self._tick_child()
+        if ended(outcome):
+            self._answer = outcome
+        return outcome
+
+
+class SubTree(Wrapper):
+    """The root of a subtree: passes on what its child answers.
+
+    Stock py_trees' PassThrough does it for children that are never skipped.
+
+    Args:
+        name: The node's name.
+        child: The root of what the subtree consists of.
+    """
+
+    def _work(self) -> Ticking:
+        if self.status == Status.INVALID:
+            self.status = Status.RUNNING
+        return self._tick_child()

@@ -1,0 +1,175 @@
+"""Nodes that work with one entry of the blackboard."""
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from sar_compiler.errors import SarError
+from sar_compiler.runtime.blackboard import ROOT_SIGN, Entry, Scope
+from sar_compiler.runtime.entry_types import kept
+from sar_compiler.runtime.enums import Enums
+from sar_compiler.runtime.parents import Ticking, Wrapper
+from sar_compiler.runtime.ports import Input
+from sar_compiler.runtime.skipping import SKIPPED
+from sar_compiler.runtime.variables import RefusedValueError
+
+
+class EntryTypeError(SarError):
+    """An entry is given a value that it cannot take."""
+
+
+class SetBlackboard(Behaviour):
+    """Writes an entry: another entry's value, with its type, or a text.
+
+    py_trees' SetBlackboardVariable knows neither scopes nor ports.
+
+    Args:
+        name: The node's name.
+        value: What to write.
+        output_key: The entry's key, without braces.
+        scope: Where the key is looked up.
+        enums: The names that stand for numbers.
+    """
+
+    def __init__(
+        self, name: str, value: Input[object], output_key: Input[str], scope: Scope, enums: Enums
+    ) -> None:
+        super().__init__(name)
+        self._value = value
+        self._output_key = output_key
+        self._scope = scope
+        self._enums = enums
+
+    def update(self) -> Status:
+        """Write the entry; an entry that exists keeps its type."""
+        entry = self._scope.resolve(self._output_key.get())
+        value = self._value.get()
+        if entry.exists:
+            try:
+                value = kept(entry.read(), value, self._enums.numbers)
+            except RefusedValueError as error:
+                message = f"'{self.name}': {entry.key}: {error}"
+                raise EntryTypeError(message) from error
+        entry.write(value)
+        return Status.SUCCESS
+
+
+class UnsetBlackboard(Behaviour):
+    """Removes an entry of its own tree instance; one that belongs to another instance stays.
+
+    py_trees' UnsetBlackboardVariable knows no scopes.
+
+    Args:
+        name: The node's name.
+        key: The entry's key, without braces.
+        scope: Where the key is looked up.
+    """
+
+    def __init__(self, name: str, key: Input[str], scope: Scope) -> None:
+        super().__init__(name)
+        self._key = key
+        self._scope = scope
+
+    def update(self) -> Status:
+        """Remove the entry, if there is one."""
+        key, scope = self._key.get(), self._scope
+        # The same instance without its remapping; keys of the root belong to nobody in particular.
+        own = scope if key.startswith(ROOT_SIGN) else Scope(scope.board, scope.path)
+        own.resolve(key).remove()
+        return Status.SUCCESS
+
+
+class Updates:
+    """Notices whether an entry was written since it was last asked.
+
+    Args:
+        entry: The entry.
+    """
+
+    def __init__(self, entry: Entry) -> None:
+        self._entry = entry
+        self._seen = 0
+
+    def come(self) -> bool:
+        """Say whether the entry was written since the last call, or, at first, ever."""
+        if not self._entry.exists:
+            return False
+        seen, self._seen = self._seen, self._entry.stamp
+        return seen != self._seen
+
+
+class WasEntryUpdated(Behaviour):
+    """Succeeds if an entry was written since this node last looked, else fails.
+
+    py_trees has nothing like it: its blackboard does not count writes.
+
+    Args:
+        name: The node's name.
+        entry: The entry.
+        scope: Where the entry is looked up, if it is given by its key, without braces.
+    """
+
+    def __init__(self, name: str, entry: Input[object], scope: Scope) -> None:
+        super().__init__(name)
+        self._updates = Updates(_entry(entry, scope))
+
+    def update(self) -> Status:
+        """Look at the entry."""
+        return Status.SUCCESS if self._updates.come() else Status.FAILURE
+
+
+class _IfUpdated(Wrapper):
+    """Ticks its child if an entry was written since this node last looked; while the child runs, it does not look."""
+
+    _otherwise: Status
+
+    def __init__(self, name: str, child: Behaviour, entry: Input[object], scope: Scope) -> None:
+        super().__init__(name, child)
+        self._updates = Updates(_entry(entry, scope))
+        self._child_runs = False
+
+    def _work(self) -> Ticking:
+        if not self._child_runs and not self._updates.come():
+            self.feedback_message = "no update"
+            return self._otherwise
+        self.feedback_message = ""
+        outcome = yield from self._tick_child()
+        self._child_runs = outcome == Status.RUNNING
+        return outcome
+
+    def _halt(self) -> None:
+        self._child_runs = False
+        super()._halt()
+
+
+class SkipUnlessUpdated(_IfUpdated):
+    """Ticks its child if an entry was written since this node last looked, and is skipped if not.
+
+    py_trees has nothing like it: its blackboard does not count writes.
+
+    Args:
+        name: The node's name.
+        child: The child.
+        entry: The entry.
+        scope: Where the entry is looked up, if it is given by its key, without braces.
+    """
+
+    _otherwise = SKIPPED
+
+
+class WaitValueUpdate(_IfUpdated):
+    """Ticks its child once an entry was written since this node last looked, and waits until then.
+
+    py_trees has nothing like it: its blackboard does not count writes.
+
+    Args:
+        name: The node's name.
+        child: The child.
+        entry: The entry.
+        scope: Where the entry is looked up, if it is given by its key, without braces.
+    """
+
+    _otherwise = Status.RUNNING
+
+
+def _entry(port: Input[object], scope: Scope) -> Entry:
+    return port.entry or scope.resolve(str(port.get()))

@@ -1,0 +1,272 @@
+"""Run scripts: each is made into functions once, which every tick then calls."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from sar_compiler.errors import SarError
+from sar_compiler.runtime import operators
+from sar_compiler.runtime.expressions import (
+    Assignment,
+    Comparison,
+    Conditional,
+    Expression,
+    Literal,
+    Name,
+    Operation,
+    Prefix,
+    Script,
+    Step,
+)
+from sar_compiler.runtime.tokens import excerpt
+from sar_compiler.runtime.variables import (
+    RefusedValueError,
+    UnknownVariableError,
+    Value,
+    VariableError,
+    Variables,
+)
+
+Run = Callable[[Variables], Value]
+
+_NO_ENUMS: Mapping[str, int] = {}
+
+
+class EvaluationError(SarError):
+    """A script cannot be run with the values that its variables have.
+
+    Attributes:
+        message: What is wrong.
+        start: Where the expression begins that cannot be calculated, in characters of the script's text.
+        end: Where it ends.
+        hint: What to do, where that can be said.
+    """
+
+    def __init__(self, message: str, start: int, end: int, hint: str | None = None) -> None:
+        super().__init__(message)
+        self.message = message
+        self.start = start
+        self.end = end
+        self.hint = hint
+
+
+class Program:
+    """A script that is ready to run, as often as wanted.
+
+    Args:
+        script: The script.
+        enums: The numbers that names stand for; such a name is never a variable where it is read.
+    """
+
+    def __init__(self, script: Script, enums: Mapping[str, int] = _NO_ENUMS) -> None:
+        self.script = script
+        maker = _Maker(script.text, enums)
+        self._statements = tuple(maker.make(statement) for statement in script.statements)
+
+    def run(self, variables: Variables) -> Value:
+        """Run the script.
+
+        Args:
+            variables: What it reads and writes.
+
+        Returns:
+            The value of its last expression; 0.0 if it has none.
+
+        Raises:
+            EvaluationError: If a variable is missing or a value does not fit. What was assigned before stays.
+        """
+        value: Value = 0.0
+        for statement in self._statements:
+            value = statement(variables)
+        return value
+
+    def holds(self, variables: Variables) -> bool:
+        """Run the script as a condition.
+
+        Args:
+            variables: What it reads and writes.
+
+        Raises:
+            EvaluationError: As `run`, and if its value is neither 0 nor 1.
+        """
+        value = self.run(variables)
+        try:
+            return operators.as_condition(value)
+        except RefusedValueError as error:
+            assigned = self.script.closing_assignment
+            hint = "'=' gives a variable a value; write '==' to compare" if assigned else None
+            start, end = self._last_place()
+            message = f"'{excerpt(self.script.text[start:end])}' is no condition: {error}"
+            raise EvaluationError(message, start, end, hint) from error
+
+    def _last_place(self) -> tuple[int, int]:
+        statements = self.script.statements
+        return (statements[-1].start, statements[-1].end) if statements else (0, 0)
+
+
+def evaluate(script: Script, variables: Variables, enums: Mapping[str, int] = _NO_ENUMS) -> Value:
+    """Run a script once; a `Program` for those that run again."""
+    return Program(script, enums).run(variables)
+
+
+class _Maker:
+    """Makes functions of one script's expressions."""
+
+    def __init__(self, text: str, enums: Mapping[str, int]) -> None:
+        self._text = text
+        self._enums = dict(enums)
+        self._makers: Mapping[type[Expression], Callable[[Any], Run]] = {
+            Literal: self._literal,
+            Name: self._name,
+            Prefix: self._prefix,
+            Operation: self._operation,
+            Comparison: self._comparison,
+            Conditional: self._conditional,
+            Assignment: self._assignment,
+        }
+
+    def make(self, expression: Expression) -> Run:
+        """Return the function that calculates an expression."""
+        return self._makers[type(expression)](expression)
+
+    def _literal(self, node: Literal) -> Run:
+        value = node.value
+        return lambda _: value
+
+    def _name(self, node: Name) -> Run:
+        name = node.name
+        if name in self._enums:
+            number = float(self._enums[name])
+            return lambda _: number
+
+        def run(variables: Variables) -> Value:
+            try:
+                return variables.read(name)
+            except VariableError as error:
+                hint = _makes(name) if isinstance(error, UnknownVariableError) else None
+                raise EvaluationError(str(error), node.start, node.end, hint) from error
+
+        return run
+
+    def _prefix(self, node: Prefix) -> Run:
+        operand = self.make(node.operand)
+        calculate = operators.PREFIX[node.operator]
+
+        def run(variables: Variables) -> Value:
+            value = operand(variables)
+            try:
+                return calculate(value)
+            except RefusedValueError as error:
+                raise _failure(self._text, node, error) from error
+
+        return run
+
+    def _operation(self, node: Operation) -> Run:
+        first = self.make(node.first)
+        steps = [(operators.BINARY[step.operator], self.make(step.operand), step) for step in node.steps]
+
+        def run(variables: Variables) -> Value:
+            value = first(variables)
+            for calculate, operand, step in steps:
+                right = operand(variables)
+                try:
+                    value = calculate(value, right)
+                except RefusedValueError as error:
+                    raise self._step_failure(node, step, error, value, right) from error
+            return value
+
+        return run
+
+    def _comparison(self, node: Comparison) -> Run:
+        first = self.make(node.first)
+        steps = [(step.operator, self.make(step.operand), step) for step in node.steps]
+        compare, enums = operators.compare, self._enums
+
+        def run(variables: Variables) -> Value:
+            left = first(variables)
+            for operator, operand, step in steps:
+                right = operand(variables)
+                try:
+                    if not compare(operator, left, right, enums):
+                        return 0.0
+                except RefusedValueError as error:
+                    raise self._step_failure(node, step, error, left, right) from error
+                left = right
+            return 1.0
+
+        return run
+
+    def _conditional(self, node: Conditional) -> Run:
+        condition, then, otherwise = map(self.make, (node.condition, node.then, node.otherwise))
+
+        def run(variables: Variables) -> Value:
+            value = condition(variables)
+            try:
+                chosen = operators.chosen(value)
+            except RefusedValueError as error:
+                raise _failure(self._text, node.condition, error) from error
+            return then(variables) if chosen else otherwise(variables)
+
+        return run
+
+    def _assignment(self, node: Assignment) -> Run:
+        if node.operator not in {":=", "="}:
+            return self._change(node)
+        name, value = node.target.name, self.make(node.value)
+        creates = node.operator == ":="
+
+        def run(variables: Variables) -> Value:
+            result = value(variables)
+            try:
+                return variables.create(name, result) if creates else variables.assign(name, result)
+            except VariableError as error:
+                raise _assignment_failure(node, error) from error
+
+        return run
+
+    def _change(self, node: Assignment) -> Run:
+        name, value = node.target.name, self.make(node.value)
+        calculate = operators.BINARY[node.operator.removesuffix("=")]
+
+        def changed(left: Value, right: Value) -> Value:
+            try:
+                return calculate(left, right)
+            except RefusedValueError as error:
+                raise _failure(self._text, node, error) from error
+
+        def run(variables: Variables) -> Value:
+            right = value(variables)
+            try:
+                # Not through an enumeration: what is assigned to is a variable.
+                return variables.assign(name, changed(variables.read(name), right))
+            except VariableError as error:
+                raise _assignment_failure(node, error) from error
+
+        return run
+
+    def _step_failure(
+        self, node: Operation | Comparison, step: Step, error: VariableError, left: Value, right: Value
+    ) -> EvaluationError:
+        """Point at a chain, up to the operand with which it failed."""
+        following = next((later.start for later in node.steps if later.start > step.start), None)
+        end = node.end if following is None else len(self._text[:following].rstrip())
+        one_text = isinstance(left, str) != isinstance(right, str)
+        hint = "'..' joins a text and a number" if step.operator == "+" and one_text else None
+        message = f"'{excerpt(self._text[node.start : end])}' cannot be calculated: {error}"
+        return EvaluationError(message, node.start, end, hint)
+
+
+def _assignment_failure(node: Assignment, error: VariableError) -> EvaluationError:
+    target = node.target
+    if isinstance(error, UnknownVariableError):
+        return EvaluationError(str(error), target.start, target.end, _makes(target.name))
+    message = f"'{target.name}' cannot be given this value: {error}"
+    return EvaluationError(message, node.start, node.end, "a variable keeps the type of its first value")
+
+
+def _failure(text: str, node: Expression, error: VariableError) -> EvaluationError:
+    message = f"'{excerpt(text[node.start : node.end])}' cannot be calculated: {error}"
+    return EvaluationError(message, node.start, node.end)
+
+
+def _makes(name: str) -> str:
+    return f"'{name} := ...' makes one"

@@ -1,0 +1,188 @@
+"""What a script says: expressions with their places, and what can be known of them without running."""
+
+import enum
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Union
+
+
+@dataclass(frozen=True, slots=True)
+class Literal:
+    """A number or a text; `true` and `false` are 1.0 and 0.0."""
+
+    value: int | float | str
+    start: int = field(compare=False)
+    end: int = field(compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """A variable, or a name of an enumeration."""
+
+    name: str
+    start: int = field(compare=False)
+    end: int = field(compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Prefix:
+    """An operand with `-`, `~` or `!` before it."""
+
+    operator: str
+    operand: "Expression"
+    start: int = field(compare=False)
+    end: int = field(compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """An operator with the operand on its right; the place is the operator's."""
+
+    operator: str
+    operand: "Expression"
+    start: int = field(compare=False)
+    end: int = field(compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Operation:
+    """Operators of one rank, applied from left to right: `a + b - c`."""
+
+    first: "Expression"
+    steps: tuple[Step, ...]
+    start: int = field(compare=False)
+    end: int = field(compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Neighbours compared: `a < b <= c` is true if `a < b` and `b <= c` are."""
+
+    first: "Expression"
+    steps: tuple[Step, ...]
+    start: int = field(compare=False)
+    end: int = field(compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Conditional:
+    """One of two values: `condition ? then : otherwise`."""
+
+    condition: "Expression"
+    then: "Expression"
+    otherwise: "Expression"
+    start: int = field(compare=False)
+    end: int = field(compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """A variable is given a value, by one of `:= = += -= *= /=`."""
+
+    operator: str
+    target: Name
+    value: "Expression"
+    start: int = field(compare=False)
+    end: int = field(compare=False)
+
+
+Expression = Union[  # noqa: UP007 - the union names classes by text
+    Literal, Name, Prefix, Operation, Comparison, Conditional, Assignment
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Script:
+    """A script that could be read.
+
+    All places in it count characters of its text, from 0; an end is the first character that is no part.
+
+    Attributes:
+        text: How it was written.
+        statements: Its expressions, in order; the last one's value is the script's.
+    """
+
+    text: str = field(compare=False)
+    statements: tuple[Expression, ...]
+
+    @property
+    def closing_assignment(self) -> Assignment | None:
+        """The assignment whose value is the script's: `level = 2` where `level == 2` may be meant."""
+        last = self.statements[-1] if self.statements else None
+        return last if isinstance(last, Assignment) else None
+
+
+class Access(enum.Enum):
+    """What a script does with a name."""
+
+    READ = "read"
+    CREATE = "create"
+    """`:=`: the variable need not exist."""
+    CHANGE = "change"
+    """`=` and `+=` and the like: the variable must exist."""
+
+
+@dataclass(frozen=True, slots=True)
+class NameUse:
+    """A name in a script.
+
+    Attributes:
+        name: The name.
+        access: What is done with it.
+        start: Where it stands.
+        end: Where it ends.
+        certain: Whether every run of the script comes here; if not, it is a branch of `?:`, or behind the
+            second operand of a chain of comparisons.
+    """
+
+    name: str
+    access: Access
+    start: int
+    end: int
+    certain: bool = True
+
+
+def name_uses(script: Script) -> Iterator[NameUse]:
+    """Yield what a script does with names, in the order in which it does so when it is run.
+
+    `x += 1` reads `x`, and changes it. Names of enumerations are read as variables are.
+    """
+    for statement in script.statements:
+        yield from _uses(statement, certain=True)
+
+
+def children(expression: Expression) -> tuple[Expression, ...]:
+    """Return the parts of an expression, in the order in which they are evaluated; not an assignment's target."""
+    if isinstance(expression, Prefix):
+        return (expression.operand,)
+    if isinstance(expression, (Operation, Comparison)):
+        return (expression.first, *(step.operand for step in expression.steps))
+    if isinstance(expression, Conditional):
+        return (expression.condition, expression.then, expression.otherwise)
+    if isinstance(expression, Assignment):
+        return (expression.value,)
+    return ()
+
+
+def _uses(expression: Expression, *, certain: bool) -> Iterator[NameUse]:
+    if isinstance(expression, Name):
+        yield NameUse(expression.name, Access.READ, expression.start, expression.end, certain)
+    parts = children(expression)
+    always = _always_evaluated(expression, len(parts))
+    for index, part in enumerate(parts):
+        yield from _uses(part, certain=certain and index < always)
+    if isinstance(expression, Assignment):
+        target = expression.target
+        if expression.operator not in {":=", "="}:
+            yield NameUse(target.name, Access.READ, target.start, target.end, certain)
+        access = Access.CREATE if expression.operator == ":=" else Access.CHANGE
+        yield NameUse(target.name, access, target.start, target.end, certain)
+
+
+def _always_evaluated(expression: Expression, parts: int) -> int:
+    """Return how many of an expression's parts every evaluation comes to."""
+    if isinstance(expression, Conditional):
+        return 1
+    if isinstance(expression, Comparison):
+        return 2
+    return parts

@@ -1,0 +1,219 @@
+"""Loops over the items of a queue, one item a tick.
+
+Stock py_trees' ForEach ticks its child once even if there is no item, and takes no literal queue.
+"""
+
+from collections import deque
+from collections.abc import Iterable
+from typing import Any
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from sar_compiler.errors import SarError
+from sar_compiler.runtime.entry_types import value_of
+from sar_compiler.runtime.outcomes import Outcome
+from sar_compiler.runtime.parents import Ticking, Wrapper
+from sar_compiler.runtime.ports import Input, Output
+from sar_compiler.runtime.tokens import excerpt
+from sar_compiler.runtime.variables import RefusedValueError, Value, fit
+
+_SEPARATOR = ";"
+
+
+class QueueError(SarError):
+    """What a loop is to go through is no queue, or an item of it has the wrong type."""
+
+
+class _Loop(Wrapper):
+    """Ticks its child once for each item."""
+
+    _kind: type
+    _label: str
+
+    def __init__(
+        self,
+        name: str,
+        child: Behaviour,
+        queue: Input[object],
+        value: Output[Any] | None,
+        if_empty: Input[Outcome] | None,
+    ) -> None:
+        super().__init__(name, child)
+        self._port = queue
+        self._value = value or Output()
+        self._if_empty = if_empty or Input(Outcome.SUCCESS)
+        self._literal = self._items(queue.get()) if queue.entry is None else None
+        self._queue: deque[Any] | None = None
+        self._child_runs = False
+
+    def _work(self) -> Ticking:
+        if self._starts():
+            self._queue = None if self._literal is None else deque(self._literal)
+            self._child_runs = False
+        if not self._child_runs and not self._next_item():
+            self.feedback_message = "no item left"
+            return self._if_empty.get().value
+        self.status = Status.RUNNING
+        outcome = yield from self._tick_child()
+        self._child_runs = outcome == Status.RUNNING
+        return Status.FAILURE if outcome == Status.FAILURE else Status.RUNNING
+
+    def _next_item(self) -> bool:
+        """Write the next item to the output, if there is one."""
+        queue = self._current()
+        if not queue:
+            return False
+        item = self._item(queue.popleft())
+        self._value.set(item)
+        self.feedback_message = f"item {excerpt(str(item))}, {len(queue)} left"
+        return True
+
+    def _current(self) -> deque[Any]:
+        if self._literal is None:
+            held = self._port.get()
+            if isinstance(held, deque):
+                # It is shared: whoever fills it may go on, and what is taken is gone.
+                self._queue = held
+            elif self._queue is None:
+                self._queue = deque(self._items(held))
+        return self._queue or deque()
+
+    def _items(self, held: object) -> list[Any]:
+        if isinstance(held, str):
+            text = held.removesuffix(_SEPARATOR)
+            parts: Iterable[object] = text.split(_SEPARATOR) if text else ()
+        elif isinstance(held, (list, tuple)):
+            parts = held
+        else:
+            message = (
+                f"'{self.name}': queue holds a value of type {type(held).__name__}; "
+                "it takes a list, or a text with items between semicolons"
+            )
+            raise QueueError(message)
+        return [self._item(part) for part in parts]
+
+    def _item(self, held: object) -> object:
+        try:
+            value = value_of(held)
+            if value is not None:
+                return self._converted(value)
+        except RefusedValueError:
+            pass
+        message = f"'{self.name}': queue: {held!r} is not {self._label}"
+        raise QueueError(message) from None
+
+    def _converted(self, value: Value) -> object:
+        return fit(value.strip() if isinstance(value, str) else value, self._kind)
+
+    def _halt(self) -> None:
+        self._child_runs = False
+        super()._halt()
+
+
+class LoopInt(_Loop):
+    """Ticks its child once for each whole number of a queue.
+
+    Args:
+        name: The node's name.
+        child: The child; if it fails, the loop does.
+        queue: The numbers: `1;2;3`, or an entry with such a text, a list, or a `collections.deque`, of which
+            the items are taken away.
+        value: Where each number is written.
+        if_empty: What to answer when none is left.
+    """
+
+    _kind, _label = int, "a whole number"
+
+    def __init__(
+        self,
+        name: str,
+        child: Behaviour,
+        queue: Input[object],
+        value: Output[int] | None = None,
+        if_empty: Input[Outcome] | None = None,
+    ) -> None:
+        super().__init__(name, child, queue, value, if_empty)
+
+
+class LoopDouble(_Loop):
+    """Ticks its child once for each real number of a queue.
+
+    Args:
+        name: The node's name.
+        child: The child; if it fails, the loop does.
+        queue: The numbers: `1.5;2;3`, or an entry with such a text, a list, or a `collections.deque`, of which
+            the items are taken away.
+        value: Where each number is written.
+        if_empty: What to answer when none is left.
+    """
+
+    _kind, _label = float, "a number"
+
+    def __init__(
+        self,
+        name: str,
+        child: Behaviour,
+        queue: Input[object],
+        value: Output[float] | None = None,
+        if_empty: Input[Outcome] | None = None,
+    ) -> None:
+        super().__init__(name, child, queue, value, if_empty)
+
+
+class LoopBool(_Loop):
+    """Ticks its child once for each truth value of a queue.
+
+    Args:
+        name: The node's name.
+        child: The child; if it fails, the loop does.
+        queue: The values: `true;false`, or an entry with such a text, a list, or a `collections.deque`, of which
+            the items are taken away.
+        value: Where each value is written.
+        if_empty: What to answer when none is left.
+    """
+
+    _kind, _label = bool, "true or false"
+
+    def __init__(
+        self,
+        name: str,
+        child: Behaviour,
+        queue: Input[object],
+        value: Output[bool] | None = None,
+        if_empty: Input[Outcome] | None = None,
+    ) -> None:
+        super().__init__(name, child, queue, value, if_empty)
+
+    def _converted(self, value: Value) -> object:
+        # As everywhere in tree files: true, True and TRUE.
+        spelt = isinstance(value, str) and value.strip() in {"True", "TRUE", "False", "FALSE"}
+        return super()._converted(str(value).lower() if spelt else value)
+
+
+class LoopString(_Loop):
+    """Ticks its child once for each text of a queue.
+
+    Args:
+        name: The node's name.
+        child: The child; if it fails, the loop does.
+        queue: The texts: `red;green`, or an entry with such a text, a list, or a `collections.deque`, of which
+            the items are taken away.
+        value: Where each text is written.
+        if_empty: What to answer when none is left.
+    """
+
+    _kind, _label = str, "a text"
+
+    def __init__(
+        self,
+        name: str,
+        child: Behaviour,
+        queue: Input[object],
+        value: Output[str] | None = None,
+        if_empty: Input[Outcome] | None = None,
+    ) -> None:
+        super().__init__(name, child, queue, value, if_empty)
+
+    def _converted(self, value: Value) -> object:
+        return fit(value, str)

@@ -1,0 +1,183 @@
+"""What the operators of scripts make of values: BehaviorTree.CPP's rules, on Python's numbers and texts.
+
+Every number that comes out is a real one. A `RefusedValueError` says which operand does not fit.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from sar_compiler.runtime.variables import (
+    RefusedValueError,
+    Value,
+    as_real,
+    as_whole,
+    number_of,
+    said,
+    whole_or_real,
+)
+
+EPSILON = 2.0**-23
+"""Numbers that differ by no more are equal: the step from 1 to the next number of 32 bits."""
+
+
+def add(left: Value, right: Value) -> Value:
+    """Add two numbers or join two texts."""
+    if isinstance(left, str) and isinstance(right, str):
+        return left + right
+    return as_real(left) + as_real(right)
+
+
+def subtract(left: Value, right: Value) -> Value:
+    """Subtract numbers."""
+    return as_real(left) - as_real(right)
+
+
+def multiply(left: Value, right: Value) -> Value:
+    """Multiply numbers."""
+    return as_real(left) * as_real(right)
+
+
+def divide(left: Value, right: Value) -> Value:
+    """Divide numbers; by zero gives an infinite number, or none (NaN) for zero by zero."""
+    dividend, divisor = as_real(left), as_real(right)
+    if divisor:
+        return dividend / divisor
+    if not dividend or math.isnan(dividend):
+        return math.nan
+    return math.copysign(math.inf, dividend) * math.copysign(1.0, divisor)
+
+
+def join(left: Value, right: Value) -> Value:
+    """Join two texts, or a text and a number."""
+    if not isinstance(left, str) and not isinstance(right, str):
+        message = f"neither {said(left)} nor {said(right)} is a text"
+        raise RefusedValueError(message)
+    return _written(left) + _written(right)
+
+
+def both(left: Value, right: Value) -> Value:
+    """Say whether two values are true; both have been calculated."""
+    left_holds, right_holds = _truth(left), _truth(right)
+    return float(left_holds and right_holds)
+
+
+def either(left: Value, right: Value) -> Value:
+    """Say whether one of two values is true; both have been calculated."""
+    left_holds, right_holds = _truth(left), _truth(right)
+    return float(left_holds or right_holds)
+
+
+def negative(value: Value) -> Value:
+    """Change a number's sign."""
+    return -as_real(value)
+
+
+def complement(value: Value) -> Value:
+    """Invert the bits of a whole number."""
+    return float(~_bits(value))
+
+
+def negation(value: Value) -> Value:
+    """Say whether a number is zero."""
+    return float(as_real(value) == 0)
+
+
+BINARY: Mapping[str, Callable[[Value, Value], Value]] = {
+    "+": add,
+    "-": subtract,
+    "*": multiply,
+    "/": divide,
+    "..": join,
+    "&": lambda left, right: float(_bits(left) & _bits(right)),
+    "|": lambda left, right: float(_bits(left) | _bits(right)),
+    "^": lambda left, right: float(_bits(left) ^ _bits(right)),
+    "&&": both,
+    "||": either,
+}
+"""The operators between two values that are no comparisons."""
+
+PREFIX: Mapping[str, Callable[[Value], Value]] = {"-": negative, "~": complement, "!": negation}
+"""The operators before a value."""
+
+
+def compare(operator: str, left: Value, right: Value, enums: Mapping[str, int]) -> bool:
+    """Say whether a comparison is true.
+
+    Two texts are compared letter by letter, so that '10' is less than '9'. Of a text and a number, the text
+    is the number that it says. What is not a number (NaN) is different from everything, and as no order
+    between it and a number can be denied, `<`, `>`, `<=` and `>=` are true of it, as in BehaviorTree.CPP.
+
+    Args:
+        operator: One of `== != < > <= >=`.
+        left: The left operand.
+        right: The right operand.
+        enums: The names that a text may be in place of a number.
+    """
+    if not (isinstance(left, str) and isinstance(right, str)):
+        left, right = _comparable(left, enums), _comparable(right, enums)
+    return _COMPARISONS[operator](left, right)
+
+
+def chosen(condition: Value) -> bool:
+    """Say whether the condition of `?:` chooses the first value: a number but zero, or a text that says one."""
+    if isinstance(condition, str):
+        condition = float(number_of(condition))
+    return as_real(condition) != 0
+
+
+def as_condition(value: Value) -> bool:
+    """Return a script's value as the answer to a condition: of whole numbers 1 or 0, of real ones 0 or any above.
+
+    Raises:
+        RefusedValueError: If it is anything else.
+    """
+    if not isinstance(value, (int, float)):
+        message = f"{said(value)} is neither true (1) nor false (0)"
+        raise RefusedValueError(message)
+    return _truth(value)
+
+
+def _same(left: Any, right: Any) -> bool:
+    return bool(left == right if isinstance(left, str) else abs(left - right) <= EPSILON)
+
+
+# True unless the opposite is, which differs for NaN only.
+_COMPARISONS: Mapping[str, Callable[[Any, Any], bool]] = {
+    "==": _same,
+    "!=": lambda left, right: not _same(left, right),
+    "<": lambda left, right: not left >= right,
+    ">": lambda left, right: not left <= right,
+    "<=": lambda left, right: not left > right,
+    ">=": lambda left, right: not left < right,
+}
+
+
+def _comparable(value: Value, enums: Mapping[str, int]) -> float:
+    return float(whole_or_real(value, enums)) if isinstance(value, str) else as_real(value)
+
+
+def _written(value: object) -> str:
+    """Return a value as a part of a text; real numbers have six digits after the point."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, int):
+        return str(as_whole(value))
+    if isinstance(value, float):
+        return f"{value:f}"
+    message = f"{said(value)} is neither a text nor a number"
+    raise RefusedValueError(message)
+
+
+def _bits(value: Value) -> int:
+    """Return the operand of an operator on bits."""
+    return as_whole(as_real(value))
+
+
+def _truth(value: Value) -> bool:
+    """Return what a number is where true or false is wanted, as `as_condition` has it."""
+    number = as_real(value)
+    if number < 0 or (isinstance(value, int) and value not in {0, 1}):
+        message = f"{said(value)} is neither true (1) nor false (0)"
+        raise RefusedValueError(message)
+    return number != 0

@@ -1,0 +1,103 @@
+"""Ports: values of a leaf that are read and written on the blackboard while the tree runs.
+
+A constructor parameter annotated with one of these types is an attribute of the tag, as any other value is;
+a literal in the file is a value that never changes, `{key}` an entry of the blackboard::
+
+    class Say(py_trees.behaviour.Behaviour):
+        def __init__(self, name: str, message: Input[str], said: Output[int] | None = None) -> None: ...
+
+        def update(self) -> Status:
+            print(self.message.get())
+"""
+
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar, overload
+
+from sar_compiler.errors import SarError
+from sar_compiler.runtime.blackboard import Entry
+
+T = TypeVar("T")
+D = TypeVar("D")
+
+Convert = Callable[[object], Any]
+"""Makes a port's value of what is on the blackboard, or raises `ValueError`."""
+
+
+class PortError(SarError):
+    """A port cannot give its value: nothing was written to its key, or what was does not fit."""
+
+
+class Input(Generic[T]):
+    """A value that a node reads.
+
+    Args:
+        source: The entry to read, or a constant.
+        convert: Makes the port's value of the entry's.
+        name: The port's name, for messages.
+    """
+
+    def __init__(self, source: Entry | T, convert: Convert = lambda value: value, name: str = "") -> None:
+        self._source = source
+        self._convert = convert
+        self._name = name
+
+    @property
+    def entry(self) -> Entry | None:
+        """The entry that is read; None for a constant."""
+        return self._source if isinstance(self._source, Entry) else None
+
+    @overload
+    def get(self) -> T: ...
+    @overload
+    def get(self, default: D, /) -> T | D: ...
+    def get(self, *default: Any) -> Any:
+        """Return the value that the port has now.
+
+        Args:
+            default: What to return if nothing has been written to its key.
+
+        Raises:
+            PortError: If nothing has been written and there is no default, or the value does not fit.
+        """
+        source = self._source
+        if not isinstance(source, Entry):
+            return source
+        if default and not source.exists:
+            return default[0]
+        try:
+            return self._convert(source.read())
+        except (SarError, ValueError) as error:
+            prefix = f"{self._name}: " if self._name else ""
+            message = f"{prefix}{{{source.key}}}: {error}"
+            raise PortError(message) from error
+
+
+class Output(Generic[T]):
+    """A value that a node writes.
+
+    Args:
+        entry: The entry to write; None where the file names none, and what is written is of no interest.
+    """
+
+    def __init__(self, entry: Entry | None = None) -> None:
+        self.entry = entry
+
+    def set(self, value: T) -> None:
+        """Write the value."""
+        if self.entry is not None:
+            self.entry.write(value)
+
+
+class InOut(Input[T]):
+    """A value that a node reads and writes: an entry of the blackboard, or a constant that it cannot write."""
+
+    def set(self, value: T) -> None:
+        """Write the value.
+
+        Raises:
+            PortError: If the port is a constant.
+        """
+        if self.entry is None:
+            message = f"{self._name or 'the port'} is a constant and cannot be written; give it a {{key}}"
+            raise PortError(message)
+        self.entry.write(value)

@@ -1,0 +1,315 @@
+"""Read scripts: what stands in `<Script code="...">` and in pre- and postconditions.
+
+By precedence climbing, in the ranks of BehaviorTree.CPP 4; a higher rank binds tighter:
+
+==== =========================== =======================================
+rank operators
+==== =========================== =======================================
+2    `:= = += -= *= /=`          the right side is a whole expression
+4    `? :`
+6    `||`
+8    `&&`
+10   `== != < > <= >=`           neighbours are compared: `a < b < c`
+12   `|` `^`
+14   `&`
+16   `+ - ..`
+18   `* /`
+20   `- ~ !` before an operand
+==== =========================== =======================================
+"""
+
+from sar_compiler.runtime.expressions import (
+    Assignment,
+    Comparison,
+    Conditional,
+    Expression,
+    Literal,
+    Name,
+    Operation,
+    Prefix,
+    Script,
+    Step,
+    children,
+)
+from sar_compiler.runtime.tokens import Kind, ScriptError, Token, excerpt, tokenize
+
+MAX_DEPTH = 100
+"""How deep expressions may be nested."""
+
+_ANY, _CONDITIONAL, _COMPARISON, _PREFIX = 0, 4, 10, 20
+_ASSIGNMENTS = (":=", "=", "+=", "-=", "*=", "/=")
+_RANKS = {
+    **dict.fromkeys(_ASSIGNMENTS, 2),
+    "?": _CONDITIONAL,
+    "||": 6,
+    "&&": 8,
+    **dict.fromkeys(("==", "!=", "<", ">", "<=", ">="), _COMPARISON),
+    **dict.fromkeys(("|", "^"), 12),
+    "&": 14,
+    **dict.fromkeys(("+", "-", ".."), 16),
+    **dict.fromkeys(("*", "/"), 18),
+}
+_PREFIXES = {"-", "~", "!"}
+# Words of other languages, with the operators they stand for there.
+_WORDS = {"and": "&&", "or": "||"}
+# Operators of other languages, as the two signs that are read in their place.
+_OTHER_OPERATORS = {
+    ("==", "="): "==",
+    ("!=", "="): "!=",
+    ("~", "="): "!=",
+    ("<", ">"): "!=",
+    ("=", "<"): "<=",
+    ("=", ">"): ">=",
+    ("=", "+"): "+=",
+    ("=", "*"): "*=",
+    ("=", "/"): "/=",
+}
+_NO_OPERATORS = {
+    ("+", "+"): "write 'x += 1'",
+    ("*", "*"): "there are no powers; multiply, or let a leaf calculate it",
+    ("/", "/"): "a script has no comments",
+    ("/", "*"): "a script has no comments",
+    ("<", "<"): "bits cannot be shifted; multiply by 2, 4, 8...",
+    (">", ">"): "bits cannot be shifted; divide by 2, 4, 8...",
+    ("|", "="): "write 'x = x | y'",
+    ("&", "="): "write 'x = x & y'",
+    ("^", "="): "write 'x = x ^ y'",
+    ("&&", "="): "write 'x = x && y'",
+    ("||", "="): "write 'x = x || y'",
+}
+
+
+def parse(text: str, *, allow_empty: bool = False) -> Script:
+    """Read a script.
+
+    Args:
+        text: Its text, with entities and the like resolved.
+        allow_empty: Whether a text without any expression is a script (of a `<Script>` node it is, of an
+            attribute such as `_skipIf` it is not).
+
+    Raises:
+        ScriptError: At the first mistake.
+    """
+    script = _Parser(text).script()
+    if not script.statements and not allow_empty:
+        message = "this script is empty"
+        raise ScriptError(message, 0, len(text), hint="write an expression, such as x == 1")
+    return script
+
+
+class _Parser:
+    """Reads one text, once."""
+
+    def __init__(self, text: str) -> None:
+        self._text = text
+        self._tokens = list(tokenize(text))
+        self._index = 0
+        self._depth = 0
+
+    def script(self) -> Script:
+        """Return what the text says."""
+        statements: list[Expression] = []
+        while self._next.kind is not Kind.END:
+            statements.append(self._expression(_ANY))
+            _check_depth(statements[-1])
+            self._refuse_word()
+            while self._take(";"):
+                pass
+        return Script(self._text, tuple(statements))
+
+    @property
+    def _next(self) -> Token:
+        return self._tokens[self._index]
+
+    def _before(self, count: int = 1) -> Token | None:
+        """Return the token that stands so many before the next one."""
+        return self._tokens[self._index - count] if self._index >= count else None
+
+    def _advance(self) -> Token:
+        token = self._next
+        if token.kind is not Kind.END:
+            self._index += 1
+        return token
+
+    def _at(self, sign: str) -> bool:
+        return self._next.kind is Kind.SIGN and self._next.text == sign
+
+    def _take(self, sign: str) -> bool:
+        found = self._at(sign)
+        if found:
+            self._advance()
+        return found
+
+    @property
+    def _end(self) -> int:
+        """Where the last token that was read ends."""
+        return self._tokens[self._index - 1].end if self._index else 0
+
+    def _rank(self) -> int:
+        """Return the rank of the operator that is next, or less than any."""
+        return _RANKS.get(self._next.text, -1) if self._next.kind is Kind.SIGN else -1
+
+    def _expression(self, least: int) -> Expression:
+        """Read an expression, as far as its operators are of a rank or a higher one."""
+        start = self._next.start
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            raise _too_deep(start, self._next.end)
+        left = self._operand()
+        while (rank := self._rank()) >= least:
+            if self._next.text in _ASSIGNMENTS:
+                left = self._assignment(left, start)
+                break
+            if rank == _CONDITIONAL:
+                left = self._conditional(left, start)
+                break
+            left = self._chain(left, rank, start)
+        self._depth -= 1
+        return left
+
+    def _operand(self) -> Expression:
+        token = self._advance()
+        if token.kind is Kind.LITERAL:
+            return Literal(token.value, token.start, token.end)
+        if token.kind is Kind.NAME:
+            self._check_name(token)
+            return Name(token.text, token.start, token.end)
+        if token.kind is Kind.SIGN and token.text in _PREFIXES:
+            operand = self._expression(_PREFIX)
+            return Prefix(token.text, operand, token.start, self._end)
+        if token.kind is Kind.SIGN and token.text == "(":
+            return self._bracketed(token)
+        if token.kind is Kind.SIGN:
+            self._index -= 1
+        raise self._no_operand()
+
+    def _bracketed(self, opening: Token) -> Expression:
+        inner = self._expression(_ANY)
+        if self._take(")"):
+            return inner
+        self._refuse_word()
+        if self._next.kind is Kind.END:
+            message = "this '(' is not closed"
+            raise ScriptError(message, opening.start, opening.end, hint="write the missing ')'")
+        message = f"')' is missing before '{excerpt(self._next.text)}'"
+        hint = "brackets contain one expression"
+        raise ScriptError(message, self._next.start, self._next.end, hint=hint)
+
+    def _assignment(self, target: Expression, start: int) -> Assignment:
+        operator = self._advance()
+        if not isinstance(target, Name):
+            end = self._tokens[self._index - 2].end
+            message = f"only a variable can be given a value, and '{excerpt(self._text[start:end])}' is none"
+            if operator.text == "=":
+                hint = "'=' gives a variable a value, '==' compares; brackets may be missing"
+                raise ScriptError(message, start, operator.end, hint=hint)
+            raise ScriptError(message, start, operator.end, hint="brackets may be missing")
+        value = self._expression(_ANY)
+        return Assignment(operator.text, target, value, start, self._end)
+
+    def _conditional(self, condition: Expression, start: int) -> Conditional:
+        question = self._advance()
+        then = self._expression(_ANY)
+        if not self._take(":"):
+            self._refuse_word()
+            message = "this '?' has no ':'"
+            raise ScriptError(
+                message, question.start, question.end, hint="write 'condition ? value : other value'"
+            )
+        otherwise = self._expression(_CONDITIONAL)
+        return Conditional(condition, then, otherwise, start, self._end)
+
+    def _chain(self, first: Expression, rank: int, start: int) -> Operation | Comparison:
+        steps: list[Step] = []
+        while self._rank() == rank:
+            operator = self._advance()
+            operand = self._expression(rank + 1)
+            steps.append(Step(operator.text, operand, operator.start, operator.end))
+        if rank == _COMPARISON:
+            return Comparison(first, tuple(steps), start, self._end)
+        return Operation(first, tuple(steps), start, self._end)
+
+    def _check_name(self, name: Token) -> None:
+        """Refuse a name that is meant as an operator or a function; it has just been read."""
+        following = self._next
+        opens = following.kind is Kind.SIGN and following.text in {"(", "!", "~"}
+        if name.text == "not" and (opens or following.kind in {Kind.NAME, Kind.LITERAL}):
+            message = "there is no operator 'not'"
+            raise ScriptError(message, name.start, name.end, suggestion="!")
+        if self._at("(") and following.start == name.end and name.text not in _WORDS:
+            message = f"a script cannot call '{excerpt(name.text)}': there are no functions"
+            hint = "let a leaf calculate it; if two expressions are meant, write ';' between them"
+            raise ScriptError(message, name.start, following.end, hint=hint)
+
+    def _refuse_word(self) -> None:
+        """Refuse `and` and `or` behind an expression; a variable may have such a name, but stands elsewhere."""
+        word = self._next
+        if word.kind is not Kind.NAME or word.text not in _WORDS:
+            return
+        following = self._tokens[self._index + 1]
+        if following.kind is Kind.SIGN and following.text in _ASSIGNMENTS:
+            return
+        message = f"there is no operator '{word.text}'"
+        raise ScriptError(message, word.start, word.end, suggestion=_WORDS[word.text])
+
+    def _no_operand(self) -> ScriptError:
+        """Explain why no operand stands where the next token is."""
+        token, before = self._next, self._before()
+        if before is not None and before.kind is Kind.SIGN:
+            other = self._other_operator(before, token)
+            if other is not None:
+                return other
+            if (before.text, token.text) == ("(", ")"):
+                return ScriptError("there is nothing in these brackets", before.start, token.end)
+            if before.text != ";" and (token.kind is Kind.END or token.text in {")", ";", ":"}):
+                return self._nothing_behind(before)
+        return _misplaced(token)
+
+    def _nothing_behind(self, sign: Token) -> ScriptError:
+        message = f"a value is missing after '{sign.text}'"
+        before = self._before(2)
+        if sign.text == "-" and before is not None and before.text == "-" and before.end == sign.start:
+            return ScriptError("there is no operator '--'", before.start, sign.end, hint="write 'x -= 1'")
+        return ScriptError(message, sign.start, sign.end)
+
+    def _other_operator(self, before: Token, token: Token) -> ScriptError | None:
+        """Recognise an operator of another language."""
+        signs = (before.text, token.text)
+        if before.end != token.start or token.kind is not Kind.SIGN:
+            return None
+        message = f"there is no operator '{before.text}{token.text}'"
+        if signs in _OTHER_OPERATORS:
+            return ScriptError(message, before.start, token.end, suggestion=_OTHER_OPERATORS[signs])
+        if signs in _NO_OPERATORS:
+            return ScriptError(message, before.start, token.end, hint=_NO_OPERATORS[signs])
+        return None
+
+
+def _check_depth(statement: Expression) -> None:
+    """Refuse what would be evaluated through too many levels: `((a * b + c) * d + e) * ...`."""
+    level: tuple[Expression, ...] = (statement,)
+    for _ in range(MAX_DEPTH):
+        level = tuple(part for expression in level for part in children(expression))
+        if not level:
+            return
+    raise _too_deep(level[0].start, level[0].end)
+
+
+def _too_deep(start: int, end: int) -> ScriptError:
+    message = f"expressions are nested more than {MAX_DEPTH} deep here"
+    return ScriptError(message, start, end, hint="assign parts of it to variables first")
+
+
+def _misplaced(token: Token) -> ScriptError:
+    """Explain why a token cannot begin an expression."""
+    if token.text == ")":
+        return ScriptError("this ')' has no '('", token.start, token.end)
+    if token.text == ":":
+        hint = "write 'condition ? value : other value'"
+        return ScriptError("this ':' has no '?'", token.start, token.end, hint=hint)
+    if token.text in _ASSIGNMENTS:
+        message = f"only a variable can be given a value, and none stands before '{token.text}'"
+        hint = "an assignment within another expression stands in brackets"
+        return ScriptError(message, token.start, token.end, hint=hint)
+    advice = "a number has no '+' before it" if token.text == "+" else None
+    return ScriptError(f"a value is missing before '{token.text}'", token.start, token.end, hint=advice)

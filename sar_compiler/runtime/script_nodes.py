@@ -1,0 +1,96 @@
+"""Nodes that run scripts.
+
+py_trees has checks and assignments of single blackboard variables, but no expressions.
+"""
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from sar_compiler.runtime.blackboard import Scope
+from sar_compiler.runtime.enums import Enums
+from sar_compiler.runtime.expressions import Script
+from sar_compiler.runtime.outcomes import Outcome
+from sar_compiler.runtime.parents import Ticking, Wrapper
+from sar_compiler.runtime.ports import Input
+from sar_compiler.runtime.scripting import NodeScript
+
+
+class RunScript(Behaviour):
+    """Runs a script, and succeeds.
+
+    Args:
+        name: The node's name.
+        code: The script.
+        scope: Where its variables are.
+        enums: The names that stand for numbers.
+    """
+
+    def __init__(self, name: str, code: Input[Script], scope: Scope, enums: Enums) -> None:
+        super().__init__(name)
+        self._script = NodeScript(code, name, "code", scope, enums)
+
+    def update(self) -> Status:
+        """Run the script."""
+        self._script.run()
+        return Status.SUCCESS
+
+
+class ScriptCondition(Behaviour):
+    """Runs a script, and succeeds if its value is true.
+
+    Args:
+        name: The node's name.
+        code: The script; its value is true or false, 1 or 0.
+        scope: Where its variables are.
+        enums: The names that stand for numbers.
+    """
+
+    def __init__(self, name: str, code: Input[Script], scope: Scope, enums: Enums) -> None:
+        super().__init__(name)
+        self._script = NodeScript(code, name, "code", scope, enums)
+
+    def update(self) -> Status:
+        """Run the script."""
+        return Status.SUCCESS if self._script.holds() else Status.FAILURE
+
+
+class Precondition(Wrapper):
+    """Ticks its child if a condition is true when it starts; while the child runs, it does not ask again.
+
+    Stock py_trees' EternalGuard asks in every tick, and can only fail.
+
+    Args:
+        name: The node's name.
+        child: The child.
+        if_: The condition, a script.
+        else_: What to answer if it is false.
+        scope: Where the script's variables are.
+        enums: The names that stand for numbers.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        child: Behaviour,
+        if_: Input[Script],
+        scope: Scope,
+        enums: Enums,
+        else_: Input[Outcome] | None = None,
+    ) -> None:
+        super().__init__(name, child)
+        self._condition = NodeScript(if_, name, "if", scope, enums)
+        self._else = else_ or Input(Outcome.FAILURE)
+        self._child_runs = False
+
+    def _work(self) -> Ticking:
+        if not self._child_runs and not self._condition.holds():
+            self.feedback_message = "the condition is false"
+            return self._else.get().value
+        self.feedback_message = ""
+        outcome = yield from self._tick_child()
+        self._child_runs = outcome == Status.RUNNING
+        return outcome
+
+    def _halt(self) -> None:
+        self._child_runs = False
+        super()._halt()

@@ -1,0 +1,193 @@
+"""Scripts of nodes: where their variables are, and what is said if one cannot be run."""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import TypeVar
+
+from sar_compiler.errors import SarError
+from sar_compiler.runtime.blackboard import Entry, MissingEntryError, Scope
+from sar_compiler.runtime.entry_types import kept, value_of
+from sar_compiler.runtime.enums import Enums
+from sar_compiler.runtime.evaluation import EvaluationError, Program
+from sar_compiler.runtime.expressions import Script
+from sar_compiler.runtime.ports import Input, PortError
+from sar_compiler.runtime.script import parse
+from sar_compiler.runtime.variables import UnknownVariableError, Value, VariableError
+
+T = TypeVar("T")
+
+# Scripts that come from the blackboard are read again in every tick.
+_REMEMBERED_SCRIPTS = 256
+
+
+class NodeScriptError(SarError):
+    """A node's script cannot be run.
+
+    Attributes:
+        node: The node's name.
+        attribute: The attribute that has the script.
+        start: Where the part begins that is at fault, in characters of the script; None if all of it is.
+        end: Where that part ends.
+    """
+
+    def __init__(self, message: str, node: str, attribute: str, start: int | None, end: int | None) -> None:
+        super().__init__(message)
+        self.node = node
+        self.attribute = attribute
+        self.start = start
+        self.end = end
+
+
+class ScopeVariables:
+    """The entries of a scope, as a script's variables.
+
+    An entry keeps its type: what is assigned to it is converted where nothing is lost, else refused.
+
+    Args:
+        scope: The scope of the node that has the script.
+        enums: The names that stand for numbers.
+    """
+
+    def __init__(self, scope: Scope, enums: Enums) -> None:
+        self._scope = scope
+        self._numbers = enums.numbers
+        self._entries: dict[str, Entry] = {}
+
+    def read(self, name: str) -> Value:
+        """Return an entry's value.
+
+        Raises:
+            UnknownVariableError: If nothing was written to it.
+            VariableError: If it is nothing that a script can calculate with.
+        """
+        return _seen(name, self._held(name))
+
+    def create(self, name: str, value: Value) -> Value:
+        """Write an entry, which is made if there is none; return what is stored.
+
+        Raises:
+            VariableError: If the entry holds something that the value cannot replace.
+        """
+        entry = self._entry(name)
+        if entry.exists:
+            return self.assign(name, value)
+        entry.write(value)
+        return value
+
+    def assign(self, name: str, value: Value) -> Value:
+        """Write an entry that exists; return what is stored.
+
+        Raises:
+            UnknownVariableError: If nothing was written to it.
+            VariableError: If it holds something that the value cannot replace.
+        """
+        stored = kept(self._held(name), value, self._numbers)
+        self._entry(name).write(stored)
+        return _seen(name, stored)
+
+    def _held(self, name: str) -> object:
+        try:
+            return self._entry(name).read()
+        except MissingEntryError as error:
+            raise UnknownVariableError(name) from error
+
+    def _entry(self, name: str) -> Entry:
+        entry = self._entries.get(name)
+        if entry is None:
+            entry = self._entries[name] = self._scope.resolve(name)
+        return entry
+
+
+class NodeScript:
+    """A node's script, ready to be run in the node's scope.
+
+    Args:
+        code: The script; if it comes from the blackboard, it is read again whenever it is run.
+        node: The node's name.
+        attribute: The attribute that has the script.
+        scope: Where its variables are.
+        enums: The names that stand for numbers.
+    """
+
+    def __init__(self, code: Input[Script], node: str, attribute: str, scope: Scope, enums: Enums) -> None:
+        self._code = code
+        self._node = node
+        self._attribute = attribute
+        self._enums = enums
+        self._variables = ScopeVariables(scope, enums)
+        self._program: Program | None = Program(code.get(), enums.numbers) if code.entry is None else None
+
+    def run(self) -> Value:
+        """Run it and return its value.
+
+        Raises:
+            NodeScriptError: If it cannot be run; names the node, the attribute and the place.
+        """
+        return self._explained(lambda program: program.run(self._variables))
+
+    def holds(self) -> bool:
+        """Run it and say whether its value is true.
+
+        Raises:
+            NodeScriptError: As `run`, and if its value is neither true nor false.
+        """
+        return self._explained(lambda program: program.holds(self._variables))
+
+    def _explained(self, run: Callable[[Program], T]) -> T:
+        try:
+            program = self._current()
+        except PortError as error:
+            message = f"'{self._node}': {error}"
+            raise NodeScriptError(message, self._node, self._attribute, None, None) from error
+        try:
+            return run(program)
+        except EvaluationError as error:
+            raise self._failure(error, program.script.text) from error
+
+    def _current(self) -> Program:
+        if self._code.entry is None and self._program is not None:
+            return self._program
+        script = self._code.get()
+        if self._program is None or self._program.script is not script:
+            self._program = Program(script, self._enums.numbers)
+        return self._program
+
+    def _failure(self, error: EvaluationError, text: str) -> NodeScriptError:
+        hint = f"; {error.hint}" if error.hint else ""
+        message = f"'{self._node}': {self._attribute}, {_place(text, error.start)}: {error}{hint}"
+        return NodeScriptError(message, self._node, self._attribute, error.start, error.end)
+
+
+def script_of(value: object) -> Script:
+    """Return the script that a text on the blackboard is: what makes an `Input[Script]` of an entry.
+
+    Raises:
+        ValueError: If the value is no text.
+        ScriptError: If the text is no script.
+    """
+    if not isinstance(value, str):
+        message = f"a script is a text, not a value of type {type(value).__name__}"
+        raise ValueError(message)  # noqa: TRY004 - what a port's conversion raises
+    return _parsed(value)
+
+
+@lru_cache(_REMEMBERED_SCRIPTS)
+def _parsed(text: str) -> Script:
+    return parse(text, allow_empty=True)
+
+
+def _seen(name: str, value: object) -> Value:
+    seen = value_of(value)
+    if seen is None:
+        if value is None:
+            raise UnknownVariableError(name)
+        message = (
+            f"'{name}' holds a value of type {type(value).__name__}, with which a script cannot calculate"
+        )
+        raise VariableError(message)
+    return seen
+
+
+def _place(text: str, offset: int) -> str:
+    line, column = text.count("\n", 0, offset) + 1, offset - (text.rfind("\n", 0, offset) + 1) + 1
+    return f"column {column}" if "\n" not in text else f"line {line}, column {column}"

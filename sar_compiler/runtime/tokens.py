@@ -1,0 +1,238 @@
+"""The words of a script: numbers, texts, names and signs, each with its place."""
+
+import enum
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from sar_compiler.errors import SarError
+
+LARGEST_INTEGER = 2**63 - 1
+"""Whole numbers of a script have 64 bits."""
+
+_TOKEN = re.compile(
+    r"""
+    (?P<space>[ \t\r\n]+)
+    | (?P<real>[0-9]+(?:\.[0-9]+(?:[eE][+\-]?[0-9]+)?|[eE][+\-]?[0-9]+))
+    | (?P<integer>0[xX][0-9a-fA-F]+|[0-9]+)
+    | (?P<name>[A-Za-z_@][A-Za-z0-9_]*)
+    | (?P<text>'[^']*')
+    | (?P<sign>\.\.|&&|\|\||[=!<>:+\-*/]=|[+\-*/&|^~!<>=?:();])
+    """,
+    re.VERBOSE,
+)
+# What is stuck to a number's end; two points join texts.
+_STUCK = re.compile(r"(?:[A-Za-z0-9_@]|\.(?!\.))*")
+_DOTTED = re.compile(r"(?:\.[A-Za-z0-9_@]+)+|\.")
+_BRACED = re.compile(r"\{([^{}]*)\}")
+_NAME = re.compile(r"[A-Za-z_@][A-Za-z0-9_]*")
+_WORD_BEFORE = re.compile(r"[A-Za-z_@][A-Za-z0-9_]*$")
+
+# Quotation marks that stand for no text, with the ones that close them.
+_OTHER_QUOTES = {'"': '"', "`": "`", "\u201c": "\u201d", "\u2018": "\u2019"}
+_BOOLS = {"true": 1.0, "false": 0.0}
+_HINTS = {
+    "%": "there is no remainder in scripts; let a leaf calculate it",
+    ",": "separate expressions with ';'",
+    "[": "a script knows numbers and texts, no lists",
+    "]": "a script knows numbers and texts, no lists",
+    "#": "a script has no comments",
+    "\\": "a text has no escapes: a backslash stands for itself, and only within '...'",
+    "$": "a variable is written by its name alone",
+}
+# As many characters of what somebody wrote go into a message.
+_LONGEST_EXCERPT = 40
+
+
+class ScriptError(SarError):
+    """A text is not a script.
+
+    Attributes:
+        message: What is wrong.
+        start: Where that begins, in characters of the script's text.
+        end: Where it ends.
+        suggestion: What to put in its place, where that can be guessed.
+        hint: What to do, where no replacement can be named.
+    """
+
+    def __init__(
+        self, message: str, start: int, end: int, suggestion: str | None = None, hint: str | None = None
+    ) -> None:
+        super().__init__(message)
+        self.message = message
+        self.start = start
+        self.end = end
+        self.suggestion = suggestion
+        self.hint = hint
+
+
+class Kind(enum.Enum):
+    """What a token is."""
+
+    LITERAL = enum.auto()
+    NAME = enum.auto()
+    SIGN = enum.auto()
+    END = enum.auto()
+
+
+@dataclass(frozen=True, slots=True)
+class Token:
+    """One word of a script.
+
+    Attributes:
+        kind: What it is.
+        text: How it is written.
+        start: Where it begins, in characters of the script's text.
+        end: Where it ends.
+        value: What a literal stands for.
+    """
+
+    kind: Kind
+    text: str
+    start: int
+    end: int
+    value: int | float | str = 0
+
+
+def tokenize(text: str) -> Iterator[Token]:
+    """Yield the words of a script, the last of them an `END`.
+
+    Raises:
+        ScriptError: At what is no word of a script.
+    """
+    position = 0
+    while position < len(text):
+        match = _TOKEN.match(text, position)
+        if match is None:
+            raise _no_token(text, position)
+        position = match.end()
+        if match.lastgroup in {"real", "integer"}:
+            _check_end_of_number(text, match)
+        if match.lastgroup != "space":
+            yield _token(match)
+    yield Token(Kind.END, "", position, position)
+
+
+def excerpt(text: str) -> str:
+    """Return what somebody wrote, shortened for a message."""
+    return text if len(text) <= _LONGEST_EXCERPT else text[: _LONGEST_EXCERPT - 3] + "..."
+
+
+def _token(match: re.Match[str]) -> Token:
+    word, start, end = match.group(), match.start(), match.end()
+    if match.lastgroup == "integer":
+        return Token(Kind.LITERAL, word, start, end, _integer(word, start))
+    if match.lastgroup == "real":
+        return Token(Kind.LITERAL, word, start, end, _real(word, start))
+    if match.lastgroup == "text":
+        return Token(Kind.LITERAL, word, start, end, word[1:-1])
+    if word in _BOOLS:
+        return Token(Kind.LITERAL, word, start, end, _BOOLS[word])
+    return Token(Kind.NAME if match.lastgroup == "name" else Kind.SIGN, word, start, end)
+
+
+def _integer(word: str, start: int) -> int:
+    base = 16 if word[1:2] in {"x", "X"} else 10
+    digits = word[2:] if base != 10 else word  # noqa: PLR2004 - ten is ten
+    digits = digits.lstrip("0") or "0"
+    value = int(digits, base) if len(digits) < len(str(LARGEST_INTEGER)) + 1 else LARGEST_INTEGER + 1
+    if value > LARGEST_INTEGER:
+        message = f"{excerpt(word)} is too large for a whole number"
+        hint = f"the largest is {LARGEST_INTEGER}; a real number such as 1e20 can be larger"
+        raise ScriptError(message, start, start + len(word), hint=hint)
+    return value
+
+
+def _real(word: str, start: int) -> float:
+    value = float(word)
+    if math.isinf(value):
+        message = f"{excerpt(word)} is too large for a number"
+        raise ScriptError(message, start, start + len(word))
+    return value
+
+
+def _check_end_of_number(text: str, number: re.Match[str]) -> None:
+    """Refuse a number that something else is stuck to: `3m`, `1.`, `0xFG`."""
+    stuck = _STUCK.match(text, number.end())
+    rest = stuck.group() if stuck else ""
+    if not rest and number.group()[1:2] in {"x", "X"} and text.startswith(".", number.end()):
+        rest = "."
+    if not rest:
+        return
+    word = number.group() + rest
+    start, end = number.start(), number.start() + len(word)
+    shown = excerpt(word)
+    if re.fullmatch(r"[0-9]+\.", word):
+        message = f"'{shown}' is not a number: digits are missing after the point"
+        raise ScriptError(message, start, end, suggestion=word + "0")
+    if re.fullmatch(r"0[xX]", word):
+        message = f"digits of a hexadecimal number are missing after '{shown}'"
+        raise ScriptError(message, start, end, hint="such as 0xFF")
+    if re.fullmatch(r"[0-9]+(\.[0-9]+)?[eE]", word):
+        message = f"digits of the exponent are missing after '{shown}'"
+        raise ScriptError(message, start, end, hint="such as 1e3 or 1.5e-3")
+    message = f"'{shown}' is neither a number nor a name"
+    hint = "numbers are written 12, 0xFF, 1.5 or 1e3; a name begins with a letter"
+    raise ScriptError(message, start, end, hint=hint)
+
+
+def _no_token(text: str, position: int) -> ScriptError:
+    """Explain why nothing of a script begins at a position."""
+    character = text[position]
+    if character == "'":
+        message = "this text has no closing quotation mark"
+        hint = "a text ends at the next single quotation mark, and cannot contain one"
+        return ScriptError(message, position, len(text), hint=hint)
+    if character in _OTHER_QUOTES:
+        return _wrong_quotes(text, position)
+    if character == ".":
+        return _wrong_dot(text, position)
+    if character == "{":
+        return _braces(text, position)
+    if character.isalpha():
+        message = f"'{character}' cannot stand in a name"
+        hint = (
+            "names have the letters a to z and A to Z, digits and _; @ before one means the root blackboard"
+        )
+        return ScriptError(message, position, position + 1, hint=hint)
+    shown = character if character.isprintable() and character != " " else f"U+{ord(character):04X}"
+    message = f"'{shown}' cannot stand in a script"
+    advice = "write an ordinary space" if character.isspace() else _HINTS.get(character)
+    return ScriptError(message, position, position + 1, hint=advice)
+
+
+def _wrong_quotes(text: str, start: int) -> ScriptError:
+    close = text.find(_OTHER_QUOTES[text[start]], start + 1)
+    end = close + 1 if close > 0 else len(text)
+    inside = text[start + 1 : close] if close > 0 else "'"
+    message = f"a text stands in single quotation marks, not in {text[start]}"
+    suggestion = None if "'" in inside else f"'{inside}'"
+    hint = "write '...'; the text itself cannot contain a single quotation mark" if not suggestion else None
+    return ScriptError(message, start, end, suggestion, hint)
+
+
+def _wrong_dot(text: str, position: int) -> ScriptError:
+    match = _DOTTED.match(text, position)
+    end = match.end() if match else position + 1
+    # A name is looked for no further back than a name in a message would be shown.
+    before = _WORD_BEFORE.search(text[max(0, position - _LONGEST_EXCERPT) : position])
+    if before:
+        start = position - len(before.group())
+        message = f"a name cannot contain a point: '{excerpt(text[start:end])}'"
+        return ScriptError(message, start, end, hint="a variable is one name; '..' joins texts")
+    if text[position + 1 : end].isdecimal():
+        message = f"'{excerpt(text[position:end])}' is not a number: a digit is missing before the point"
+        return ScriptError(message, position, end, suggestion="0" + text[position:end])
+    message = "'.' cannot stand here"
+    return ScriptError(message, position, position + 1, hint="'..' joins texts, and numbers are written 0.5")
+
+
+def _braces(text: str, start: int) -> ScriptError:
+    match = _BRACED.match(text, start)
+    inside = match.group(1).strip() if match else ""
+    end = match.end() if match else start + 1
+    message = "a script names a variable without braces"
+    if _NAME.fullmatch(inside):
+        return ScriptError(message, start, end, suggestion=inside)
+    return ScriptError(message, start, end, hint="write the variable's name alone")

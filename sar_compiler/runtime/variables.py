@@ -1,0 +1,187 @@
+"""The variables of scripts: what they can hold, who keeps them, and what an assignment makes of a value."""
+
+import math
+import re
+from collections.abc import Mapping
+from typing import Protocol
+
+from sar_compiler.errors import SarError
+from sar_compiler.runtime.tokens import LARGEST_INTEGER, excerpt
+
+Value = int | float | str
+"""What a script calculates with."""
+
+LARGEST_EXACT = 2**53 - 1
+"""Above it, not every whole number is a real number."""
+
+_NUMBER = re.compile(
+    r"-?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+\-]?[0-9]+)?|-?(?:inf|infinity|nan)", re.IGNORECASE
+)
+_WHOLE = re.compile(r"-?[0-9]+")
+# No number of 64 bits has more digits.
+_LONGEST_WHOLE = len(str(LARGEST_INTEGER)) + 1
+_BITS = 64
+_BOOLS = {"true": 1.0, "false": 0.0}
+
+
+class VariableError(SarError):
+    """A variable cannot be read or written as wanted."""
+
+
+class UnknownVariableError(VariableError):
+    """There is no such variable, or it holds nothing yet.
+
+    Attributes:
+        name: The name, as the script has it.
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"there is no variable '{name}'")
+        self.name = name
+
+
+class RefusedValueError(VariableError):
+    """A value is not one of those that are wanted."""
+
+
+class Variables(Protocol):
+    """What a script reads and writes: names in the script's scope, those with `@` in the root's."""
+
+    def read(self, name: str) -> Value:
+        """Return a variable's value.
+
+        Raises:
+            UnknownVariableError: If there is none, or it holds nothing yet.
+        """
+        ...
+
+    def create(self, name: str, value: Value) -> Value:
+        """Make a variable, or give the one that exists a value, as `assign` does; for `:=`.
+
+        Returns:
+            The value that is stored.
+
+        Raises:
+            RefusedValueError: If the variable exists, with another type.
+        """
+        ...
+
+    def assign(self, name: str, value: Value) -> Value:
+        """Give a variable that exists a value, which keeps its type (see `fit`).
+
+        Returns:
+            The value that is stored.
+
+        Raises:
+            UnknownVariableError: If there is none.
+            RefusedValueError: If the value is none of the variable's type.
+        """
+        ...
+
+
+def fit(value: Value, kind: type, enums: Mapping[str, int] | None = None) -> Value:
+    """Return what a variable with a type makes of a value that it is given.
+
+    Args:
+        value: The value.
+        kind: The variable's type: `bool`, `int`, `float` or `str`; one of another type takes its like only.
+        enums: The names that a text may be, for a variable with a number.
+
+    Returns:
+        The value, as one of the type: the whole number 2.0 as an `int` is 2, the text '2.5' as a `float` 2.5.
+
+    Raises:
+        RefusedValueError: If it would not be the same value: 2.5 or 1e30 as an `int`, 7 as a `bool`, a text that
+            is no number as a number, a number as a text.
+    """
+    if kind not in {bool, int, float}:
+        if isinstance(value, kind):
+            return value
+        message = f"{said(value)} is not {'a text' if kind is str else f'of type {kind.__name__}'}"
+        raise RefusedValueError(message)
+    if isinstance(value, str):
+        value = whole_or_real(value, enums or {})
+    if kind is float:
+        return as_real(value)
+    whole = as_whole(value)
+    if kind is bool:
+        if whole not in {0, 1}:
+            message = f"{said(value)} is neither true (1) nor false (0)"
+            raise RefusedValueError(message)
+        return bool(whole)
+    return whole
+
+
+def whole_or_real(text: str, enums: Mapping[str, int]) -> int | float:
+    """Return the number that a text says: digits, `true` or `false`, or a name of an enumeration.
+
+    Raises:
+        RefusedValueError: If it says none.
+    """
+    if text in _BOOLS:
+        return _BOOLS[text]
+    if text in enums:
+        return float(enums[text])
+    return number_of(text)
+
+
+def number_of(text: str) -> int | float:
+    """Return the number that the digits of a text say.
+
+    Raises:
+        RefusedValueError: If it says none.
+    """
+    if len(text) <= _LONGEST_WHOLE and _WHOLE.fullmatch(text):
+        return int(text)
+    if _NUMBER.fullmatch(text):
+        value = float(text)
+        if math.isfinite(value) or text.strip("-").isalpha():
+            return value
+    message = f"{said(text)} is not a number"
+    raise RefusedValueError(message)
+
+
+def as_real(value: Value) -> float:
+    """Return a number as a real one.
+
+    Raises:
+        RefusedValueError: If it is none, or too large to be the same number.
+    """
+    if isinstance(value, float):
+        return value
+    if not isinstance(value, int):
+        message = f"{said(value)} is not a number"
+        raise RefusedValueError(message)
+    if not -LARGEST_EXACT <= value <= LARGEST_EXACT:
+        message = f"{said(value)} is too large to calculate with exactly (the limit is {LARGEST_EXACT})"
+        raise RefusedValueError(message)
+    return float(value)
+
+
+def as_whole(value: Value) -> int:
+    """Return a number as a whole one of 64 bits.
+
+    Raises:
+        RefusedValueError: If it is none, has a fraction, or is too large.
+    """
+    if not isinstance(value, (int, float)):
+        message = f"{said(value)} is not a number"
+        raise RefusedValueError(message)
+    if isinstance(value, float) and not value.is_integer():
+        message = f"{said(value)} is not a whole number"
+        raise RefusedValueError(message)
+    if not -LARGEST_INTEGER - 1 <= value <= LARGEST_INTEGER:
+        message = f"{said(value)} is too large for a whole number (the limit is {LARGEST_INTEGER})"
+        raise RefusedValueError(message)
+    return int(value)
+
+
+def said(value: object) -> str:
+    """Return a value as a message says it."""
+    if isinstance(value, str):
+        return f"the text '{excerpt(value)}'"
+    if isinstance(value, float) or (isinstance(value, int) and value.bit_length() <= _BITS):
+        return str(value)
+    if isinstance(value, int):
+        return f"a whole number of {value.bit_length()} bits"
+    return f"a value of type {type(value).__name__}"

@@ -1,0 +1,81 @@
+"""From the bytes of a file to its text, whatever form the text has."""
+
+import codecs
+from pathlib import Path
+
+from sar_compiler.tree.diagnostic import Diagnostic, TreeError, UnreadableFileError
+from sar_compiler.tree.source import Source, Span, Spans
+
+MAX_BYTES = 32 * 1024 * 1024
+"""Larger files are refused; 100,000 leaves need about a third of this."""
+
+MAX_DEPTH = 200
+"""Deeper nesting is refused: py_trees stops a tree by recursion, two frames for each level."""
+
+_START = Span(1, 1, 1, 1)
+_BYTE_ORDER_MARKS = [
+    (codecs.BOM_UTF8, "utf-8"),
+    (codecs.BOM_UTF16_LE, "utf-16-le"),
+    (codecs.BOM_UTF16_BE, "utf-16-be"),
+]
+
+
+def read_bytes(path: str | Path) -> bytes:
+    """Return the content of a file, at most one byte more than a tree file may have.
+
+    Raises:
+        UnreadableFileError: If the file is not there or cannot be read.
+    """
+    try:
+        # One byte more than allowed is enough to know, whatever is at the other end of the path.
+        with Path(path).open("rb") as stream:
+            return stream.read(MAX_BYTES + 1)
+    except OSError as error:
+        message = f"cannot read {path}: {error.strerror or error}"
+        raise UnreadableFileError(message) from error
+
+
+def source_of(data: bytes | str, path: str, spans: Spans, declared: str | None, empty_hint: str) -> Source:
+    """Make the source of a file's content.
+
+    Args:
+        data: The content.
+        path: What to call it in findings.
+        spans: Finds parts of elements in the text.
+        declared: The encoding that the content itself names.
+        empty_hint: What to write in an empty file.
+
+    Raises:
+        TreeError: If the content is too large, empty, or not text.
+    """
+    if len(data) > MAX_BYTES:
+        message = f"the file is larger than {MAX_BYTES // 2**20} MiB"
+        raise TreeError([Diagnostic("file-too-large", message, Source(path, "", spans), _START)])
+    text = data if isinstance(data, str) else _decode(data, path, spans, declared)
+    source = Source(path, text.removeprefix("\ufeff"), spans)
+    if not source.text.strip():
+        raise TreeError([Diagnostic("empty-file", "the file is empty", source, _START, hint=empty_hint)])
+    return source
+
+
+def _decode(data: bytes, path: str, spans: Spans, declared: str | None) -> str:
+    marked = next((name for mark, name in _BYTE_ORDER_MARKS if data.startswith(mark)), None)
+    encoding = marked or declared or "utf-8"
+    try:
+        text = data.decode(encoding)
+    except UnicodeDecodeError as error:
+        place = len(data[: error.start].decode(encoding, "replace"))
+        message = f"byte 0x{data[error.start]:02x} is not {encoding}"
+        raise _wrong_encoding(message, Source(path, data.decode(encoding, "replace"), spans), place) from None
+    except (LookupError, UnicodeError):
+        message = f"the file declares the encoding '{encoding}', which tree files cannot have"
+        raise _wrong_encoding(message, Source(path, data.decode("utf-8", "replace"), spans)) from None
+    if "\0" in text:
+        message = "the file has zero bytes, as UTF-16 without a byte order mark has"
+        raise _wrong_encoding(message, Source(path, text, spans), text.index("\0"))
+    return text
+
+
+def _wrong_encoding(message: str, source: Source, place: int = 0) -> TreeError:
+    span = source.span(place, place + 1)
+    return TreeError([Diagnostic("wrong-encoding", message, source, span, hint="write it in UTF-8")])

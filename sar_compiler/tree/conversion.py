@@ -1,0 +1,112 @@
+"""Writing a tree file in the other form, or in the canonical form of its own, with nothing lost unsaid."""
+
+import dataclasses
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
+from sar_compiler.tree.model import Comment, Element, TreeFile
+from sar_compiler.tree.source import Form
+from sar_compiler.tree.xml_rest import rest_of
+from sar_compiler.tree.xml_writer import comment_in_xml, write_xml
+from sar_compiler.tree.yaml_writer import comment_in_yaml, write_yaml
+
+_WRITERS = {Form.XML: write_xml, Form.YAML: write_yaml}
+_EDITOR_ATTRIBUTES = ("xmlns", "xsi:")
+_EDITOR_COMMENT = "yaml-language-server:"
+
+
+class Converted(NamedTuple):
+    """A tree file in some form.
+
+    Attributes:
+        text: The file.
+        losses: What of the original is not in it, or not in its place.
+    """
+
+    text: str
+    losses: tuple[Diagnostic, ...]
+
+
+def convert(tree_file: TreeFile, form: Form) -> Converted:
+    """Write a tree file in a form.
+
+    Args:
+        tree_file: The file.
+        form: The form; that of the file itself gives the canonical form, without any loss.
+
+    Raises:
+        TreeError: If the file has what is no part of a tree and would be lost (text, processing instructions
+            in XML), or an attribute that the form cannot have.
+    """
+    rest = rest_of(tree_file) if tree_file.source.form is Form.XML else []
+    if rest:
+        raise TreeError(rest)
+    if tree_file.source.form is form:
+        return Converted(_WRITERS[form](tree_file), ())
+    losses = tuple(_losses(tree_file, form))
+    return Converted(_WRITERS[form](_without_editor_hints(tree_file)), losses)
+
+
+def _losses(tree_file: TreeFile, form: Form) -> Iterator[Diagnostic]:
+    root = tree_file.root
+    other = "YAML" if form is Form.YAML else "XML"
+    for name in _editor_attributes(root):
+        hint = "name the schema by '# yaml-language-server: $schema=...'"
+        message = f"'{name}' tells an editor about XML and is left out"
+        yield Diagnostic("left-out", message, root.source, root.name_span(name), None, hint, Severity.INFO)
+    for element, comment in _comments(tree_file):
+        kept = comment_in_yaml(comment.text) if form is Form.YAML else comment_in_xml(comment.text)
+        span = element.name_span(comment.attribute) if comment.attribute else element.tag_span()
+        if _EDITOR_COMMENT in comment.text:
+            code, message = (
+                "left-out",
+                f"the comment '{_EDITOR_COMMENT}' tells an editor about YAML and is left out",
+            )
+        elif comment.attribute is not None:
+            what = f"the comment beside '{comment.attribute}' stands before the element in {other}"
+            code, message = "moved", f"{what}: '{_shortened(comment.text)}'"
+        elif kept != comment.text:
+            code, message = (
+                "changed",
+                f"{other} cannot have the comment '{_shortened(comment.text)}' as it is",
+            )
+        else:
+            continue
+        yield Diagnostic(code, message, element.source, span, severity=Severity.INFO)
+
+
+def _comments(tree_file: TreeFile) -> Iterator[tuple[Element, Comment]]:
+    for comment in tree_file.comments:
+        yield tree_file.root, comment
+    for element in tree_file.root.iterate():
+        for comment in element.comments:
+            yield element, comment
+
+
+def _editor_attributes(root: Element) -> list[str]:
+    return [name for name in root.attributes if name.startswith(_EDITOR_ATTRIBUTES)]
+
+
+def _without_editor_hints(tree_file: TreeFile) -> TreeFile:
+    root = tree_file.root
+    hints = _editor_attributes(root)
+    kept = {name: value for name, value in root.attributes.items() if name not in hints}
+    return dataclasses.replace(
+        tree_file,
+        root=dataclasses.replace(root, attributes=kept),
+        comments=tuple(_without_schema(tree_file.comments)),
+    )
+
+
+def _without_schema(comments: tuple[Comment, ...]) -> Iterator[Comment]:
+    for comment in comments:
+        lines = comment.text.split("\n")
+        kept = "\n".join(line for line in lines if not line.startswith(_EDITOR_COMMENT)).strip("\n")
+        if kept or kept == comment.text:
+            yield dataclasses.replace(comment, text=kept)
+
+
+def _shortened(text: str) -> str:
+    first = text.split("\n", maxsplit=1)[0]
+    return first if first == text and len(first) <= 40 else f"{first[:40]}..."  # noqa: PLR2004

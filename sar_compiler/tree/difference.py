@@ -1,0 +1,119 @@
+"""What is different between two tree files, whatever their form: nodes, not lines."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+
+from sar_compiler.tree.matching import Node, in_place, match
+from sar_compiler.tree.model import TEXT_KEY, Element, TreeFile
+
+
+class Change(str, Enum):
+    """What can happen to a node."""
+
+    ADDED = "added"
+    REMOVED = "removed"
+    MOVED = "moved"
+    CHANGED = "changed"
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One difference.
+
+    Attributes:
+        change: What happened.
+        path: Where the node is: the names of what is around it and its own, in the newer file if it is there.
+        old: The node in the older file; None if it was added.
+        new: The node in the newer file; None if it was removed.
+        what: What has changed: an attribute, `$text` for the description in it, or empty for the tag.
+        before: What it was: the value of the attribute (None: not written) or the tag; of what has moved, the
+            path, or `child 2` if it has only another place among its siblings.
+        after: What it is.
+        inner: How many nodes came or went with it.
+    """
+
+    change: Change
+    path: str
+    old: Element | None
+    new: Element | None
+    what: str = ""
+    before: str | None = None
+    after: str | None = None
+    inner: int = 0
+
+
+def difference(old: TreeFile, new: TreeFile) -> list[Difference]:
+    """Compare two tree files by what they say.
+
+    Comments, the order of attributes, the form of the file and of its nodes (`<Say/>`, `<Action ID="Say"/>`)
+    do not count, nor does the order of trees, includes and descriptions.
+
+    Returns:
+        The differences, in the order of the newer file; what was removed, where it stood.
+    """
+    first, second = match(old, new)
+    return list(_within(first, second))
+
+
+def _within(old: Node, new: Node) -> Iterator[Difference]:
+    """Yield what is different in a pair of nodes."""
+    if old.mark == new.mark:
+        return
+    yield from _changed(old, new)
+    for child in old.children:
+        if child.partner is None:
+            yield Difference(
+                Change.REMOVED, child.path, child.element, None, before=child.path, inner=_lost(child)
+            )
+    stayed = {other for _, other in in_place(old, new)}
+    for child in new.children:
+        yield from _child(child, stayed)
+
+
+def _child(node: Node, stayed: set[Node]) -> Iterator[Difference]:
+    partner = node.partner
+    if partner is None:
+        yield Difference(Change.ADDED, node.path, None, node.element, after=node.path, inner=_lost(node))
+        for child in node.children:
+            yield from _inside_added(child)
+        return
+    if node not in stayed:
+        yield _moved(partner, node)
+    yield from _within(partner, node)
+
+
+def _inside_added(node: Node) -> Iterator[Difference]:
+    """Yield what is in an added node but was elsewhere before."""
+    if node.partner is not None:
+        yield from _child(node, set())
+        return
+    for child in node.children:
+        yield from _inside_added(child)
+
+
+def _changed(old: Node, new: Node) -> Iterator[Difference]:
+    if old.type != new.type:
+        yield _of(old, new, "", old.type, new.type)
+    for name in dict.fromkeys([*old.attributes, *new.attributes]):
+        before, after = old.attributes.get(name), new.attributes.get(name)
+        if before != after:
+            yield _of(old, new, name, before, after)
+    if old.element.text != new.element.text:
+        yield _of(old, new, TEXT_KEY, old.element.text, new.element.text)
+
+
+def _of(old: Node, new: Node, what: str, before: str | None, after: str | None) -> Difference:
+    return Difference(Change.CHANGED, new.path, old.element, new.element, what, before, after)
+
+
+def _lost(node: Node) -> int:
+    """Return how many nodes in one have no partner either, down to those that have."""
+    return sum(1 + _lost(child) for child in node.children if child.partner is None)
+
+
+def _moved(old: Node, new: Node) -> Difference:
+    before, after = old.path, new.path
+    if old.parent and old.parent.partner is new.parent:
+        before, after = f"child {old.number + 1}", f"child {new.number + 1}"
+    return Difference(Change.MOVED, new.path, old.element, new.element, before=before, after=after)

@@ -1,0 +1,44 @@
+"""Elements that stand in no file: what a command adds to a tree, or writes of its own."""
+
+from collections.abc import Iterable, Mapping
+
+from sar_compiler.tree.model import Element, TreeFile
+from sar_compiler.tree.source import Form, Source, Span
+
+_NOWHERE = Span(1, 1, 1, 1)
+
+
+class _NoSpans:
+    """Finds nothing, for there is no text."""
+
+    form = Form.XML
+
+    def tag(self, _source: Source, _element: Element) -> Span:
+        return _NOWHERE
+
+    def attribute_name(self, _source: Source, _element: Element, _name: str) -> Span:
+        return _NOWHERE
+
+    def attribute_value(self, _source: Source, _element: Element, _name: str) -> Span:
+        return _NOWHERE
+
+    def within_value(self, _source: Source, _element: Element, _name: str, _start: int, _end: int) -> Span:
+        return _NOWHERE
+
+    def stands_apart(self, _source: Source, _element: Element) -> bool:
+        return False
+
+
+_SOURCE = Source("<made>", "", _NoSpans())
+
+
+def made(
+    tag: str, attributes: Mapping[str, str] | None = None, children: Iterable[Element] = (), text: str = ""
+) -> Element:
+    """Make an element; its line is 0."""
+    return Element(tag, attributes or {}, tuple(children), _SOURCE, 0, 0, text)
+
+
+def made_file(root: Element) -> TreeFile:
+    """Make a file of an element."""
+    return TreeFile(_SOURCE, root)

@@ -1,0 +1,285 @@
+"""Which node of one tree file is which node of another."""
+
+from collections import Counter, defaultdict, deque
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from sar_compiler.tree.model import MODEL_TAG, ROOT_TAG, Element, TreeFile
+from sar_compiler.tree.subsequence import common_subsequence
+
+_EXPLICIT_TAGS = ("Action", "Condition", "Control", "Decorator")
+_EDITOR_ATTRIBUTES = ("xmlns", "xsi:")
+_NAMES = ("name", "ID", "path")
+
+
+@dataclass(eq=False)
+class Node:
+    """An element in a comparison.
+
+    Attributes:
+        element: The element.
+        parent: The one around it.
+        type: Its tag; in the explicit form (`<Action ID="Say"/>`) the ID.
+        attributes: Its attributes, without those that say nothing of the tree.
+        ordered: Whether the order of what is in it means something.
+        children: Those in it.
+        number: Its place among those around it, from 0.
+        mark: The same number for all elements, of either file, that say the same.
+        size: How many elements it consists of.
+        label: What a path calls it.
+        partner: The element of the other file that it is.
+    """
+
+    element: Element
+    parent: "Node | None"
+    type: str
+    attributes: Mapping[str, str]
+    ordered: bool
+    children: "list[Node]" = field(default_factory=list)
+    number: int = 0
+    mark: int = 0
+    size: int = 1
+    label: str = ""
+    partner: "Node | None" = None
+
+    @property
+    def name(self) -> str:
+        """What tells it from others of its type; empty if nothing does."""
+        return next((self.attributes[key] for key in _NAMES if key in self.attributes), "")
+
+    @property
+    def identity(self) -> tuple[str, str]:
+        """Its type and its name."""
+        return self.type, self.name
+
+    @property
+    def path(self) -> str:
+        """The labels of what is around it, and its own; the root is only named by itself."""
+        labels = []
+        node: Node | None = self
+        while node is not None and node.parent is not None:
+            labels.append(node.label)
+            node = node.parent
+        return "/".join(reversed(labels)) or self.label
+
+    def iterate(self) -> "Iterator[Node]":
+        """Yield it and everything in it, in the order of the file."""
+        yield self
+        for child in self.children:
+            yield from child.iterate()
+
+
+Key = Callable[[Node], Hashable | None]
+"""What two nodes must have in common to be one; None: with nothing."""
+
+
+def match(old: TreeFile, new: TreeFile) -> tuple[Node, Node]:
+    """Find out which elements of two files are the same, however they may have changed.
+
+    First what stands in the same place and says the same or has the same name; then what has moved; then
+    what has another name or another tag, where its place and its content speak for it.
+
+    Returns:
+        The roots of both files; `partner` says of every node in them which one it is in the other file.
+    """
+    reader = _Reader()
+    first, second = (reader.node(tree_file.root, None, ordered=True) for tree_file in (old, new))
+    _pair(first, second)
+    _align(first, second)
+    _find_moved(first, second)
+    _find_renamed(first)
+    return first, second
+
+
+def in_place(old: Node, new: Node) -> list[tuple[Node, Node]]:
+    """Return the pairs of children of a pair that follow each other in the same order in both."""
+    there = {child.partner: child for child in old.children}
+    pairs = [(there[child], child) for child in new.children if child in there]
+    if not old.ordered:
+        return pairs
+    kept = common_subsequence([one.number for one in old.children], [one.number for one, _ in pairs])
+    return [pairs[j] for _, j in kept]
+
+
+class _Reader:
+    """Makes nodes of elements, and gives equal marks to those that say the same."""
+
+    def __init__(self) -> None:
+        self._marks: dict[Hashable, int] = {}
+
+    def node(self, element: Element, parent: Node | None, *, ordered: bool) -> Node:
+        described = not ordered
+        kind, attributes = element.tag, dict(element.attributes)
+        if kind in _EXPLICIT_TAGS and "ID" in attributes and not described:
+            kind = attributes.pop("ID")
+        if parent is None:
+            attributes = {k: v for k, v in attributes.items() if not k.startswith(_EDITOR_ATTRIBUTES)}
+        # Trees and descriptions are found by their names, wherever they stand.
+        inside = ordered and element.tag != MODEL_TAG
+        node = Node(element, parent, kind, attributes, inside and element.tag != ROOT_TAG)
+        node.children = [self.node(child, node, ordered=inside) for child in element.children]
+        node.size += sum(child.size for child in node.children)
+        node.label = node.name or node.type
+        _number(node.children)
+        marks = [child.mark for child in node.children]
+        said = (
+            kind,
+            frozenset(attributes.items()),
+            element.text,
+            tuple(marks if node.ordered else sorted(marks)),
+        )
+        node.mark = self._marks.setdefault(said, len(self._marks))
+        return node
+
+
+def _number(nodes: list[Node]) -> None:
+    """Number siblings, and tell apart those that a path would call the same."""
+    counts = Counter(node.label for node in nodes)
+    numbers: Counter[str] = Counter()
+    for number, node in enumerate(nodes):
+        node.number = number
+        numbers[node.label] += 1
+        if counts[node.label] > 1:
+            node.label = f"{node.label}[{numbers[node.label]}]"
+
+
+def _pair(old: Node, new: Node) -> None:
+    old.partner, new.partner = new, old
+
+
+def _pair_equal(old: Node, new: Node) -> None:
+    """Pair two nodes that say the same, with everything in them."""
+    if old.partner is not None or new.partner is not None:
+        return
+    _pair(old, new)
+    if old.ordered:
+        below = zip(old.children, new.children, strict=True)
+    else:
+        below = zip(*(sorted(node.children, key=lambda n: n.mark) for node in (old, new)), strict=True)
+    for one, other in below:
+        _pair_equal(one, other)
+
+
+def _mark(node: Node) -> Hashable:
+    return node.mark
+
+
+def _identity(node: Node) -> Hashable:
+    return node.identity
+
+
+def _content(node: Node) -> Hashable | None:
+    return tuple(child.mark for child in node.children) or None
+
+
+def _align(old: Node, new: Node) -> None:
+    """Pair what is in two nodes that are one, by what cannot be mistaken."""
+    if not old.ordered:
+        _align_unordered(old, new)
+        return
+    gaps = [(_free(old.children), _free(new.children))]
+    for key in (_mark, _identity, _content):
+        gaps = [smaller for gap in gaps for smaller in _align_gap(*gap, key)]
+
+
+def _align_unordered(old: Node, new: Node) -> None:
+    for key in (_mark, _identity):
+        _pair_by(_free(old.children), _free(new.children), key)
+
+
+def _align_gap(
+    old: list[Node], new: list[Node], key: Key, accept: Callable[[Node, Node], bool] = lambda _old, _new: True
+) -> list[tuple[list[Node], list[Node]]]:
+    """Pair what stands in the same order in two stretches, and return the stretches in between."""
+    gaps = []
+    i = j = 0
+    for next_i, next_j in common_subsequence([key(node) for node in old], [key(node) for node in new]):
+        if not accept(old[next_i], new[next_j]):
+            continue
+        _join(old[next_i], new[next_j])
+        gaps.append((old[i:next_i], new[j:next_j]))
+        i, j = next_i + 1, next_j + 1
+    gaps.append((old[i:], new[j:]))
+    return [gap for gap in gaps if gap[0] and gap[1]]
+
+
+def _join(old: Node, new: Node) -> None:
+    if old.mark == new.mark:
+        _pair_equal(old, new)
+    else:
+        _pair(old, new)
+        _align(old, new)
+
+
+def _free(nodes: list[Node]) -> list[Node]:
+    return [node for node in nodes if node.partner is None]
+
+
+def _pair_by(old: list[Node], new: list[Node], old_key: Key, new_key: Key | None = None) -> None:
+    """Pair nodes by a key, wherever they stand; those of the same key in their order."""
+    by_key: dict[Hashable, deque[Node]] = defaultdict(deque)
+    for node in new:
+        by_key[(new_key or old_key)(node)].append(node)
+    for node in old:
+        key = old_key(node)
+        candidates = by_key.get(key) if key is not None else None
+        while candidates and candidates[0].partner is not None:
+            candidates.popleft()
+        if candidates and node.partner is None:
+            _join(node, candidates.popleft())
+
+
+def _find_moved(old: Node, new: Node) -> None:
+    """Pair what is left by what it says or is called, the largest first, and in the same parent first."""
+    left, right = (sorted(_free(list(root.iterate())), key=lambda node: -node.size) for root in (old, new))
+    _pair_by(
+        left, right, lambda node: (node.mark, _home(node, other=True)), lambda node: (node.mark, _home(node))
+    )
+    _pair_by(left, right, _mark)
+    _pair_by(left, right, lambda node: node.identity if node.name else None)
+
+
+def _home(node: Node, *, other: bool = False) -> int:
+    parent = node.parent.partner if other and node.parent else node.parent
+    return id(parent)
+
+
+def _find_renamed(old: Node) -> None:
+    """Pair what has another name or tag, between what stands in its place in both files."""
+    for node in old.iterate():
+        if node.partner is None or node.mark == node.partner.mark:
+            continue
+        gaps = (
+            _gaps(node, node.partner)
+            if node.ordered
+            else [(_free(node.children), _free(node.partner.children))]
+        )
+        for key in (lambda one: one.type, lambda one: one.name or None, _shape):
+            gaps = [smaller for gap in gaps for smaller in _align_gap(*gap, key, _alike)]
+
+
+def _gaps(old: Node, new: Node) -> list[tuple[list[Node], list[Node]]]:
+    gaps = []
+    i = j = 0
+    for one, other in in_place(old, new):
+        gaps.append((_free(old.children[i : one.number]), _free(new.children[j : other.number])))
+        i, j = one.number + 1, other.number + 1
+    return [*gaps, (_free(old.children[i:]), _free(new.children[j:]))]
+
+
+def _shape(node: Node) -> Hashable | None:
+    return "parent" if node.children else None
+
+
+def _alike(old: Node, new: Node) -> bool:
+    """Say whether at least half of what two nodes hold is the same."""
+    if old.children and new.children:
+        ours, theirs = (Counter(child.identity for child in node.children) for node in (old, new))
+        return 2 * sum((ours & theirs).values()) >= max(len(old.children), len(new.children))
+    if old.children or new.children:
+        return False
+    if old.type != new.type:
+        return old.name == new.name
+    names = {*old.attributes, *new.attributes} - {"name"}
+    equal = sum(old.attributes.get(name) == new.attributes.get(name) for name in names)
+    return 2 * equal >= len(names)

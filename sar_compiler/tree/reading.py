@@ -1,0 +1,40 @@
+"""Reading tree files in whatever form they are."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from sar_compiler.tree.content import read_bytes
+from sar_compiler.tree.model import TreeFile
+from sar_compiler.tree.source import Form
+from sar_compiler.tree.xml import parse_xml
+from sar_compiler.tree.yaml import parse_yaml
+
+_FORMS = {".xml": Form.XML, ".yaml": Form.YAML, ".yml": Form.YAML}
+_PARSERS: dict[Form, Callable[[bytes, str], TreeFile]] = {Form.XML: parse_xml, Form.YAML: parse_yaml}
+
+
+def read_tree_file(path: str | Path) -> TreeFile:
+    """Read a tree file.
+
+    The file's ending tells its form: `.xml`, `.yaml` or `.yml`; with any other, `<` begins XML.
+
+    Args:
+        path: The file.
+
+    Returns:
+        What it says, not yet checked.
+
+    Raises:
+        UnreadableFileError: If the file is not there or cannot be read.
+        TreeError: If it cannot be understood at all.
+    """
+    data = read_bytes(path)
+    return _PARSERS[_form_of(Path(path), data)](data, str(path))
+
+
+def _form_of(path: Path, data: bytes) -> Form:
+    by_name = _FORMS.get(path.suffix.lower())
+    if by_name is not None:
+        return by_name
+    # A byte order mark, or the zero bytes of UTF-16, may stand around the first character.
+    return Form.XML if data.lstrip(b"\xef\xbb\xbf\xff\xfe\0 \t\r\n").startswith(b"<") else Form.YAML

@@ -1,0 +1,135 @@
+"""Writing tree files in XML, in one canonical form.
+
+One element a line, two spaces for each level, attributes in the order written; a start tag that would be
+longer than 100 columns has one attribute a line. Comments stay where they are, and so do line breaks
+within values and one blank line where there was any.
+"""
+
+import re
+from collections.abc import Iterator
+from html import unescape
+
+from sar_compiler.tree.model import Comment, Element, TreeFile
+from sar_compiler.tree.source import Form
+
+WIDTH = 100
+_DECLARATION = '<?xml version="1.0" encoding="UTF-8"?>'
+_ESCAPES = {"&": "&amp;", "<": "&lt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
+_TEXT_ESCAPES = {"&": "&amp;", "<": "&lt;", ">": "&gt;", "\r": "&#13;"}
+
+
+def write_xml(tree_file: TreeFile) -> str:
+    """Return a tree file as XML."""
+    lines = [_DECLARATION]
+    for comment in tree_file.comments:
+        if comment.index == 0:
+            lines += _comment(comment, "", apart=comment.apart and len(lines) > 1)
+    lines += _element(tree_file.root, "", apart=len(lines) > 1 and _stands_apart(tree_file.root))
+    for comment in tree_file.comments:
+        if comment.index > 0:
+            lines += _comment(comment, "", apart=comment.apart)
+    return "\n".join(lines) + "\n"
+
+
+def comment_in_xml(text: str) -> str:
+    """Return the text of a comment as XML can have it: two hyphens would end it."""
+    return re.sub("-(?=-)", "- ", text)
+
+
+def _element(element: Element, indent: str, *, apart: bool) -> Iterator[str]:
+    if apart:
+        yield ""
+    inner = [comment for comment in element.comments if comment.attribute is None and not comment.beside]
+    for comment in element.comments:
+        if comment.attribute is not None:  # XML has no place for it in a tag
+            yield from _comment(comment, indent, apart=False)
+    beside = "".join(f"  <!-- {comment_in_xml(one.text)} -->" for one in element.comments if _is_beside(one))
+    if not (inner or element.children):
+        end = f">{_escaped(element.text, _TEXT_ESCAPES)}</{element.tag}>" if element.text else "/>"
+        yield from _start_tag(element, indent, end, beside)
+        return
+    yield from _start_tag(element, indent, ">", beside)
+    if element.text:
+        yield f"{indent}  {_escaped(element.text, _TEXT_ESCAPES)}"
+    yield from _content(element, inner, f"{indent}  ")
+    yield f"{indent}</{element.tag}>"
+
+
+def _content(element: Element, comments: list[Comment], indent: str) -> Iterator[str]:
+    first = True
+    for index in range(len(element.children) + 1):
+        for comment in comments:
+            if comment.index == index:
+                yield from _comment(comment, indent, apart=comment.apart and not first)
+                first = False
+        if index < len(element.children):
+            child = element.children[index]
+            yield from _element(child, indent, apart=not first and _stands_apart(child))
+            first = False
+
+
+def _start_tag(element: Element, indent: str, end: str, beside: str) -> Iterator[str]:
+    attributes = [
+        f'{name}="{_as_broken(element, name, value) or _escaped(value, _ESCAPES)}"'
+        for name, value in element.attributes.items()
+    ]
+    line = f"{indent}<{' '.join([element.tag, *attributes])}{end}"
+    if max(map(len, line.split("\n"))) <= WIDTH or not attributes:
+        yield f"{line}{beside}"
+        return
+    yield f"{indent}<{element.tag}"
+    for attribute in attributes[:-1]:
+        yield f"{indent}    {attribute}"
+    yield f"{indent}    {attributes[-1]}{end}{beside}"
+
+
+def _as_broken(element: Element, name: str, value: str) -> str | None:
+    """Return a value with the line breaks that it has in XML, where they count as spaces; None if it has none."""
+    source = element.source
+    if source.form is not Form.XML or " " not in value:
+        return None
+    span = element.value_span(name)
+    if span.line == span.end_line:
+        return None
+    start, end = source.offset(span.line, span.column), source.offset(span.end_line, span.end_column)
+    broken = re.sub(r"\r\n?", "\n", source.text[start:end]).replace('"', "&quot;").replace("\t", " ")
+    # The element may have been given another value since it was read.
+    return broken if unescape(broken.replace("\n", " ")) == value else None
+
+
+def _comment(comment: Comment, indent: str, *, apart: bool) -> Iterator[str]:
+    if apart:
+        yield ""
+    first, *rest = comment_in_xml(comment.text).split("\n")
+    if not rest:
+        yield f"{indent}<!-- {first} -->"
+        return
+    yield f"{indent}<!--"
+    for line in (first, *rest):
+        yield f"{indent}  {line}".rstrip()
+    yield f"{indent}-->"
+
+
+def _is_beside(comment: Comment) -> bool:
+    return comment.beside and comment.attribute is None
+
+
+def _stands_apart(element: Element) -> bool:
+    return element.source.spans.stands_apart(element.source, element)
+
+
+def _escaped(text: str, escapes: dict[str, str]) -> str:
+    return "".join(escapes.get(character, character) for character in text)
+
+
+def one_tag_a_line(root: Element) -> str:
+    """Return an element as XML in which the n-th line begins with the n-th start tag, for tools that count lines."""
+    return "\n".join(_tags(root))
+
+
+def _tags(element: Element) -> Iterator[str]:
+    attributes = [f' {name}="{_escaped(value, _ESCAPES)}"' for name, value in element.attributes.items()]
+    start = f"<{element.tag}{''.join(attributes)}>{_escaped(element.text, {**_TEXT_ESCAPES, chr(10): ' '})}"
+    lines = [start, *(line for child in element.children for line in _tags(child))]
+    lines[-1] += f"</{element.tag}>"
+    yield from lines

@@ -1,0 +1,358 @@
+"""Reading tree files in YAML: the same tree as in XML, element for element.
+
+A node is a mapping of one key, its tag; below it stand its attributes and, under `children`, a list of nodes.
+A node with nothing in it is its bare tag. What an attribute says is the text as it is written.
+"""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from sar_compiler.tree.comments import text_of_yaml
+from sar_compiler.tree.content import MAX_DEPTH, read_bytes, source_of
+from sar_compiler.tree.diagnostic import TreeError
+from sar_compiler.tree.model import CHILDREN_KEY, MODEL_TAG, ROOT_TAG, TEXT_KEY, Comment, Element, TreeFile
+from sar_compiler.tree.names import is_name
+from sar_compiler.tree.source import Source
+from sar_compiler.tree.yaml_events import Events
+from sar_compiler.tree.yaml_spans import YamlSpans
+
+_EMPTY_HINT = "write root: with BTCPP_format: 4 and children: below it"
+# What no XML can say, not even by a reference.
+_UNSPEAKABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
+_HEADER_COMMENT = re.compile(r"[^\r\n#]*#([^\r\n]*)")
+_REFERENCE = re.compile(r"\{[^{}:,\s]+\}")
+
+
+def read_yaml(path: str | Path) -> TreeFile:
+    """Read a tree file.
+
+    Args:
+        path: The file.
+
+    Returns:
+        What it says, not yet checked.
+
+    Raises:
+        UnreadableFileError: If the file is not there or cannot be read.
+        TreeError: If it is not YAML, not a tree, too large, too deep, or uses what only YAML has.
+    """
+    return parse_yaml(read_bytes(path), str(path))
+
+
+def parse_yaml(data: bytes | str, path: str = "<text>") -> TreeFile:
+    """Read a tree file from memory.
+
+    Args:
+        data: Its content.
+        path: What to call it in findings.
+
+    Returns:
+        What it says, not yet checked.
+
+    Raises:
+        TreeError: If it is not YAML, not a tree, too large, too deep, or uses what only YAML has.
+    """
+    spans = YamlSpans()
+    return _Reader(source_of(data, path, spans, None, _EMPTY_HINT), spans).read()
+
+
+class _Parts:
+    """What is known of an element while it is read."""
+
+    __slots__ = ("attributes", "children", "comments", "places", "seen", "text")
+
+    def __init__(self) -> None:
+        self.attributes: dict[str, str] = {}
+        self.children: list[Element] = []
+        self.comments: list[Comment] = []
+        self.text = ""
+        # Begin and end of the name and of the value of each attribute.
+        self.places: list[int] = []
+        # Where each key began.
+        self.seen: dict[str, int] = {}
+
+
+class _Reader:
+    """One pass over the events of a text; goes on behind what is wrong, so that everything is found."""
+
+    def __init__(self, source: Source, spans: YamlSpans) -> None:
+        self._source = source
+        self._spans = spans
+        self._events = Events(source)
+        self._report = self._events.report
+        self._depth = 0
+        self._models = 0
+
+    def read(self) -> TreeFile:
+        events = self._events
+        events.take()  # the stream begins
+        self._document()
+        root = None
+        before = [Comment(one.text, apart=one.apart) for one in events.comments()]
+        if isinstance(events.next, yaml.CollectionStartEvent | yaml.ScalarEvent | yaml.AliasEvent):
+            root = self._node()
+        after = [Comment(one.text, 1, apart=one.apart) for one in events.comments()]
+        events.take()  # the document ends
+        after += [Comment(one.text, 1, apart=one.apart) for one in events.comments()]
+        if isinstance(events.next, yaml.DocumentStartEvent):
+            start, end = _place(events.next)
+            message = "a second document begins here; a tree file is one"
+            self._report("second-document", message, start, end, hint="put it in a file of its own")
+        if events.findings or root is None:
+            raise TreeError(sorted(events.findings, key=lambda found: (found.span.line, found.span.column)))
+        return TreeFile(self._source, root, (*before, *after))
+
+    def _document(self) -> None:
+        start: Any = self._events.take()
+        if not isinstance(start, yaml.DocumentStartEvent):
+            self._report("empty-file", "the file is empty", 0, 0, hint=_EMPTY_HINT)
+        elif start.version or start.tags:
+            message = "a tree file has no directives of YAML"
+            self._report("yaml-directive", message, *_place(start), hint="delete the lines that begin with %")
+
+    def _node(self) -> Element | None:
+        """Read the node that comes next; None where there is none."""
+        events = self._events
+        first: Any = events.next
+        if isinstance(first, yaml.ScalarEvent):
+            return self._bare(events.take())
+        if not isinstance(first, yaml.MappingStartEvent):
+            end = events.skip()
+            if isinstance(first, yaml.SequenceStartEvent):
+                what = f"'{ROOT_TAG}:' begins a tree file" if not self._depth else "a node stands here"
+                self._report("wrong-shape", f"{what}, and this is a list", _place(first)[0], end)
+            return None
+        events.take()
+        if isinstance(events.next, yaml.MappingEndEvent):
+            events.take()
+            self._report("wrong-shape", "these braces are empty; a node has a tag", *_place(first))
+            return None
+        tag = self._key()
+        element = self._tagged(tag, events.beside) if tag is not None else None
+        if tag is None:
+            events.skip()
+        while not isinstance(events.next, yaml.MappingEndEvent):
+            self._stray_key(tag)
+        events.take()
+        return element
+
+    def _bare(self, tag: Any) -> Element | None:
+        """Make an element of a tag that stands for itself."""
+        if tag.start_mark.index == tag.end_mark.index:
+            message = "there is nothing behind this '-'"
+            start = self._source.text.rfind("-", 0, tag.start_mark.index)
+            self._report("wrong-shape", message, start, start + 1, hint="write a node, or delete the line")
+            return None
+        parts = _Parts()
+        if self._events.beside is not None:
+            parts.comments.append(Comment(self._events.beside, beside=True))
+        return self._element(tag, parts, self._spans.begin(*_place(tag)))
+
+    def _tagged(self, tag: Any, beside: str | None) -> Element | None:
+        """Read what stands below a tag."""
+        events, parts = self._events, _Parts()
+        number = self._spans.begin(*_place(tag))
+        if beside is not None:
+            parts.comments.append(Comment(beside, beside=True))
+        content = events.next
+        if isinstance(content, yaml.MappingStartEvent):
+            self._depth += 1
+            self._models += tag.value == MODEL_TAG
+            if self._depth > MAX_DEPTH:
+                message = f"elements are nested more than {MAX_DEPTH} deep"
+                self._report("too-deep", message, *_place(tag))
+                raise TreeError(events.findings)
+            events.take()
+            self._content(parts)
+            self._depth -= 1
+            self._models -= tag.value == MODEL_TAG
+        elif _is_nothing(content):
+            events.take()
+            if events.beside is not None:
+                parts.comments.append(Comment(events.beside, beside=True))
+            column = self._source.place(tag.start_mark.index)[1]
+            parts.comments += [_comment(one, 0) for one in events.comments(column + 1)]
+        else:
+            end = events.skip()
+            message = f"below '{tag.value}' stand its attributes, as name: value, and its '{CHILDREN_KEY}'"
+            hint = f"put a list of nodes under '{CHILDREN_KEY}:'"
+            is_list = isinstance(content, yaml.SequenceStartEvent)
+            self._report("wrong-shape", message, _place(content)[0], end, hint=hint if is_list else None)
+        return self._element(tag, parts, number)
+
+    def _element(self, tag: Any, parts: _Parts, number: int) -> Element | None:
+        if not is_name(tag.value):
+            self._wrong_name(tag, "a tag")
+            return None
+        self._spans.finish(number, parts.places)
+        place = self._source.place(tag.start_mark.index)
+        children, comments = tuple(parts.children), tuple(parts.comments)
+        return Element(tag.value, parts.attributes, children, self._source, *place, parts.text, comments)
+
+    def _content(self, parts: _Parts) -> None:
+        """Read attributes and children up to the end of their mapping."""
+        events = self._events
+        column = self._source.place(events.next.start_mark.index)[1]
+        while not isinstance(events.next, yaml.MappingEndEvent):
+            waiting = events.comments()
+            key = self._key()
+            name = key.value if key is not None else None
+            attribute = name if name != CHILDREN_KEY else None
+            parts.comments += [_comment(one, 0, attribute) for one in waiting]
+            beside = events.beside
+            if key is None or self._is_wrong(key, parts):
+                events.skip()
+                continue
+            parts.seen[key.value] = key.start_mark.index
+            if name == CHILDREN_KEY:
+                parts.comments += [Comment(beside)] if beside is not None else []
+                self._children(parts, key)
+            else:
+                self._attribute(parts, key, beside)
+        parts.comments += [_comment(one, len(parts.children)) for one in events.comments(column)]
+        if parts.text and parts.children:
+            place = parts.seen[TEXT_KEY]
+            self._report(
+                "wrong-shape", "an element has children or text, not both", place, place + len(TEXT_KEY)
+            )
+        events.take()
+
+    def _attribute(self, parts: _Parts, key: Any, beside: str | None) -> None:
+        events = self._events
+        value = events.next
+        if not isinstance(value, yaml.ScalarEvent):
+            self._not_a_text(key)
+            return
+        events.take()
+        for said in (beside, _header_comment(self._source.text, value), events.beside):
+            if said is not None:
+                parts.comments.append(Comment(said, attribute=key.value, beside=True))
+        if _is_nothing(value):
+            message = f"'{key.value}' has no value"
+            hint = f"write {key.value}: '' for an empty text, or delete the line"
+            self._report("missing-value", message, *_place(key), hint=hint)
+        elif value.style == '"' and (unspeakable := _UNSPEAKABLE.search(value.value)):
+            message = f"{key.value}: a tree file cannot have the character U+{ord(unspeakable.group()):04X}"
+            self._report("wrong-character", message, *_place(value), hint="delete it")
+        elif key.value != TEXT_KEY:
+            parts.attributes[key.value] = value.value
+            parts.places += (*_place(key), *_place(value))
+        elif self._models:
+            parts.text = value.value.strip()
+        else:
+            message = f"'{TEXT_KEY}' stands only in the ports of a {MODEL_TAG}"
+            self._report("wrong-shape", message, *_place(key), hint="write a comment instead")
+
+    def _not_a_text(self, key: Any) -> None:
+        """Say of a list or a mapping that it cannot be the value of an attribute."""
+        value = self._events.next
+        start, end = _place(value)[0], self._events.skip()
+        if isinstance(value, yaml.AliasEvent):
+            return
+        written = self._source.text[start:end]
+        if value.flow_style and _REFERENCE.fullmatch(written):
+            message = f"{key.value}: braces are a mapping in YAML, so a reference stands in quotes"
+            self._report("wrong-shape", message, start, end, suggestion=f"'{written}'")
+            return
+        what = "a list" if isinstance(value, yaml.SequenceStartEvent) else "a mapping"
+        message = f"'{key.value}' is an attribute, and its value is {what}, not a text"
+        hint = f"nodes stand under '{CHILDREN_KEY}'; a text that begins with {{ or [ stands in quotes"
+        self._report("wrong-shape", message, *_place(key), hint=hint)
+
+    def _children(self, parts: _Parts, key: Any) -> None:
+        events = self._events
+        start: Any = events.next
+        if not isinstance(start, yaml.SequenceStartEvent):
+            events.skip()
+            message = f"'{CHILDREN_KEY}' is a list of nodes"
+            hint = (
+                "begin each node with '- '"
+                if not _is_nothing(start)
+                else "write the nodes, or delete the line"
+            )
+            self._report("wrong-shape", message, *_place(key), hint=hint)
+            return
+        events.take()
+        column = 0 if start.flow_style else self._source.place(_place(start)[0])[1]
+        while not isinstance(events.next, yaml.SequenceEndEvent):
+            parts.comments += [_comment(one, len(parts.children)) for one in events.comments()]
+            child = self._node()
+            if child is not None:
+                parts.children.append(child)
+        parts.comments += [_comment(one, len(parts.children)) for one in events.comments(column)]
+        events.take()
+
+    def _key(self) -> Any:
+        """Take the key that comes next; None, after a finding, where it is no text."""
+        key = self._events.next
+        if isinstance(key, yaml.ScalarEvent):
+            return self._events.take()
+        end = self._events.skip()
+        if not isinstance(key, yaml.AliasEvent):
+            hint = "a name that begins with { or [ stands in quotes"
+            self._report("wrong-shape", "a key is a name", _place(key)[0], end, hint=hint)
+        return None
+
+    def _is_wrong(self, key: Any, parts: _Parts) -> bool:
+        name = key.value
+        if name in parts.seen:
+            line = self._source.place(parts.seen[name])[0]
+            message = f"'{name}' is given twice; the first stands in line {line}"
+            self._report("duplicate-key", message, *_place(key), hint="delete one of them")
+            return True
+        if name == "<<" and not key.style:
+            message = (
+                "'<<' would merge another mapping into this one; a tree file says everything where it stands"
+            )
+            self._report("yaml-merge", message, *_place(key), hint="write the attributes out")
+            return True
+        if name != TEXT_KEY and not is_name(name):
+            self._wrong_name(key, "an attribute")
+            return True
+        return False
+
+    def _wrong_name(self, scalar: Any, what: str) -> None:
+        written = scalar.value if len(scalar.value) < 40 else f"{scalar.value[:40]}..."  # noqa: PLR2004
+        message = f"'{written}' cannot be the name of {what}" if written else f"{what} has a name"
+        if "\n" in written or not written.isprintable():
+            message = f"this cannot be the name of {what}"
+        hint = "names have letters, digits, '_', '-' and '.', and begin with a letter or '_'"
+        self._report("wrong-name", message, *_place(scalar), hint=hint)
+
+    def _stray_key(self, tag: Any) -> None:
+        """Say of a key beside a node's tag that it does not belong there."""
+        key = self._key()
+        self._events.skip()
+        if key is None or tag is None:
+            return
+        if not self._depth:
+            message = f"a tree file has one key at its top; '{key.value}' stands beside '{tag.value}'"
+        else:
+            message = f"'{key.value}' stands beside '{tag.value}', not below it"
+        self._report(
+            "wrong-shape", message, *_place(key), hint="indent it further, or begin a node with '- '"
+        )
+
+
+def _place(event: Any) -> tuple[int, int]:
+    return event.start_mark.index, event.end_mark.index
+
+
+def _is_nothing(event: Any) -> bool:
+    start, end = _place(event)
+    return isinstance(event, yaml.ScalarEvent) and start == end
+
+
+def _comment(waiting: Any, index: int, attribute: str | None = None) -> Comment:
+    return Comment(waiting.text, index, attribute, apart=waiting.apart)
+
+
+def _header_comment(text: str, value: Any) -> str | None:
+    """Return the comment behind the `|` or `>` of a block."""
+    if value.style not in ("|", ">"):
+        return None
+    match = _HEADER_COMMENT.match(text, value.start_mark.index)
+    return text_of_yaml([match.group(1)]) if match else None

@@ -1,0 +1,184 @@
+"""The events of a YAML text, one ahead, with the comments between them and without what a tree file cannot use.
+
+libyaml (or PyYAML, where that is missing) splits the text. Scalars are taken as they are written: what YAML
+would make of `no`, `12:30` or `1e3` is never asked.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import yaml
+
+from sar_compiler.tree.comments import text_of_yaml
+from sar_compiler.tree.content import MAX_DEPTH
+from sar_compiler.tree.diagnostic import Diagnostic, TreeError
+from sar_compiler.tree.source import Source
+from sar_compiler.tree.yaml_errors import malformed
+
+_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+# What no YAML can have as it is, and what ends a line for some readers and not for others.
+_UNREADABLE = re.compile(
+    "[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
+)
+# An element takes three levels: its list, its tag's mapping, its own. Deeper brackets only cost the parser time.
+_MAX_NESTING = 3 * (MAX_DEPTH + 2)
+_COMMENT = re.compile(r"#([^\r\n]*)")
+_LINE_END = re.compile(r"\r\n|\r|\n")
+
+
+@dataclass
+class Waiting:
+    """A comment on lines of its own that nothing has claimed yet.
+
+    Attributes:
+        column: Where its `#` stands, from 1.
+        end: The offset of its end.
+        lines: What stands behind each `#`.
+        apart: A blank line stands before it, and no other comment before that.
+    """
+
+    column: int
+    end: int
+    lines: list[str]
+    apart: bool
+
+    @property
+    def text(self) -> str:
+        """What it says."""
+        return text_of_yaml(self.lines)
+
+
+class Events:
+    """The events of a text, one ahead.
+
+    Attributes:
+        findings: What is wrong with the file so far; whoever reads the events adds to it.
+        next: The event that comes next.
+        beside: What the comment says that shares the line of the event taken last; None if there is none.
+    """
+
+    def __init__(self, source: Source) -> None:
+        self.findings: list[Diagnostic] = []
+        self.beside: str | None = None
+        self._source = source
+        self._waiting: list[Waiting] = []
+        self._has_comments = "#" in source.text
+        self._end = 0
+        self._nested = 0
+        unreadable = _UNREADABLE.search(source.text)
+        if unreadable:
+            code = ord(unreadable.group())
+            message = f"the character U+{code:04X} cannot stand in YAML as it is"
+            hint = f'delete it, or write "\\u{code:04x}" in double quotes'
+            self.report("wrong-character", message, *unreadable.span(), hint=hint)
+            raise TreeError(self.findings)
+        self._stream: Iterator[Any] = yaml.parse(source.text, Loader=_LOADER)
+        self.next: Any = None
+        self.take()
+
+    def report(self, code: str, message: str, start: int, end: int, **advice: str | None) -> None:
+        """Note something that is wrong between two offsets."""
+        span = self._source.span(start, max(start + 1, end))
+        self.findings.append(Diagnostic(code, message, self._source, span, **advice))  # type: ignore[arg-type]
+
+    def take(self) -> Any:
+        """Return the event that comes next, and look one further.
+
+        Raises:
+            TreeError: If the text behind it is not well-formed.
+        """
+        taken = self.next
+        try:
+            self.next = event = next(self._stream, None)
+        except yaml.YAMLError as error:
+            self.findings.append(malformed(self._source, error))
+            raise TreeError(self.findings) from None
+        self.beside = None
+        if event is not None:
+            if isinstance(event, yaml.CollectionStartEvent):
+                self._enter(event)
+            elif isinstance(event, yaml.CollectionEndEvent):
+                self._nested -= 1
+            if self._has_comments:
+                self._collect(taken, event)
+            if getattr(event, "anchor", None) is not None or getattr(event, "tag", None) is not None:
+                self._refuse_surprises(event)
+        return taken
+
+    def skip(self) -> int:
+        """Pass over the value that comes next, whatever it is; returns the offset of its end."""
+        depth = 0
+        while True:
+            event = self.take()
+            if isinstance(event, yaml.CollectionStartEvent):
+                depth += 1
+            elif isinstance(event, yaml.CollectionEndEvent):
+                depth -= 1
+            if depth == 0:
+                return int(event.end_mark.index)
+
+    def comments(self, from_column: int = 0) -> list[Waiting]:
+        """Take the comments that stand before the next event.
+
+        Args:
+            from_column: The first that stands further left, and all behind it, are left to others.
+        """
+        waiting = self._waiting
+        count = next((i for i, one in enumerate(waiting) if one.column < from_column), len(waiting))
+        self._waiting = waiting[count:]
+        return waiting[:count]
+
+    def _enter(self, event: Any) -> None:
+        self._nested += 1
+        if self._nested > _MAX_NESTING:
+            message = f"lists and mappings are nested more than {_MAX_NESTING} deep"
+            self.report("too-deep", message, event.start_mark.index, event.start_mark.index)
+            raise TreeError(self.findings)
+
+    def _collect(self, taken: Any, event: Any) -> None:
+        """Find the comments between the end of the event before and the beginning of this one."""
+        start, self._end = self._end, max(self._end, event.start_mark.index)
+        follows = isinstance(taken, yaml.ScalarEvent) and taken.style not in ("|", ">")
+        for match in _COMMENT.finditer(self._source.text, start, self._end):
+            if (
+                follows
+                and self.beside is None
+                and not _LINE_END.search(self._source.text, start, match.start())
+            ):
+                self.beside = text_of_yaml([match.group(1)])
+            else:
+                self._wait(match)
+        if isinstance(event, yaml.ScalarEvent) or getattr(event, "flow_style", False):
+            self._end = max(self._end, event.end_mark.index)
+
+    def _wait(self, match: re.Match[str]) -> None:
+        column = self._source.place(match.start())[1]
+        last = self._waiting[-1] if self._waiting else None
+        if last is not None:
+            between = self._source.text[last.end : match.start()]
+            if last.column == column and not between.strip() and len(_LINE_END.findall(between)) == 1:
+                last.lines.append(match.group(1))
+                last.end = match.end()
+                return
+        # Comments that follow each other are told apart by a blank line, which therefore says nothing more.
+        apart = self._source.blank_before(match.start()) and last is None
+        self._waiting.append(Waiting(column, match.end(), [match.group(1)], apart))
+
+    def _refuse_surprises(self, event: Any) -> None:
+        start = event.start_mark.index
+        if event.anchor is not None:
+            mark = "*" if isinstance(event, yaml.AliasEvent) else "&"
+            written, what = f"{mark}{event.anchor}", "an alias" if mark == "*" else "an anchor"
+            message = (
+                f"'{written}' is {what} of YAML, and a tree file has none: it says everything where it stands"
+            )
+            hint = f"write it out; a text that begins with {mark} stands in quotes"
+            self.report("yaml-anchor", message, start, start + len(written), hint=hint)
+        else:
+            end = start + len(self._source.text[start : start + 80].split(maxsplit=1)[0])
+            message = f"'{self._source.text[start:end]}' is a tag of YAML, and a tree file has none"
+            hint = "delete it; a text that begins with ! stands in quotes"
+            self.report("yaml-tag", message, start, end, hint=hint)

@@ -1,0 +1,162 @@
+"""Where the parts of an element stand in a YAML text."""
+
+import bisect
+import re
+from array import array
+from collections.abc import Iterable
+
+from sar_compiler.tree.model import Element
+from sar_compiler.tree.source import Form, Source, Span
+
+_HEADER = re.compile(r"[|>][^\r\n]*(?:\r\n|\r|\n|$)")
+# What stands for the characters of a value: a fold, an escape, or a character for itself.
+_FOLD = r"(?P<fold>[ \t]*(?:\r\n|\r|\n)[ \t\r\n]*)"
+_PLAIN = re.compile(rf"{_FOLD}|.", re.DOTALL)
+_SINGLE = re.compile(rf"{_FOLD}|''|.", re.DOTALL)
+_DOUBLE = re.compile(
+    rf"{_FOLD}|(?P<joint>\\(?:\r\n|\r|\n)[ \t\r\n]*)|\\x..|\\u.{{4}}|\\U.{{8}}|\\.|.", re.DOTALL
+)
+_LINE_END = re.compile(r"\r\n|\r|\n")
+
+
+class YamlSpans:
+    """The places of a file's tags, attribute names and values.
+
+    They are noted while the file is read, as plain numbers in the order of the file, because nothing less than
+    reading it again could find them later.
+    """
+
+    form = Form.YAML
+
+    def __init__(self) -> None:
+        # For each element: where its tag stands, and which places of attributes are its own.
+        self._tags = array("L")
+        self._tag_ends = array("L")
+        self._first = array("L")
+        # For each attribute: begin and end of its name, begin and end of its value with quotes.
+        self._places = array("L")
+
+    def begin(self, start: int, end: int) -> int:
+        """Note where a tag stands; returns its number, for `finish`."""
+        self._tags.append(start)
+        self._tag_ends.append(end)
+        self._first.append(0)
+        return len(self._tags) - 1
+
+    def finish(self, number: int, places: Iterable[int]) -> None:
+        """Note where the attributes of an element stand, four numbers for each, in their order."""
+        self._first[number] = len(self._places)
+        self._places.extend(places)
+
+    def tag(self, source: Source, element: Element) -> Span:
+        """Return where the element's tag stands."""
+        number = self._number(source, element)
+        return source.span(*_unquoted(source.text, self._tags[number], self._tag_ends[number]))
+
+    def attribute_name(self, source: Source, element: Element, name: str) -> Span:
+        """Return where an attribute's name stands."""
+        places = self._attribute(source, element, name)
+        return (
+            source.span(*_unquoted(source.text, places[0], places[1]))
+            if places
+            else self.tag(source, element)
+        )
+
+    def attribute_value(self, source: Source, element: Element, name: str) -> Span:
+        """Return where an attribute's value stands: without quotes, and without the header of a block."""
+        places = self._attribute(source, element, name)
+        return (
+            source.span(*_unquoted(source.text, places[2], places[3]))
+            if places
+            else self.tag(source, element)
+        )
+
+    def within_value(self, source: Source, element: Element, name: str, start: int, end: int) -> Span:
+        """Return where the characters from *start* to *end* of an attribute's value stand."""
+        places = self._attribute(source, element, name)
+        if not places:
+            return self.tag(source, element)
+        offsets = _offsets(source.text, places[2], places[3], element.attributes[name])
+        return source.span(*(offsets[min(index, len(offsets) - 1)] for index in (start, end)))
+
+    def stands_apart(self, source: Source, element: Element) -> bool:
+        """Say whether a blank line stands directly before the element."""
+        return source.blank_before(source.offset(element.line, element.column), passing="- \t\r\n")
+
+    def _number(self, source: Source, element: Element) -> int:
+        return bisect.bisect_left(self._tags, source.offset(element.line, element.column))
+
+    def _attribute(self, source: Source, element: Element, name: str) -> tuple[int, ...]:
+        if name not in element.attributes:
+            return ()
+        number = self._number(source, element)
+        first = self._first[number] + 4 * list(element.attributes).index(name)
+        return tuple(self._places[first : first + 4])
+
+
+def _unquoted(text: str, start: int, end: int) -> tuple[int, int]:
+    """Return the stretch of a scalar without its quotes, or without the header and end of a block."""
+    mark = text[start : start + 1]
+    if mark in ("'", '"'):
+        return start + 1, end - 1
+    header = _HEADER.match(text, start, end)
+    if header is None:
+        return start, end
+    block = text[header.end() : end]
+    stripped = block.strip(" \t\r\n")
+    begin = header.end() + (block.index(stripped) if stripped else 0)
+    return begin, begin + len(stripped)
+
+
+def _offsets(text: str, start: int, end: int, value: str) -> list[int]:
+    """Return where each character of a value, and its end, stand in the scalar written for it."""
+    first, last = _unquoted(text, start, end)
+    header = _HEADER.match(text, start, end)
+    if header is None:
+        found = _offsets_in_line(text, start, first, last)
+    elif text[start] == "|":
+        found = _offsets_in_literal(text, header.end(), last, value)
+    else:
+        found = _offsets_in_folded(text, first, last, value)
+    return [min(max(first, offset), last) for offset in [*found, last]]
+
+
+def _offsets_in_line(text: str, start: int, first: int, last: int) -> list[int]:
+    """Take what is plain or in quotes apart; a line break and the space around it are one blank."""
+    units = {"'": _SINGLE, '"': _DOUBLE}.get(text[start], _PLAIN)
+    offsets: list[int] = []
+    for unit in units.finditer(text, first, last):
+        groups = unit.groupdict()
+        breaks = len(_LINE_END.findall(unit.group()))
+        if groups["fold"] is not None:
+            characters = max(1, breaks - 1)
+        elif groups.get("joint") is not None:
+            characters = breaks - 1
+        else:
+            characters = 1
+        offsets += [unit.start()] * characters
+    return offsets
+
+
+def _offsets_in_literal(text: str, start: int, last: int, value: str) -> list[int]:
+    """Compare line by line: what a line of the block has more than that of the value is indentation."""
+    offsets: list[int] = []
+    for line in value.split("\n"):
+        ending = _LINE_END.search(text, start, last)
+        end = ending.start() if ending else last
+        offsets += range(max(start, end - len(line)), end + 1)
+        start = ending.end() if ending else last
+    return offsets
+
+
+def _offsets_in_folded(text: str, first: int, last: int, value: str) -> list[int]:
+    """Find one character after the other; what is passed over is space."""
+    offsets: list[int] = []
+    place = first
+    for character in value:
+        found = place
+        while found < last and text[found] != character and text[found] in " \t\r\n":
+            found += 1
+        offsets.append(place if character in " \n" else found)
+        place = found if character in " \n" and text[found : found + 1] != character else found + 1
+    return offsets

@@ -1,0 +1,157 @@
+"""Writing tree files in YAML, in one canonical form.
+
+A text is plain where no reader of YAML could take it for anything else. So are `true`, `false` and decimal
+numbers, which every reader gives back as they were written; `no`, `12:30` and `1e3` stand in quotes. A text
+of several lines is a block, if a block can hold it.
+"""
+
+import re
+from collections.abc import Iterator
+
+from sar_compiler.tree.diagnostic import Diagnostic, TreeError
+from sar_compiler.tree.model import CHILDREN_KEY, TEXT_KEY, Comment, Element, TreeFile
+
+_WHOLE_NUMBER = re.compile(r"0|-?[1-9][0-9]{0,14}")
+_DECIMAL_NUMBER = re.compile(r"-?[0-9]{1,9}\.[0-9]{1,6}")
+# Words that some reader of YAML takes for a bool or for nothing, whatever their case.
+_GUESSED = frozenset({"yes", "no", "on", "off", "true", "false", "null"})
+_ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
+
+
+def write_yaml(tree_file: TreeFile) -> str:
+    """Return a tree file as YAML.
+
+    Raises:
+        TreeError: If an attribute is called `children`.
+    """
+    wrong = [_taken(element) for element in tree_file.root.iterate() if CHILDREN_KEY in element.attributes]
+    if wrong:
+        raise TreeError(wrong)
+    lines: list[str] = []
+    before = [comment for comment in tree_file.comments if comment.index == 0]
+    for index, comment in enumerate(before):
+        lines += _comment(comment, "", apart=index > 0)
+    root = tree_file.root
+    if before and root.source.spans.stands_apart(root.source, root):
+        lines.append("")
+    lines += _node(root, "", "")
+    after = [comment for comment in tree_file.comments if comment.index > 0]
+    for index, comment in enumerate(after):
+        lines += _comment(comment, "", apart=index > 0 or comment.apart)
+    return "\n".join(lines) + "\n"
+
+
+def comment_in_yaml(text: str) -> str:
+    """Return the text of a comment as YAML can have it: what cannot be printed is written as an escape."""
+    return "".join(one if one.isprintable() or one == "\n" else _escaped(one) for one in text)
+
+
+def scalar(text: str) -> str:
+    """Return a text as a scalar in one line that every reader of YAML takes for this text."""
+    if _is_plain(text):
+        return text
+    if not text.isprintable() or ("'" in text and not set(text) & {'"', "\\"}):
+        return f'"{"".join(_escaped(character) for character in text)}"'
+    return "'" + text.replace("'", "''") + "'"
+
+
+def _node(element: Element, indent: str, dash: str) -> Iterator[str]:
+    """Yield the lines of an element; what is below its tag stands four columns behind its dash."""
+    key = scalar(element.tag)
+    below = indent + ("    " if dash else "  ")
+    content = [*_attributes(element, below), *_children(element, below)]
+    beside = [comment for comment in element.comments if comment.beside and comment.attribute is None]
+    yield f"{indent}{dash}{key}{':' if content else ''}{_beside(beside)}"
+    yield from content
+
+
+def _attributes(element: Element, indent: str) -> Iterator[str]:
+    written = [*element.attributes.items(), *([(TEXT_KEY, element.text)] if element.text else [])]
+    for name, value in written:
+        comments = [comment for comment in element.comments if comment.attribute == name]
+        above = [comment for comment in comments if not comment.beside]
+        for index, comment in enumerate(above):
+            yield from _comment(comment, indent, apart=index > 0)
+        beside = [comment for comment in comments if comment.beside]
+        first, *rest = _value(value, indent)
+        yield f"{indent}{scalar(name)}: {first}{_beside(beside)}"
+        yield from rest
+
+
+def _children(element: Element, indent: str) -> Iterator[str]:
+    inner = [comment for comment in element.comments if comment.attribute is None and not comment.beside]
+    if not element.children:
+        for index, comment in enumerate(inner):
+            yield from _comment(comment, indent, apart=index > 0)
+        return
+    yield f"{indent}{CHILDREN_KEY}:"
+    indent += "  "
+    last: Comment | Element | None = None
+    for index in range(len(element.children) + 1):
+        for comment in inner:
+            if comment.index == index:
+                apart = isinstance(last, Comment) or (last is not None and comment.apart)
+                yield from _comment(comment, indent, apart=apart)
+                last = comment
+        if index < len(element.children):
+            child = element.children[index]
+            if last is not None and child.source.spans.stands_apart(child.source, child):
+                yield ""
+            yield from _node(child, indent, "- ")
+            last = child
+
+
+def _comment(comment: Comment, indent: str, *, apart: bool) -> Iterator[str]:
+    if apart:
+        yield ""
+    for line in comment_in_yaml(comment.text).split("\n"):
+        yield f"{indent}{_marked(line)}"
+
+
+def _beside(comments: list[Comment]) -> str:
+    return (
+        f"  {_marked(', '.join(comment_in_yaml(comment.text) for comment in comments))}" if comments else ""
+    )
+
+
+def _marked(line: str) -> str:
+    return f"#{line}" if not line or line.startswith("#") else f"# {line}"
+
+
+def _value(text: str, indent: str) -> list[str]:
+    """Return the lines of a value; those behind the first are those of a block."""
+    lines = text.split("\n")
+    body = lines[:-1] if lines[-1] == "" else lines
+    fits = all(line.isprintable() and line == line.rstrip() for line in body)
+    if len(lines) == 1 or not body or not body[0] or body[0].startswith(" ") or not body[-1] or not fits:
+        return [scalar(text)]
+    return ["|" if lines[-1] == "" else "|-", *(f"{indent}  {line}".rstrip() for line in body)]
+
+
+def _is_plain(text: str) -> bool:
+    if _WHOLE_NUMBER.fullmatch(text) or text in ("true", "false"):
+        return True
+    if _DECIMAL_NUMBER.fullmatch(text):
+        return str(float(text)) == text
+    begins = text[:1].isalpha() or text[:1] in ("_", "/", "(", "$")
+    ends = text[-1:] not in (":", " ")
+    marks = ": " not in text and " #" not in text
+    return bool(begins and ends and marks and text.isprintable() and text.lower() not in _GUESSED)
+
+
+def _escaped(character: str) -> str:
+    if character in _ESCAPES:
+        return _ESCAPES[character]
+    if character.isprintable():
+        return character
+    code = ord(character)
+    return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"  # noqa: PLR2004
+
+
+def _taken(element: Element) -> Diagnostic:
+    message = (
+        f"an attribute '{CHILDREN_KEY}' cannot be written in YAML, where the nodes in a node have this name"
+    )
+    return Diagnostic(
+        "not-in-yaml", message, element.source, element.name_span(CHILDREN_KEY), hint="rename it"
+    )

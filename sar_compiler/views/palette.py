@@ -1,0 +1,18 @@
+"""What can be written in a tree file, as a palette for Groot2."""
+
+from collections.abc import Iterable
+
+from sar_compiler.nodes.palette import describe
+from sar_compiler.nodes.spec import NodeSpec
+from sar_compiler.tree.made import made, made_file
+from sar_compiler.tree.model import ROOT_TAG
+from sar_compiler.tree.xml_writer import write_xml
+
+
+def palette(specs: Iterable[NodeSpec]) -> str:
+    """Return a file with the `TreeNodesModel` of everything that BehaviorTree.CPP does not have itself.
+
+    Args:
+        specs: What there is; all meanings of a tag.
+    """
+    return write_xml(made_file(made(ROOT_TAG, {"BTCPP_format": "4"}, [describe(specs)])))

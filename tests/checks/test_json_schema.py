@@ -1,0 +1,88 @@
+"""The schema for YAML: committed as it is generated, and never stricter than the rules."""
+
+import json
+from pathlib import Path
+
+import jsonschema
+import pytest
+import yaml
+from hypothesis import given
+
+from sar_compiler.checks import RULES, check
+from sar_compiler.nodes.json_schema import json_schema
+from sar_compiler.nodes.registry import default_registry
+from sar_compiler.tree.conversion import convert
+from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.source import Form
+from sar_compiler.tree.xml import parse_xml, read_xml
+from tests.checks.test_mistakes import CORRECT
+from tests.checks.test_schema import ELEMENTS, written
+from tests.trees import document
+
+SCHEMA = json_schema(default_registry())
+VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
+
+
+def errors(text):
+    """Return where the schema refuses a file in YAML, as a YAML reader of no special kind sees it."""
+    return [list(error.absolute_path) for error in VALIDATOR.iter_errors(yaml.safe_load(text))]
+
+
+def as_yaml(text):
+    return convert(parse_xml(text), Form.YAML).text
+
+
+def in_a_tree(*nodes):
+    tree = {"ID": "Main", "children": list(nodes)}
+    return yaml.safe_dump({"root": {"BTCPP_format": 4, "children": [{"BehaviorTree": tree}]}})
+
+
+def test_the_committed_schema_is_the_one_that_the_registry_generates():
+    committed = Path("schemas/sar_tree.schema.json").read_text(encoding="utf-8")
+    assert json.loads(committed) == SCHEMA, "make schemas"
+
+
+def test_it_is_a_schema():
+    jsonschema.Draft202012Validator.check_schema(SCHEMA)
+
+
+@pytest.mark.parametrize("path", sorted(Path("trees").glob("*.yaml")), ids=str)
+def test_shipped_trees_are_valid(path):
+    assert errors(path.read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize("path", sorted(Path("examples").glob("*/*.xml")), ids=str)
+def test_the_examples_need_leaves_of_their_own_at_most(path):
+    found = errors(convert(read_xml(path), Form.YAML).text)
+    assert all(place[-1] == "children" or isinstance(place[-1], int) for place in found)
+
+
+@pytest.mark.parametrize("name", sorted(CORRECT))
+def test_what_is_correct_is_valid(name):
+    assert errors(as_yaml(document(CORRECT[name]))) == []
+
+
+@pytest.mark.parametrize(
+    ("node", "place"),
+    [
+        ({"Sey": {}}, []),
+        ({"Sequence": {"memory": "ture", "children": ["Success"]}}, ["Sequence", "memory"]),
+        ({"Sequence": {"memroy": True, "children": ["Success"]}}, ["Sequence"]),
+        ({"Sequence": {"name": "a"}}, ["Sequence"]),
+        ({"Inverter": {"children": ["Success", "Failure"]}}, ["Inverter", "children"]),
+        ({"Success": {}, "Failure": {}}, []),
+        ("Sey", []),
+        ({"SubTree": {"name": "a"}}, ["SubTree"]),
+    ],
+    ids=str,
+)
+def test_what_is_wrong_is_refused_at_its_place(node, place):
+    assert errors(in_a_tree(node)) == [["root", "children", 0, "BehaviorTree", "children", 0, *place]]
+
+
+@given(ELEMENTS)
+def test_the_schema_refuses_nothing_that_the_rules_let_pass(element):
+    forest = Forest.of(parse_xml(document(written(element))))
+    if not [finding for rule in RULES for finding in rule(forest, default_registry(), ())]:
+        assert errors(as_yaml(document(written(element)))) == []
+        assert check(forest, default_registry()) == []

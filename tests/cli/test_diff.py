@@ -1,0 +1,107 @@
+"""`sar-compile diff`, and the ways to BehaviorTree.CPP and Groot2, as their users see them."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.cli.compile import main
+
+SHIPPED = Path("trees/search_and_rescue.xml")
+
+
+def run(capsys, *arguments):
+    status = main([str(argument) for argument in arguments])
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+@pytest.fixture
+def changed(tmp_path):
+    path = tmp_path / "changed.xml"
+    text = SHIPPED.read_text(encoding="utf-8")
+    path.write_text(text.replace('<Sequence name="Patrol" memory="true">', '<Sequence name="Patrol">'))
+    return path
+
+
+def test_equal_trees_have_status_0_and_nothing_is_said(capsys):
+    assert run(capsys, "diff", SHIPPED, "trees/search_and_rescue.yaml") == (0, "", "")
+
+
+def test_different_trees_have_status_1_and_a_line_for_each_difference(capsys, changed):
+    status, out, err = run(capsys, "diff", "search_and_rescue", changed)
+    assert (status, err) == (1, "")
+    path = "SearchAndRescue/MissionOrReturnToBase/Patrol"
+    assert out.startswith(f'changed  {path}: memory "true" -> not written  (')
+    assert out.endswith(f"search_and_rescue.xml:13, {changed}:13)\n")
+    assert out.count("\n") == 1
+
+
+def test_a_file_that_is_not_there_has_status_2(capsys):
+    assert run(capsys, "diff", SHIPPED, "nowhere.xml") == (
+        2,
+        "",
+        "sar-compile: cannot read nowhere.xml: No such file or directory\n",
+    )
+
+
+def test_a_malformed_file_has_status_2_because_nothing_is_known_of_the_difference(capsys, tmp_path):
+    path = tmp_path / "cut.xml"
+    path.write_text("<root>", encoding="utf-8")
+    status, out, err = run(capsys, "diff", SHIPPED, path)
+    assert (status, out) == (2, "")
+    assert f"{path}:1:7: error[malformed-xml]" in err
+
+
+def test_the_mission_converts_for_behaviortree_cpp_and_is_valid_afterwards(capsys, tmp_path):
+    output = tmp_path / "mission.xml"
+    status, out, err = run(capsys, "convert", SHIPPED, "--to", "btcpp", "-o", output)
+    assert (status, out) == (0, "")
+    assert err.count("info[reference]") == 3
+    assert "<ReactiveFallback" in output.read_text(encoding="utf-8")
+    assert run(capsys, "validate", output) == (0, f"{output}: no findings\n", "")
+
+
+def test_a_conversion_that_leaves_something_to_do_writes_its_file_and_has_status_1(capsys, tmp_path):
+    path = tmp_path / "waits.xml"
+    path.write_text('<root><BehaviorTree><Success oneshot="ON_SUCCESSFUL_COMPLETION"/></BehaviorTree></root>')
+    status, out, err = run(capsys, "convert", path, "--to", "btcpp")
+    assert status == 1
+    assert f"{path}:1:39: warning[no-counterpart]: oneshot:" in err
+    assert '<OneShot name="SuccessOneShot" policy="ON_SUCCESSFUL_COMPLETION">' in out
+
+
+def test_leaves_of_the_users_own_are_described_in_what_is_converted(capsys):
+    arguments = ["convert", "examples/drive_to_goal/drive_to_goal.xml", "--to", "btcpp"]
+    _, out, _ = run(capsys, *arguments, "--nodes", "examples.drive_to_goal.leaves")
+    assert '<Condition ID="GoalNotReached" editable="true">' in out
+
+
+def test_the_palette_serves_as_a_model(capsys, tmp_path):
+    status, out, _ = run(capsys, "nodes", "--format", "groot2")
+    assert status == 0
+    described = tmp_path / "nodes.xml"
+    described.write_text(out, encoding="utf-8")
+    assert run(capsys, "validate", "--model", described, SHIPPED) == (0, f"{SHIPPED}: no findings\n", "")
+
+
+def test_the_palette_of_one_node_has_only_that(capsys):
+    status, out, _ = run(capsys, "nodes", "ZonesRemaining", "--format", "groot2")
+    assert status == 0
+    assert out.splitlines()[2:-1] == [
+        "  <TreeNodesModel>",
+        '    <Condition ID="ZonesRemaining" editable="true"/>',
+        "  </TreeNodesModel>",
+    ]
+
+
+def test_it_needs_no_ros(changed):
+    program = (
+        "import sys; sys.modules['rclpy'] = None\n"
+        "from sar_compiler.cli.compile import main\n"
+        "main(['nodes', '--format', 'groot2']), main(['convert', sys.argv[1], '--to', 'btcpp'])\n"
+        "sys.exit(main(['diff', sys.argv[1], sys.argv[2]]))"
+    )
+    command = [sys.executable, "-c", program, str(SHIPPED), str(changed)]
+    assert subprocess.run(command, capture_output=True, check=False).returncode == 1

@@ -1,0 +1,87 @@
+"""`sar-compile format` as its users see it."""
+
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.cli.compile import main
+
+ROUGH = {"xml": "<root a='1'><!-- why -->\n<A/></root>", "yaml": "root: {a: '1', children: [A]}  # why\n"}
+NEAT = {
+    "xml": '<?xml version="1.0" encoding="UTF-8"?>\n<root a="1">  <!-- why -->\n  <A/>\n</root>\n',
+    "yaml": "root:\n  a: 1\n  children:\n    - A\n# why\n",
+}
+
+
+def run(capsys, *arguments):
+    status = main(["format", *map(str, arguments)])
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+@pytest.fixture(params=ROUGH)
+def rough(request, tmp_path):
+    path = tmp_path / f"tree.{request.param}"
+    path.write_text(ROUGH[request.param], encoding="utf-8")
+    path.chmod(0o640)
+    return path
+
+
+def test_a_file_is_written_anew_in_its_own_form_with_its_comments_and_permissions(capsys, rough):
+    assert run(capsys, rough) == (0, f"{rough}: written anew\n", "")
+    assert rough.read_text(encoding="utf-8") == NEAT[rough.suffix[1:]]
+    assert rough.stat().st_mode & 0o777 == 0o640
+
+
+def test_a_second_time_changes_nothing(capsys, rough):
+    run(capsys, rough)
+    before = rough.stat()
+    assert run(capsys, rough) == (0, "", "")
+    assert (rough.stat().st_ino, rough.stat().st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
+
+
+def test_check_names_what_would_change_and_changes_nothing(capsys, rough):
+    assert run(capsys, "--check", rough) == (1, f"{rough}: is not in canonical form\n", "")
+    assert rough.read_text(encoding="utf-8") == ROUGH[rough.suffix[1:]]
+
+
+def test_shipped_trees_are_in_canonical_form(capsys):
+    assert run(capsys, "--check", *sorted(Path("trees").iterdir())) == (0, "", "")
+
+
+def test_line_ends_and_a_byte_order_mark_are_part_of_the_form(capsys, tmp_path):
+    path = tmp_path / "tree.yaml"
+    path.write_bytes(b"\xef\xbb\xbfroot:\r\n  a: 1\r\n")
+    assert run(capsys, path)[0] == 0
+    assert path.read_bytes() == b"root:\n  a: 1\n"
+
+
+def test_a_malformed_file_is_left_alone_and_the_others_are_written(capsys, rough, tmp_path):
+    broken = tmp_path / "broken.xml"
+    broken.write_text("<root>", encoding="utf-8")
+    status, out, err = run(capsys, broken, rough)
+    assert (status, out) == (1, f"{rough}: written anew\n")
+    assert f"{broken}:1:7: error[malformed-xml]" in err
+    assert broken.read_text(encoding="utf-8") == "<root>"
+
+
+def test_text_that_would_be_lost_is_a_finding_and_stays(capsys, tmp_path):
+    path = tmp_path / "tree.xml"
+    path.write_text("<root> text </root>", encoding="utf-8")
+    status, _, err = run(capsys, path)
+    assert (status, "stray-text" in err) == (1, True)
+    assert path.read_text(encoding="utf-8") == "<root> text </root>"
+
+
+def test_a_file_that_is_not_there_has_status_2(capsys, rough):
+    status, out, err = run(capsys, "nowhere.xml", rough)
+    assert (status, out) == (2, f"{rough}: written anew\n")
+    assert "cannot read nowhere.xml" in err
+
+
+def test_a_link_stays_a_link(capsys, rough, tmp_path):
+    link = tmp_path / f"link{rough.suffix}"
+    link.symlink_to(rough)
+    assert run(capsys, link)[0] == 0
+    assert link.is_symlink()
+    assert rough.read_text(encoding="utf-8") == NEAT[rough.suffix[1:]]

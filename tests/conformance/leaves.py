@@ -1,0 +1,122 @@
+"""The leaves of the traces: they do what the file says, and tell what was done with them."""
+
+from dataclasses import dataclass, field
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from sar_compiler.nodes import Kind, register
+from sar_compiler.runtime.context import mission_context
+from sar_compiler.runtime.ports import Input, PortError
+from sar_compiler.runtime.skipping import SKIPPED, SkippableLeaf
+
+_OUTCOMES = {"S": Status.SUCCESS, "F": Status.FAILURE, "R": Status.RUNNING, "K": SKIPPED}
+_ALL = {Status.SUCCESS, Status.FAILURE, Status.RUNNING, SKIPPED}
+
+Event = list[str]
+
+
+def _nothing() -> "Events":
+    return Events()
+
+
+@mission_context(preview=_nothing)
+@dataclass
+class Events:
+    """What happened, in order."""
+
+    happened: list[Event] = field(default_factory=list)
+
+    def take(self) -> list[Event]:
+        """Return what happened since the last call."""
+        taken, self.happened = self.happened, []
+        return taken
+
+
+class ScriptedError(Exception):
+    """What a leaf throws because its file says so."""
+
+
+class _Answering(SkippableLeaf):
+    def __init__(self, name: str, id_: str, outcomes: str, restart: bool, events: Events) -> None:
+        super().__init__(name)
+        self._id = id_
+        self._outcomes = outcomes.split(",")
+        self._restart = restart
+        self._events = events
+        self._asked = 0
+
+    def initialise(self) -> None:
+        if self._restart:
+            self._asked = 0
+
+    def update(self) -> Status:
+        answer = self._outcomes[min(self._asked, len(self._outcomes) - 1)]
+        self._asked += 1
+        if answer == "X":
+            self._events.happened.append(["tick", self._id, "EXCEPTION"])
+            message = f"scripted throw in {self.name}"
+            raise ScriptedError(message)
+        status = _OUTCOMES[answer]
+        self._events.happened.append(["tick", self._id, "SKIPPED" if status == SKIPPED else status.name])
+        return status
+
+
+@register("Scripted", kind=Kind.ACTION, outcomes=_ALL)
+class Scripted(_Answering):
+    """Answers one status of a list at each tick."""
+
+    def __init__(
+        self, name: str, id_: str, events: Events, outcomes: str = "S", restart: bool = False
+    ) -> None:
+        super().__init__(name, id_, outcomes, restart, events)
+
+    def terminate(self, new_status: Status) -> None:
+        if new_status == Status.INVALID and self.status == Status.RUNNING:
+            self._events.happened.append(["halt", self._id])
+
+
+@register("Cond", kind=Kind.CONDITION, outcomes=_ALL)
+class Cond(_Answering):
+    """As Scripted, but a condition: nobody hears of it when one is halted."""
+
+    def __init__(
+        self, name: str, id_: str, events: Events, outcomes: str = "S", restart: bool = False
+    ) -> None:
+        super().__init__(name, id_, outcomes, restart, events)
+
+
+class _Showing(Behaviour):
+    def __init__(self, name: str, id_: str, port: Input[object] | Input[str], events: Events) -> None:
+        super().__init__(name)
+        self._id = id_
+        self._port = port
+        self._events = events
+
+    def update(self) -> Status:
+        try:
+            value = self._port.get()
+        except PortError as error:
+            self._events.happened.append(["show", self._id, f"<error: {error}>"])
+            return Status.FAILURE
+        if isinstance(value, bool):
+            value = int(value)
+        text = f"{value:f}" if isinstance(value, float) else str(value)
+        self._events.happened.append(["show", self._id, text])
+        return Status.SUCCESS
+
+
+@register("Show", kind=Kind.ACTION, outcomes={Status.SUCCESS, Status.FAILURE})
+class Show(_Showing):
+    """Shows what its port holds, whatever that is."""
+
+    def __init__(self, name: str, id_: str, value: Input[object], events: Events) -> None:
+        super().__init__(name, id_, value, events)
+
+
+@register("ShowS", kind=Kind.ACTION, outcomes={Status.SUCCESS, Status.FAILURE})
+class ShowS(_Showing):
+    """Shows what its port holds, which is a text."""
+
+    def __init__(self, name: str, id_: str, value: Input[str], events: Events) -> None:
+        super().__init__(name, id_, value, events)

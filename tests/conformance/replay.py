@@ -1,0 +1,285 @@
+"""Replays traces of BehaviorTree.CPP: `python tests/conformance/replay.py CASES.json`.
+
+Prints one line for each case that differs, with what differs first, and last `N same, M differ`. Exit status 0
+if all that differ are on the list of deviations (`tests/conformance/deviations.py`), 1 if not, 2 for wrong usage.
+"""
+
+import dataclasses
+import functools
+import json
+import math
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+if __name__ == "__main__":
+    # Run as a file: the folder of the tests is not on the path then.
+    sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from sar_compiler.compiler import bind_main, compile_tree
+from sar_compiler.nodes.registry import Registry, default_registry
+from sar_compiler.runtime.blackboard import Board, Scope
+from sar_compiler.runtime.clock import Clock, ManualClock
+from sar_compiler.runtime.enums import Enums
+from sar_compiler.runtime.skipping import reset, was_skipped
+from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.xml import parse_xml
+from tests.conformance import leaves
+from tests.conformance.deviations import Difference, deviation
+from tests.conformance.leaves import Event, Events
+
+Case = Mapping[str, Any]
+Run = Mapping[str, Any]
+Said = tuple[str, ...]
+
+_ASYNC = "async"
+_SKIPS = re.compile(r'outcomes="[^"]*K')
+
+# A sleep takes a little longer than it was asked for.
+_LATE_SEC = 0.0001
+_USAGE = 2
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """A tree that is ready to be replayed.
+
+    Attributes:
+        root: Its root.
+        board: Its entries.
+        scopes: The scope of each tree instance by its path; the main tree's by its ID.
+        events: What its leaves tell.
+    """
+
+    root: Behaviour
+    board: Board
+    scopes: Mapping[str, Scope]
+    events: Events
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What one tick of ours did.
+
+    Attributes:
+        root: The root's status; EXCEPTION if something was raised.
+        events: What happened.
+        blackboards: The entries of each tree instance.
+        error: What was raised.
+    """
+
+    root: str
+    events: list[Event]
+    blackboards: Mapping[str, Mapping[str, object]]
+    error: str = ""
+
+
+def compile_case(xml: str, bb: Mapping[str, object], enums: Mapping[str, int], clock: Clock) -> Compiled:
+    """Compile a case's tree.
+
+    Args:
+        xml: The tree file.
+        bb: What is on the blackboard before the first tick.
+        enums: The names that stand for numbers.
+        clock: The time.
+    """
+    binding = bind_main(Forest.of(parse_xml(xml)), _registry(may_skip=_SKIPS.search(xml) is not None))
+    events = Events()
+    tree = compile_tree(binding, {Clock: clock, Enums: Enums(enums), Events: events}, bb)
+    scopes = {each.scope.path or binding.main.name: each.scope for each in tree.instance.iterate()}
+    return Compiled(tree.root, tree.board, scopes, events)
+
+
+@functools.cache
+def _registry(*, may_skip: bool) -> Registry:
+    """Return everything installed, and the leaves of the traces.
+
+    Where no leaf skips they are registered so, and the tree is made of py_trees' own classes as far as these
+    go; they have to keep to the trace as well.
+    """
+    registry = Registry(default_registry().registrations())
+    module = Registry()
+    module.add_module(leaves)
+    for leaf in module.registrations():
+        outcomes = leaf.outcomes if may_skip else leaf.outcomes - {"SKIPPED"}
+        registry.add(dataclasses.replace(leaf, outcomes=outcomes))
+    return registry
+
+
+def replay(case: Case) -> Iterator[Difference]:
+    """Replay a case in both modes; yield the first difference of each run that differs."""
+    for run in _runs(case):
+        difference = _first_difference(case, run)
+        if difference is not None:
+            yield difference
+
+
+def _runs(case: Case) -> Iterator[Run]:
+    yield from case["runs"]
+    if case.get("modes_equal") and "period_ms" not in case:
+        # With time between ticks, only one mode was tried.
+        (run,) = case["runs"]
+        yield {**run, "mode": "exactly_once" if run["mode"] == "once" else "once"}
+
+
+def _first_difference(case: Case, run: Run) -> Difference | None:
+    clock = ManualClock()
+    try:
+        compiled = compile_case(case["xml"], case.get("bb", {}), case.get("enums", {}), clock)
+    except Exception as error:  # noqa: BLE001 - a refusal is an answer, whatever it is
+        return None if _is_refused(run) else Difference(run, -1, "refused", "", str(error))
+    if "create_exception" in run:
+        # What BehaviorTree.CPP refuses may also be refused when it is ticked.
+        seen = next(_ticks(case, run, compiled, clock), None)
+        if seen is not None and seen.root == "EXCEPTION":
+            return None
+        return Difference(run, -1, "accepted", run["create_exception"], "")
+    for index, (expected, seen) in enumerate(
+        zip(run["ticks"], _ticks(case, run, compiled, clock), strict=False)
+    ):
+        difference = _compare(run, index, expected, seen)
+        if difference is not None:
+            return difference
+    return None
+
+
+def _is_refused(run: Run) -> bool:
+    """Whether BehaviorTree.CPP does not get beyond the first tick of a run, before any leaf is ticked."""
+    if "create_exception" in run:
+        return True
+    first = run["ticks"][0]
+    return bool(first["root"] == "EXCEPTION" and not first["events"])
+
+
+def _ticks(case: Case, run: Run, compiled: Compiled, clock: ManualClock) -> Iterator[Seen]:
+    woken: list[bool] = []
+    for node in compiled.root.iterate():
+        node.setup(wake=lambda: woken.append(True))
+    for index in range(case["ticks"]):
+        if index and "period_ms" in case:
+            clock.advance(case["period_ms"] / 1000 + _LATE_SEC)
+        try:
+            if index in case.get("halt_before", ()):
+                compiled.events.happened.append(["haltTree"])
+                _halt_tree(compiled.root)
+            outcome = _tick(compiled.root, woken, again=run["mode"] == "once")
+        except Exception as error:  # noqa: BLE001 - compared with what BehaviorTree.CPP raised
+            yield Seen("EXCEPTION", compiled.events.take(), _blackboards(compiled), str(error))
+            return
+        yield Seen(outcome, compiled.events.take(), _blackboards(compiled))
+
+
+def _halt_tree(root: Behaviour) -> None:
+    """Halt the root, and bring every node to rest that this does not reach."""
+    root.stop(Status.INVALID)
+    for node in root.iterate():
+        reset(node)
+
+
+def _tick(root: Behaviour, woken: list[bool], *, again: bool) -> str:
+    root.tick_once()
+    while again and not was_skipped(root) and root.status == Status.RUNNING and woken:
+        woken.clear()
+        root.tick_once()
+    if was_skipped(root):
+        return "SKIPPED"
+    outcome = root.status
+    if outcome != Status.RUNNING:
+        reset(root)
+    return outcome.name
+
+
+def _blackboards(compiled: Compiled) -> dict[str, dict[str, object]]:
+    """Return the entries of each tree instance."""
+    folders = {
+        f"{compiled.board.prefix}/{scope.path}/" if scope.path else f"{compiled.board.prefix}/": path
+        for path, scope in compiled.scopes.items()
+    }
+    found: dict[str, dict[str, object]] = {path: {} for path in compiled.scopes}
+    for name in compiled.board.names():
+        folder = max((folder for folder in folders if name.startswith(folder)), key=len)
+        found[folders[folder]][name.removeprefix(folder)] = compiled.board.get(name)
+    return found
+
+
+def _compare(run: Run, index: int, expected: Mapping[str, Any], seen: Seen) -> Difference | None:
+    if expected["root"] == "EXCEPTION" and seen.root == "EXCEPTION":
+        return None
+    wanted, happened = _in_order(expected["events"], seen.events)
+    if wanted != happened:
+        return Difference(run, index, "events", _said(wanted), _said(happened), seen.error)
+    if expected["root"] != seen.root:
+        return Difference(run, index, "root", expected["root"], seen.root, seen.error)
+    for path, entries in (expected.get("blackboards") or {}).items():
+        ours = seen.blackboards.get(path, {})
+        for key in sorted({*(entries or {}), *ours}):
+            want, have = (entries or {}).get(key), _exported(ours.get(key))
+            if type(want) is not type(have) or want != have:
+                return Difference(run, index, f"blackboard {path}: {key}", repr(want), repr(have))
+    return None
+
+
+def _in_order(expected: list[Event], seen: list[Event]) -> tuple[list[Said], list[Said]]:
+    """Return the events of a tick whose order counts.
+
+    What a timer does there between two ticks ("async") happens here in the later one, perhaps after others.
+    """
+    wanted = [_comparable(event) for event in expected if event[-1] != _ASYNC]
+    happened = [_comparable(event) for event in seen]
+    for event in expected:
+        if event[-1] == _ASYNC:
+            said = _comparable(event[:-1])
+            if said in happened:
+                happened.remove(said)
+            else:
+                wanted.append(said)
+    return wanted, happened
+
+
+def _comparable(event: Event) -> Said:
+    """Return an event without what does not count: the texts of errors."""
+    if event[0] == "show" and event[2].startswith("<error:"):
+        return (*event[:2], "<error>")
+    return tuple(event)
+
+
+def _said(events: list[Said]) -> str:
+    return ", ".join(" ".join(event) for event in events) or "nothing"
+
+
+def _exported(value: object) -> object:
+    """Return a value as BehaviorTree.CPP's JSON has it."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def main(arguments: list[str]) -> int:
+    """Replay a file of cases; return the exit status."""
+    if len(arguments) != 1 or arguments[0].startswith("-"):
+        print("usage: replay.py CASES.json", file=sys.stderr)  # noqa: T201
+        return _USAGE
+    try:
+        cases = json.loads(Path(arguments[0]).read_text(encoding="utf-8"))["cases"]
+    except (OSError, ValueError, KeyError) as error:
+        print(f"{arguments[0]} cannot be read: {error}", file=sys.stderr)  # noqa: T201
+        return _USAGE
+    differing, unexplained = 0, 0
+    for case in cases:
+        found = [(difference, deviation(case, difference)) for difference in replay(case)]
+        # One that is not intended says more than those that are.
+        found.sort(key=lambda pair: pair[1] is not None)
+        for difference, reason in found[:1]:
+            differing += 1
+            unexplained += reason is None
+            print(f"{case['name']}: {difference} [{reason or 'not on the list of deviations'}]")  # noqa: T201
+    print(f"{len(cases) - differing} same, {differing} differ")  # noqa: T201
+    return 1 if unexplained else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

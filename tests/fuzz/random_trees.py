@@ -1,0 +1,94 @@
+"""Trees at random: every tag, attributes and values right and wrong, subtrees, conditions."""
+
+from xml.sax.saxutils import quoteattr
+
+from hypothesis import strategies as st
+
+from sar_compiler.nodes.attributes import CONDITIONS, NOTES
+from sar_compiler.nodes.registry import default_registry
+from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter
+
+REGISTRY = default_registry()
+SPECS = list(REGISTRY)
+LEAVES = [spec for spec in SPECS if spec.kind.is_leaf]
+PARENTS = [spec for spec in SPECS if not spec.kind.is_leaf]
+TREES = ["Main", "B", "C"]
+
+KEYS = st.sampled_from(["{a}", "{b}", "{@c}", "{_p}", "{=}"])
+SCRIPTS = st.sampled_from(
+    ["a := 1", "b == 'x'", "true", "1; 2", "a := b ? c : 1", "a +", "(", "x y z", "'", "@a > 0"]
+)
+TEXTS = st.sampled_from(
+    ["0", "1", "-1", "2.5", "true", "SUCCESS", "1;2", "a", "Sequence", "", "{", "json:[1]", "json:", "5s"]
+)
+VALUES = (
+    KEYS | SCRIPTS | TEXTS | st.text(st.characters(min_codepoint=32, exclude_categories=["Cs"]), max_size=6)
+)
+
+
+def _fitting(parameter: Parameter):
+    """Values of a parameter, most of them right."""
+    value_type = parameter.value_type
+    if value_type is None or value_type.python is None:
+        return VALUES
+    if value_type.choices:
+        return st.sampled_from(value_type.choices) | VALUES
+    right = {int: "3", float: "1.5"}.get(value_type.python, "1")
+    return st.just(right) | st.just(right) | VALUES
+
+
+@st.composite
+def _attributes(draw, spec: NodeSpec):
+    written = {
+        parameter.name: draw(_fitting(parameter))
+        for parameter in spec.attributes
+        if draw(st.integers(0, 9)) < (9 if parameter.required else 2)
+    }
+    if draw(st.integers(0, 4)) == 0:
+        name = draw(st.sampled_from([*CONDITIONS, *NOTES, "oneshot", "memory", "nmae", "ID", "x"]))
+        written[name] = draw(SCRIPTS | TEXTS | st.sampled_from(["ON_COMPLETION", "true"]))
+    return written
+
+
+def _element(tag: str, attributes: dict[str, str], children: tuple[str, ...] = ()) -> str:
+    written = "".join(f" {name}={quoteattr(value)}" for name, value in attributes.items())
+    return f"<{tag}{written}>{''.join(children)}</{tag}>\n" if children else f"<{tag}{written}/>\n"
+
+
+@st.composite
+def _leaf(draw):
+    if draw(st.integers(0, 4)) == 0:
+        passed = draw(
+            st.dictionaries(st.sampled_from(["a", "b", "_autoremap", "name", "_skipIf"]), VALUES, max_size=2)
+        )
+        return _element("SubTree", {"ID": draw(st.sampled_from([*TREES, "D"])), **passed})
+    spec = draw(st.sampled_from(LEAVES))
+    return _element(spec.tag, draw(_attributes(spec)))
+
+
+@st.composite
+def _parent(draw, children):
+    spec = draw(st.sampled_from(PARENTS))
+    attributes = draw(_attributes(spec))
+    least, most = spec.child_count
+    count = (
+        draw(st.integers(least, most or least + 2)) if draw(st.integers(0, 9)) else draw(st.integers(0, 3))
+    )
+    inner = tuple(draw(children) for _ in range(count))
+    if "ID" not in attributes and draw(st.integers(0, 9)) == 0:
+        kind = draw(st.sampled_from([kind.value for kind in Kind]) | st.just(spec.kind.value))
+        return _element(kind, {"ID": spec.tag, **attributes}, inner)
+    return _element(spec.tag, attributes, inner)
+
+
+NODES = st.recursive(_leaf(), _parent, max_leaves=8)
+"""The text of a node with everything in it."""
+
+
+@st.composite
+def tree_texts(draw):
+    """The text of a file with some trees."""
+    trees = "".join(
+        _element("BehaviorTree", {"ID": name}, (draw(NODES),)) for name in TREES[: draw(st.integers(1, 3))]
+    )
+    return f'<root BTCPP_format="4" main_tree_to_execute="Main">\n{trees}</root>\n'

@@ -1,0 +1,63 @@
+"""Whatever a tree says, the project has an answer in words."""
+
+from hypothesis import given, settings
+
+from sar_compiler.checks import check
+from sar_compiler.compiler import bind_main, compile_tree, context_types, preview_tree
+from sar_compiler.runtime.context import preview_of
+from sar_compiler.tree.diagnostic import TreeError
+from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.xml import parse_xml
+from tests.fuzz.random_trees import REGISTRY, tree_texts
+
+
+def place_is_in_the_text(finding):
+    span, text = finding.span, finding.source.text
+    lines = text.split("\n")
+    return (
+        1 <= span.line <= span.end_line <= len(lines)
+        and 1 <= span.column <= len(lines[span.line - 1]) + 1
+        and (span.line, span.column) <= (span.end_line, span.end_column)
+    )
+
+
+def tried(make):
+    """Return what is made, and the codes of what was found instead."""
+    try:
+        return make(), []
+    except TreeError as error:
+        return None, [finding.code for finding in error.findings]
+
+
+@settings(max_examples=300)
+@given(tree_texts())
+def test_checking_gives_findings_in_order_each_once_at_a_place_in_the_text(text):
+    findings = check(Forest.of(parse_xml(text)), REGISTRY)
+    assert all(place_is_in_the_text(finding) and finding.message for finding in findings)
+    assert len(set(findings)) == len(findings)
+    assert [f.span.line for f in findings] == sorted(f.span.line for f in findings)
+
+
+@settings(max_examples=300)
+@given(tree_texts())
+def test_what_the_check_passes_can_be_looked_at_unless_a_constructor_refuses_what_it_is_given(text):
+    forest = Forest.of(parse_xml(text))
+    if check(forest, REGISTRY):
+        return
+    tree, codes = tried(lambda: preview_tree(bind_main(forest, REGISTRY)))
+    assert codes == ([] if tree else ["constructor-failed"])
+    assert tree is None or all(node.id in tree.origins for node in tree.root.iterate())
+
+
+@settings(max_examples=300)
+@given(tree_texts())
+def test_compiling_for_a_mission_raises_nothing_but_what_is_said_in_words(text):
+    forest = Forest.of(parse_xml(text))
+
+    def flown():
+        binding = bind_main(forest, REGISTRY)
+        context = {cls: preview_of(cls) for cls in context_types(binding)}
+        return compile_tree(binding, context, {"a": 1, "c": "x"})
+
+    tree, codes = tried(flown)
+    assert (tree is None) == bool(codes)

@@ -1,0 +1,453 @@
+"""Trees rewritten for BehaviorTree.CPP 4 and Groot2."""
+
+import sys
+from pathlib import Path
+
+import py_trees
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from sar_compiler.checks import check
+from sar_compiler.compiler import bind_main, compile_tree, preview_tree
+from sar_compiler.nodes import Kind, register
+from sar_compiler.nodes.btcpp import convert_to_btcpp, to_btcpp
+from sar_compiler.nodes.palette import BUILT_IN
+from sar_compiler.nodes.registry import Registry, default_registry
+from sar_compiler.runtime.clock import Clock, ManualClock
+from sar_compiler.tree.diagnostic import Severity, TreeError
+from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG
+from sar_compiler.tree.reading import read_tree_file
+from sar_compiler.tree.xml import parse_xml
+from sar_compiler.tree.xml_writer import write_xml
+from sar_compiler.tree.yaml import parse_yaml
+from sar_compiler.tree.yaml_writer import write_yaml
+from sar_compiler.views.outline import outline
+from tests.nodes import leaves
+from tests.trees import document
+
+TICKED: list[tuple[str, Status]] = []
+STATUSES = {"S": Status.SUCCESS, "F": Status.FAILURE, "R": Status.RUNNING}
+
+
+@register("Answer", kind=Kind.ACTION)
+class Answer(Behaviour):
+    """Answers what it is told, over and over."""
+
+    def __init__(self, name: str, statuses: str) -> None:
+        super().__init__(name)
+        self._statuses = statuses
+        self._count = 0
+
+    def update(self) -> Status:
+        status = STATUSES[self._statuses[self._count % len(self._statuses)]]
+        self._count += 1
+        TICKED.append((self.name, status))
+        return status
+
+
+REGISTRY = Registry(default_registry().registrations())
+REGISTRY.add_module(leaves)
+REGISTRY.add_module(sys.modules[__name__])
+
+
+def converted(body, registry=REGISTRY):
+    """Return the lines of a tree that was rewritten, without what is around it, and the notes."""
+    tree_file, notes = to_btcpp(parse_xml(document(body), "a.xml"), registry)
+    lines = [line.strip() for line in write_xml(tree_file).splitlines()]
+    inside = lines[lines.index('<BehaviorTree ID="Main">') + 1 : lines.index("</BehaviorTree>")]
+    return "".join(inside), notes
+
+
+LEAF = '<Answer statuses="S"/>'
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        (f'<Sequence memory="false">{LEAF}</Sequence>', f"<ReactiveSequence>{LEAF}</ReactiveSequence>"),
+        (f'<Sequence memory="true">{LEAF}</Sequence>', f"<Sequence>{LEAF}</Sequence>"),
+        (f'<Selector name="A">{LEAF}</Selector>', f'<Fallback name="A">{LEAF}</Fallback>'),
+        (f'<Fallback memory="0">{LEAF}</Fallback>', f"<ReactiveFallback>{LEAF}</ReactiveFallback>"),
+        (
+            f'<ReactiveFallback memory="false">{LEAF}</ReactiveFallback>',
+            f"<ReactiveFallback>{LEAF}</ReactiveFallback>",
+        ),
+        ("<Success/>", "<AlwaysSuccess/>"),
+        ("<Failure/>", "<AlwaysFailure/>"),
+        (
+            '<Running name="Wait"/>',
+            '<KeepRunningUntilFailure name="Wait"><AlwaysSuccess/></KeepRunningUntilFailure>',
+        ),
+        (f"<FailureIsSuccess>{LEAF}</FailureIsSuccess>", f"<ForceSuccess>{LEAF}</ForceSuccess>"),
+        (f"<SuccessIsFailure>{LEAF}</SuccessIsFailure>", f"<ForceFailure>{LEAF}</ForceFailure>"),
+        (
+            f"<SuccessIsRunning>{LEAF}</SuccessIsRunning>",
+            f"<KeepRunningUntilFailure>{LEAF}</KeepRunningUntilFailure>",
+        ),
+        (f'<Timeout duration="2.5">{LEAF}</Timeout>', f'<Timeout msec="2500">{LEAF}</Timeout>'),
+        (f'<Timeout duration="0">{LEAF}</Timeout>', f'<Timeout msec="1">{LEAF}</Timeout>'),
+        ('<Timer duration="1.5"/>', '<Sleep msec="1500"/>'),
+        ("<Timer/>", '<Sleep msec="5000"/>'),
+        (f'<OneShot policy="ON_COMPLETION">{LEAF}</OneShot>', f'<RunOnce then_skip="false">{LEAF}</RunOnce>'),
+        (
+            '<Answer statuses="S" name="A" oneshot="ON_COMPLETION"/>',
+            '<RunOnce name="AOneShot" then_skip="false"><Answer statuses="S" name="A"/></RunOnce>',
+        ),
+        (
+            '<SubTree ID="Main" x="{y}" oneshot="ON_COMPLETION"/>',
+            '<RunOnce name="MainOneShot" then_skip="false"><SubTree ID="Main" x="{y}"/></RunOnce>',
+        ),
+        (
+            f'<Control ID="Selector" memory="false">{LEAF}</Control>',
+            f'<Control ID="ReactiveFallback">{LEAF}</Control>',
+        ),
+        ('<Action name="A" ID="Success"/>', '<Action ID="AlwaysSuccess" name="A"/>'),
+        ('<Success _skipIf="a &lt; 1"/>', '<AlwaysSuccess _skipIf="a &lt; 1"/>'),
+    ],
+)
+def test_a_node_becomes_the_one_that_does_the_same(before, after):
+    assert converted(before) == (after, [])
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        ('<Retry num_failures="3">', '<RetryUntilSuccessful num_attempts="3">', "waits for the next tick"),
+        ('<Retry num_failures="0">', '<RetryUntilSuccessful num_attempts="1">', "waits for the next tick"),
+        (
+            '<Retry num_failures="{@n}">',
+            '<RetryUntilSuccessful num_attempts="{@n}">',
+            "waits for the next tick",
+        ),
+        ('<Repeat num_success="3">', '<Repeat num_cycles="3">', "waits for the next tick"),
+        ('<Repeat num_success="0">', '<Repeat num_cycles="-1">', "waits for the next tick"),
+        (
+            '<Parallel policy="SuccessOnAll">',
+            '<Parallel success_count="-1" failure_count="1">',
+            "ticks all children before it judges",
+        ),
+        (
+            '<Parallel policy="SuccessOnOne" synchronise="false">',
+            '<Parallel success_count="1" failure_count="1">',
+            "ticks all children before it judges",
+        ),
+    ],
+)
+def test_what_is_a_little_different_is_told(before, after, words):
+    tag = before[1:].split()[0]
+    text, (note,) = converted(f"{before}{LEAF}</{tag}>")
+    assert text.startswith(f"{after}{LEAF}")
+    assert (note.code, note.severity, note.span.line) == ("differs", Severity.INFO, 3)
+    assert words in note.message
+
+
+@pytest.mark.parametrize(
+    ("body", "part", "hint"),
+    [
+        (f"<RunningIsFailure>{LEAF}</RunningIsFailure>", "<RunningIsFailure>", "in C++"),
+        (f"<FailureIsRunning>{LEAF}</FailureIsRunning>", "<FailureIsRunning>", "Inverter"),
+        (
+            f'<OneShot policy="ON_SUCCESSFUL_COMPLETION">{LEAF}</OneShot>',
+            '<OneShot policy="ON_SUCCESSFUL_COMPLETION">',
+            "in C++",
+        ),
+        (
+            '<Success name="A" oneshot="ON_SUCCESSFUL_COMPLETION"/>',
+            '<OneShot name="AOneShot" policy="ON_SUCCESSFUL_COMPLETION"><AlwaysSuccess name="A"/>',
+            "in C++",
+        ),
+        (f'<Timeout duration="{{@t}}">{LEAF}</Timeout>', '<Timeout duration="{@t}">', "msec"),
+        (f'<Sequence memory="{{@m}}">{LEAF}</Sequence>', '<Sequence memory="{@m}">', "write the value"),
+        (
+            '<Parallel policy="SuccessOnSelected" selected="A"><Answer name="A" statuses="S"/></Parallel>',
+            '<Parallel policy="SuccessOnSelected" selected="A">',
+            "success_count",
+        ),
+        (
+            f'<Parallel policy="SuccessOnAll" synchronise="false">{LEAF}</Parallel>',
+            '<Parallel policy="SuccessOnAll" synchronise="false">',
+            "success_count",
+        ),
+    ],
+)
+def test_what_has_no_counterpart_is_told_and_kept(body, part, hint):
+    text, (note,) = converted(body)
+    assert text.startswith(part)
+    assert (note.code, note.severity, note.span.line) == ("no-counterpart", Severity.WARNING, 3)
+    assert hint in note.hint
+
+
+@pytest.mark.parametrize(
+    ("body", "suggestion"),
+    [
+        (f'<Sequence memory="flase">{LEAF}</Sequence>', "false"),
+        (f'<ReactiveSequence memory="flase">{LEAF}</ReactiveSequence>', "false"),
+        (f'<Timeout duration="5s">{LEAF}</Timeout>', "5"),
+        ('<Timer duration="5s"/>', "5"),
+        (f'<Retry num_failures="2x">{LEAF}</Retry>', "2"),
+        (f'<OneShot policy="ON_COMPLETIO">{LEAF}</OneShot>', "ON_COMPLETION"),
+        (
+            '<Parallel policy="SuccessOnAll" synchronise="flase"><Answer statuses="S"/></Parallel>',
+            "false",
+        ),
+        ('<Answer statuses="S" oneshot="ON_COMPLETIO"/>', "ON_COMPLETION"),
+    ],
+)
+def test_a_value_that_means_nothing_is_told_and_kept(body, suggestion):
+    text, notes = converted(body)
+    assert text == body
+    assert (notes[-1].code, notes[-1].severity) == ("wrong-value", Severity.ERROR)
+    assert notes[-1].suggestion == suggestion
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        f"<Retry>{LEAF}</Retry>",
+        f'<Parallel failure_count="1">{LEAF}</Parallel>',
+        f'<Repeat num_cycles="2">{LEAF}</Repeat>',
+        f'<Timeout msec="2">{LEAF}</Timeout>',
+        f"<OneShot>{LEAF}</OneShot>",
+        "<Action/>",
+    ],
+)
+def test_what_is_in_the_words_of_behaviortree_cpp_or_in_none_stays_as_it_is(body):
+    assert converted(body)[0] == body
+
+
+def test_an_attribute_that_would_be_refused_is_left_out_and_told():
+    text, (note,) = converted('<Answer statuses="S" colour="red" _description="an answer"/>')
+    assert text == '<Answer statuses="S" _description="an answer"/>'
+    assert (note.code, note.span.column) == ("left-out", 22)
+
+
+def test_a_reference_is_kept_and_told_once_for_each_kind_of_node():
+    body = '<Sequence><Say message="a"/><Listen name="A" to="Say"/><Listen name="B" to="Say"/></Sequence>'
+    text, notes = converted(body)
+    assert text.count('to="Say"') == 2
+    assert [(note.code, note.severity) for note in notes] == [
+        ("reference", Severity.INFO),
+        ("reference", Severity.INFO),
+    ]
+    assert ["<Say>" in note.message for note in notes] == [True, False]
+
+
+def test_a_reference_that_is_not_written_is_told_at_the_node():
+    (note,) = converted("<Listen/>")[1]
+    assert (note.code, note.span.line, note.span.column) == ("reference", 3, 1)
+
+
+def test_the_name_of_a_node_that_behaviortree_cpp_refuses_is_told():
+    (note,) = converted("<my.Node/>")[1]
+    assert (note.code, note.severity) == ("no-counterpart", Severity.WARNING)
+    assert note.hint == "register it by a name without '.'"
+
+
+def test_a_decorator_that_is_called_like_a_kind_of_node_is_written_in_the_explicit_form():
+    text, _ = converted(f'<Condition status="SUCCESS">{LEAF}</Condition>')
+    assert text == f'<Decorator ID="Condition" status="SUCCESS">{LEAF}</Decorator>'
+    assert check(Forest.of(parse_xml(document(text))), REGISTRY) == []
+
+
+def test_a_node_in_the_explicit_form_is_compact_where_behaviortree_cpp_would_not_find_it():
+    text, (note,) = converted('<Sequence memory="false"><Action ID="Answer" statuses="S"/></Sequence>')
+    assert text == f"<ReactiveSequence>{LEAF}</ReactiveSequence>"
+    assert (note.code, note.severity) == ("differs", Severity.INFO)
+
+
+def models_of(text, registry=REGISTRY):
+    root = to_btcpp(parse_xml(text), registry)[0].root
+    (section,) = [child for child in root.children if child.tag == MODEL_TAG]
+    return {
+        model.attributes["ID"]: (model.tag, [port.attributes["name"] for port in model.children])
+        for model in section.children
+    }
+
+
+def test_every_node_that_behaviortree_cpp_does_not_have_is_described():
+    body = '<Sequence><Answer statuses="S"/><Success oneshot="ON_SUCCESSFUL_COMPLETION"/></Sequence>'
+    assert models_of(document(body)) == {
+        "Answer": ("Action", ["statuses"]),
+        "OneShot": ("Decorator", ["policy"]),
+    }
+
+
+def test_a_node_that_nobody_knows_is_described_by_its_use():
+    body = '<Many><One x="1"><None_ y="2"/></One><None_ name="A" z="3"/></Many>'
+    assert models_of(document(body)) == {
+        "Many": ("Control", []),
+        "One": ("Decorator", ["x"]),
+        "None_": ("Action", ["y", "z"]),
+    }
+
+
+def test_what_the_file_describes_itself_stays_as_it_is():
+    own = '<TreeNodesModel><Condition ID="Mine"><output_port name="p"/></Condition></TreeNodesModel></root>'
+    body = '<Sequence><Mine q="1"/><Answer statuses="S"/></Sequence>'
+    assert models_of(document(body).replace("</root>", own)) == {
+        "Mine": ("Condition", ["p"]),
+        "Answer": ("Action", ["statuses"]),
+    }
+
+
+def test_what_a_palette_describes_is_taken_from_it():
+    palette = parse_xml(
+        '<root><TreeNodesModel><Condition ID="Mine"><input_port name="p">Text.</input_port></Condition></TreeNodesModel></root>'
+    )
+    text = write_xml(to_btcpp(parse_xml(document("<Mine/>")), REGISTRY, [palette])[0])
+    assert '<input_port name="p">Text.</input_port>' in text
+
+
+def test_a_tree_without_an_id_gets_one_where_there_is_something_beside_it():
+    text = write_xml(to_btcpp(parse_xml(f"<root><BehaviorTree>{LEAF}</BehaviorTree></root>"), REGISTRY)[0])
+    assert '<root BTCPP_format="4">' in text
+    assert '<BehaviorTree ID="BehaviorTree_1">' in text
+
+
+@pytest.mark.parametrize(
+    ("tree_id", "words"),
+    [
+        ("My tree", "refuses the ID 'My tree'"),
+        ("Root", "refuses the ID 'Root'"),
+        ("Inverter", "the ID of a node, 'Inverter'"),
+        ("Mine", "the ID of a node, 'Mine'"),
+    ],
+)
+def test_an_id_that_behaviortree_cpp_refuses_is_told(tree_id, words):
+    tree_file = parse_xml(document("<Mine/>", main=tree_id))
+    (note,) = to_btcpp(tree_file, REGISTRY)[1]
+    assert note.severity is Severity.WARNING
+    assert words in note.message
+
+
+def test_an_included_file_is_said_to_stay_as_it_is():
+    (note,) = to_btcpp(parse_xml('<root><include path="a.xml"/></root>'), REGISTRY)[1]
+    assert (note.code, note.severity) == ("not-converted", Severity.INFO)
+
+
+def test_comments_stay_where_they_are():
+    text, _ = converted("<!-- a -->\n<Selector>\n<!-- b -->\n<Running/> <!-- c -->\n<!-- d -->\n</Selector>")
+    assert text == (
+        "<!-- a --><Fallback><!-- b --><KeepRunningUntilFailure>  <!-- c -->"
+        "<AlwaysSuccess/></KeepRunningUntilFailure><!-- d --></Fallback>"
+    )
+
+
+def test_a_tree_in_yaml_gives_the_same():
+    tree = document('<Selector memory="false"><Answer statuses="S" oneshot="ON_COMPLETION"/></Selector>')
+    in_yaml = parse_yaml(write_yaml(parse_xml(tree)))
+    assert convert_to_btcpp(in_yaml, REGISTRY).text == convert_to_btcpp(parse_xml(tree), REGISTRY).text
+
+
+def test_text_that_would_be_lost_keeps_a_file_from_being_converted():
+    with pytest.raises(TreeError, match="stray-text"):
+        convert_to_btcpp(parse_xml(document("<Success/> oops")), REGISTRY)
+
+
+SHIPPED = "trees/search_and_rescue.xml"
+
+
+def plainly(node):
+    """Return an outline without what the conversion changes knowingly."""
+    cls = (
+        node["class"]
+        .rsplit(".", maxsplit=1)[-1]
+        .replace("RunOnce", "OneShot")
+        .replace("Selector", "Fallback")
+    )
+    attributes = {k: v for k, v in node["attributes"].items() if k != "then_skip"}
+    memory = node.get("memory")
+    return cls, node["name"], memory, attributes, [plainly(child) for child in node["children"]]
+
+
+def shipped_outline(tree_file):
+    forest = Forest.of(tree_file)
+    assert check(forest, REGISTRY) == []
+    return plainly(outline(preview_tree(bind_main(forest, REGISTRY))))
+
+
+def test_the_mission_is_the_same_when_it_is_read_again():
+    tree_file = read_tree_file(SHIPPED)
+    result = convert_to_btcpp(tree_file, REGISTRY)
+    assert {note.severity for note in result.losses} == {Severity.INFO}
+    assert shipped_outline(parse_xml(result.text)) == shipped_outline(tree_file)
+    assert convert_to_btcpp(parse_xml(result.text), REGISTRY).text == result.text
+
+
+@pytest.mark.parametrize("path", [SHIPPED, *sorted(map(str, Path("examples").rglob("*.xml")))])
+def test_every_shipped_tree_consists_of_what_behaviortree_cpp_has_or_is_told(path):
+    root = to_btcpp(read_tree_file(path), REGISTRY)[0].root
+    described = {
+        model.attributes["ID"]
+        for section in root.children
+        if section.tag == MODEL_TAG
+        for model in section.children
+    }
+    nodes = [
+        node
+        for tree in root.children
+        if tree.tag != MODEL_TAG
+        for child in tree.children
+        for node in child.iterate()
+    ]
+    assert {node.tag for node in nodes} <= BUILT_IN | described | {SUBTREE_TAG}
+    assert not {"memory", "oneshot"} & {name for node in nodes for name in node.attributes}
+
+
+# What has a counterpart that does the very same in every tick.
+WRAPPERS = [
+    "Inverter",
+    "FailureIsSuccess",
+    "SuccessIsFailure",
+    "SuccessIsRunning",
+    'OneShot policy="ON_COMPLETION"',
+]
+CONTROLS = [
+    f'{tag} memory="{memory}"' for tag in ("Sequence", "Selector", "Fallback") for memory in ("true", "false")
+]
+ONCE = st.sampled_from(["", "", ' oneshot="ON_COMPLETION"', ' oneshot="ON_SUCCESSFUL_COMPLETION"'])
+
+
+def element(start, content):
+    return f"<{start}>{content}</{start.split()[0]}>"
+
+
+BODIES = st.recursive(
+    st.builds('<Answer statuses="{}"{}/>'.format, st.text("SFR", min_size=1, max_size=3), ONCE)
+    | st.sampled_from(["<Success/>", "<Failure/>", "<Running/>"]),
+    lambda inner: (
+        st.builds(element, st.sampled_from(WRAPPERS), inner)
+        | st.builds(element, st.sampled_from(CONTROLS), st.lists(inner, min_size=1, max_size=3).map("".join))
+    ),
+    max_leaves=8,
+)
+
+
+def named(body):
+    """Give every answering leaf a name of its own."""
+    first, *rest = body.split("<Answer ")
+    return first + "".join(f'<Answer name="a{number}" {part}' for number, part in enumerate(rest))
+
+
+def run(tree_file):
+    """Tick a tree some times and return what its leaves and its root answered."""
+    forest = Forest.of(tree_file)
+    assert check(forest, REGISTRY) == []
+    tree = compile_tree(bind_main(forest, REGISTRY), {Clock: ManualClock()}, {})
+    trace = []
+    for _ in range(6):
+        TICKED.clear()
+        tree.root.tick_once()
+        trace.append((tree.root.status, TICKED[:]))
+    tree.root.stop(py_trees.common.Status.INVALID)
+    return trace
+
+
+@given(BODIES.map(named))
+def test_a_tree_does_the_same_when_it_is_read_again(body):
+    tree_file = parse_xml(document(body))
+    assert run(parse_xml(convert_to_btcpp(tree_file, REGISTRY).text)) == run(tree_file)

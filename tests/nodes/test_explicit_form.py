@@ -1,0 +1,57 @@
+"""`<Action ID="Say">`: the form that names the kind of a node as well."""
+
+import pytest
+
+from sar_compiler.checks import check
+from sar_compiler.compiler import bind_main, preview_tree
+from sar_compiler.nodes.registry import default_registry
+from tests.trees import forest
+
+REGISTRY = default_registry()
+
+
+def found(body):
+    return [(f.code, f.span.line, f.span.column, f.suggestion) for f in check(forest(body), REGISTRY)]
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        '<Action ID="AdvanceZone"/>',
+        '<Condition ID="ZonesRemaining" name="any?"/>',
+        '<Control ID="Sequence" memory="false"><Success/></Control>',
+        '<Control ID="ReactiveSequence"><Action ID="Success"/></Control>',
+        '<Decorator ID="RetryUntilSuccessful" num_attempts="3"><Failure/></Decorator>',
+        '<Decorator ID="Timeout" duration="3" oneshot="ON_COMPLETION"><Success/></Decorator>',
+    ],
+)
+def test_a_node_may_be_written_with_its_kind(body):
+    assert found(body) == []
+
+
+def test_both_forms_compile_to_the_same():
+    compact = preview_tree(bind_main(forest('<Sequence memory="false"><Success/></Sequence>'), REGISTRY)).root
+    body = '<Control ID="Sequence" memory="false"><Action ID="Success"/></Control>'
+    explicit = preview_tree(bind_main(forest(body), REGISTRY)).root
+    assert [(type(a), a.name) for a in compact.iterate()] == [(type(b), b.name) for b in explicit.iterate()]
+
+
+MISTAKES = {
+    "a wrong kind": ('<Decorator ID="AdvanceZone"/>', "wrong-kind", 1, "Action"),
+    "a condition that is called an action": ('<Action ID="ZonesRemaining"/>', "wrong-kind", 1, "Condition"),
+    "no ID": ("<Action/>", "missing-attribute", 1, None),
+    "an ID of no node": ('<Action ID="AdvanseZone"/>', "unknown-node", 13, "AdvanceZone"),
+    "an ID in the compact form": ('<AdvanceZone ID="AdvanceZone"/>', "unknown-attribute", 14, None),
+    "a misspelt attribute": (
+        '<Control ID="Sequence" memry="true"><Success/></Control>',
+        "unknown-attribute",
+        24,
+        "memory",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_in_the_explicit_form_is_found_where_it_stands(name):
+    body, code, column, suggestion = MISTAKES[name]
+    assert found(body) == [(code, 3, column, suggestion)]

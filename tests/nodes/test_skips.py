@@ -1,0 +1,95 @@
+"""Which classes a tree is made of: stock ones where nobody can be skipped, the project's where somebody can."""
+
+import py_trees
+import pytest
+from py_trees import composites, decorators
+
+from sar_compiler.checks import check
+from sar_compiler.compiler import bind_main, preview_tree
+from sar_compiler.nodes.registry import default_registry
+from sar_compiler.runtime import controls
+from sar_compiler.runtime import decorators as own
+from tests.trees import forest, forest_of
+
+REGISTRY = default_registry()
+SKIPPED = '<Success _skipIf="true"/>'
+
+PAIRS = [
+    ("Sequence", composites.Sequence, controls.Sequence),
+    ("ReactiveSequence", composites.Sequence, controls.Sequence),
+    ("Fallback", composites.Selector, controls.Fallback),
+    ("Selector", composites.Selector, controls.Fallback),
+    ("ReactiveFallback", composites.Selector, controls.Fallback),
+    ("Inverter", decorators.Inverter, own.Inverter),
+    ("ForceSuccess", decorators.FailureIsSuccess, own.ForceSuccess),
+    ("ForceFailure", decorators.SuccessIsFailure, own.ForceFailure),
+    ("KeepRunningUntilFailure", decorators.SuccessIsRunning, own.KeepRunningUntilFailure),
+]
+
+
+def root(body):
+    return preview_tree(bind_main(forest(body), REGISTRY)).root
+
+
+def all_of(body):
+    return {type(node) for node in root(body).iterate()}
+
+
+@pytest.mark.parametrize(("tag", "stock", "skipping"), PAIRS)
+def test_a_node_is_stock_where_no_child_can_be_skipped(tag, stock, skipping):
+    assert type(root(f"<{tag}><Success/></{tag}>")) is stock
+
+
+@pytest.mark.parametrize(("tag", "stock", "skipping"), PAIRS)
+def test_a_node_is_the_projects_own_where_a_child_can_be_skipped(tag, stock, skipping):
+    assert type(root(f"<{tag}>{SKIPPED}</{tag}>")) is skipping
+
+
+@pytest.mark.parametrize(
+    "child",
+    [
+        SKIPPED,
+        '<Success _while="true"/>',
+        "<RunOnce><Success/></RunOnce>",
+        '<Precondition if="true" else="SKIPPED"><Success/></Precondition>',
+        '<SkipUnlessUpdated entry="{a}"><Success/></SkipUnlessUpdated>',
+        f"<Sequence><Inverter>{SKIPPED}</Inverter></Sequence>",
+        f'<Parallel success_count="1" failure_count="1">{SKIPPED}</Parallel>',
+    ],
+)
+def test_what_can_be_skipped_is_known_through_the_nodes_between(child):
+    assert type(root(f"<Fallback><Failure/>{child}</Fallback>")) is controls.Fallback
+
+
+def test_conditions_that_cannot_skip_leave_the_nodes_around_stock():
+    assert (
+        type(root('<Sequence><Success _failureIf="true" _onSuccess="a := 1"/></Sequence>'))
+        is composites.Sequence
+    )
+
+
+def test_a_node_that_never_skips_hides_its_child():
+    body = f"<Sequence><KeepRunningUntilFailure>{SKIPPED}</KeepRunningUntilFailure></Sequence>"
+    assert type(root(body)) is composites.Sequence
+
+
+def with_subtree(inner):
+    trees = (
+        '<root main_tree_to_execute="Main"><BehaviorTree ID="Main"><Sequence><SubTree ID="B"/></Sequence></BehaviorTree>'
+        f'<BehaviorTree ID="B">{inner}</BehaviorTree></root>'
+    )
+    return preview_tree(bind_main(forest_of(trees), REGISTRY)).root
+
+
+def test_a_subtree_is_a_stock_decorator_unless_its_tree_can_be_skipped():
+    stock, skipping = with_subtree("<Success/>"), with_subtree(SKIPPED)
+    assert [type(stock), type(stock.children[0])] == [composites.Sequence, py_trees.decorators.PassThrough]
+    assert [type(skipping), type(skipping.children[0])] == [controls.Sequence, own.SubTree]
+
+
+def test_oneshot_around_a_node_that_can_be_skipped_is_a_finding():
+    (finding,) = check(
+        forest('<Sequence _skipIf="a == 1" oneshot="ON_COMPLETION"><Success/></Sequence>'), REGISTRY
+    )
+    assert (finding.code, finding.span.line, finding.span.column) == ("skip-misread", 3, 28)
+    assert "RunOnce" in (finding.hint or "")

@@ -1,0 +1,287 @@
+"""Trees in trees: what a `SubTree` stands for, and what may not stand in what."""
+
+import re
+
+import pytest
+from py_trees.common import Status
+
+from sar_compiler.checks import check
+from sar_compiler.compiler import bind_main, preview_tree
+from sar_compiler.nodes import nesting
+from sar_compiler.nodes.nesting import MAX_LEVELS, MAX_NODES
+from sar_compiler.nodes.registry import default_registry
+from sar_compiler.tree.forest import load_forest
+from sar_compiler.tree.reading import read_tree_file
+from tests.trees import forest_of
+
+REGISTRY = default_registry()
+
+
+def tree(name, body):
+    return f'<BehaviorTree ID="{name}">{body}</BehaviorTree>'
+
+
+def file(*trees, main="Main"):
+    """Return a file; its trees stand in lines 2, 3 and so on."""
+    return f'<root BTCPP_format="4" main_tree_to_execute="{main}">\n' + "\n".join(trees) + "\n</root>"
+
+
+def found(*trees):
+    return [
+        (f.code, f.span.line, f.span.column, f.suggestion) for f in check(forest_of(file(*trees)), REGISTRY)
+    ]
+
+
+def column(line, part):
+    return line.index(part) + 1
+
+
+def test_a_tree_may_stand_in_several_places():
+    assert (
+        found(
+            tree("Main", '<Sequence><SubTree ID="B"/><SubTree ID="B"/></Sequence>'), tree("B", "<Success/>")
+        )
+        == []
+    )
+
+
+def test_a_subtree_is_named_by_its_attribute_or_its_id():
+    text = file(
+        tree("Main", '<Sequence><SubTree ID="B" name="first"/><SubTree ID="B"/></Sequence>'),
+        tree("B", "<Success/>"),
+    )
+    root = preview_tree(bind_main(forest_of(text), REGISTRY)).root
+    assert [child.name for child in root.children] == ["first", "B"]
+
+
+def test_a_tree_that_is_not_there_is_a_finding_with_the_nearest_name():
+    line = tree("Main", '<SubTree ID="Partol"/>')
+    assert found(line, tree("Patrol", "<Success/>")) == [
+        ("unknown-tree", 2, column(line, "Partol"), "Patrol")
+    ]
+
+
+@pytest.mark.parametrize("attributes", ["", ' ID=""'])
+def test_a_subtree_that_names_no_tree_is_a_finding(attributes):
+    line = tree("Main", f"<SubTree{attributes}/>")
+    assert found(line) == [("missing-attribute", 2, column(line, "<SubTree"), None)]
+
+
+def test_nodes_in_a_subtree_element_are_a_finding():
+    line = tree("Main", '<SubTree ID="B"><Success/></SubTree>')
+    assert found(line, tree("B", "<Success/>")) == [("child-of-leaf", 2, column(line, "<Success"), None)]
+
+
+def test_an_attribute_that_begins_with_an_underscore_is_no_key():
+    line = tree("Main", '<SubTree ID="B" _autoremp="true"/>')
+    assert found(line, tree("B", "<Success/>")) == [
+        ("unknown-attribute", 2, column(line, "_autoremp"), "_autoremap")
+    ]
+
+
+def test_autoremap_is_true_or_false():
+    line = tree("Main", '<SubTree ID="B" _autoremap="ture"/>')
+    assert found(line, tree("B", "<Success/>")) == [("wrong-value", 2, column(line, "ture"), "true")]
+
+
+def test_two_subtrees_of_one_name_in_one_tree_are_a_finding_at_the_second():
+    line = tree("Main", '<Sequence><SubTree ID="B" name="b"/><SubTree ID="B" name="b"/></Sequence>')
+    second = line.rindex('"b"') + 2
+    assert found(line, tree("B", "<Success/>")) == [("duplicate-name", 2, second, None)]
+
+
+def test_the_same_name_in_two_trees_is_none():
+    inner = tree("B", '<SubTree ID="C" name="c"/>')
+    assert (
+        found(
+            tree("Main", '<Sequence><SubTree ID="C" name="c"/><SubTree ID="B"/></Sequence>'),
+            inner,
+            tree("C", "<Success/>"),
+        )
+        == []
+    )
+
+
+def test_a_name_that_another_subtree_gets_by_itself_is_a_finding_there():
+    first = '<SubTree ID="B" name="B::4"/>'
+    line = tree("Main", f'<Sequence>{first}<SubTree ID="B"/></Sequence>')
+    assert found(line, tree("B", "<Success/>")) == [
+        ("duplicate-name", 2, line.index('<SubTree ID="B"/>') + 1, None)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("trees", "lines"),
+    [
+        ([tree("Main", '<SubTree ID="Main"/>')], [2]),
+        ([tree("Main", '<SubTree ID="B"/>'), tree("B", '<SubTree ID="Main"/>')], [3]),
+        (
+            [
+                tree("Main", '<SubTree ID="B"/>'),
+                tree("B", '<SubTree ID="C"/>'),
+                tree("C", '<SubTree ID="B"/>'),
+            ],
+            [4],
+        ),
+        ([tree("Main", "<Success/>"), tree("B", '<SubTree ID="B"/>')], [3]),
+    ],
+)
+def test_trees_that_contain_each_other_are_one_finding_where_the_circle_closes(trees, lines):
+    assert [(code, line) for code, line, *_ in found(*trees)] == [("recursive-tree", line) for line in lines]
+
+
+def test_a_circle_is_told_by_the_names_of_its_trees():
+    text = file(
+        tree("Main", '<SubTree ID="B"/>'), tree("B", '<SubTree ID="C"/>'), tree("C", '<SubTree ID="B"/>')
+    )
+    (finding,) = check(forest_of(text), REGISTRY)
+    assert finding.message == "the trees contain each other for ever: B -> C -> B"
+
+
+def test_of_a_long_circle_only_the_ends_are_told():
+    trees = [tree(f"T{number}", f'<SubTree ID="T{(number + 1) % 20}"/>') for number in range(20)]
+    (finding,) = check(forest_of(file(*trees, main="T0")), REGISTRY)
+    assert finding.message.endswith("T0 -> T1 -> T2 -> T3 -> ... -> T17 -> T18 -> T19 -> T0")
+
+
+def chain(count):
+    """Return trees of two levels each, every one in the one before it."""
+    trees = [
+        tree(f"T{number}", f'<Inverter><SubTree ID="T{number + 1}"/></Inverter>') for number in range(count)
+    ]
+    return [*trees, tree(f"T{count}", "<Success/>")]
+
+
+def test_trees_may_be_as_deep_in_each_other_as_can_be_ticked():
+    text = file(*chain((MAX_LEVELS - 1) // 2), main="T0")
+    assert check(forest_of(text), REGISTRY) == []
+    root = preview_tree(bind_main(forest_of(text), REGISTRY)).root
+    root.tick_once()
+    root.stop(Status.INVALID)
+
+
+@pytest.mark.parametrize("count", [MAX_LEVELS // 2, 5000])
+def test_trees_deeper_in_each_other_than_that_are_one_finding_where_it_becomes_too_deep(count):
+    (finding,) = check(forest_of(file(*chain(count), main="T0")), REGISTRY)
+    assert (finding.code, finding.span.line) == ("too-deep", 2 + MAX_LEVELS // 2)
+    assert f"{2 * count + 1} levels" in finding.message
+    assert str(MAX_LEVELS) in (finding.hint or "")
+
+
+def test_conditions_and_oneshot_are_levels_as_well():
+    deep = 60
+    body = (
+        '<Inverter _onSuccess="a := 1" oneshot="ON_COMPLETION">' * deep + "<Success/>" + "</Inverter>" * deep
+    )
+    assert [code for code, *_ in found(tree("Main", body))] == ["too-deep"]
+
+
+def doubling(count):
+    body = '<Sequence><SubTree ID="T{0}"/><SubTree ID="T{0}"/></Sequence>'
+    return [*(tree(f"T{n}", body.format(n + 1)) for n in range(count)), tree(f"T{count}", "<Success/>")]
+
+
+def test_trees_that_would_grow_beyond_measure_are_a_finding_before_they_are_made():
+    (finding,) = check(forest_of(file(*doubling(60), main="T0")), REGISTRY)
+    assert (finding.code, finding.span.line) == ("too-many-nodes", 2)
+    assert f"{MAX_NODES:,}" in finding.message
+
+
+def test_trees_that_are_large_only_together_are_a_finding_at_the_first_too_many(monkeypatch):
+    monkeypatch.setattr(nesting, "MAX_NODES", 20)
+    users = [tree(f"U{number}", '<SubTree ID="T0"/>') for number in range(3)]
+    assert [(code, line) for code, line, *_ in found(*doubling(2), *users, tree("Main", "<Success/>"))] == [
+        ("too-many-nodes", 6),
+        ("too-many-nodes", 7),
+    ]
+
+
+def test_what_is_wrong_in_a_tree_is_said_once_however_often_it_is_used():
+    body = (
+        '<Sequence><SubTree ID="B" name="1"/><SubTree ID="B" name="2"/><SubTree ID="B" name="3"/></Sequence>'
+    )
+    assert [code for code, *_ in found(tree("Main", body), tree("B", "<NotifyBase/>"))] == [
+        "missing-reference"
+    ]
+
+
+DETECT = '<DetectSurvivor name="eye"/>'
+
+
+@pytest.mark.parametrize(
+    "trees",
+    [
+        [tree("Main", f'<Sequence>{DETECT}<SubTree ID="B"/></Sequence>'), tree("B", "<NotifyBase/>")],
+        [
+            tree("Main", f'<Sequence>{DETECT}<SubTree ID="B"/></Sequence>'),
+            tree("B", '<SubTree ID="C"/>'),
+            tree("C", '<NotifyBase detect_node="eye"/>'),
+        ],
+    ],
+)
+def test_a_reference_reaches_the_trees_around(trees):
+    assert found(*trees) == []
+    tree_ = preview_tree(bind_main(forest_of(file(*trees)), REGISTRY))
+    nodes = {node.name: node for node in tree_.root.iterate()}
+    assert tree_.origins[nodes["NotifyBase"].id].attributes["detect_node"] == "eye"
+    assert vars(nodes["NotifyBase"])["_detect_node"] is nodes["eye"]
+
+
+def test_a_node_of_the_same_tree_comes_before_those_around_it():
+    main = tree("Main", f'<Sequence>{DETECT}<SubTree ID="B"/></Sequence>')
+    inner = tree("B", '<Sequence><DetectSurvivor name="near"/><NotifyBase/></Sequence>')
+    root = preview_tree(bind_main(forest_of(file(main, inner)), REGISTRY)).root
+    nodes = {node.name: node for node in root.iterate()}
+    assert vars(nodes["NotifyBase"])["_detect_node"] is nodes["near"]
+
+
+def test_each_instance_of_a_tree_refers_to_its_own_nodes():
+    main = tree("Main", '<Sequence><SubTree ID="B" name="1"/><SubTree ID="B" name="2"/></Sequence>')
+    inner = tree("B", "<Sequence><DetectSurvivor/><NotifyBase/></Sequence>")
+    root = preview_tree(bind_main(forest_of(file(main, inner)), REGISTRY)).root
+    referred = [vars(node)["_detect_node"] for node in root.iterate() if node.name == "NotifyBase"]
+    assert referred[0] is not referred[1]
+
+
+def test_a_node_of_a_subtree_beside_it_is_out_of_reach():
+    body = '<Sequence><SubTree ID="B"/><NotifyBase detect_node="eye"/></Sequence>'
+    line = tree("Main", body)
+    assert found(line, tree("B", DETECT)) == [("unknown-reference", 2, column(line, 'eye"/>'), None)]
+
+
+def test_a_tree_that_is_executed_itself_must_have_all_it_refers_to():
+    user = tree("User", f'<Sequence>{DETECT}<SubTree ID="Main"/></Sequence>')
+    assert [(code, line) for code, line, *_ in found(tree("Main", "<NotifyBase/>"), user)] == [
+        ("missing-reference", 2)
+    ]
+
+
+def test_an_ambiguous_reference_into_another_file_names_the_lines_there():
+    text = file(
+        tree("Main", f'<Sequence>{DETECT}<DetectSurvivor/><SubTree ID="B"/></Sequence>'),
+        tree("B", "<NotifyBase/>"),
+    )
+    (finding,) = check(forest_of(text), REGISTRY)
+    assert (finding.code, finding.span.line) == ("ambiguous-reference", 3)
+    assert "(lines 2, 2)" in finding.message
+
+
+def test_of_many_nodes_that_a_reference_can_mean_only_the_first_are_told():
+    body = "<Sequence>" + DETECT * 30 + "<NotifyBase/></Sequence>"
+    (finding,) = check(forest_of(file(tree("Main", body))), REGISTRY)
+    assert "30 DetectSurvivor nodes (lines 2, 2, 2, 2, 2, 2, 2, 2, 2, 2 and 20 more)" in finding.message
+
+
+def test_a_reference_that_is_ambiguous_in_another_file_names_that_file(tmp_path):
+    (tmp_path / "part.xml").write_text(
+        file(tree("B", "<NotifyBase/>")).replace(' main_tree_to_execute="Main"', "")
+    )
+    main = tree(
+        "Main", f'<Sequence>{DETECT}<DetectSurvivor/><SubTree ID="B"/></Sequence><!-- --></BehaviorTree>'
+    )
+    (tmp_path / "main.xml").write_text(
+        file('<include path="part.xml"/>', main.removesuffix("</BehaviorTree>"))
+    )
+    (finding,) = check(load_forest(tmp_path / "main.xml", read_tree_file), REGISTRY)
+    assert finding.source.path.endswith("part.xml")
+    assert re.search(r"\(lines 3, 3 of .*main\.xml\)", finding.message)

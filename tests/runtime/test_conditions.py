@@ -1,0 +1,171 @@
+"""Pre- and post-conditions of a node."""
+
+import pytest
+from py_trees import composites
+from py_trees.common import Status
+
+from sar_compiler.runtime.branches import WhileDoElse
+from sar_compiler.runtime.conditions import Conditions, ConditionScripts
+from sar_compiler.runtime.controls import Sequence
+from sar_compiler.runtime.script import parse
+from sar_compiler.runtime.scripting import NodeScriptError
+from tests.conformance.leaves import ScriptedError
+from tests.runtime.stage import Stage
+
+COUNTERS = {"on_success": "s+=1", "on_failure": "f+=1", "on_halted": "h+=1", "post": "p+=1"}
+
+
+def on(stage, node, **scripts):
+    parsed = {name: parse(text) for name, text in scripts.items()}
+    return Conditions("conditions", node, ConditionScripts(**parsed), stage.scope, stage.enums)
+
+
+def counted(**entries):
+    return Stage(s=0, f=0, h=0, p=0, **entries)
+
+
+def counts(stage):
+    return "".join(str(stage.entry(key).read()) for key in "sfhp")
+
+
+@pytest.mark.parametrize(
+    ("scripts", "answer", "because"),
+    [
+        ({"failure_if": "x==1", "success_if": "x==1"}, "F:", "decided by _failureIf"),
+        ({"success_if": "x==1", "skip_if": "x==1"}, "S:", "decided by _successIf"),
+        ({"skip_if": "x==1", "while_": "x==1"}, "K:", "decided by _skipIf"),
+        ({"while_": "x==0"}, "K:", "decided by _while"),
+        ({"failure_if": "x==0", "success_if": "x==0", "skip_if": "x==0", "while_": "x==1"}, "S: a=S", ""),
+    ],
+)
+def test_the_first_condition_that_holds_decides_and_is_named(scripts, answer, because):
+    stage = Stage(x=1)
+    root = on(stage, stage.leaf("a"), **scripts)
+    assert stage.tick(root) == answer
+    assert root.feedback_message == because
+
+
+def test_while_the_node_runs_only_while_is_asked():
+    stage = Stage(x=1)
+    root = on(stage, stage.leaf("a", "R"), failure_if="x==2", success_if="x==2", skip_if="x==2", while_="x<3")
+    stage.tick(root)
+    stage.entry("x").write(2)
+    assert stage.tick(root) == "R: a=R"
+    stage.entry("x").write(3)
+    assert stage.tick(root) == "K: halt a"
+    assert root.feedback_message == "halted by _while"
+    assert root.status == Status.INVALID
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "expected"), [("S", "1001"), ("F", "0101"), ("K", "0000"), ("R", "0000")]
+)
+def test_scripts_run_after_an_end(outcomes, expected):
+    stage = counted()
+    stage.tick(on(stage, stage.leaf("a", outcomes), **COUNTERS))
+    assert counts(stage) == expected
+
+
+@pytest.mark.parametrize(
+    ("condition", "expected"), [("success_if", "1001"), ("failure_if", "0101"), ("skip_if", "0000")]
+)
+def test_scripts_run_after_an_end_that_a_condition_decided(condition, expected):
+    stage = counted()
+    stage.tick(on(stage, stage.leaf("a"), **{condition: "true"}, **COUNTERS))
+    assert stage.told() == ""
+    assert counts(stage) == expected
+
+
+def test_scripts_run_when_a_running_node_is_halted_after_its_children_were():
+    stage = counted()
+    inner = on(stage, stage.leaf("a", "R"), on_halted="order := 'inner'")
+    root = on(
+        stage, Sequence("s", memory=True, children=[inner]), on_halted="order += ' outer'; h+=1", post="p+=1"
+    )
+    stage.tick(root)
+    root.stop(Status.INVALID)
+    assert stage.told() == "halt a"
+    assert stage.entry("order").read() == "inner outer"
+    assert counts(stage) == "0011"
+
+
+def test_scripts_run_when_while_halts_the_node():
+    stage = counted(x=1)
+    root = on(stage, stage.leaf("a", "R"), while_="x==1", **COUNTERS)
+    stage.tick(root)
+    stage.entry("x").write(0)
+    stage.tick(root)
+    assert counts(stage) == "0011"
+
+
+def test_no_script_runs_when_a_node_is_halted_that_does_not_run():
+    stage = counted()
+    root = on(stage, stage.leaf("a"), on_halted="h+=1", post="p+=1")
+    root.stop(Status.INVALID)
+    stage.tick(root)
+    root.stop(Status.INVALID)
+    assert counts(stage) == "0001"
+
+
+def test_the_node_and_its_conditions_have_one_status():
+    stage = Stage()
+    child = stage.leaf("a", "R,S")
+    root = on(stage, child, skip_if="false")
+    for expected in (Status.RUNNING, Status.SUCCESS):
+        stage.tick(root)
+        assert (root.status, child.status) == (expected, expected)
+    root.status = Status.INVALID
+    assert child.status == Status.INVALID
+
+
+def test_a_skipped_control_with_conditions_keeps_running_as_without():
+    stage = Stage()
+    root = on(stage, Sequence("s", memory=True, children=[stage.leaf("a", "K")]), failure_if="false")
+    assert stage.tick(root) == "K: a=K"
+    assert root.status == Status.RUNNING
+
+
+def test_under_a_stock_composite_the_conditions_are_asked_at_every_start():
+    stage = Stage(x=0)
+    root = composites.Selector(
+        "stock", memory=False, children=[on(stage, stage.leaf("a", "F"), success_if="x==1")]
+    )
+    assert stage.tick(root) == "F: a=F"
+    stage.entry("x").write(1)
+    assert stage.tick(root) == "S:"
+
+
+def test_a_condition_in_the_middle_of_its_parents_work_is_not_started_again():
+    # WhileDoElse looks at its first child in every tick, but starts it only once.
+    stage = Stage(x=0)
+    condition = on(stage, stage.leaf("c", "S"), failure_if="x==1")
+    root = WhileDoElse("w", [condition, stage.leaf("d", "R")])
+    stage.tick(root)
+    stage.entry("x").write(1)
+    assert stage.tick(root) == "R: c=S d=R"
+
+
+@pytest.mark.parametrize("attribute", ["failure_if", "while_", "on_success", "post"])
+def test_a_condition_that_cannot_be_run_names_its_node_and_the_attribute(attribute):
+    stage = Stage()
+    root = on(stage, stage.leaf("a"), **{attribute: "true && nope == 1"})
+    written = {"failure_if": "_failureIf", "while_": "_while", "on_success": "_onSuccess", "post": "_post"}
+    with pytest.raises(NodeScriptError) as caught:
+        root.tick_once()
+    assert str(caught.value).startswith(f"'a': {written[attribute]}, column 9: there is no variable 'nope'")
+
+
+def test_a_condition_is_exactly_true_or_false():
+    stage = Stage(level=1)
+    with pytest.raises(NodeScriptError, match="'==' to compare"):
+        on(stage, stage.leaf("a"), skip_if="level = 2").tick_once()
+
+
+def test_after_a_node_has_raised_it_can_start_again():
+    stage = counted()
+    root = on(stage, stage.leaf("a", "X,S"), **COUNTERS)
+    with pytest.raises(ScriptedError):
+        root.tick_once()
+    stage.told()
+    assert stage.tick(root) == "S: a=S"
+    assert counts(stage) == "1001"

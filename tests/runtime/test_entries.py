@@ -1,0 +1,194 @@
+"""Nodes that work with one entry of the blackboard."""
+
+import enum
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from py_trees.common import Status
+
+from sar_compiler.runtime.blackboard import Scope
+from sar_compiler.runtime.entries import (
+    EntryTypeError,
+    SetBlackboard,
+    SkipUnlessUpdated,
+    UnsetBlackboard,
+    WaitValueUpdate,
+    WasEntryUpdated,
+)
+from sar_compiler.runtime.entry_types import kept, value_of
+from sar_compiler.runtime.ports import Input, PortError
+from sar_compiler.runtime.variables import RefusedValueError
+from tests.runtime.stage import Stage
+
+
+class Colour(enum.Enum):
+    RED = 1
+    BLUE = 2
+
+
+def setting(stage, value, key="k"):
+    return SetBlackboard("set", value, Input(key), stage.scope, stage.enums)
+
+
+def test_a_literal_is_written_as_text():
+    stage = Stage()
+    assert stage.tick(setting(stage, Input("7"))) == "S:"
+    assert stage.entry("k").read() == "7"
+
+
+def test_a_literal_becomes_what_the_entry_already_is():
+    stage = Stage(k=1)
+    stage.tick(setting(stage, Input("7")))
+    assert stage.entry("k").read() == 7
+
+
+def test_an_entry_that_was_named_but_never_written_takes_a_literal():
+    stage = Stage()
+    stage.port("k")
+    stage.tick(setting(stage, Input("7")))
+    assert stage.entry("k").read() == "7"
+
+
+def test_another_entrys_value_is_copied_with_its_type():
+    pose = object()
+    stage = Stage(source=pose)
+    stage.tick(setting(stage, stage.port("source")))
+    assert stage.entry("k").read() is pose
+
+
+def test_the_key_itself_can_come_from_the_blackboard():
+    stage = Stage(which="other")
+    SetBlackboard("set", Input("7"), stage.port("which"), stage.scope, stage.enums).tick_once()
+    assert stage.entry("other").read() == "7"
+
+
+def test_a_value_that_the_entry_cannot_take_is_an_error_that_names_node_and_entry():
+    stage = Stage(k=1)
+    with pytest.raises(EntryTypeError, match="'set': k: the text 'seven' is not a number"):
+        setting(stage, Input("seven")).tick_once()
+    assert stage.entry("k").read() == 1
+
+
+def test_copying_what_nobody_wrote_is_an_error():
+    stage = Stage()
+    with pytest.raises(PortError, match="nothing has been written to 'source'"):
+        setting(stage, stage.port("source")).tick_once()
+
+
+def unset(scope, key):
+    UnsetBlackboard("unset", Input(key), scope).tick_once()
+
+
+def test_an_entry_is_removed_and_removing_nothing_is_no_mistake():
+    stage = Stage(k=1)
+    unset(stage.scope, "k")
+    unset(stage.scope, "k")
+    assert not stage.entry("k").exists
+
+
+def test_a_subtree_removes_its_own_entries_only():
+    stage = Stage(outer=1, same=1)
+    inner = Scope(
+        stage.scope.board, "sub", stage.scope, {"x": "outer"}, autoremap=True, own=frozenset({"mine"})
+    )
+    inner.resolve("mine").write(2)
+    for key in ("x", "same", "mine"):
+        unset(inner, key)
+    assert stage.values == {"outer": 1, "same": 1}
+
+
+def test_a_subtree_can_remove_an_entry_of_the_root():
+    stage = Stage(k=1)
+    unset(Scope(stage.scope.board, "sub", stage.scope), "@k")
+    assert stage.values == {}
+
+
+def test_each_node_notices_updates_for_itself():
+    stage = Stage(k=1)
+    first, second = (WasEntryUpdated(name, stage.port("k"), stage.scope) for name in ("first", "second"))
+    assert [stage.tick(node) for node in (first, first, second)] == ["S:", "F:", "S:"]
+    stage.entry("k").write(1)
+    assert [stage.tick(node) for node in (first, second)] == ["S:", "S:"]
+
+
+def test_an_entry_that_nobody_wrote_is_not_updated():
+    stage = Stage()
+    assert stage.tick(WasEntryUpdated("w", stage.port("k"), stage.scope)) == "F:"
+
+
+def test_an_entry_can_be_given_by_its_key():
+    stage = Stage(k=1)
+    assert stage.tick(WasEntryUpdated("w", Input("k"), stage.scope)) == "S:"
+
+
+@pytest.mark.parametrize(("cls", "answer"), [(SkipUnlessUpdated, "K:"), (WaitValueUpdate, "R:")])
+def test_without_an_update_the_child_is_not_ticked(cls, answer):
+    stage = Stage(k=1)
+    root = cls("u", stage.leaf("a", "R,S"), stage.port("k"), stage.scope)
+    assert stage.ticks(root, 3) == ["R: a=R", "S: a=S", answer]
+    assert root.feedback_message == "no update"
+    stage.entry("k").write(2)
+    assert stage.tick(root) == "S: a=S"
+
+
+@pytest.mark.parametrize(("cls", "answer"), [(SkipUnlessUpdated, "K:"), (WaitValueUpdate, "R:")])
+def test_after_a_halt_the_child_needs_another_update(cls, answer):
+    stage = Stage(k=1)
+    root = cls("u", stage.leaf("a", "R"), stage.port("k"), stage.scope)
+    stage.tick(root)
+    root.stop(Status.INVALID)
+    assert stage.told() == "halt a"
+    assert stage.tick(root) == answer
+
+
+@pytest.mark.parametrize(
+    ("current", "value", "stored"),
+    [
+        (None, "x", "x"),
+        (1, 2.0, 2),
+        (1, "2", 2),
+        (1, True, 1),
+        (1.0, 2, 2.0),
+        (True, 0.0, False),
+        (True, False, False),
+        ("x", "y", "y"),
+        (Colour.RED, 2, Colour.BLUE),
+        (Colour.RED, Colour.BLUE, Colour.BLUE),
+        (1, Colour.BLUE, 2),
+        ([1], [2], [2]),
+    ],
+)
+def test_an_entry_keeps_its_type(current, value, stored):
+    found = kept(current, value, {})
+    assert found == stored
+    assert type(found) is type(stored)
+
+
+@pytest.mark.parametrize(
+    ("current", "value"),
+    [(1, 2.5), (1, "x"), ("x", 1), (True, 2), (Colour.RED, 3), ([1], 1), (1, [1]), ([1], "x")],
+)
+def test_an_entry_refuses_what_it_cannot_be(current, value):
+    with pytest.raises(RefusedValueError):
+        kept(current, value, {})
+
+
+@given(
+    current=st.one_of(st.booleans(), st.integers(), st.floats(), st.text()),
+    value=st.one_of(st.integers(), st.floats(), st.text(), st.none()),
+)
+def test_whatever_an_entry_is_given_it_keeps_its_type_or_refuses(current, value):
+    try:
+        stored = kept(current, value, {})
+    except RefusedValueError:
+        return
+    assert type(stored) is type(current)
+
+
+@pytest.mark.parametrize(
+    ("value", "seen"),
+    [(True, 1.0), (3, 3), (2.5, 2.5), ("x", "x"), (Colour.BLUE, 2), ([1], None), (None, None)],
+)
+def test_a_script_sees_numbers_and_texts(value, seen):
+    assert value_of(value) == seen

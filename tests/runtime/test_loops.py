@@ -1,0 +1,144 @@
+"""Loops over queues."""
+
+from collections import deque
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from py_trees.behaviours import Success
+from py_trees.common import Status
+
+from sar_compiler.runtime.loops import LoopBool, LoopDouble, LoopInt, LoopString, QueueError
+from sar_compiler.runtime.outcomes import Outcome
+from sar_compiler.runtime.ports import Input, Output, PortError
+from tests.runtime.stage import Stage
+
+
+def loop(stage, queue, cls=LoopInt, outcomes="S", if_empty=Outcome.SUCCESS):
+    return cls("l", stage.leaf("a", outcomes), queue, Output(stage.entry("n")), Input(if_empty))
+
+
+def items_of(stage, root):
+    """Tick until the end; return what was written for each tick of the child."""
+    items = []
+    while stage.tick(root).startswith("R: a"):
+        items.append(stage.entry("n").read())
+    return items
+
+
+@pytest.mark.parametrize(
+    ("cls", "text", "items"),
+    [
+        (LoopInt, "1;-2; 3", [1, -2, 3]),
+        (LoopInt, "7;", [7]),
+        (LoopInt, "", []),
+        (LoopDouble, "1;2.5;1e3", [1.0, 2.5, 1000.0]),
+        (LoopBool, "true;0;TRUE;False", [True, False, True, False]),
+        (LoopString, "red; green;", ["red", " green"]),
+    ],
+)
+def test_a_literal_queue_gives_items_of_the_loops_type(cls, text, items):
+    stage = Stage()
+    found = items_of(stage, loop(stage, Input(text), cls))
+    assert found == items
+    assert [type(item) for item in found] == [type(item) for item in items]
+
+
+@pytest.mark.parametrize(
+    ("cls", "text"), [(LoopInt, "1;2.5"), (LoopDouble, "x"), (LoopBool, "2"), (LoopInt, "1;;2")]
+)
+def test_an_item_of_a_literal_queue_that_does_not_fit_is_refused_when_the_loop_is_made(cls, text):
+    stage = Stage()
+    with pytest.raises(QueueError, match=r"'l': queue: '.*' is not "):
+        loop(stage, Input(text), cls)
+
+
+def test_a_literal_queue_starts_again_with_every_activation():
+    stage = Stage()
+    root = loop(stage, Input("1;2"))
+    assert items_of(stage, root) == [1, 2]
+    assert items_of(stage, root) == [1, 2]
+
+
+def test_a_list_on_the_blackboard_is_not_changed():
+    stage = Stage(q=[1, 2])
+    root = loop(stage, stage.port("q"))
+    assert items_of(stage, root) == [1, 2]
+    assert stage.entry("q").read() == [1, 2]
+
+
+def test_a_shared_queue_is_emptied_and_can_be_filled_meanwhile():
+    queue = deque([1, 2])
+    stage = Stage(q=queue)
+    root = loop(stage, stage.port("q"))
+    stage.tick(root)
+    queue.append(3)
+    assert items_of(stage, root) == [2, 3]
+    assert not queue
+
+
+def test_a_text_on_the_blackboard_is_a_queue():
+    stage = Stage(q="1;2")
+    assert items_of(stage, loop(stage, stage.port("q"))) == [1, 2]
+
+
+def test_what_is_no_queue_is_an_error_that_says_what_would_be_one():
+    stage = Stage(q=7)
+    with pytest.raises(QueueError, match="queue holds a value of type int; it takes a list"):
+        loop(stage, stage.port("q")).tick_once()
+
+
+def test_a_queue_that_nobody_wrote_is_an_error():
+    stage = Stage()
+    with pytest.raises(PortError, match="nothing has been written to 'q'"):
+        loop(stage, stage.port("q")).tick_once()
+
+
+def test_an_item_of_a_list_that_does_not_fit_is_an_error():
+    stage = Stage(q=[1, object()])
+    with pytest.raises(QueueError, match="is not a whole number"):
+        loop(stage, stage.port("q")).tick_once()
+
+
+@pytest.mark.parametrize(
+    ("if_empty", "answer"),
+    [(Outcome.SUCCESS, "S:"), (Outcome.FAILURE, "F:"), (Outcome.SKIPPED, "K:"), (Outcome.RUNNING, "R:")],
+)
+def test_an_empty_queue_gives_the_answer_that_was_chosen(if_empty, answer):
+    stage = Stage()
+    root = loop(stage, Input(""), if_empty=if_empty)
+    assert stage.tick(root) == answer
+    assert root.feedback_message == "no item left"
+
+
+def test_a_failure_ends_the_loop_and_a_running_child_keeps_its_item():
+    stage = Stage()
+    root = loop(stage, Input("1;2"), outcomes="R,S,F")
+    assert stage.ticks(root, 2) == ["R: a=R", "R: a=S"]
+    assert stage.entry("n").read() == 1
+    assert root.feedback_message == "item 1, 1 left"
+    assert stage.tick(root) == "F: a=F"
+    assert stage.entry("n").read() == 2
+
+
+def test_a_halted_loop_starts_with_the_first_item():
+    stage = Stage()
+    root = loop(stage, Input("1;2"), outcomes="S,R,S")
+    stage.ticks(root, 2)
+    root.stop(Status.INVALID)
+    assert stage.told() == "halt a"
+    stage.tick(root)
+    assert stage.entry("n").read() == 1
+
+
+def test_a_loop_whose_items_interest_nobody_only_counts():
+    root = LoopInt("l", Success("a"), Input("1;2"))
+    stage = Stage()
+    assert stage.ticks(root, 3) == ["R:", "R:", "S:"]
+
+
+@given(items=st.lists(st.integers(-(2**63), 2**63 - 1), max_size=8))
+def test_every_item_comes_once_and_in_order(items):
+    stage = Stage()
+    root = loop(stage, Input(";".join(map(str, items))))
+    assert items_of(stage, root) == items

@@ -1,0 +1,68 @@
+"""Ports by themselves: constants and entries, read and written."""
+
+import pytest
+
+from sar_compiler.runtime.blackboard import Board, Scope
+from sar_compiler.runtime.ports import InOut, Input, Output, PortError
+
+
+@pytest.fixture
+def entry():
+    return Scope(Board("Main")).resolve("x")
+
+
+def test_an_input_may_be_a_constant():
+    port = Input(3)
+    assert (port.get(), port.get(4), port.entry) == (3, 3, None)
+
+
+def test_an_input_reads_what_the_entry_holds_now(entry):
+    port = Input(entry)
+    entry.write(1)
+    assert port.get() == 1
+    entry.write(2)
+    assert port.get() == 2
+    assert port.entry is entry
+
+
+def test_an_input_has_a_default_only_while_nothing_is_written(entry):
+    port = Input(entry)
+    assert port.get("default") == "default"
+    entry.write(None)
+    assert port.get("default") is None
+
+
+def test_none_is_a_default_as_any_other(entry):
+    assert Input(entry).get(None) is None
+
+
+def test_an_input_without_a_value_is_an_error_that_names_port_and_key(entry):
+    with pytest.raises(PortError, match=r"^speed: \{x\}: nothing has been written to 'x' yet$"):
+        Input(entry, name="speed").get()
+
+
+def test_a_value_that_does_not_fit_is_an_error_even_where_there_is_a_default(entry):
+    entry.write("fast")
+    port = Input(entry, lambda value: float(str(value)), "speed")
+    with pytest.raises(PortError, match=r"^speed: \{x\}: could not convert"):
+        port.get(1.0)
+
+
+def test_an_output_writes_its_entry_or_nothing_at_all(entry):
+    port: Output[int] = Output(entry)
+    port.set(5)
+    nowhere: Output[int] = Output()
+    nowhere.set(6)
+    assert entry.read() == 5
+
+
+def test_a_port_that_is_both_writes_what_it_reads(entry):
+    port = InOut(entry)
+    port.set(1)
+    port.set(port.get() + 1)
+    assert (port.get(), entry.stamp) == (2, 2)
+
+
+def test_a_port_that_is_both_cannot_write_a_constant():
+    with pytest.raises(PortError, match=r"count is a constant and cannot be written; give it a \{key\}"):
+        InOut(1, name="count").set(2)

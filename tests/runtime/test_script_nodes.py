@@ -1,0 +1,145 @@
+"""Nodes that run scripts, and what is said when one cannot be run."""
+
+import pytest
+from py_trees.common import Status
+
+from sar_compiler.runtime.blackboard import Scope
+from sar_compiler.runtime.outcomes import Outcome
+from sar_compiler.runtime.ports import Input
+from sar_compiler.runtime.script_nodes import Precondition, RunScript, ScriptCondition
+from sar_compiler.runtime.scripting import NodeScriptError, script_of
+from tests.runtime.stage import Stage
+
+
+def run(stage, text, scope=None):
+    RunScript("run", stage.code(text), scope or stage.scope, stage.enums).tick_once()
+
+
+def test_a_script_makes_changes_and_reads_entries():
+    stage = Stage(i=3, flag=True)
+    run(stage, "n := i + 1; i += 2; f := flag == 1; c := BLUE")
+    assert stage.values == {"i": 5, "flag": True, "n": 4.0, "f": 1.0, "c": 2.0}
+    assert type(stage.values["i"]) is int
+
+
+def test_an_entry_keeps_its_type_when_a_script_writes_it():
+    stage = Stage(flag=True, text="x")
+    run(stage, "flag := 0; text += 'y'")
+    assert stage.values == {"flag": False, "text": "xy"}
+    assert type(stage.values["flag"]) is bool
+
+
+def test_a_script_in_a_subtree_writes_its_own_entries_and_those_of_the_root_with_a_sign():
+    stage = Stage()
+    run(stage, "x := 1; @y := 2", Scope(stage.scope.board, "sub", stage.scope))
+    assert stage.values == {"sub/x": 1, "y": 2}
+
+
+def test_every_assignment_counts_as_an_update():
+    stage = Stage(k=1)
+    before = stage.entry("k").stamp
+    run(stage, "k = 1; k := 1")
+    assert stage.entry("k").stamp == before + 2
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a := 1; nope = 3", "'run': code, column 9: there is no variable 'nope'; 'nope := ...' makes one"),
+        ("a := 1;\n  b := nope", "'run': code, line 2, column 8: there is no variable 'nope'"),
+        ("z := 10; z /= 4", "'run': code, column 10: "),
+        ("thing + 1", "'run': code, column 1: 'thing' holds a value of type object"),
+    ],
+)
+def test_a_script_that_cannot_be_run_says_which_node_and_where(text, message):
+    stage = Stage(thing=object())
+    with pytest.raises(NodeScriptError) as caught:
+        run(stage, text)
+    assert str(caught.value).startswith(message)
+    assert (caught.value.node, caught.value.attribute) == ("run", "code")
+
+
+def test_what_came_before_the_mistake_stays():
+    stage = Stage()
+    with pytest.raises(NodeScriptError):
+        run(stage, "a := 1; nope = 3")
+    assert stage.values == {"a": 1}
+
+
+def test_an_empty_script_does_nothing_and_is_no_condition():
+    stage = Stage()
+    assert stage.tick(RunScript("run", Input(script_of("")), stage.scope, stage.enums)) == "S:"
+
+
+def test_a_script_from_the_blackboard_is_read_whenever_it_is_run():
+    stage = Stage(code="a := 1")
+    node = RunScript("run", stage.code_in("code"), stage.scope, stage.enums)
+    node.tick_once()
+    stage.entry("code").write("a := 2")
+    node.tick_once()
+    assert stage.entry("a").read() == 2
+
+
+@pytest.mark.parametrize(
+    ("code", "what"), [("a :=", "{code}"), (7, "a script is a text, not a value of type int")]
+)
+def test_what_is_no_script_on_the_blackboard_is_an_error_that_names_the_node(code, what):
+    stage = Stage(code=code)
+    with pytest.raises(NodeScriptError) as caught:
+        RunScript("run", stage.code_in("code"), stage.scope, stage.enums).tick_once()
+    assert str(caught.value).startswith("'run': code: {code}: ")
+    assert what in str(caught.value)
+
+
+def test_a_condition_is_true_or_false_and_no_other_whole_number():
+    stage = Stage(x=2)
+    conditions = [
+        ScriptCondition("c", stage.code(text), stage.scope, stage.enums) for text in ("x > 1", "x > 3")
+    ]
+    assert [stage.tick(condition) for condition in conditions] == ["S:", "F:"]
+    with pytest.raises(NodeScriptError, match="'c': code, column 1: "):
+        ScriptCondition("c", stage.code("x"), stage.scope, stage.enums).tick_once()
+
+
+def precondition(stage, outcomes, **more):
+    return Precondition("p", stage.leaf("a", outcomes), stage.code("x > 0"), stage.scope, stage.enums, **more)
+
+
+def test_a_precondition_is_not_asked_while_its_child_runs():
+    stage = Stage(x=1)
+    root = precondition(stage, "R,R,S")
+    stage.tick(root)
+    stage.entry("x").write(0)
+    assert stage.ticks(root, 3) == ["R: a=R", "S: a=S", "F:"]
+    assert root.feedback_message == "the condition is false"
+
+
+@pytest.mark.parametrize("outcome", Outcome)
+def test_a_false_precondition_gives_the_answer_that_was_chosen(outcome):
+    stage = Stage(x=0)
+    letter = "K" if outcome is Outcome.SKIPPED else outcome.name[0]
+    assert stage.tick(precondition(stage, "S", else_=Input(outcome))) == f"{letter}:"
+
+
+def test_a_precondition_is_asked_again_after_a_halt():
+    stage = Stage(x=1)
+    root = precondition(stage, "R")
+    stage.tick(root)
+    root.stop(Status.INVALID)
+    assert stage.told() == "halt a"
+    stage.entry("x").write(0)
+    assert stage.tick(root) == "F:"
+
+
+def test_a_precondition_is_asked_again_after_its_child_was_skipped():
+    stage = Stage(x=1)
+    root = precondition(stage, "K,S")
+    assert stage.tick(root) == "K: a=K"
+    stage.entry("x").write(0)
+    assert stage.tick(root) == "F:"
+
+
+def test_an_entry_that_holds_nothing_is_no_variable():
+    stage = Stage(x=None)
+    with pytest.raises(NodeScriptError, match="there is no variable 'x'"):
+        run(stage, "y := x")

@@ -1,0 +1,184 @@
+"""Delay, Timeout and Sleep."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from py_trees.common import Status
+
+from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.runtime.ports import Input
+from sar_compiler.runtime.timers import Delay, DurationError, Sleep, Timeout, Timer
+from tests.runtime.stage import Stage
+
+CLOCK = st.lists(st.floats(-100.0, 100.0), max_size=20)
+
+
+def test_a_timer_counts_down_to_zero():
+    clock = ManualClock()
+    timer = Timer(clock)
+    timer.start(2.0)
+    clock.advance(0.5)
+    assert timer.remaining() == 1.5
+    clock.advance(5.0)
+    assert timer.remaining() == 0.0
+
+
+def test_a_clock_that_goes_back_counts_as_one_that_stood_still():
+    clock = ManualClock(1000.0)
+    timer = Timer(clock)
+    timer.start(2.0)
+    clock.advance(0.5)
+    timer.remaining()
+    clock.advance(-900.0)
+    assert timer.remaining() == 1.5
+    clock.advance(1.5)
+    assert timer.remaining() == 0.0
+
+
+@given(seconds=st.floats(0.0, 50.0), steps=CLOCK)
+def test_whatever_the_clock_does_the_time_left_never_grows_and_is_never_negative(seconds, steps):
+    clock = ManualClock()
+    timer = Timer(clock)
+    timer.start(seconds)
+    left = seconds
+    for step in steps:
+        clock.advance(step)
+        assert 0.0 <= timer.remaining() <= left + 1e-9
+        left = timer.remaining()
+
+
+def test_a_delay_waits_then_lets_its_child_run_and_waits_again_next_time():
+    clock, stage = ManualClock(), Stage()
+    root = Delay("d", stage.leaf("a", "R,S"), Input(300), clock)
+    assert stage.tick(root) == "R:"
+    assert root.feedback_message == "remaining: 0.3s"
+    clock.advance(0.2)
+    assert stage.tick(root) == "R:"
+    clock.advance(0.2)
+    assert stage.ticks(root, 3) == ["R: a=R", "S: a=S", "R:"]
+
+
+def test_a_delay_of_nothing_yields_once():
+    stage = Stage()
+    root = stage.ready(Delay("d", stage.leaf("a"), Input(0), ManualClock()))
+    assert stage.ticks(root, 2) == ["R:", "S: a=S"]
+    assert stage.woken == 1
+
+
+def test_a_halted_delay_waits_from_the_beginning():
+    clock, stage = ManualClock(), Stage()
+    root = Delay("d", stage.leaf("a"), Input(300), clock)
+    stage.tick(root)
+    clock.advance(0.29)
+    root.stop(Status.INVALID)
+    assert stage.tick(root) == "R:"
+    clock.advance(0.29)
+    assert stage.tick(root) == "R:"
+    clock.advance(0.02)
+    assert stage.tick(root) == "S: a=S"
+
+
+def test_while_the_clock_stands_still_a_delay_waits():
+    stage = Stage()
+    root = Delay("d", stage.leaf("a"), Input(1), ManualClock())
+    assert set(stage.ticks(root, 50)) == {"R:"}
+
+
+def test_a_timeout_halts_its_child_without_another_tick():
+    clock, stage = ManualClock(), Stage()
+    root = Timeout("t", stage.leaf("a", "R"), Input(2000), clock)
+    assert stage.tick(root) == "R: a=R"
+    clock.advance(0.8)
+    assert stage.tick(root) == "R: a=R"
+    assert root.feedback_message == "remaining: 1.2s"
+    clock.advance(1.3)
+    assert stage.tick(root) == "F: halt a"
+    assert root.feedback_message == "timed out"
+    assert stage.tick(root) == "R: a=R"
+
+
+def test_a_timeout_starts_with_every_activation():
+    clock, stage = ManualClock(), Stage()
+    root = Timeout("t", stage.leaf("a", "R,S,R"), Input(1000), clock)
+    stage.tick(root)
+    clock.advance(0.9)
+    assert stage.ticks(root, 2) == ["S: a=S", "R: a=R"]
+    clock.advance(0.9)
+    assert stage.tick(root) == "R: a=R"
+    root.stop(Status.INVALID)
+    stage.told()
+    clock.advance(0.9)
+    assert stage.tick(root) == "R: a=R"
+
+
+def test_a_timeout_of_zero_never_comes():
+    clock, stage = ManualClock(), Stage()
+    root = Timeout("t", stage.leaf("a", "R"), Input(0), clock)
+    for _ in range(5):
+        assert stage.tick(root) == "R: a=R"
+        clock.advance(1e6)
+
+
+def test_a_time_that_ran_out_over_a_skipped_child_begins_with_the_child():
+    clock, stage = ManualClock(), Stage()
+    root = Timeout("t", stage.leaf("a", "K,R"), Input(1000), clock)
+    assert stage.tick(root) == "K: a=K"
+    clock.advance(2.0)
+    assert stage.tick(root) == "R: a=R"
+    clock.advance(0.9)
+    assert stage.tick(root) == "R: a=R"
+    clock.advance(0.2)
+    assert stage.tick(root) == "F: halt a"
+
+
+def test_a_clock_that_jumps_back_does_not_make_a_timeout_endless():
+    clock, stage = ManualClock(1e9), Stage()
+    root = Timeout("t", stage.leaf("a", "R"), Input(1000), clock)
+    stage.tick(root)
+    clock.advance(-1e9)
+    assert stage.tick(root) == "R: a=R"
+    clock.advance(1.0)
+    assert stage.tick(root) == "F: halt a"
+
+
+def test_sleep_waits_and_says_how_long():
+    clock, stage = ManualClock(), Stage()
+    root = Sleep("z", Input(1500), clock)
+    assert stage.tick(root) == "R:"
+    assert root.feedback_message == "remaining: 1.5s"
+    clock.advance(1.5)
+    assert stage.tick(root) == "S:"
+    assert root.feedback_message == ""
+
+
+def test_sleep_for_no_time_succeeds_at_once():
+    assert Stage().tick(Sleep("z", Input(0), ManualClock())) == "S:"
+
+
+def test_a_halted_sleep_starts_again():
+    clock, stage = ManualClock(), Stage()
+    root = Sleep("z", Input(1000), clock)
+    stage.tick(root)
+    clock.advance(0.9)
+    root.stop(Status.INVALID)
+    assert stage.tick(root) == "R:"
+    clock.advance(0.9)
+    assert stage.tick(root) == "R:"
+
+
+def test_the_time_to_sleep_comes_from_the_blackboard_when_it_starts():
+    clock, stage = ManualClock(), Stage(t=1000)
+    root = Sleep("z", stage.port("t"), clock)
+    stage.tick(root)
+    stage.entry("t").write(5)
+    clock.advance(0.9)
+    assert stage.tick(root) == "R:"
+
+
+@pytest.mark.parametrize("make", [Delay, Timeout])
+def test_nobody_waits_for_less_than_no_time(make):
+    stage = Stage()
+    with pytest.raises(DurationError, match=r"is to wait -5 milliseconds; (delay_)?msec is 0 or more"):
+        make("t", stage.leaf("a"), Input(-5), ManualClock()).tick_once()
+    with pytest.raises(DurationError, match="'z' is to wait -5"):
+        Sleep("z", Input(-5), ManualClock()).tick_once()

@@ -1,0 +1,303 @@
+"""What a file includes: found beside it, each file once, and nothing that is none of its business."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.checks import check
+from sar_compiler.nodes.main_tree import find_main_tree
+from sar_compiler.nodes.registry import default_registry
+from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
+from sar_compiler.tree.forest import MAX_FILES, MAX_INCLUDE_DEPTH, load_forest
+from sar_compiler.tree.reading import read_tree_file
+
+A, B, C = (f'<BehaviorTree ID="{name}"><Success/></BehaviorTree>' for name in "ABC")
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def write(path, *content, main=""):
+    named = f' main_tree_to_execute="{main}"' if main else ""
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    Path(path).write_text(f"<root{named}>\n" + "\n".join(content) + "\n</root>\n", encoding="utf-8")
+
+
+def include(path, **more):
+    return (
+        "<include " + " ".join(f'{name}="{value}"' for name, value in {"path": path, **more}.items()) + "/>"
+    )
+
+
+def load(path="main.xml", *include_paths):
+    return load_forest(Path(path), read_tree_file, [Path(each) for each in include_paths])
+
+
+def files(forest):
+    return [Path(tree_file.source.path).as_posix() for tree_file in forest.files]
+
+
+def found(forest):
+    return [(f.code, Path(f.source.path).name, f.span.line, f.span.column) for f in forest.findings]
+
+
+def test_an_included_file_comes_before_the_one_that_includes_it():
+    write("main.xml", A, include("more.xml"), main="A")
+    write("more.xml", B)
+    forest = load()
+    assert files(forest) == ["more.xml", "main.xml"]
+    assert list(forest.trees) == ["B", "A"]
+    assert forest.findings == ()
+
+
+def test_a_path_is_relative_to_the_file_that_it_stands_in_not_to_where_the_command_was_started():
+    write("trees/main.xml", A, include("parts/one.xml"))
+    write("trees/parts/one.xml", B, include("two.xml"))
+    write("trees/parts/two.xml", C)
+    assert files(load("trees/main.xml")) == ["trees/parts/two.xml", "trees/parts/one.xml", "trees/main.xml"]
+
+
+def test_a_file_that_is_included_twice_is_read_once():
+    write("main.xml", include("left.xml"), include("right.xml"), include("./left.xml"), A)
+    write("left.xml", include("both.xml"), B)
+    write("right.xml", include("both.xml"), C)
+    write("both.xml", A.replace("A", "D"))
+    forest = load()
+    assert files(forest) == ["both.xml", "left.xml", "right.xml", "main.xml"]
+    assert forest.findings == ()
+
+
+def test_yaml_and_xml_include_each_other():
+    write("main.xml", A, include("more.yaml"))
+    Path("more.yaml").write_text(
+        "root:\n  children:\n    - BehaviorTree:\n        ID: B\n        children:\n          - Success\n",
+        encoding="utf-8",
+    )
+    assert list(load().trees) == ["B", "A"]
+
+
+def test_files_that_include_each_other_are_a_finding_that_names_the_circle():
+    write("main.xml", A, include("one.xml"), main="A")
+    write("one.xml", include("two.xml"), B)
+    write("two.xml", C, include("one.xml"))
+    forest = load()
+    assert found(forest) == [("include-cycle", "two.xml", 3, 16)]
+    assert "one.xml -> two.xml -> one.xml" in forest.findings[0].message
+
+
+def test_a_file_that_includes_itself_is_a_finding():
+    write("main.xml", A, include("main.xml"))
+    assert found(load()) == [("include-cycle", "main.xml", 3, 16)]
+
+
+@pytest.mark.parametrize("path", ["../outside.xml", "/etc/hostname", "sub/../../outside.xml"])
+def test_a_file_outside_the_folder_of_the_main_file_is_not_read(path):
+    write("outside.xml", B)
+    write("trees/main.xml", A, include(path))
+    forest = load("trees/main.xml")
+    assert found(forest) == [("include-outside", "main.xml", 3, 16)]
+    assert files(forest) == ["trees/main.xml"]
+    assert "--include-path" in (forest.findings[0].hint or "")
+
+
+def test_a_link_out_of_the_folder_is_not_followed():
+    write("outside.xml", B)
+    write("trees/main.xml", A, include("link.xml"))
+    Path("trees/link.xml").symlink_to(Path("outside.xml").resolve())
+    assert found(load("trees/main.xml")) == [("include-outside", "main.xml", 3, 16)]
+
+
+def test_a_folder_that_is_allowed_may_be_included_from():
+    write("library/part.xml", B)
+    write("trees/main.xml", A, include("../library/part.xml"))
+    assert load("trees/main.xml", "library").findings == ()
+
+
+def test_links_that_lead_in_a_circle_are_a_finding():
+    Path("a.xml").symlink_to("b.xml")
+    Path("b.xml").symlink_to("a.xml")
+    write("main.xml", A, include("a.xml"))
+    assert found(load()) == [("unreadable-include", "main.xml", 3, 16)]
+
+
+def test_a_path_that_no_file_can_have_is_a_finding():
+    write("main.xml", A, include("a" * 5000))
+    assert found(load()) == [("unreadable-include", "main.xml", 3, 16)]
+
+
+def test_a_file_that_is_not_there_is_a_finding_at_the_include_that_names_it():
+    write("main.xml", A, include("gone.xml"))
+    forest = load()
+    assert found(forest) == [("unreadable-include", "main.xml", 3, 16)]
+    assert forest.findings[0].message == "cannot read gone.xml: No such file or directory"
+
+
+def test_a_folder_is_no_file_to_include():
+    Path("folder").mkdir()
+    write("main.xml", A, include("folder"))
+    assert found(load()) == [("unreadable-include", "main.xml", 3, 16)]
+
+
+@pytest.mark.parametrize("attributes", ["", ' path=""'])
+def test_an_include_without_a_path_is_a_finding(attributes):
+    write("main.xml", A, f"<include{attributes}/>")
+    ((code, _, line, _),) = found(load())
+    assert (code, line) == ("missing-attribute", 3)
+
+
+def test_a_malformed_file_that_is_included_brings_its_own_findings():
+    write("main.xml", A, include("bad.xml"))
+    Path("bad.xml").write_text("<root>\n<BehaviorTree></root>", encoding="utf-8")
+    forest = load()
+    assert [(code, file, line) for code, file, line, _ in found(forest)] == [("malformed-xml", "bad.xml", 2)]
+    assert forest.findings[0].render().startswith("bad.xml:2:")
+
+
+def test_the_file_itself_must_be_there_and_well_formed():
+    with pytest.raises(UnreadableFileError, match=r"cannot read main\.xml"):
+        load()
+    Path("main.xml").write_text("<root>", encoding="utf-8")
+    with pytest.raises(TreeError, match="malformed-xml"):
+        load()
+
+
+@pytest.fixture
+def package():
+    """Return the share folder of an installed ROS package."""
+    prefix = Path("install").resolve()
+    index = prefix / "share/ament_index/resource_index/packages"
+    index.mkdir(parents=True)
+    (index / "my_trees").touch()
+    os.environ["AMENT_PREFIX_PATH"] = f"/nowhere{os.pathsep}{prefix}"
+    return prefix / "share/my_trees"
+
+
+@pytest.fixture(autouse=True)
+def no_workspace(monkeypatch):
+    monkeypatch.setenv("AMENT_PREFIX_PATH", "")
+
+
+def test_a_file_of_a_ros_package_is_found_in_the_sourced_workspaces(package):
+    write(package / "trees/part.xml", B, include("other.xml"))
+    write(package / "trees/other.xml", C)
+    write("trees/main.xml", A, include("trees/part.xml", ros_pkg="my_trees"))
+    forest = load("trees/main.xml")
+    assert forest.findings == ()
+    assert list(forest.trees) == ["C", "B", "A"]
+
+
+def test_a_package_that_was_installed_with_links_to_its_sources_is_found_as_well(package):
+    write("source/part.xml", B, include("other.xml"))
+    write("source/other.xml", C)
+    package.mkdir(parents=True)
+    (package / "part.xml").symlink_to(Path("source/part.xml").resolve())
+    write("trees/main.xml", A, include("part.xml", ros_pkg="my_trees"))
+    forest = load("trees/main.xml")
+    assert forest.findings == ()
+    assert list(forest.trees) == ["C", "B", "A"]
+
+
+def test_a_path_out_of_the_package_is_not_read(package):
+    write(package / "../secret.xml", B)
+    write("trees/main.xml", A, include("../secret.xml", ros_pkg="my_trees"))
+    assert found(load("trees/main.xml")) == [("include-outside", "main.xml", 3, 16)]
+
+
+@pytest.mark.parametrize("name", ["unknown", "", "..", "a/b", "../my_trees"])
+def test_a_package_that_is_not_installed_is_a_finding_at_its_name(package, name):
+    write("main.xml", A, include("part.xml", ros_pkg=name))
+    assert found(load()) == [
+        ("unknown-package", "main.xml", 3, len('<include path="part.xml" ros_pkg="') + 1)
+    ]
+
+
+def test_a_package_beside_an_absolute_path_means_nothing(package):
+    write("part.xml", B)
+    write("main.xml", A, include(Path("part.xml").resolve(), ros_pkg="unknown"))
+    assert load().findings == ()
+
+
+def test_includes_end_at_a_depth():
+    for number in range(MAX_INCLUDE_DEPTH + 3):
+        write(f"{number}.xml", include(f"{number + 1}.xml"))
+    forest = load("0.xml")
+    assert found(forest) == [("too-many-includes", f"{MAX_INCLUDE_DEPTH}.xml", 2, 16)]
+    assert str(MAX_INCLUDE_DEPTH) in forest.findings[0].message
+
+
+def test_more_files_than_a_limit_are_one_finding():
+    for number in range(MAX_FILES + 5):
+        write(f"{number}.xml")
+    write("main.xml", A, *(include(f"{number}.xml") for number in range(MAX_FILES + 5)))
+    forest = load()
+    assert found(forest) == [("too-many-includes", "main.xml", MAX_FILES + 2, 16)]
+    assert len(forest.files) == MAX_FILES
+
+
+def test_the_main_tree_is_the_one_asked_for():
+    write("main.xml", A, include("more.xml"), main="A")
+    write("more.xml", B, main="B")
+    assert find_main_tree(load(), "B").attributes["ID"] == "B"
+
+
+def test_the_main_tree_is_the_one_that_the_file_given_names_not_an_included_one():
+    write("main.xml", A, B, include("more.xml"), main="B")
+    write("more.xml", C, main="C")
+    assert find_main_tree(load()).attributes["ID"] == "B"
+
+
+def test_the_main_tree_may_stand_in_an_included_file():
+    write("main.xml", include("more.xml"), main="B")
+    write("more.xml", A, B)
+    assert find_main_tree(load()).attributes["ID"] == "B"
+
+
+def test_a_file_with_one_tree_executes_it_whatever_it_includes():
+    write("main.xml", A, include("more.xml"))
+    write("more.xml", B, C)
+    assert find_main_tree(load()).attributes["ID"] == "A"
+
+
+def test_a_file_without_trees_executes_the_only_one_that_it_includes():
+    write("main.xml", include("more.xml"))
+    write("more.xml", B)
+    assert find_main_tree(load()).attributes["ID"] == "B"
+
+
+def test_a_file_that_does_not_say_which_of_several_included_trees_to_execute_is_a_finding():
+    write("main.xml", include("more.xml"))
+    write("more.xml", A, B)
+    with pytest.raises(TreeError, match="2 trees and does not say which one"):
+        find_main_tree(load())
+
+
+def test_a_main_tree_that_is_not_there_is_a_finding_with_the_nearest_name():
+    write("main.xml", A.replace("A", "Patrol"), main="Partol")
+    with pytest.raises(TreeError, match=r"main\.xml:1:29: .*\n.*\n.*did you mean 'Patrol'"):
+        find_main_tree(load())
+
+
+def checked(forest):
+    return [
+        (f.code, Path(f.source.path).name, f.span.line, f.message) for f in check(forest, default_registry())
+    ]
+
+
+def test_an_id_that_an_included_file_has_already_is_a_finding_that_names_that_file():
+    write("main.xml", A, include("more.xml"))
+    write("more.xml", B, A)
+    assert checked(load()) == [
+        ("duplicate-tree-id", "main.xml", 2, "the tree ID 'A' is taken by the tree in line 3 of more.xml")
+    ]
+
+
+def test_findings_stand_file_by_file_beginning_with_the_main_one():
+    write("main.xml", include("more.xml"), "<BehaviorTree ID='A'><Sucess/></BehaviorTree>", main="A")
+    write("more.xml", "<BehaviorTree ID='B'><Sucess/></BehaviorTree>")
+    assert [(code, file) for code, file, *_ in checked(load())] == [
+        ("unknown-node", "main.xml"),
+        ("unknown-node", "more.xml"),
+    ]

@@ -1,0 +1,34 @@
+"""Which form a file has."""
+
+import pytest
+
+from sar_compiler.tree.reading import read_tree_file
+from sar_compiler.tree.source import Form
+
+XML = "<root/>"
+YAML = "root:\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "form"),
+    [
+        ("tree.xml", XML, Form.XML),
+        ("tree.XML", XML, Form.XML),
+        ("tree.yaml", YAML, Form.YAML),
+        ("tree.yml", YAML, Form.YAML),
+        ("tree", "\n  <root/>", Form.XML),
+        ("tree.txt", YAML, Form.YAML),
+    ],
+)
+def test_the_ending_tells_the_form_and_else_the_first_character(tmp_path, name, content, form):
+    path = tmp_path / name
+    path.write_text(content, encoding="utf-8")
+    tree_file = read_tree_file(path)
+    assert (tree_file.source.form, tree_file.root.tag) == (form, "root")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_a_byte_order_mark_does_not_hide_the_first_character(tmp_path, encoding):
+    path = tmp_path / "tree"
+    path.write_text(XML, encoding=encoding)
+    assert read_tree_file(path).source.form is Form.XML

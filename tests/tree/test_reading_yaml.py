@@ -1,0 +1,307 @@
+"""What the YAML reader makes of a file: the same elements as in XML, or everything that is wrong."""
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sar_compiler.tree import yaml_events
+from sar_compiler.tree.content import MAX_BYTES, MAX_DEPTH
+from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
+from sar_compiler.tree.xml import parse_xml
+from sar_compiler.tree.yaml import parse_yaml, read_yaml
+from sar_compiler.tree.yaml_writer import write_yaml
+from tests.tree.strategies import tree_files
+
+
+@pytest.fixture(params=["libyaml", "PyYAML alone"], autouse=True)
+def _each_parser(request, monkeypatch):
+    if request.param == "PyYAML alone":
+        monkeypatch.setattr(yaml_events, "_LOADER", yaml.SafeLoader)
+
+
+def findings_of(text):
+    """Return the findings in a file, each as its code, its place and the text that it points at."""
+    with pytest.raises(TreeError) as caught:
+        parse_yaml(text, "test.yaml")
+    return [(one.code, one.span.line, one.span.column) for one in caught.value.findings]
+
+
+def said_of(text):
+    with pytest.raises(TreeError) as caught:
+        parse_yaml(text, "test.yaml")
+    return str(caught.value)
+
+
+def cut(root, span):
+    source = root.source
+    return source.text[source.offset(span.line, span.column) : source.offset(span.end_line, span.end_column)]
+
+
+def test_a_node_is_a_mapping_of_its_tag_with_attributes_and_children():
+    text = "root:\n  BTCPP_format: 4\n  children:\n    - BehaviorTree:\n        ID: Main\n        children:\n          - Success\n"
+    in_xml = '<root BTCPP_format="4"><BehaviorTree ID="Main"><Success/></BehaviorTree></root>'
+    assert parse_yaml(text).root == parse_xml(in_xml).root
+
+
+@pytest.mark.parametrize("node", ["A", "A:", "A: {}", "{A: }", "'A'", "? A"])
+def test_a_node_with_nothing_in_it_is_its_tag_with_or_without_a_colon(node):
+    assert parse_yaml(f"root:\n  children:\n    - {node}\n").root == parse_xml("<root><A/></root>").root
+
+
+def test_lists_and_mappings_in_brackets_are_read_too():
+    root = parse_yaml("{root: {a: 1, children: [A, {B: {x: 'y z'}}]}}").root
+    assert root == parse_xml('<root a="1"><A/><B x="y z"/></root>').root
+
+
+def test_an_empty_list_of_children_is_no_children():
+    assert parse_yaml("root: {children: []}").root.children == ()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "no",
+        "Yes",
+        "on",
+        "true",
+        "12:30",
+        "1e3",
+        "0x10",
+        "010",
+        "1_000",
+        "~",
+        "null",
+        ".inf",
+        "2001-01-01",
+        "=",
+        "<<",
+    ],
+)
+def test_a_value_is_the_text_that_is_written_whatever_yaml_would_make_of_it(text):
+    assert parse_yaml(f"root:\n  a: {text}\n").root.attributes == {"a": text}
+
+
+@pytest.mark.parametrize(
+    ("written", "value"),
+    [
+        ("'it''s'", "it's"),
+        (r'"a\tb\u00e9"', "a\tbé"),
+        ("'{key}'", "{key}"),
+        ("''", ""),
+        ("a := 1; b == 'x' && !c", "a := 1; b == 'x' && !c"),
+        ("|\n    a := 1\n      b\n", "a := 1\n  b\n"),
+        ("|-\n    a\n", "a"),
+        (">-\n    one\n    two\n\n    three\n", "one two\nthree"),
+        ("one\n    two", "one two"),
+    ],
+)
+def test_quotes_and_blocks_say_what_they_say_in_yaml(written, value):
+    assert parse_yaml(f"root:\n  a: {written}\n").root.attributes == {"a": value}
+
+
+def test_tags_names_and_values_know_their_places():
+    text = "root:\n  first:   plain text  # c\n  'second': \"in quotes\"\n  third: |\n    a := 1\n    b\n  children:\n    - Ä: {ß: é}\n"
+    root = parse_yaml(text).root
+    assert (root.line, root.column, cut(root, root.tag_span())) == (1, 1, "root")
+    assert [cut(root, root.name_span(name)) for name in root.attributes] == ["first", "second", "third"]
+    values = [cut(root, root.value_span(name)) for name in root.attributes]
+    assert values == ["plain text", "in quotes", "a := 1\n    b"]
+    child = root.children[0]
+    assert (child.line, child.column, cut(child, child.value_span("ß"))) == (8, 7, "é")
+
+
+def test_places_are_right_whatever_ends_the_lines():
+    root = parse_yaml("root:\r\n  a: 1\r\n  children:\r\n  - B: {x: 😀y}\r").root
+    child = root.children[0]
+    assert (child.line, child.column, cut(child, child.value_span("x"))) == (4, 5, "😀y")
+
+
+def test_an_attribute_that_is_not_there_is_placed_at_the_tag():
+    root = parse_yaml("root").root
+    assert root.name_span("a") == root.value_span("a") == root.within_value("a", 0, 1) == root.tag_span()
+
+
+SURPRISES = {
+    "duplicate-key": ("root:\n  a: 1\n  a: 2\n", 3, 3, "the first stands in line 2"),
+    "yaml-anchor": ("root:\n  a: &x 1\n", 2, 6, "'&x' is an anchor"),
+    "yaml-tag": ("root:\n  a: !ready x\n", 2, 6, "begins with ! stands in quotes"),
+    "yaml-merge": ("root:\n  <<: {a: 1}\n", 2, 3, "write the attributes out"),
+    "yaml-directive": ("%YAML 1.1\n---\nroot\n", 1, 1, "begin with %"),
+    "second-document": ("root\n---\nroot\n", 2, 1, "a tree file is one"),
+    "missing-value": ("root:\n  name:\n", 2, 3, "write name: '' for an empty text"),
+    "wrong-character": ('root:\n  a: "\\0"\n', 2, 6, "U\\+0000"),
+    "wrong-name": ("root:\n  a b: 1\n", 2, 3, "'a b' cannot be the name of an attribute"),
+    "empty-file": ("# nothing\n", 1, 1, "the file is empty"),
+}
+
+
+@pytest.mark.parametrize("code", SURPRISES)
+def test_what_only_yaml_has_is_a_finding_with_its_place(code):
+    text, line, column, words = SURPRISES[code]
+    assert findings_of(text) == [(code, line, column)]
+    with pytest.raises(TreeError, match=words):
+        parse_yaml(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "words"),
+    [
+        ("- A\n", (1, 1), "'root:' begins a tree file, and this is a list"),
+        ("root:\n  - A\n", (2, 3), "put a list of nodes under 'children:'"),
+        ("root: text\n", (1, 7), "below 'root' stand its attributes"),
+        ("root:\n  a: 1\nb: 2\n", (3, 1), "a tree file has one key at its top; 'b' stands beside 'root'"),
+        ("root:\n  a: [1]\n", (2, 3), "its value is a list, not a text"),
+        ("root:\n  a: {goal}\n", (2, 6), "did you mean ''{goal}''"),
+        ("root:\n  a: {b: c}\n", (2, 3), "its value is a mapping, not a text"),
+        ("root:\n  children: A\n", (2, 3), "'children' is a list of nodes"),
+        ("root:\n  children:\n", (2, 3), "write the nodes, or delete the line"),
+        ("root:\n  children:\n  - [A]\n", (3, 5), "a node stands here, and this is a list"),
+        ("root:\n  children:\n  -\n", (3, 3), "there is nothing behind this '-'"),
+        ("root:\n  children:\n  - {}\n", (3, 5), "these braces are empty"),
+        ("root:\n  children:\n  - A:\n    x: 1\n", (4, 5), "'x' stands beside 'A', not below it"),
+        ("root:\n  ? [a]\n  : b\n", (2, 5), "a key is a name"),
+        ("root:\n  $text: a\n", (2, 3), "only in the ports of a TreeNodesModel"),
+    ],
+)
+def test_a_wrong_shape_is_a_finding_that_says_the_right_one(text, place, words):
+    assert findings_of(text) == [("wrong-shape", *place)]
+    assert words in said_of(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "words"),
+    [
+        ("root:\n\ta: 1\n", (2, 1), "indent with spaces"),
+        ("root:\n  a: b: c\n", (2, 7), "a text with ': ' in it stands in quotes"),
+        ("root:\n  a: @x\n", (2, 6), "a text cannot begin with @"),
+        ("root:\n  a: 'x\n", (2, 6), "what begins here has no end"),
+        ("root:\n  a: 1\n b: 2\n", (3, 2), "this does not belong to the lines above it"),
+        ("root:\n  a: [x\nb: c", (2, 6), "goes wrong further on"),
+        ('root:\n  a: "x" y\n', (2, 10), "in quotes as a whole or not at all"),
+        ("root:\n  a: - b\n", (2, 6), "a text that begins with '- ' stands in quotes"),
+        ("root\n...\nx: y\n...\n", (3, 1), "goes on behind the end"),
+        ("root: {, }\n", (1, 8), "something is missing here"),
+    ],
+)
+def test_what_is_not_yaml_is_a_finding_in_the_words_of_the_reader(text, place, words):
+    assert findings_of(text)[-1] == ("malformed-yaml", *place)
+    assert words in said_of(text)
+
+
+def test_all_that_is_wrong_is_said_at_once_in_the_order_of_the_file():
+    text = "root:\n  name:\n  children:\n    - A: {x: 1, x: 2}\n    - B: {y: {goal}}\n    - [C]\n  z: *a\n"
+    codes = [code for code, *_ in findings_of(text)]
+    assert codes == ["missing-value", "duplicate-key", "wrong-shape", "wrong-shape", "yaml-anchor"]
+
+
+def test_a_character_that_yaml_cannot_have_is_named():
+    assert findings_of("root: {a: 'x\x07'}") == [("wrong-character", 1, 13)]
+    assert "U+2028" in said_of("root: {a: x\u2028}")
+
+
+def test_nesting_has_a_limit_that_is_a_finding():
+    parse_yaml("{root: {children: [" + "{A: {children: [" * (MAX_DEPTH - 1) + "]}}" * (MAX_DEPTH - 1) + "]}}")
+    deep = "{root: {children: [" + "{A: {children: [" * MAX_DEPTH + "]}}" * MAX_DEPTH + "]}}"
+    assert [code for code, *_ in findings_of(deep)] == ["too-deep"]
+
+
+@pytest.mark.parametrize("opening", ["[", "{a: ", "- ", "? "])
+def test_a_file_of_nothing_but_brackets_ends_at_the_limit(opening):
+    assert findings_of(opening * 50_000)[-1][0] == "too-deep"
+
+
+def test_a_file_over_the_size_limit_is_refused_without_being_parsed(tmp_path):
+    path = tmp_path / "large.yaml"
+    with path.open("wb") as stream:
+        stream.truncate(MAX_BYTES + 1)
+    with pytest.raises(TreeError, match="larger than"):
+        read_yaml(path)
+
+
+def test_a_file_that_is_not_there_is_named_with_the_reason(tmp_path):
+    with pytest.raises(UnreadableFileError, match=r"nowhere\.yaml: No such file"):
+        read_yaml(tmp_path / "nowhere.yaml")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_a_byte_order_mark_tells_the_encoding(encoding):
+    assert parse_yaml("root: {name: é}".encode(encoding)).root.attributes == {"name": "é"}
+
+
+def test_the_description_of_a_port_is_its_text():
+    text = "root:\n  children:\n  - TreeNodesModel:\n      children:\n      - Action:\n          ID: A\n          children:\n          - input_port: {name: x, $text: Where to go}\n"
+    in_xml = '<root><TreeNodesModel><Action ID="A"><input_port name="x">Where to go</input_port></Action></TreeNodesModel></root>'
+    assert parse_yaml(text).root == parse_xml(in_xml).root
+
+
+COMMENTED = """\
+# Before the root,
+# in two lines.
+
+root:  # beside the root
+  BTCPP_format: 4  # beside an attribute
+  # above an attribute
+  name: x
+  # before A
+  children:
+    # also before A
+    - A  # beside A
+
+    - B:  # beside B
+        code: |  # beside code
+          a # b
+        # in B
+    # behind B
+# behind the root
+"""
+
+
+def test_comments_are_kept_with_what_they_belong_to():
+    tree_file = parse_yaml(COMMENTED)
+    assert [(one.text, one.index) for one in tree_file.comments] == [
+        ("Before the root,\nin two lines.", 0),
+        ("behind the root", 1),
+    ]
+    root = tree_file.root
+    assert [(one.text, one.index, one.attribute, one.beside) for one in root.comments] == [
+        ("beside the root", 0, None, True),
+        ("beside an attribute", 0, "BTCPP_format", True),
+        ("above an attribute", 0, "name", False),
+        ("before A", 0, None, False),
+        ("also before A", 0, None, False),
+        ("behind B", 2, None, False),
+    ]
+    first, second = root.children
+    assert [(one.text, one.beside) for one in first.comments] == [("beside A", True)]
+    assert second.attributes == {"code": "a # b\n"}
+    assert [(one.text, one.attribute, one.beside) for one in second.comments] == [
+        ("beside B", None, True),
+        ("beside code", "code", True),
+        ("in B", None, False),
+    ]
+
+
+def test_a_number_sign_in_a_text_begins_no_comment():
+    root = parse_yaml("root: {a: x#y, b: 'x # y', c: \"# z\"}").root
+    assert (root.attributes, root.comments) == ({"a": "x#y", "b": "x # y", "c": "# z"}, ())
+
+
+@given(tree_files())
+def test_every_span_cuts_its_part_out_of_the_text(tree_file):
+    for element in parse_yaml(write_yaml(tree_file)).root.iterate():
+        assert cut(element, element.tag_span()) == element.tag
+        for name in element.attributes:
+            assert cut(element, element.name_span(name)) == name
+
+
+@given(
+    st.binary(max_size=200)
+    | st.text(max_size=200)
+    | st.text(st.sampled_from(list("ab:-?#'\"{}[],|>&*!\n \t")), max_size=60)
+)
+def test_whatever_comes_there_is_a_file_or_a_finding(data):
+    try:
+        parse_yaml(data)
+    except TreeError as error:
+        assert error.findings  # noqa: PT017 - either outcome is right

@@ -1,0 +1,98 @@
+"""The palette that Groot2 reads."""
+
+import pytest
+
+from sar_compiler.checks import check
+from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.models import compare, read_models
+from sar_compiler.nodes.palette import BUILT_IN
+from sar_compiler.nodes.registry import Registry, default_registry
+from sar_compiler.nodes.spec import Direction, Role
+from sar_compiler.nodes.values import type_of_cpp_name
+from sar_compiler.tree.xml import parse_xml
+from sar_compiler.views.palette import palette
+from tests.nodes import leaves, port_leaves
+from tests.trees import forest
+
+REGISTRY = default_registry()
+
+
+@pytest.fixture
+def registry():
+    registry = Registry(REGISTRY.registrations())
+    registry.add_module(leaves)
+    registry.add_module(port_leaves)
+    return registry
+
+
+def models_of(registry):
+    collector = Collector()
+    models = read_models([parse_xml(palette(registry))], collector)
+    assert collector.findings == []
+    return models
+
+
+def test_it_has_every_node_but_those_that_behaviortree_cpp_has(registry):
+    assert set(models_of(registry).nodes) == set(registry.by_tag()) - BUILT_IN
+
+
+def test_behaviortree_cpp_has_forty_two_nodes_which_are_all_known_here():
+    assert len(BUILT_IN) == 42
+    assert BUILT_IN - {"SubTree"} <= set(REGISTRY.by_tag())
+
+
+def test_it_contradicts_the_registry_in_nothing(registry):
+    collector = Collector()
+    compare(models_of(registry), registry, collector)
+    assert collector.findings == []
+
+
+def test_every_attribute_is_a_port_of_its_direction_and_type(registry):
+    for tag, model in models_of(registry).nodes.items():
+        written = {
+            parameter.name: parameter
+            for spec in registry.variants(tag)
+            for parameter in spec.attributes
+            if parameter.role is not Role.NAME
+        }
+        assert set(model.ports) == set(written)
+        for name, port in model.ports.items():
+            parameter = written[name]
+            assert port.direction is (parameter.direction or Direction.INPUT)
+            read = type_of_cpp_name(port.type_name)
+            python = parameter.value_type.python if parameter.value_type else str
+            assert (read.python if read else None) in (python, str)
+
+
+def test_every_default_is_read_as_the_one_of_the_constructor(registry):
+    for tag, model in models_of(registry).nodes.items():
+        for spec in registry.variants(tag):
+            for parameter in spec.attributes:
+                if (
+                    parameter.role is Role.ATTRIBUTE
+                    and not parameter.required
+                    and parameter.default is not None
+                ):
+                    text = model.ports[parameter.name].default
+                    assert parameter.value_type.convert(text) == parameter.default
+
+
+def test_a_port_has_what_the_docstring_says_of_it(registry):
+    text = palette(registry)
+    assert 'type="int" default="1">How often.</input_port>' in " ".join(text.split())
+    assert '<input_port name="to" type="std::string">The name of a Say node.</input_port>' in text
+    assert '<output_port name="heard" type="std::string">What was heard.</output_port>' in text
+    assert '<inout_port name="anything">' in text
+    assert '<input_port name="path" type="std::vector&lt;double>" default="0.5;1.0">' in " ".join(
+        text.split()
+    )
+
+
+def test_a_file_whose_leaves_are_not_installed_is_checked_by_it(registry):
+    described = parse_xml(palette(registry))
+    body = '<Sequence><Say message="hi" times="often"/><Sey/></Sequence>'
+    findings = check(forest(body), REGISTRY, [described])
+    assert [(finding.code, finding.suggestion) for finding in findings] == [
+        ("wrong-value", None),
+        ("unknown-node", "Say"),
+    ]
