@@ -57,7 +57,9 @@ def _as_xml(tree_file: TreeFile) -> tuple[str, Sequence[int]]:
     if tree_file.source.form is not Form.XML:
         return one_tag_a_line(tree_file.root), [element.line for element in tree_file.root.iterate()]
     # libxml2 does not count a lone carriage return as the end of a line, expat does.
-    text = re.sub(r"\r\n?", "\n", tree_file.source.text)
+    text = tree_file.source.text
+    if "\r" in text:
+        text = re.sub(r"\r\n?", "\n", text)
     return text, range(1, text.count("\n") + 2)
 
 

@@ -101,6 +101,8 @@ class Binder:
         self._attributes = AttributeBinder(collector)
         self._trees: dict[int, BoundTree] = {}
         self._waiting: list[BoundTree] = []
+        self._level = 0
+        self._meanings: dict[str, list[NodeSpec]] = {}
         self._meant: dict[str, str | None] = {}
 
     def tree(self, element: Element) -> BoundTree:
@@ -137,16 +139,19 @@ class Binder:
         if element.tag == SUBTREE_TAG:
             return self._subtree(element)
         tag = self._tag(element)
-        variants = self._variants(tag)
+        variants = self._meanings.get(tag)
+        if variants is None:
+            variants = self._meanings[tag] = self._variants(tag)
         if not variants:
             return self._unknown(element, tag)
         spec = variants[0] if len(variants) == 1 else _best(variants, element)
         bound = BoundNode(element, spec, element.attributes.get("name") or tag)
-        self._take_in(bound)
         if element.tag != spec.tag:
             self._kind(bound)
         others = () if len(variants) == 1 else [other for other in variants if other is not spec]
         self._attributes.bind(bound, others)
+        self._file_away(bound)
+        self._take_in(bound)
         self._count_children(bound)
         report_out_of_reach(bound, self._collector)
         return bound
@@ -164,10 +169,24 @@ class Binder:
 
     def _take_in(self, bound: BoundNode) -> None:
         """Add a node to the tree that is being bound, and the nodes in it to the node."""
-        self._current.nodes.append(bound)
+        tree = self._current
+        tree.nodes.append(bound)
+        self._level += 1
+        tree.nesting = max(tree.nesting, self._level)
         if bound.element.children:
             children = map(self._node, bound.element.children)
             bound.children = [child for child in children if child is not None]
+        self._level -= 1
+
+    def _file_away(self, bound: BoundNode) -> None:
+        """Note what few nodes have, so that nobody needs to look through all of them for it."""
+        tree = self._current
+        if bound.keys:
+            tree.keyed.append(bound)
+        if bound.spec.references:
+            tree.referring.append(bound)
+        if bound.conditions or bound.oneshot is not None:
+            tree.wrappers += bool(bound.conditions) + (bound.oneshot is not None)
 
     def _kind(self, bound: BoundNode) -> None:
         element, kind = bound.element, bound.spec.kind.value
@@ -239,6 +258,8 @@ class Binder:
         tree_id = element.attributes.get("ID")
         bound = BoundNode(element, SUBTREE, element.attributes.get("name") or tree_id or SUBTREE_TAG)
         self._current.nodes.append(bound)
+        self._current.uses.append(bound)
+        self._current.nesting = max(self._current.nesting, self._level + 1)
         for child in element.children:
             message = f"<{SUBTREE_TAG}> names a tree; its nodes stand in that <{TREE_TAG}>"
             self._collector.tag(child, "child-of-leaf", message)
@@ -249,6 +270,7 @@ class Binder:
             return bound
         target = self._forest.trees.get(tree_id)
         bound.remapping = self._remapping(bound, self._models.subtrees.get(tree_id))
+        self._file_away(bound)
         if target is None:
             message, near = f"there is no tree '{tree_id}'", nearest(tree_id, self._forest.trees)
             hint = f"the trees are {', '.join(list(self._forest.trees)[:_MOST_TREES])}; <include> adds those of other files"

@@ -88,6 +88,11 @@ class BoundTree:
         name: Its ID; a made-up one for a tree without.
         root: The bound tree; None where there is nothing to bind.
         nodes: Everything in it, in the order of the file.
+        uses: Those of its nodes that stand for subtrees.
+        keyed: Those that have keys of the blackboard.
+        referring: Those that refer to others.
+        nesting: How deep its elements are nested.
+        wrappers: How many conditions and OneShots are wrapped around its nodes.
         open_references: References to nodes that are not in this tree, but may be in one around it.
         unknown_names: Names of nodes whose tags are not known; nothing more is said of references to them.
     """
@@ -96,12 +101,17 @@ class BoundTree:
     name: str
     root: BoundNode | None = None
     nodes: list[BoundNode] = field(default_factory=list)
+    uses: list[BoundNode] = field(default_factory=list)
+    keyed: list[BoundNode] = field(default_factory=list)
+    referring: list[BoundNode] = field(default_factory=list)
+    nesting: int = 0
+    wrappers: int = 0
     open_references: list[tuple[BoundNode, Parameter]] = field(default_factory=list)
     unknown_names: set[str] = field(default_factory=set)
 
     def subtrees(self) -> Iterator[BoundNode]:
         """Yield its `SubTree` nodes whose trees are known."""
-        return (node for node in self.nodes if node.subtree is not None)
+        return (node for node in self.uses if node.subtree is not None)
 
 
 @dataclass(frozen=True)

@@ -150,7 +150,7 @@ def _check_types(top: Instance, collector: Collector) -> None:
     """Report keys that ports of different types share."""
     first: dict[tuple[Scope, str], tuple[BoundNode, Parameter]] = {}
     for instance in top.iterate():
-        for bound in instance.tree.nodes:
+        for bound in instance.tree.keyed:
             for name, key in bound.keys.items():
                 parameter = bound.spec.parameters[name]
                 if parameter.direction is None or _python_type(parameter) is None:

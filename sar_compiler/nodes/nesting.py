@@ -38,16 +38,19 @@ def fits(main: BoundTree, collector: Collector, others: int = 0) -> int | None:
         Its number of nodes; None if there is a finding.
     """
     sizes: dict[BoundTree, int] = {}
-    heights: dict[BoundTree, int] = {}
-    for tree in trees_in(main):
+    bounds: dict[BoundTree, int] = {}
+    trees = trees_in(main)
+    for tree in trees:
         inner = [node.subtree for node in tree.subtrees() if node.subtree is not None]
         sizes[tree] = len(tree.nodes) + sum(sizes[each] for each in inner)
-        heights[tree] = max((level + _below(node, heights) for node, level in _levels(tree, 0)), default=0)
+        bounds[tree] = tree.nesting + tree.wrappers + max((bounds[each] for each in inner), default=0)
     if sizes[main] + others > MAX_NODES:
         what = "the tree has" if sizes[main] > MAX_NODES else "the trees up to this one have"
         message = f"with subtrees in place {what} more than {MAX_NODES:,} nodes"
         collector.tag(main.element, "too-many-nodes", message)
         return None
+    # How deep it is exactly matters only if it may be too deep.
+    heights = _heights(trees) if bounds[main] > MAX_LEVELS else bounds
     if heights[main] > MAX_LEVELS:
         node = _first_too_deep(main, heights)
         message = f"with its subtrees in place the tree '{main.name}' is {heights[main]} levels deep here"
@@ -55,6 +58,14 @@ def fits(main: BoundTree, collector: Collector, others: int = 0) -> int | None:
         collector.tag(node.element, "too-deep", message, hint=hint)
         return None
     return sizes[main]
+
+
+def _heights(trees: Iterable[BoundTree]) -> dict[BoundTree, int]:
+    """Return how many levels deep each of some trees is, the inner ones before those around them."""
+    heights: dict[BoundTree, int] = {}
+    for tree in trees:
+        heights[tree] = max((level + _below(node, heights) for node, level in _levels(tree, 0)), default=0)
+    return heights
 
 
 def _follow(start: BoundTree, done: set[BoundTree], collector: Collector) -> None:

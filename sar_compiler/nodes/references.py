@@ -35,7 +35,7 @@ class Candidates:
 
 def resolve_references(tree: BoundTree, collector: Collector) -> None:
     """Find the node that each reference of a tree means; those it does not have are left open."""
-    referring = [bound for bound in tree.nodes if bound.spec.references]
+    referring = tree.referring
     if not referring:
         return
     candidates = Candidates(tree.nodes)

@@ -15,16 +15,19 @@ class Skipping:
 
     Args:
         nodes: All of them.
+
+    Attributes:
+        possible: Whether any of them can be skipped by itself.
     """
 
     def __init__(self, nodes: Iterable[BoundNode]) -> None:
         self._known: dict[BoundNode, bool] = {}
         # In most trees nothing can be skipped, and nothing has to be looked at.
-        self._possible = any(_by_itself(bound) for bound in nodes)
+        self.possible = any(_by_itself(bound) for bound in nodes)
 
     def among_children(self, bound: BoundNode) -> bool:
         """Say whether a child of a node can be skipped."""
-        if not self._possible:
+        if not self.possible:
             return False
         if bound.subtree is not None:
             root = bound.subtree.root
@@ -51,6 +54,8 @@ def report_misread(trees: Iterable[BoundTree], collector: Collector) -> None:
     """Report children that can be skipped where the node around them would take that for an interruption."""
     nodes = [bound for tree in trees for bound in tree.nodes]
     skipping = Skipping(nodes)
+    if not skipping.possible:
+        return
     for bound in nodes:
         if bound.oneshot is not None and skipping.of(bound):
             message = f"oneshot: '{bound.name}' can be skipped, which OneShot takes for an interruption"

@@ -3,6 +3,7 @@
 import functools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 from sar_compiler.tree.source import Source, Span
 
@@ -82,8 +83,18 @@ class Element:
         _set_source(self, source)
         _set_line(self, line)
         _set_column(self, column)
-        _set_text(self, text)
-        _set_comments(self, comments)
+        # Left unset in nearly every element; `__getattr__` has what they are then.
+        if text:
+            _set_text(self, text)
+        if comments:
+            _set_comments(self, comments)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what a slot that was left unset means."""
+        try:
+            return _UNSET[name]
+        except KeyError:
+            raise AttributeError(name) from None
 
     def tag_span(self) -> Span:
         """Return where it begins, up to the end of its tag's name."""
@@ -108,6 +119,7 @@ class Element:
             yield from child.iterate()
 
 
+_UNSET = {"text": "", "comments": ()}
 (
     _set_tag,
     _set_attributes,
