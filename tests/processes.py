@@ -33,7 +33,7 @@ class Command:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            env={**os.environ, **(env or {})},
+            env={**os.environ, "PYTHONFAULTHANDLER": "1", **(env or {})},
         )
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
@@ -84,6 +84,9 @@ class Command:
         try:
             status = self._process.wait(timeout_sec)
         except subprocess.TimeoutExpired:
+            # Python's fault handler then says where every thread is.
+            self.send(signal.SIGABRT)
+            self._reader.join(5.0)
             message = f"{self.name} did not end within {timeout_sec} s:\n{self.output}"
             raise AssertionError(message) from None
         self._reader.join(5.0)

@@ -69,7 +69,7 @@ def test_one_sees_what_the_readme_shows_and_ctrl_c_ends_it(step, start, ros):
         raise AssertionError(message) from None
     for command in commands:
         command.send(signal.SIGINT)
-    assert [command.end(timeout_sec=10.0) for command in commands] == [0] * len(commands)
+    assert [command.end() for command in commands] == [0] * len(commands)
 
 
 def test_what_ros_does_not_accept_is_said_in_the_line_that_the_readme_shows(start):
