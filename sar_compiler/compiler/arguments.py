@@ -110,7 +110,7 @@ class Arguments:
         try:
             return parameter.value_type.convert(_as_text(value))
         except ConversionError as error:
-            plain = key.removeprefix(ROOT_SIGN)
+            _, plain = instance.scope.owner(key)
             message = f"{name}: the mission's parameter '{plain}' does not fit: {error.message}"
             hint = f"it must be {parameter.value_type.label}"
             self._collector.value(bound.element, name, "wrong-value", message, hint=hint)

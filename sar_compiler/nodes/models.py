@@ -16,7 +16,7 @@ _KINDS = {kind.value: kind for kind in Kind}
 _DIRECTIONS = {direction.value: direction for direction in Direction}
 _IGNORED = ("MetadataFields",)
 _TAGS = (SUBTREE_TAG, TREE_TAG)
-_NAMES = ("name", "ID", "_autoremap", "child", "children", ONESHOT)
+_NAMES = ("name", "ID", "_autoremap", "children", ONESHOT)
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,8 @@ def compare(models: Models, registry: Registry, collector: Collector) -> None:
 
 def _compare_kind(model: Model, spec: NodeSpec, collector: Collector) -> None:
     if model.kind is not spec.kind:
-        message = f"<{model.tag}> is a {spec.kind.value}, and the model says {model.element.tag}"
+        article = "an" if spec.kind is Kind.ACTION else "a"
+        message = f"<{model.tag}> is {article} {spec.kind.value}, and the model says {model.element.tag}"
         collector.tag(model.element, "model-mismatch", message, suggestion=spec.kind.value)
 
 

@@ -3,6 +3,7 @@
 import functools
 import os
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -126,6 +127,9 @@ class _Loader:
                 self._report(element, "too-many-includes", f"includes go further than {limit}")
             self.full = True
             return
+        if _may_never_end(target):
+            self._report(element, "unreadable-include", f"{_as_written(target)} is not a file")
+            return
         try:
             tree_file = self.read(_as_written(target))
         except UnreadableFileError as error:
@@ -186,6 +190,13 @@ class _Loader:
     ) -> None:
         span = element.value_span(attribute) if attribute in element.attributes else element.tag_span()
         self.findings.append(Diagnostic(code, message, element.source, span, hint=hint))
+
+
+def _may_never_end(path: Path) -> bool:
+    """Say whether a path is a pipe, to which nobody may ever write."""
+    with suppress(OSError):  # what cannot even be looked at is reported when it is read
+        return path.is_fifo()
+    return False
 
 
 def _as_written(path: Path) -> Path:

@@ -301,3 +301,12 @@ def test_findings_stand_file_by_file_beginning_with_the_main_one():
         ("unknown-node", "main.xml"),
         ("unknown-node", "more.xml"),
     ]
+
+
+def test_an_include_of_a_pipe_is_refused_without_waiting_for_a_writer(tmp_path):
+    os.mkfifo(tmp_path / "pipe.xml")
+    main = tmp_path / "main.xml"
+    main.write_text('<root><include path="pipe.xml"/></root>', encoding="utf-8")
+    (finding,) = load_forest(main, read_tree_file).findings
+    assert finding.code == "unreadable-include"
+    assert finding.message.endswith("pipe.xml is not a file")
