@@ -72,12 +72,6 @@ class BoundNode:
     subtree: "BoundTree | None" = None
     remapping: Remapping = field(default_factory=_apart)
 
-    def iterate(self) -> "Iterator[BoundNode]":
-        """Yield it and everything below it in its own tree, in the order of the file."""
-        yield self
-        for child in self.children:
-            yield from child.iterate()
-
 
 @dataclass(eq=False)
 class BoundTree:

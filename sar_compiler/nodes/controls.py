@@ -7,7 +7,6 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy
 from py_trees.decorators import OneShot
 
-from sar_compiler.nodes.py_trees_nodes import refusing_skips
 from sar_compiler.nodes.register import Registration
 from sar_compiler.nodes.spec import Kind, Skips
 from sar_compiler.nodes.values import nearest
@@ -148,7 +147,7 @@ REGISTRATIONS = [
         Kind.CONTROL,
         _ALL,
         factory=stock_parallel,
-        skip_cls=refusing_skips("Parallel", 'success_count="..."'),
+        skip_advice='success_count="..."',
         variant=True,
     ),
     _own("ParallelAll", parallel.ParallelAll, defaults={"max_failures": 1}),

@@ -4,7 +4,7 @@ from py_trees import decorators
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler.nodes.py_trees_nodes import Answer, Keys, made_by, refusing_skips, since_2_4
+from sar_compiler.nodes.py_trees_nodes import Answer, Keys, made_by, since_2_4
 from sar_compiler.nodes.register import Registration
 from sar_compiler.nodes.spec import Kind, Skips
 from sar_compiler.runtime import decorators as own
@@ -158,7 +158,7 @@ def _stock(
         cls,
         Kind.DECORATOR,
         frozenset(outcomes),
-        skip_cls=refusing_skips(cls.__name__, instead),
+        skip_advice=instead,
         variant=variant,
         doc=doc,
         parameter_docs={"name": "The node's name.", **parameter_docs},
@@ -224,7 +224,7 @@ PY_TREES = [
         Timeout,
         Kind.DECORATOR,
         _ALL,
-        skip_cls=refusing_skips("Timeout", 'msec="..."'),
+        skip_advice='msec="..."',
         variant=True,
     ),
     _stock(

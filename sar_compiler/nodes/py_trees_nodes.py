@@ -30,29 +30,6 @@ class TooOldError(SarError):
     """The installed py_trees does not have a node yet."""
 
 
-class SkippedChildError(SarError):
-    """A child that can be skipped stands in a node of py_trees', which would misread that."""
-
-
-def refusing_skips(tag: str, instead: str = "") -> type[Any]:
-    """Return what takes the place of a py_trees class where a child can be skipped: something that refuses.
-
-    py_trees does not know SKIPPED. It would take the status of the child's last tick for that of this one.
-
-    Args:
-        tag: The tag.
-        instead: How BehaviorTree.CPP's node of the kind is written, which knows; empty if there is none.
-    """
-    advice = f"write {instead} instead" if instead else "let the child succeed or fail instead"
-    message = f"its child can be skipped, and <{tag}> is py_trees', which does not know that; {advice}"
-
-    class Refusal:
-        def __init__(self, **_arguments: object) -> None:
-            raise SkippedChildError(message)
-
-    return Refusal
-
-
 class ScopedClient(Client):
     """A client of py_trees' blackboard that works on the entries of a tree.
 
@@ -177,7 +154,6 @@ def made_by(
         frozenset(outcomes),
         factory=factory,
         effects=effects,
-        skip_cls=refusing_skips(tag) if is_decorator else None,
     )
 
 

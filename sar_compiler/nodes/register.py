@@ -55,6 +55,7 @@ class Registration:
         fixed: Parameters whose value the tag itself says.
         skips: Whether a tick can be skipped.
         skip_cls: The class that takes the place of *cls* where a child can skip.
+        skip_advice: How a node is written that does the same and knows of skipped children, where there is one.
         child_count: How many children it takes, at least and at most; by default what its kind says.
         hidden: Constructor parameters that this tag does not have.
         required: Parameters that must be written, though the constructor can do without.
@@ -75,6 +76,7 @@ class Registration:
     fixed: Mapping[str, object] = field(default_factory=dict)
     skips: Skips = Skips.NEVER
     skip_cls: type[Any] | None = None
+    skip_advice: str = ""
     child_count: tuple[int, int | None] | None = None
     hidden: frozenset[str] = frozenset()
     required: frozenset[str] = frozenset()
@@ -112,6 +114,7 @@ class Registration:
             fixed=self.fixed,
             skips=self.skips,
             skip_cls=self.skip_cls,
+            skip_advice=self.skip_advice,
             child_count=self.child_count or CHILD_COUNTS[self.kind],
             outcomes=self.outcomes,
             effects=self.effects,

@@ -75,5 +75,6 @@ def _report_children(bound: BoundNode, skipping: Skipping, collector: Collector)
     for child in bound.children:
         if skipping.of(child):
             message = f"'{child.name}' can be skipped, which <{bound.element.tag}> takes for an interruption"
-            hint = "take BehaviorTree.CPP's node of the kind, or let the child succeed or fail instead"
+            advice = bound.spec.skip_advice
+            hint = f"write {advice} instead" if advice else "let the child succeed or fail instead"
             collector.tag(child.element, "skip-misread", message, hint=hint)

@@ -131,6 +131,7 @@ class NodeSpec:
         fixed: Parameters whose value the tag itself says (`ReactiveSequence`: `memory` is false).
         skips: Whether a tick can be skipped.
         skip_cls: The class that takes the place of *cls* where a child can skip.
+        skip_advice: How a node is written that does the same and knows of skipped children, where there is one.
         child_count: How many children it takes, at least and at most; None for any number.
         outcomes: The names of the statuses that a tick can return.
         effects: What it does to the world, in a few words; empty if nothing.
@@ -145,6 +146,7 @@ class NodeSpec:
     fixed: Mapping[str, object] = field(default_factory=dict)
     skips: Skips = Skips.NEVER
     skip_cls: type[Any] | None = None
+    skip_advice: str = ""
     child_count: tuple[int, int | None] = (0, None)
     outcomes: frozenset[str] = frozenset()
     effects: str = ""

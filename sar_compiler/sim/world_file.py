@@ -1,6 +1,5 @@
 """Reading `worlds/*.yaml`."""
 
-import difflib
 from pathlib import Path
 from types import MappingProxyType
 
@@ -27,11 +26,7 @@ def find_world(name: str) -> World:
     """
     path = resources.find("worlds", name, ".yaml")
     if not path.is_file():
-        shipped = sorted(entry.stem for entry in (resources.shipped_root() / "worlds").glob("*.yaml"))
-        near = difflib.get_close_matches(name, shipped, n=1)
-        hint = f"; did you mean '{near[0]}'?" if near else ""
-        message = f"there is no world file '{path}', nor a shipped world of that name (there are: {', '.join(shipped)}){hint}"
-        raise WorldError(message)
+        raise WorldError(resources.not_found("worlds", name, ".yaml"))
     return load_world(path)
 
 

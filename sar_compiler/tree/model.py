@@ -155,17 +155,3 @@ class TreeFile:
     def main_tree_name(self) -> str | None:
         """The tree that the file itself names as the one to execute."""
         return self.root.attributes.get("main_tree_to_execute")
-
-    def main_tree(self, tree_id: str | None = None) -> Element | None:
-        """Return the tree to execute: the one asked for, the one the file names, or the only one.
-
-        Args:
-            tree_id: The ID asked for; None leaves the choice to the file.
-
-        Returns:
-            The `BehaviorTree` element; None if there is no such tree, or several to choose from.
-        """
-        wanted = tree_id if tree_id is not None else self.main_tree_name
-        if wanted is None:
-            return self.trees[0] if len(self.trees) == 1 else None
-        return next((tree for tree in self.trees if tree.attributes.get("ID") == wanted), None)

@@ -695,9 +695,11 @@ SKIPPABLE = '<Success _skipIf="true"/>'
     ],
 )
 def test_a_child_that_can_be_skipped_is_refused_with_what_to_write(tag, advice):
-    ((code, line, column, message),) = findings(f"<{tag}>{SKIPPABLE}</{tag.split()[0]}>")
-    assert (code, line, column) == ("constructor-failed", 3, 1)
-    assert f"<{tag.split()[0]}> is py_trees', which does not know that; {advice} instead" in message
+    name = tag.split()[0]
+    (finding,) = check(forest_of(document(f"<{tag}>{SKIPPABLE}</{name}>")), default_registry())
+    assert (finding.code, finding.span.line, finding.span.column) == ("skip-misread", 3, len(tag) + 3)
+    assert f"can be skipped, which <{name}> takes for an interruption" in finding.message
+    assert finding.hint == f"{advice} instead"
 
 
 # --- versions of py_trees ---
