@@ -2,6 +2,7 @@
 
 import difflib
 import enum
+import functools
 import json
 import math
 import re
@@ -96,7 +97,7 @@ class ValueType:
             return value
         if isinstance(value, str):
             return self.convert(value)
-        if isinstance(value, _NUMBERS):
+        if isinstance(value, _NUMBERS) and self.python is not Script:  # a script is a text
             if self.python is str:
                 return as_text(value)
             if self.python not in _NUMBERS:
@@ -257,10 +258,16 @@ def _condition(text: str) -> object:
 
 def _parsed(text: str, *, allow_empty: bool) -> object:
     try:
-        return parse(text, allow_empty=allow_empty)
+        return _remembered(text, allow_empty=allow_empty)
     except ScriptError as error:
         place = (error.start, error.end)
         raise ConversionError(str(error), error.suggestion, error.hint, place) from None
+
+
+# A script that comes from the blackboard is asked for in every tick.
+@functools.lru_cache(maxsize=256)
+def _remembered(text: str, *, allow_empty: bool) -> Script:
+    return parse(text, allow_empty=allow_empty)
 
 
 def _choice(name: str, members: dict[str, object], python: type = str) -> ValueType:

@@ -1,7 +1,6 @@
 """Scripts of nodes: where their variables are, and what is said if one cannot be run."""
 
 from collections.abc import Callable
-from functools import lru_cache
 from typing import TypeVar
 
 from sar_compiler.errors import SarError
@@ -11,13 +10,9 @@ from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.ports import Input, PortError
-from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.variables import UnknownVariableError, Value, VariableError
 
 T = TypeVar("T")
-
-# Scripts that come from the blackboard are read again in every tick.
-_REMEMBERED_SCRIPTS = 256
 
 
 class NodeScriptError(SarError):
@@ -156,24 +151,6 @@ class NodeScript:
         hint = f"; {error.hint}" if error.hint else ""
         message = f"'{self._node}': {self._attribute}, {_place(text, error.start)}: {error}{hint}"
         return NodeScriptError(message, self._node, self._attribute, error.start, error.end)
-
-
-def script_of(value: object) -> Script:
-    """Return the script that a text on the blackboard is: what makes an `Input[Script]` of an entry.
-
-    Raises:
-        ValueError: If the value is no text.
-        ScriptError: If the text is no script.
-    """
-    if not isinstance(value, str):
-        message = f"a script is a text, not a value of type {type(value).__name__}"
-        raise ValueError(message)  # noqa: TRY004 - what a port's conversion raises
-    return _parsed(value)
-
-
-@lru_cache(_REMEMBERED_SCRIPTS)
-def _parsed(text: str) -> Script:
-    return parse(text, allow_empty=True)
 
 
 def _seen(name: str, value: object) -> Value:

@@ -6,12 +6,12 @@ from typing import Any
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from sar_compiler.nodes.values import value_type_of
 from sar_compiler.runtime.blackboard import Board, Entry, Scope
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.script import parse
-from sar_compiler.runtime.scripting import script_of
 from sar_compiler.runtime.skipping import was_skipped
 from tests.conformance.leaves import Events, Scripted
 
@@ -46,7 +46,9 @@ class Stage:
         return Input(parse(text))
 
     def code_in(self, key: str) -> Input[Script]:
-        return Input(self.entry(key), script_of, "code")
+        script = value_type_of(Script)
+        assert script is not None
+        return Input(self.entry(key), script.fit, "code")
 
     @property
     def values(self) -> Mapping[str, object]:
