@@ -1,6 +1,7 @@
 """Where the behaviours of a compiled tree come from."""
 
-from collections.abc import Iterator, Mapping
+import functools
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 from uuid import UUID
@@ -26,9 +27,11 @@ class Origin:
     uses: tuple[Use, ...] = ()
 
 
-Making = tuple[Instance, BoundNode, Mapping[str, object] | None, Mapping[str, Any] | None]
-"""How a behaviour was made: the instance that it belongs to, the node that it was made for, the attributes of a
-wrapper around the node (None for the node itself), and values of plain attributes from the blackboard."""
+Making = tuple[UUID, Instance, BoundNode, Mapping[str, object] | None, Mapping[str, Any] | None]
+"""How a behaviour was made: its id, the instance that it belongs to, the node that it was made for, the attributes
+of a wrapper around the node (None for the node itself), and values of plain attributes from the blackboard.
+
+A plain tuple, as there is one for every node."""
 
 
 class Origins(Mapping[UUID, Origin]):
@@ -38,11 +41,16 @@ class Origins(Mapping[UUID, Origin]):
         makings: How each was made.
     """
 
-    def __init__(self, makings: Mapping[UUID, Making]) -> None:
-        self._makings = makings
+    def __init__(self, makings: Sequence[Making]) -> None:
+        self._in_order = makings
+
+    @functools.cached_property
+    def _makings(self) -> dict[UUID, Making]:
+        # Not while the tree is made: to hash an id takes as long as all else that is noted of a node.
+        return {making[0]: making for making in self._in_order}
 
     def __getitem__(self, behaviour: UUID) -> Origin:
-        instance, bound, wrapper, known = self._makings[behaviour]
+        _, instance, bound, wrapper, known = self._makings[behaviour]
         if wrapper is not None:
             return Origin(bound, wrapper)
         attributes = _attributes(instance, bound, known or {})
@@ -50,10 +58,10 @@ class Origins(Mapping[UUID, Origin]):
         return Origin(bound, attributes, uses)
 
     def __iter__(self) -> Iterator[UUID]:
-        return iter(self._makings)
+        return (making[0] for making in self._in_order)
 
     def __len__(self) -> int:
-        return len(self._makings)
+        return len(self._in_order)
 
 
 def _attributes(instance: Instance, bound: BoundNode, known: Mapping[str, Any]) -> dict[str, object]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Any
 
 from py_trees.common import OneShotPolicy
@@ -28,19 +27,11 @@ class Remapping:
     autoremap: bool = False
 
 
-_NOTHING: Mapping[str, Any] = MappingProxyType({})
+_NOTHING: Mapping[str, Any] = {}
 _APART = Remapping()
 
 
-def _nothing() -> Mapping[str, Any]:
-    return _NOTHING
-
-
-def _apart() -> Remapping:
-    return _APART
-
-
-@dataclass(eq=False, slots=True)
+@dataclass(eq=False, slots=True, init=False)
 class BoundNode:
     """An element and what it means.
 
@@ -63,14 +54,25 @@ class BoundNode:
     element: Element
     spec: NodeSpec
     name: str
-    values: Mapping[str, object] = field(default_factory=_nothing)
-    keys: Mapping[str, str] = field(default_factory=_nothing)
-    references: "Mapping[str, BoundNode]" = field(default_factory=_nothing)
-    children: "Sequence[BoundNode]" = ()
-    conditions: Mapping[str, Script] = field(default_factory=_nothing)
-    oneshot: OneShotPolicy | None = None
-    subtree: "BoundTree | None" = None
-    remapping: Remapping = field(default_factory=_apart)
+    values: Mapping[str, object]
+    keys: Mapping[str, str]
+    references: "Mapping[str, BoundNode]"
+    children: "Sequence[BoundNode]"
+    conditions: Mapping[str, Script]
+    oneshot: OneShotPolicy | None
+    subtree: "BoundTree | None"
+    remapping: Remapping
+
+    # What @dataclass would write calls a factory for each mapping, which takes three times as long.
+    def __init__(self, element: Element, spec: NodeSpec, name: str) -> None:
+        self.element = element
+        self.spec = spec
+        self.name = name
+        self.values = self.keys = self.references = self.conditions = _NOTHING
+        self.children = ()
+        self.oneshot = None
+        self.subtree = None
+        self.remapping = _APART
 
 
 @dataclass(eq=False)
@@ -83,8 +85,12 @@ class BoundTree:
         root: The bound tree; None where there is nothing to bind.
         nodes: Everything in it, in the order of the file.
         uses: Those of its nodes that stand for subtrees.
+        parents: Those with nodes in them, the inner ones first.
         keyed: Those that have keys of the blackboard.
         referring: Those that refer to others.
+        demanding: Those that are more than their tag and values: that have keys or stand for subtrees, refer to
+            others, need something of the mission, or are only described.
+        skips: Whether one of them can be skipped by itself.
         nesting: How deep its elements are nested.
         wrappers: How many conditions and OneShots are wrapped around its nodes.
         open_references: References to nodes that are not in this tree, but may be in one around it.
@@ -96,8 +102,11 @@ class BoundTree:
     root: BoundNode | None = None
     nodes: list[BoundNode] = field(default_factory=list)
     uses: list[BoundNode] = field(default_factory=list)
+    parents: list[BoundNode] = field(default_factory=list)
     keyed: list[BoundNode] = field(default_factory=list)
     referring: list[BoundNode] = field(default_factory=list)
+    demanding: list[BoundNode] = field(default_factory=list)
+    skips: bool = False
     nesting: int = 0
     wrappers: int = 0
     open_references: list[tuple[BoundNode, Parameter]] = field(default_factory=list)

@@ -7,6 +7,7 @@ from sar_compiler.nodes.bound import BoundNode, BoundTree
 from sar_compiler.nodes.collector import Collector, file_of
 from sar_compiler.nodes.references import Candidates, choose, report_missing
 from sar_compiler.nodes.spec import Parameter
+from sar_compiler.nodes.values import literal_value
 from sar_compiler.runtime.blackboard import STROKE, Board, Scope
 
 
@@ -54,8 +55,7 @@ def expand(main: BoundTree, collector: Collector) -> Instance:
 
     Args:
         main: The tree to execute; it must fit (`nesting.fits`).
-        collector: Is told what is wrong with the whole: references that lead nowhere, keys of two types, two
-            subtrees of one name.
+        collector: Is told what is wrong with the whole: references that lead nowhere, two subtrees of one name.
 
     Returns:
         The main tree's instance.
@@ -64,7 +64,6 @@ def expand(main: BoundTree, collector: Collector) -> Instance:
     top = Instance(main, Scope(Board(main.name)))
     expansion.fill(top)
     expansion.resolve(top)
-    _check_types(top, collector)
     return top
 
 
@@ -146,19 +145,43 @@ def _scope(around: Scope, name: str, bound: BoundNode) -> Scope:
     return Scope(around.board, path, around, remapping.keys, autoremap=remapping.autoremap, own=own)
 
 
-def _check_types(top: Instance, collector: Collector) -> None:
-    """Report keys that ports of different types share."""
+def report_shared_keys(top: Instance, collector: Collector) -> None:
+    """Report keys that ports of different types share, in a tree with its subtrees in place."""
     first: dict[tuple[Scope, str], tuple[BoundNode, Parameter]] = {}
+    numbers = dict(_numbers(top))
     for instance in top.iterate():
         for bound in instance.tree.keyed:
             for name, key in bound.keys.items():
                 parameter = bound.spec.parameters[name]
-                if parameter.direction is None or _python_type(parameter) is None:
+                python = _python_type(parameter)
+                if parameter.direction is None or python is None:
                     continue
                 entry = instance.scope.owner(key)
+                if python is str and entry in numbers:
+                    _report_number(bound, parameter, key, numbers[entry], collector)
                 other, known = first.setdefault(entry, (bound, parameter))
-                if not _agree(known, parameter):
+                if known is not parameter and not _agree(known, parameter):
                     _report_types(bound, parameter, key, (other, known), collector)
+
+
+def _numbers(top: Instance) -> Iterator[tuple[tuple[Scope, str], str]]:
+    """Yield the keys to which subtrees are given numbers, with these as they are written."""
+    for instance in top.iterate():
+        for bound, inner in instance.inner.items():
+            for key, text in bound.remapping.constants.items():
+                if not isinstance(literal_value(text), str):
+                    yield (inner.scope, key), text
+
+
+def _report_number(
+    bound: BoundNode, parameter: Parameter, key: str, written: str, collector: Collector
+) -> None:
+    message = (
+        f"{parameter.name}: '{key}' is a text here, and the subtree is given the number {written}; "
+        "what looks like a number is one"
+    )
+    hint = f'to give it a text, write {key}="{{k}}" around it, and before that <Script code="k := \'{written}\'"/>'
+    collector.value(bound.element, parameter.name, "key-of-two-types", message, hint=hint)
 
 
 def _agree(first: Parameter, second: Parameter) -> bool:

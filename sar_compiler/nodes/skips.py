@@ -1,6 +1,6 @@
 """Which nodes of a bound tree can be skipped."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from sar_compiler.nodes.bound import BoundNode, BoundTree
 from sar_compiler.nodes.collector import Collector
@@ -14,16 +14,16 @@ class Skipping:
     """Answers for the nodes of one tree and its subtrees, each looked at once.
 
     Args:
-        nodes: All of them.
+        trees: The tree and its subtrees.
 
     Attributes:
-        possible: Whether any of them can be skipped by itself.
+        possible: Whether any node in them can be skipped by itself.
     """
 
-    def __init__(self, nodes: Iterable[BoundNode]) -> None:
+    def __init__(self, trees: Iterable[BoundTree]) -> None:
         self._known: dict[BoundNode, bool] = {}
         # In most trees nothing can be skipped, and nothing has to be looked at.
-        self.possible = any(_by_itself(bound) for bound in nodes)
+        self.possible = any(tree.skips for tree in trees)
 
     def among_children(self, bound: BoundNode) -> bool:
         """Say whether a child of a node can be skipped."""
@@ -37,26 +37,35 @@ class Skipping:
     def of(self, bound: BoundNode) -> bool:
         """Say whether a node can be skipped."""
         if bound not in self._known:
-            self._known[bound] = _by_itself(bound) or (
-                bound.spec.skips is Skips.FROM_CHILD and self.among_children(bound)
+            self._known[bound] = by_itself(bound) or (
+                bound.spec.skips is not Skips.NEVER and self.among_children(bound)
             )
         return self._known[bound]
 
 
-def _by_itself(bound: BoundNode) -> bool:
+def by_itself(bound: BoundNode) -> bool:
     """Say whether a node can be skipped whatever its children do."""
-    if bound.spec.skips_by_itself:
+    if bound.spec.skips_by_itself and _as_it_is_written(bound):
         return True
     return bool(bound.conditions) and any(condition in bound.conditions for condition in _CONDITIONS)
 
 
-def report_misread(trees: Iterable[BoundTree], collector: Collector) -> None:
+def _as_it_is_written(bound: BoundNode) -> bool:
+    """Say whether the attribute on which skipping depends can have the value that it takes."""
+    if bound.spec.skips_if is None:
+        return True
+    name, value = bound.spec.skips_if
+    if name in bound.keys:
+        return True
+    return bool(bound.values.get(name, bound.spec.parameters[name].default) == value)
+
+
+def report_misread(trees: Sequence[BoundTree], collector: Collector) -> None:
     """Report children that can be skipped where the node around them would take that for an interruption."""
-    nodes = [bound for tree in trees for bound in tree.nodes]
-    skipping = Skipping(nodes)
+    skipping = Skipping(trees)
     if not skipping.possible:
         return
-    for bound in nodes:
+    for bound in [bound for tree in trees for bound in tree.nodes]:
         if bound.oneshot is not None and skipping.of(bound):
             message = f"oneshot: '{bound.name}' can be skipped, which OneShot takes for an interruption"
             hint = "put it in a <RunOnce> instead"

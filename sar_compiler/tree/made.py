@@ -29,7 +29,10 @@ class _NoSpans:
         return False
 
 
-_SOURCE = Source("<made>", "", _NoSpans())
+NO_SPANS = _NoSpans()
+"""For a text in which no element stands."""
+
+_SOURCE = Source("<made>", "", NO_SPANS)
 
 
 def made(

@@ -14,7 +14,7 @@ from sar_compiler.tree.comments import text_of_xml
 from sar_compiler.tree.content import MAX_DEPTH, read_bytes, source_of
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.growing import uncollected
-from sar_compiler.tree.model import MODEL_TAG, Comment, Element, TreeFile
+from sar_compiler.tree.model import MODEL_TAG, Comment, Element, TreeFile, new_element
 from sar_compiler.tree.source import Form, Source, Span
 
 _DECLARED_ENCODING = re.compile(rb"""^<\?xml\b[^>]*?\bencoding\s*=\s*["']([A-Za-z0-9._\-]+)["']""")
@@ -128,7 +128,7 @@ class _Reader:
     def read(self) -> TreeFile:
         try:
             # A lone surrogate cannot be written as UTF-8; expat then says where the bad byte is.
-            with uncollected():
+            with uncollected(len(self._source.text)):
                 self._parser.Parse(self._source.text.encode("utf-8", "surrogatepass"), True)  # noqa: FBT003
         except expat.ExpatError as error:
             raise TreeError([self._malformed(error)]) from None
@@ -152,7 +152,7 @@ class _Reader:
             text, notes = self._extras() if comments or texts else _NOTHING
             children = tuple(levels.pop())
             _, attributes, line, column = opened.pop()
-            levels[-1].append(Element(tag, attributes, children, source, line, column, text, notes))
+            levels[-1].append(new_element(tag, attributes, children, source, line, column, text, notes))
             if tag == MODEL_TAG:
                 parser.CharacterDataHandler = None
 

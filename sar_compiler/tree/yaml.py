@@ -123,7 +123,12 @@ class _Reader:
             end = events.skip()
             if isinstance(first, yaml.SequenceStartEvent):
                 what = f"'{ROOT_TAG}:' begins a tree file" if not self._depth else "a node stands here"
-                self._report("wrong-shape", f"{what}, and this is a list", _place(first)[0], end)
+                hint = (
+                    f"write the node's tag; a list of nodes stands under its '{CHILDREN_KEY}:'"
+                    if self._depth
+                    else f"delete the '- ' before '{ROOT_TAG}:'; a list stands under its '{CHILDREN_KEY}:'"
+                )
+                self._report("wrong-shape", f"{what}, and this is a list", _place(first)[0], end, hint=hint)
             return None
         events.take()
         if isinstance(events.next, yaml.MappingEndEvent):
@@ -179,8 +184,10 @@ class _Reader:
             end = events.skip()
             message = f"below '{tag.value}' stand its attributes, as name: value, and its '{CHILDREN_KEY}'"
             hint = f"put a list of nodes under '{CHILDREN_KEY}:'"
-            is_list = isinstance(content, yaml.SequenceStartEvent)
-            self._report("wrong-shape", message, _place(content)[0], end, hint=hint if is_list else None)
+            if isinstance(content, yaml.ScalarEvent):
+                what = f"- {content.value}" if is_name(content.value) else "- "
+                hint = f"a node in it stands below '{CHILDREN_KEY}:', as '{what}'"
+            self._report("wrong-shape", message, _place(content)[0], end, hint=hint)
         return self._element(tag, parts, number)
 
     def _element(self, tag: Any, parts: _Parts, number: int) -> Element | None:

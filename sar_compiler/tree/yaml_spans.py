@@ -51,13 +51,13 @@ class YamlSpans:
     def tag(self, source: Source, element: Element) -> Span:
         """Return where the element's tag stands."""
         number = self._number(source, element)
-        return source.span(*_unquoted(source.text, self._tags[number], self._tag_ends[number]))
+        return source.span(*unquoted(source.text, self._tags[number], self._tag_ends[number]))
 
     def attribute_name(self, source: Source, element: Element, name: str) -> Span:
         """Return where an attribute's name stands."""
         places = self._attribute(source, element, name)
         return (
-            source.span(*_unquoted(source.text, places[0], places[1]))
+            source.span(*unquoted(source.text, places[0], places[1]))
             if places
             else self.tag(source, element)
         )
@@ -66,7 +66,7 @@ class YamlSpans:
         """Return where an attribute's value stands: without quotes, and without the header of a block."""
         places = self._attribute(source, element, name)
         return (
-            source.span(*_unquoted(source.text, places[2], places[3]))
+            source.span(*unquoted(source.text, places[2], places[3]))
             if places
             else self.tag(source, element)
         )
@@ -76,7 +76,7 @@ class YamlSpans:
         places = self._attribute(source, element, name)
         if not places:
             return self.tag(source, element)
-        offsets = _offsets(source.text, places[2], places[3], element.attributes[name])
+        offsets = offsets_in_scalar(source.text, places[2], places[3], element.attributes[name])
         return source.span(*(offsets[min(index, len(offsets) - 1)] for index in (start, end)))
 
     def stands_apart(self, source: Source, element: Element) -> bool:
@@ -94,7 +94,7 @@ class YamlSpans:
         return tuple(self._places[first : first + 4])
 
 
-def _unquoted(text: str, start: int, end: int) -> tuple[int, int]:
+def unquoted(text: str, start: int, end: int) -> tuple[int, int]:
     """Return the stretch of a scalar without its quotes, or without the header and end of a block."""
     mark = text[start : start + 1]
     if mark in ("'", '"'):
@@ -108,9 +108,9 @@ def _unquoted(text: str, start: int, end: int) -> tuple[int, int]:
     return begin, begin + len(stripped)
 
 
-def _offsets(text: str, start: int, end: int, value: str) -> list[int]:
+def offsets_in_scalar(text: str, start: int, end: int, value: str) -> list[int]:
     """Return where each character of a value, and its end, stand in the scalar written for it."""
-    first, last = _unquoted(text, start, end)
+    first, last = unquoted(text, start, end)
     header = _HEADER.match(text, start, end)
     if header is None:
         found = _offsets_in_line(text, start, first, last)

@@ -1,11 +1,14 @@
 """What the XML reader makes of a file: elements with their places, or one finding."""
 
+import dataclasses
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sar_compiler.tree.content import MAX_BYTES, MAX_DEPTH
 from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
+from sar_compiler.tree.model import Element
 from sar_compiler.tree.source import Span
 from sar_compiler.tree.xml import parse_xml, read_xml
 
@@ -21,6 +24,19 @@ def finding_of(data):
 def test_an_element_knows_the_line_and_column_of_its_tag():
     root = parse_xml("<root>\n  <A/>\n\t<B\n/></root>").root
     assert [(e.tag, e.line, e.column) for e in root.iterate()] == [("root", 1, 1), ("A", 2, 3), ("B", 3, 2)]
+
+
+def test_an_element_that_was_read_equals_one_that_was_made():
+    source = parse_xml("<A/>").source
+    read = parse_xml('<root a="1"><B/></root>').root
+    made = Element("root", {"a": "1"}, (Element("B", {}, (), source, 1, 1),), source, 1, 1)
+    assert read == made
+    assert type(read) is Element
+
+
+def test_an_element_that_was_read_cannot_be_written_to():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        parse_xml("<root/>").root.tag = "A"  # type: ignore[misc]
 
 
 def test_an_attribute_knows_where_its_name_and_its_value_stand():

@@ -149,7 +149,12 @@ def test_what_only_yaml_has_is_a_finding_with_its_place(code):
     [
         ("- A\n", (1, 1), "'root:' begins a tree file, and this is a list"),
         ("root:\n  - A\n", (2, 3), "put a list of nodes under 'children:'"),
+        ("- root:\n", (1, 1), "delete the '- ' before 'root:'"),
         ("root: text\n", (1, 7), "below 'root' stand its attributes"),
+        ("root:\n  children:\n  - A: B\n", (3, 8), "a node in it stands below 'children:', as '- B'"),
+        ("root:\n  children:\n  - A: [B]\n", (3, 8), "put a list of nodes under 'children:'"),
+        ("root:\n  children:\n    A:\n", (2, 3), "begin each node with '- '"),
+        ("root:\n  children:\n  - - A\n", (3, 5), "write the node's tag; a list of nodes stands under its"),
         ("root:\n  a: 1\nb: 2\n", (3, 1), "a tree file has one key at its top; 'b' stands beside 'root'"),
         ("root:\n  a: [1]\n", (2, 3), "its value is a list, not a text"),
         ("root:\n  a: {goal}\n", (2, 6), "did you mean ''{goal}''"),
