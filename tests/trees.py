@@ -1,5 +1,7 @@
 """Short ways to write tree files in tests."""
 
+from sar_compiler.checks import check
+from sar_compiler.tree.diagnostic import Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
 
@@ -17,3 +19,8 @@ def forest(body: str) -> Forest:
 def forest_of(text: str) -> Forest:
     """Read a file by itself, from its text."""
     return Forest.of(parse_xml(text, "test.xml"))
+
+
+def errors(forest, registry, palettes=()):
+    """Return what keeps a file from meaning something; warnings are the business of `tests/checks`."""
+    return [finding for finding in check(forest, registry, palettes) if finding.severity is Severity.ERROR]

@@ -9,9 +9,10 @@ from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.instances import Instance
 from sar_compiler.nodes.spec import Direction, Parameter
 from sar_compiler.nodes.values import ConversionError, nearest
-from sar_compiler.runtime.blackboard import ROOT_SIGN, Scope
+from sar_compiler.runtime.blackboard import ROOT_SIGN, Entry, Scope
 from sar_compiler.runtime.context import preview_of
 from sar_compiler.runtime.enums import Enums
+from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.ports import InOut, Input, Output
 
 
@@ -31,6 +32,9 @@ class Arguments:
         self._parameters = parameters
         self._collector = collector
 
+    parameter_advice = "give it one: --params FILE, or --ros-args -p {name}:=..."
+    """What to do where a parameter of the mission is not there."""
+
     @property
     def enums(self) -> Enums:
         """The names that scripts know."""
@@ -41,21 +45,23 @@ class Arguments:
     def of(self, instance: Instance, bound: BoundNode) -> dict[str, Any]:
         """Return the arguments of a node, by its parameters' names."""
         spec = bound.spec
-        arguments: dict[str, Any] = {"name": bound.name, **spec.plain_defaults}
         if spec.is_plain and not bound.keys:
-            arguments.update(bound.values)
-            return arguments
+            return {"name": bound.name, **spec.plain_defaults, **bound.values}
+        arguments: dict[str, Any] = {"name": bound.name, **spec.plain_defaults}
         for parameter in spec.plain:
-            name = parameter.name
-            if name in bound.keys:
-                arguments[name] = self._blackboard_value(instance, bound, parameter)
-            elif name in bound.values:
-                arguments[name] = bound.values[name]
+            if parameter.name in bound.keys or parameter.name in bound.values:
+                arguments[parameter.name] = self.fixed(instance, bound, parameter)
         for parameter in spec.ports:
             self._port(instance, bound, parameter, arguments)
         for parameter in spec.handed_over:
             arguments[parameter.name] = self._handed_over(instance, bound, parameter)
         return arguments
+
+    def fixed(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:
+        """Return the value of an attribute that is fixed when the tree is compiled; its default if it is not written."""
+        if parameter.name in bound.keys:
+            return self._blackboard_value(instance, bound, parameter)
+        return bound.values.get(parameter.name, parameter.default)
 
     def _port(
         self, instance: Instance, bound: BoundNode, parameter: Parameter, arguments: dict[str, Any]
@@ -66,19 +72,22 @@ class Arguments:
         cls = InOut if parameter.direction is Direction.INOUT else Input
         if name in bound.keys:
             entry = instance.scope.resolve(bound.keys[name])
+            kind = kind_of(value_type.python)
+            entry.declare(kind)
             self._check_given(bound, parameter, bound.keys[name], instance.scope)
-            arguments[name] = (
-                Output(entry) if parameter.direction is Direction.OUTPUT else cls(entry, value_type.fit, name)
-            )
+            written = parameter.direction is Direction.OUTPUT
+            arguments[name] = Output(entry, kind) if written else cls(entry, value_type.fit, name)
         elif name in bound.values:
             arguments[name] = cls(bound.values[name], name=name)
 
     def _check_given(self, bound: BoundNode, parameter: Parameter, key: str, scope: Scope) -> None:
         """Report a number of the mission's that a port reads as a text: in a file the two are different."""
+        text_wanted = parameter.value_type is not None and parameter.value_type.python is str
+        if not text_wanted or not self._parameters:
+            return
         owner, name = scope.owner(key)
         given = self._parameters.get(name) if owner is scope.root else None
-        text_wanted = parameter.value_type is not None and parameter.value_type.python is str
-        if text_wanted and isinstance(given, (int, float)):
+        if isinstance(given, (int, float)):
             message = (
                 f"{parameter.name}: '{name}' is given as the number {given!r}, and this port reads a text"
             )
@@ -121,7 +130,7 @@ class Arguments:
         prefix = ROOT_SIGN if key.startswith(ROOT_SIGN) else ""
         if owner is instance.scope.root:
             message = f"{parameter.name}: the mission has no parameter '{name}'"
-            hint = f"give it one: --params FILE, or --ros-args -p {name}:=..."
+            hint = self.parameter_advice.format(name=name)
         else:
             message = (
                 f"{parameter.name}: the key '{key}' of this subtree has no value yet when the tree is made"
@@ -132,6 +141,19 @@ class Arguments:
         self._collector.value(
             bound.element, parameter.name, "unknown-key", message, suggestion=suggestion, hint=hint
         )
+
+
+def given(entry: Entry, value: object) -> None:
+    """Write what an entry holds before the first tick; a number gives it its type."""
+    entry.declare(kind_of(type(value)) if not isinstance(value, str) else None)
+    entry.write(value)
+
+
+def kind_of(python: type | None) -> type | None:
+    """Return the type that an entry has for texts that are given to it, from a type of Python's."""
+    if python is Script:
+        return str
+    return python if python in (bool, int, float, str) else None
 
 
 def _as_text(value: object) -> str:
@@ -155,4 +177,4 @@ class PreviewArguments(Arguments):
         value_type = parameter.value_type
         if value_type is None or not parameter.required:
             return parameter.default
-        return value_type.convert(value_type.choices[0] if value_type.choices else "0")
+        return value_type.convert(value_type.example)

@@ -1,5 +1,6 @@
 """What the attributes of an element mean: values, blackboard keys, conditions."""
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,7 +15,7 @@ from sar_compiler.nodes.values import (
     ValueType,
     blackboard_key,
     nearest,
-    value_type_of,
+    type_of,
 )
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.tree.model import Element
@@ -38,16 +39,14 @@ NOTES = ("_description", "_uid", "_fullpath")
 """Attributes in which BehaviorTree.CPP and Groot2 keep notes of their own; they mean nothing."""
 
 
-def _type(annotation: object) -> ValueType:
-    value_type = value_type_of(annotation)
-    if value_type is None:  # pragma: no cover
-        raise TypeError(annotation)
-    return value_type
-
-
-ONESHOT_TYPE = _type(OneShotPolicy)
-_SCRIPT_TYPE = _type(Script)
-_BOOL_TYPE = _type(bool)
+ONESHOT_TYPE = type_of(OneShotPolicy)
+# Looked up once: Python 3.11 takes a while to find a member of an enumeration, and this is asked for every attribute.
+_NAME, _ATTRIBUTE, _REFERENCE, _OUTPUT = Role.NAME, Role.ATTRIBUTE, Role.REFERENCE, Direction.OUTPUT
+_SCRIPT_TYPE = type_of(Script)
+_BOOL_TYPE = type_of(bool)
+_TEXTS = (str, None)
+"""The types of attributes that take any text."""
+_UNCLOSED = re.compile(r" *(?:\{([^{}\s]+)|([^{}\s]+)\}) *")
 
 
 class AttributeBinder:
@@ -71,11 +70,13 @@ class AttributeBinder:
         meant: set[str | None] = set()
         for name, text in bound.element.attributes.items():
             parameter = parameters.get(name)
-            if parameter is not None and parameter.role is Role.ATTRIBUTE:
+            role = parameter and parameter.role
+            if role is _NAME:
+                if not text:
+                    self.report_empty_name(bound.element)
+            elif parameter is not None and role is _ATTRIBUTE:
                 self._value(bound, parameter, text)
-            elif parameter is not None and parameter.role is Role.NAME:
-                self.node_name(bound.element)
-            elif parameter is not None and parameter.role is Role.REFERENCE:
+            elif role is _REFERENCE:
                 pass  # resolved when all nodes are known
             elif not self.common(bound, name) and not (name == "ID" and bound.element.tag != bound.spec.tag):
                 meant.add(self._unknown(bound, name, other_variants))
@@ -96,15 +97,21 @@ class AttributeBinder:
             return name in NOTES
         return True
 
-    def node_name(self, element: Element) -> None:
+    def report_empty_name(self, element: Element) -> None:
         """Report a name that nodes cannot have."""
-        name = element.attributes["name"]
-        if not name:
-            self._collector.value(element, "name", "wrong-value", "a node's name must not be empty")
+        self._collector.value(element, "name", "wrong-value", "a node's name must not be empty")
 
     def flag(self, element: Element, name: str) -> bool:
         """Return the value of an attribute that is true or false; false where it is not written or wrong."""
         return bool(name in element.attributes and self.convert(element, name, _BOOL_TYPE))
+
+    def _is_unclosed(self, element: Element, name: str) -> bool:
+        """Report a key with only one of its braces where a text cannot be meant; return whether it is one."""
+        suggestion = closed(element.attributes[name])
+        if suggestion is not None:
+            message = f"{name}: a key stands between two braces, and '{element.attributes[name]}' has one"
+            self._collector.value(element, name, "wrong-value", message, suggestion=suggestion)
+        return suggestion is not None
 
     def convert(self, element: Element, name: str, value_type: ValueType) -> Any:
         """Return an attribute's value, or None after a finding."""
@@ -120,14 +127,29 @@ class AttributeBinder:
             )
             return None
 
+    def _name_of_key(self, element: Element, name: str, value_type: ValueType, key: str) -> None:
+        """Report a key in braces that the node cannot work with."""
+        try:
+            value_type.convert(key)
+        except ConversionError as error:
+            begin = max(element.attributes[name].find(key), 0)
+            span = element.within_value(name, begin, begin + len(key))
+            message = f"{name}: {error.message}"
+            self._collector.at(element, span, "wrong-value", message, hint=error.hint)
+
     def _value(self, bound: BoundNode, parameter: Parameter, text: str) -> None:
         assert parameter.value_type is not None  # noqa: S101 - every attribute has one
         name = parameter.name
         key = blackboard_key(text, name)
         if key is not None and name not in bound.spec.fixed:
             bound.keys = {**bound.keys, name: key}
+            if parameter.value_type.names_key:
+                self._name_of_key(bound.element, name, parameter.value_type, key)
             return
-        if parameter.direction is Direction.OUTPUT:
+        may_be_text = parameter.value_type.python in _TEXTS and parameter.direction is not _OUTPUT
+        if not may_be_text and self._is_unclosed(bound.element, name):
+            return
+        if parameter.direction is _OUTPUT:
             message = f"{name}: an output is written to the blackboard, and '{text}' is no key of it"
             hint = f'write {name}="{{{text if text.isidentifier() else "key"}}}"'
             self._collector.value(bound.element, name, "wrong-value", message, hint=hint)
@@ -167,6 +189,14 @@ class AttributeBinder:
         near = nearest(name, [other for other in candidates if other not in element.attributes])
         self._collector.name(element, name, "unknown-attribute", message, suggestion=near)
         return near
+
+
+def closed(text: str) -> str | None:
+    """Return a key that was written with only one of its braces as it should be; None if a text is none."""
+    if text[:1] not in "{ " and text[-1:] not in "} ":
+        return None
+    match = _UNCLOSED.fullmatch(text)
+    return f"{{{match[1] or match[2]}}}" if match else None
 
 
 def _as_text(value: object) -> str:

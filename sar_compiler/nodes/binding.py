@@ -5,20 +5,21 @@ become references, subtrees the trees that they stand for. The checks report wha
 builds from what it made.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 from sar_compiler.nodes.attributes import CONDITIONS, ONESHOT, AttributeBinder
 from sar_compiler.nodes.bound import Binding, BoundNode, BoundTree, Remapping
 from sar_compiler.nodes.collector import Collector
-from sar_compiler.nodes.instances import expand
-from sar_compiler.nodes.models import Model, Models, compare, read_models
+from sar_compiler.nodes.instances import Instance, expand, report_shared_keys
+from sar_compiler.nodes.model_comparison import compare
+from sar_compiler.nodes.models import Model, Models, read_models
 from sar_compiler.nodes.nesting import cut_circles, fits, trees_in
 from sar_compiler.nodes.references import resolve_references
 from sar_compiler.nodes.registry import Registry
-from sar_compiler.nodes.skips import report_misread
+from sar_compiler.nodes.skips import by_itself, report_misread
 from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.nodes.subtree import SUBTREE
-from sar_compiler.nodes.thresholds import report_out_of_reach
 from sar_compiler.nodes.values import blackboard_key, nearest
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.forest import Forest
@@ -29,6 +30,25 @@ _KIND_TAGS = frozenset(kind.value for kind in Kind)
 _MOST_TREES = 8
 _MOST_GUESSES = 1000
 """For more unknown tags than these, nobody wants to know what was probably meant."""
+
+
+@dataclass(frozen=True)
+class BoundForest:
+    """Every tree of a forest, bound.
+
+    Attributes:
+        trees: The trees, in the order of the files.
+        tops: The main tree and those that stand in no other, as far as they fit, with their subtrees in place.
+        models: What is said of nodes that are not registered, and of subtrees.
+        specs: Everything that the tags in them can mean.
+        findings: What keeps them from meaning something.
+    """
+
+    trees: Sequence[BoundTree]
+    tops: Sequence[Instance]
+    models: Models
+    specs: Sequence[NodeSpec]
+    findings: tuple[Diagnostic, ...]
 
 
 def bind(forest: Forest, registry: Registry, tree: Element, palettes: Iterable[TreeFile] = ()) -> Binding:
@@ -44,43 +64,58 @@ def bind(forest: Forest, registry: Registry, tree: Element, palettes: Iterable[T
         The bound tree and everything that is wrong with it, in the order of the file.
     """
     collector = Collector()
-    binder = Binder(forest, registry, read_models([*forest.files, *palettes], Collector()), collector)
-    with uncollected():
+    binder = Binder(forest, registry, read_models([*palettes, *forest.files], Collector()), collector)
+    with uncollected(_characters(forest)):
         main = binder.tree(tree)
     cut_circles([main], collector)
     if fits(main, collector) is not None:
-        expand(main, collector)
+        report_shared_keys(expand(main, collector), collector)
         report_misread(trees_in(main), collector)
     return Binding(main, _in_order(forest, collector.findings))
 
 
-def bind_all(forest: Forest, registry: Registry, palettes: Iterable[TreeFile] = ()) -> list[Diagnostic]:
-    """Bind every tree of a forest, executed or not, and return what is wrong, in the order of the files."""
+def bind_all(forest: Forest, registry: Registry, palettes: Iterable[TreeFile] = ()) -> BoundForest:
+    """Bind every tree of a forest, executed or not.
+
+    Args:
+        forest: The file and what it includes.
+        registry: What tags mean.
+        palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
+
+    Returns:
+        The bound trees and everything that is wrong with them, in the order of the files.
+    """
     collector = Collector()
-    models = read_models([*forest.files, *palettes], collector)
+    models = read_models([*palettes, *forest.files], collector)
     compare(models, registry, collector)
     binder = Binder(forest, registry, models, collector)
-    with uncollected():
+    with uncollected(_characters(forest)):
         trees = [binder.tree(tree) for tree in forest.iterate()]
     cut_circles(trees, collector)
     used = {node.subtree for tree in trees for node in tree.subtrees()}
     # What a tree takes from those around it can be seen only there; the main tree must do without.
     main, count = forest.main_tree(), 0
+    tops: list[Instance] = []
     for tree in trees:
         if tree not in used or tree.element is main:
             size = fits(tree, collector, count)
             if size is not None:
                 count += size
-                expand(tree, collector)
+                tops.append(expand(tree, collector))
+                report_shared_keys(tops[-1], collector)
                 report_misread(trees_in(tree), collector)
-    return list(_in_order(forest, collector.findings))
+    return BoundForest(trees, tops, models, binder.specs, _in_order(forest, collector.findings))
+
+
+def _characters(forest: Forest) -> int:
+    return sum(len(tree_file.source.text) for tree_file in forest.files)
 
 
 def _in_order(forest: Forest, findings: list[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Sort findings by file, line and column, each once."""
+    """Sort findings by file, line and column, each once; what is wrong with palettes is no business of the forest."""
     order = {id(tree_file.source): number for number, tree_file in enumerate(forest.files)}
-    unique = list(dict.fromkeys(findings))
-    return tuple(sorted(unique, key=lambda f: (order.get(id(f.source), 0), f.span.line, f.span.column)))
+    unique = [finding for finding in dict.fromkeys(findings) if id(finding.source) in order]
+    return tuple(sorted(unique, key=lambda f: (order[id(f.source)], f.span.line, f.span.column)))
 
 
 class Binder:
@@ -101,9 +136,14 @@ class Binder:
         self._attributes = AttributeBinder(collector)
         self._trees: dict[int, BoundTree] = {}
         self._waiting: list[BoundTree] = []
-        self._level = 0
+        self._level = 1
         self._meanings: dict[str, list[NodeSpec]] = {}
         self._meant: dict[str, str | None] = {}
+
+    @property
+    def specs(self) -> list[NodeSpec]:
+        """Everything that the tags met so far can mean."""
+        return [spec for specs in self._meanings.values() for spec in specs]
 
     def tree(self, element: Element) -> BoundTree:
         """Bind a `BehaviorTree` element and the trees that it uses."""
@@ -132,13 +172,16 @@ class Binder:
             message = f"<{TREE_TAG}> holds one node; this is another"
             hint = "put them together in a Sequence or a Selector"
             self._collector.tag(extra, "too-many-children", message, hint=hint)
+        tree.nesting = self._level
         bound = [self._node(child) for child in element.children]
         tree.root = bound[0]
 
     def _node(self, element: Element) -> BoundNode | None:
-        if element.tag == SUBTREE_TAG:
+        tag = element.tag
+        if tag == SUBTREE_TAG:
             return self._subtree(element)
-        tag = self._tag(element)
+        if tag in _KIND_TAGS:  # the explicit form
+            tag = element.attributes.get("ID", tag)
         variants = self._meanings.get(tag)
         if variants is None:
             variants = self._meanings[tag] = self._variants(tag)
@@ -146,20 +189,16 @@ class Binder:
             return self._unknown(element, tag)
         spec = variants[0] if len(variants) == 1 else _best(variants, element)
         bound = BoundNode(element, spec, element.attributes.get("name") or tag)
-        if element.tag != spec.tag:
+        if tag != element.tag:
             self._kind(bound)
         others = () if len(variants) == 1 else [other for other in variants if other is not spec]
         self._attributes.bind(bound, others)
         self._file_away(bound)
         self._take_in(bound)
         self._count_children(bound)
-        report_out_of_reach(bound, self._collector)
+        if spec.rule is not None:
+            spec.rule(bound, self._collector)
         return bound
-
-    def _tag(self, element: Element) -> str:
-        """Return what an element is, in its compact or its explicit form."""
-        explicit = element.tag in _KIND_TAGS and "ID" in element.attributes
-        return element.attributes["ID"] if explicit else element.tag
 
     def _variants(self, tag: str) -> list[NodeSpec]:
         variants = self._registry.variants(tag)
@@ -171,22 +210,28 @@ class Binder:
         """Add a node to the tree that is being bound, and the nodes in it to the node."""
         tree = self._current
         tree.nodes.append(bound)
-        self._level += 1
-        tree.nesting = max(tree.nesting, self._level)
+        if bound.spec.skips_by_itself:
+            tree.skips = tree.skips or by_itself(bound)
         if bound.element.children:
+            self._level += 1
+            tree.nesting = max(tree.nesting, self._level)
             children = map(self._node, bound.element.children)
             bound.children = [child for child in children if child is not None]
-        self._level -= 1
+            tree.parents.append(bound)
+            self._level -= 1
 
     def _file_away(self, bound: BoundNode) -> None:
         """Note what few nodes have, so that nobody needs to look through all of them for it."""
-        tree = self._current
+        tree, spec = self._current, bound.spec
         if bound.keys:
             tree.keyed.append(bound)
-        if bound.spec.references:
+        if spec.references:
             tree.referring.append(bound)
+        if spec.is_demanding or bound.keys or bound.subtree is not None:
+            tree.demanding.append(bound)
         if bound.conditions or bound.oneshot is not None:
             tree.wrappers += bool(bound.conditions) + (bound.oneshot is not None)
+            tree.skips = tree.skips or by_itself(bound)
 
     def _kind(self, bound: BoundNode) -> None:
         element, kind = bound.element, bound.spec.kind.value
@@ -201,9 +246,11 @@ class Binder:
         near = self._nearest(tag)
         if element.tag == TREE_TAG:
             self._collector.tag(element, "unknown-node", f"a <{TREE_TAG}> cannot stand inside another")
-        elif element.tag in _KIND_TAGS and tag == element.tag:
-            message = f"<{tag}> does not say which node it is"
-            self._collector.tag(element, "missing-attribute", message, hint='write ID="..."')
+        elif element.tag in _KIND_TAGS and not element.attributes.get("ID"):
+            message = f"<{element.tag}> does not say which node it is"
+            span = element.value_span("ID") if "ID" in element.attributes else element.tag_span()
+            hint = 'write the node\'s name: ID="..."'
+            self._collector.at(element, span, "missing-attribute", message, hint=hint)
         else:
             message = f"no node is called '{tag}'"
             hint = "sar-compile nodes lists them; --nodes adds a module of leaves, --model a palette"
@@ -229,11 +276,12 @@ class Binder:
         return self._meant.get(tag)
 
     def _count_children(self, bound: BoundNode) -> None:
-        element, kind, tag = bound.element, bound.spec.kind, bound.spec.tag
+        element = bound.element
         least, most = bound.spec.child_count
         count = len(element.children)
         if least <= count and (most is None or count <= most):
             return
+        kind, tag = bound.spec.kind, bound.spec.tag
         if kind.is_leaf:
             for child in element.children:
                 message = f"<{tag}> is a leaf ({kind.value.lower()}) and has no children"
@@ -259,7 +307,6 @@ class Binder:
         bound = BoundNode(element, SUBTREE, element.attributes.get("name") or tree_id or SUBTREE_TAG)
         self._current.nodes.append(bound)
         self._current.uses.append(bound)
-        self._current.nesting = max(self._current.nesting, self._level + 1)
         for child in element.children:
             message = f"<{SUBTREE_TAG}> names a tree; its nodes stand in that <{TREE_TAG}>"
             self._collector.tag(child, "child-of-leaf", message)
@@ -270,13 +317,13 @@ class Binder:
             return bound
         target = self._forest.trees.get(tree_id)
         bound.remapping = self._remapping(bound, self._models.subtrees.get(tree_id))
-        self._file_away(bound)
         if target is None:
             message, near = f"there is no tree '{tree_id}'", nearest(tree_id, self._forest.trees)
             hint = f"the trees are {', '.join(list(self._forest.trees)[:_MOST_TREES])}; <include> adds those of other files"
             self._collector.value(element, "ID", "unknown-tree", message, suggestion=near, hint=hint)
-            return bound
-        bound.subtree = self._known(target)
+        else:
+            bound.subtree = self._known(target)
+        self._file_away(bound)
         return bound
 
     def _remapping(self, bound: BoundNode, model: Model | None) -> Remapping:
@@ -287,20 +334,22 @@ class Binder:
             if name in ("ID", "_autoremap") or self._attributes.common(bound, name):
                 continue
             if name == "name":
-                self._attributes.node_name(element)
+                if not text:
+                    self._attributes.report_empty_name(element)
             elif name.startswith("_"):
                 self._unknown_of_subtree(element, name)
             else:
-                key = blackboard_key(text, name)
+                # Of a port, `=` would be its own key.
+                key = None if text == "=" else blackboard_key(text, name)
                 (constants if key is None else keys)[name] = text if key is None else key
         autoremap = self._attributes.flag(element, "_autoremap")
         for port in model.ports.values() if model else ():
-            if port.name in keys or port.name in constants:
+            if autoremap or port.name in keys or port.name in constants:
                 continue
-            if port.default is not None:
+            if port.default:
                 key = blackboard_key(port.default, port.name)
                 (constants if key is None else keys)[port.name] = port.default if key is None else key
-            elif not autoremap:
+            else:
                 message = f"the tree '{element.attributes['ID']}' needs '{port.name}' (its model says so)"
                 hint = f'write {port.name}="..."'
                 self._collector.tag(element, "missing-attribute", message, hint=hint)

@@ -5,7 +5,6 @@ It refuses attributes that its nodes do not have, so what this project and py_tr
 """
 
 import dataclasses
-import re
 from collections.abc import Iterable, Iterator
 
 from py_trees.common import OneShotPolicy
@@ -18,6 +17,7 @@ from sar_compiler.nodes.models import read_models
 from sar_compiler.nodes.palette import BUILT_IN, described_by_use, description
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import Kind, NodeSpec, Role
+from sar_compiler.nodes.tree_ids import refused_in
 from sar_compiler.nodes.values import ConversionError
 from sar_compiler.tree.conversion import Converted, convert
 from sar_compiler.tree.diagnostic import Diagnostic
@@ -26,7 +26,6 @@ from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, SUBTREE_TAG, TREE_TA
 from sar_compiler.tree.source import Form
 
 _KIND_TAGS = frozenset(kind.value for kind in Kind)
-_REFUSED_IN_IDS = re.compile(r"""[\s<>&"'/\\:*?|.\x00-\x1f]""")
 _DROPS_EXPLICIT = "ReactiveSequence"
 """BehaviorTree.CPP (4.10) does not find nodes in the explicit form directly in it."""
 
@@ -115,10 +114,10 @@ class _Conversion:
 
     def _tree_id(self, element: Element) -> None:
         tree_id = element.attributes.get("ID", "")
-        refused = _REFUSED_IN_IDS.search(tree_id)
+        refused = refused_in(tree_id)
         if refused or tree_id.lower() == "root":
             message = f"BehaviorTree.CPP refuses the ID '{tree_id}'"
-            what = f"an ID without '{refused.group()}'" if refused else "another ID"
+            what = f"an ID without {refused}" if refused else "another ID"
             self.notes.no_counterpart_of_value(element, "ID", message, hint=f"give the tree {what}")
         elif tree_id in BUILT_IN or tree_id in self._used:
             message = f"BehaviorTree.CPP refuses a tree with the ID of a node, '{tree_id}'"
@@ -181,10 +180,10 @@ class _Conversion:
     def _complain(self, draft: Draft) -> None:
         """Say what BehaviorTree.CPP does not have, and drop the attributes that it would refuse."""
         specs = self._registry.variants(draft.tag)
-        refused = _REFUSED_IN_IDS.search(draft.tag)
+        refused = refused_in(draft.tag)
         if refused:
             message = f"BehaviorTree.CPP refuses the node '{draft.tag}'"
-            hint = f"register it by a name without '{refused.group()}'"
+            hint = f"register it by a name without {refused}"
             self.notes.no_counterpart(draft.element, message, hint)
         if draft.kept or not specs:
             return

@@ -7,9 +7,13 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy
 from py_trees.decorators import OneShot
 
+from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.narrow_types import NAMES
 from sar_compiler.nodes.register import Registration
 from sar_compiler.nodes.spec import Kind, Skips
-from sar_compiler.nodes.values import nearest
+from sar_compiler.nodes.thresholds import within_reach
+from sar_compiler.nodes.values import ConversionError, items_of, nearest
 from sar_compiler.runtime import branches, controls, parallel
 from sar_compiler.runtime.conditions import Conditions
 
@@ -39,7 +43,24 @@ def _ordered(tag: str, cls: type, skip_cls: type, doc: str, memory: bool | None)
         parameter_docs=_PARAMETER_DOCS,
         skips=Skips.FROM_CHILD,
         skip_cls=skip_cls,
+        rule=report_interruptions if cls is composites.Sequence else None,
     )
+
+
+def report_interruptions(bound: BoundNode, collector: Collector) -> None:
+    """Report the second AsyncSequence in a sequence that looks at every child again in every tick.
+
+    The first one starts over whenever the second one pauses, and interrupts it: neither comes to its end.
+    """
+    if bound.spec.fixed.get("memory", bound.values.get("memory")) is not False:
+        return
+    pausing = [child for child in bound.element.children if child.tag == "AsyncSequence"]
+    for child in pausing[1:]:
+        message = (
+            f"a second AsyncSequence in '{bound.name}' never ends: the first one is started again in every tick, "
+            "and interrupts it"
+        )
+        collector.tag(child, "interrupted-child", message, hint="put them together in an AsyncSequence")
 
 
 def _own(tag: str, cls: type, **more: object) -> Registration:
@@ -58,10 +79,16 @@ def _switch(cases: int) -> Registration:
     )
 
 
+Policy = Literal["SuccessOnAll", "SuccessOnOne", "SuccessOnSelected"]
+"""Which children of a Parallel have to succeed, in py_trees' words."""
+
+_HOW_TO_SELECT = 'write the names of the children that have to succeed: selected="left;right"'
+
+
 def stock_parallel(
     name: str,
     children: list[Behaviour],
-    policy: Literal["SuccessOnAll", "SuccessOnOne", "SuccessOnSelected"],
+    policy: Policy,
     synchronise: bool | None = None,
     selected: list[str] | None = None,
 ) -> composites.Parallel:
@@ -78,39 +105,85 @@ def stock_parallel(
     Raises:
         ValueError: If a name is not that of one child, or an attribute does not go with the policy.
     """
-    if selected is not None and policy != "SuccessOnSelected":
-        message = f"selected: goes with the policy SuccessOnSelected, not with {policy}"
-        raise ValueError(message)
+    clash = _clash(policy, synchronise, is_selected=selected is not None)
+    if clash is not None:
+        raise ValueError(": ".join(clash))
     if policy == "SuccessOnOne":
-        if synchronise:
-            message = "synchronise: with SuccessOnOne no child waits for another; leave it out"
-            raise ValueError(message)
         return composites.Parallel(name, ParallelPolicy.SuccessOnOne(), children)
     waits = synchronise is not False
     if policy == "SuccessOnAll":
         return composites.Parallel(name, ParallelPolicy.SuccessOnAll(waits), children)
-    chosen = [_child_called(text.strip(), children) for text in selected or []]
-    if not chosen:
-        message = (
-            "selected: SuccessOnSelected needs the names of the children that have to succeed: left;right"
-        )
+    if not selected:
+        message = f"selected: no child is named; {_HOW_TO_SELECT}"
         raise ValueError(message)
+    names = [_written_name(child) for child in children]
+    chosen = [children[_place_of(text, names)] for text in selected]
     return composites.Parallel(name, ParallelPolicy.SuccessOnSelected(chosen, waits), children)
 
 
-def _child_called(name: str, children: list[Behaviour]) -> Behaviour:
-    """Return the child that is called by a name, with what the compiler has wrapped around it."""
-    found = [child for child in children if _written_name(child) == name]
-    if len(found) == 1:
-        return found[0]
-    names = [_written_name(child) for child in children]
-    if found:
-        message = f"selected: {len(found)} children are called '{name}'; give each a name of its own"
-    else:
-        near = nearest(name, names)
-        advice = f"did you mean '{near}'?" if near else f"there are {', '.join(names)}"
-        message = f"selected: no child is called '{name}'; {advice}"
-    raise ValueError(message)
+def report_policy(bound: BoundNode, collector: Collector) -> None:
+    """Report attributes that do not go with the policy of a Parallel, and selected children that are not there."""
+    element, policy = bound.element, bound.values.get("policy")
+    if policy is None:  # a key, or a mistake
+        return
+    written = element.attributes.get("selected")
+    clash = _clash(policy, bound.values.get("synchronise"), is_selected=written is not None)
+    if clash is not None:
+        attribute, message = clash
+        collector.name(element, attribute, "conflicting-attributes", f"{attribute}: {message}")
+    elif policy != "SuccessOnSelected":
+        return
+    elif written is None:
+        message = f"<{bound.spec.tag}> needs the attribute 'selected' with SuccessOnSelected"
+        collector.tag(element, "missing-attribute", message, hint=_HOW_TO_SELECT)
+    elif bound.values.get("selected") == []:
+        message = "selected: no child is named"
+        collector.value(element, "selected", "wrong-value", message, hint=_HOW_TO_SELECT)
+    elif "selected" in bound.values and len(bound.children) == len(element.children):
+        _report_names(bound, written, collector)
+
+
+def _report_names(bound: BoundNode, written: str, collector: Collector) -> None:
+    names = [_bound_name(child) for child in bound.children]
+    try:
+        items_of(written, lambda text: _place_of(text, names), blanks=True)
+    except ConversionError as error:
+        span = bound.element.within_value("selected", *(error.place or (0, len(written))))
+        advice = {"suggestion": error.suggestion, "hint": error.hint}
+        collector.at(bound.element, span, "wrong-value", f"selected: {error.message}", **advice)
+
+
+def _clash(policy: object, synchronise: object, *, is_selected: bool) -> tuple[str, str] | None:
+    """Return which attribute does not go with a policy, and why; None if all do."""
+    if is_selected and policy != "SuccessOnSelected":
+        return "selected", f"goes with the policy SuccessOnSelected, not with {policy}"
+    if synchronise and policy == "SuccessOnOne":
+        return "synchronise", "with SuccessOnOne no child waits for another; leave it out"
+    return None
+
+
+def _place_of(name: str, names: list[str]) -> int:
+    """Return which child is called by a name.
+
+    Raises:
+        ConversionError: If none is, or several are.
+    """
+    count = names.count(name)
+    if count == 1:
+        return names.index(name)
+    if count:
+        message = f"{count} children are called '{name}'; give each a name of its own"
+        raise ConversionError(message)
+    message = f"no child is called '{name}'; there are {', '.join(names)}"
+    raise ConversionError(message, nearest(name, names))
+
+
+def _bound_name(child: BoundNode) -> str:
+    """Return what `_written_name` makes of a child."""
+    if child.spec.tag == OneShot.__name__ and child.children:
+        inner = _bound_name(child.children[0])
+        return inner if child.name == f"{inner}OneShot" else child.name
+    return child.name
 
 
 def _written_name(child: Behaviour) -> str:
@@ -140,6 +213,7 @@ REGISTRATIONS = [
         "Parallel",
         parallel.Parallel,
         defaults={"success_count": -1, "failure_count": 1},
+        rule=within_reach("success_count", "failure_count"),
     ),
     Registration(
         "Parallel",
@@ -149,8 +223,12 @@ REGISTRATIONS = [
         factory=stock_parallel,
         skip_advice='success_count="..."',
         variant=True,
+        types={"selected": NAMES},
+        rule=report_policy,
     ),
-    _own("ParallelAll", parallel.ParallelAll, defaults={"max_failures": 1}),
+    _own(
+        "ParallelAll", parallel.ParallelAll, defaults={"max_failures": 1}, rule=within_reach("max_failures")
+    ),
     _own("IfThenElse", branches.IfThenElse, child_count=(2, 3)),
     _own("WhileDoElse", branches.WhileDoElse, child_count=(2, 3)),
     *(_switch(cases) for cases in range(2, 7)),

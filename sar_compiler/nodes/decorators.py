@@ -4,55 +4,23 @@ from py_trees import decorators
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler.nodes.py_trees_nodes import Answer, Keys, made_by, since_2_4
+from sar_compiler.nodes.narrow_types import KEY, VARIABLE, StatusName, queue_of
+from sar_compiler.nodes.py_trees_nodes import Keys, made_by, since_2_4
 from sar_compiler.nodes.register import Registration
 from sar_compiler.nodes.spec import Kind, Skips
+from sar_compiler.nodes.values import CONDITION, UNSIGNED
 from sar_compiler.runtime import decorators as own
 from sar_compiler.runtime import entries, loops, repetition, script_nodes, timers
 from sar_compiler.runtime.blackboard import Scope
-from sar_compiler.runtime.clock import Clock
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
+from sar_compiler.runtime.outcomes import Outcome
 from sar_compiler.runtime.ports import InOut, Input
+from sar_compiler.runtime.py_trees_timers import Timeout
 from sar_compiler.runtime.scripting import NodeScript
 
 
-class Timeout(decorators.Timeout):
-    """Fails if its child is still running after a time, measured on the mission's clock.
-
-    py_trees' own Timeout reads the machine's clock, which is wrong for a robot on simulated time.
-
-    Args:
-        name: The node's name.
-        child: The child.
-        duration: How long the child may run, in seconds.
-        clock: What the time is measured with.
-    """
-
-    def __init__(self, name: str, child: Behaviour, duration: float, clock: Clock) -> None:
-        super().__init__(name=name, child=child, duration=duration)
-        self._clock = clock
-        self._deadline = 0.0
-
-    def initialise(self) -> None:
-        """Start the time."""
-        self._deadline = self._clock.now() + self.duration
-        self.feedback_message = ""
-
-    def update(self) -> Status:
-        """Pass the child's status on, or fail once the time is over."""
-        remaining = self._deadline - self._clock.now()
-        if self.decorated.status != Status.RUNNING:
-            self.feedback_message = ""
-            return self.decorated.status
-        if remaining < 0.0:
-            self.feedback_message = "timed out"
-            return Status.FAILURE
-        self.feedback_message = f"remaining: {remaining:.1f}s"
-        return Status.RUNNING
-
-
-def condition(name: str, child: Behaviour, status: Answer) -> decorators.Condition:
+def condition(name: str, child: Behaviour, status: StatusName) -> decorators.Condition:
     """Succeeds once its child answers a status, and runs until then.
 
     Args:
@@ -91,7 +59,7 @@ def status_to_blackboard(
         scope: Where the key is looked up.
     """
     keys = Keys(scope)
-    variable = keys.variable("variable_name", variable_name)
+    variable = keys.variable(variable_name)
     return keys.given_to(decorators.StatusToBlackboard(name, child, variable))
 
 
@@ -109,13 +77,10 @@ def for_each(
 
     Raises:
         TooOldError: If py_trees does not have it yet.
-        ValueError: If a key is none.
     """
     keys = Keys(scope)
     make = since_2_4(decorators, "ForEach")
-    made: Behaviour = make(
-        name, child, keys.key("source_key", source_key), keys.key("target_key", target_key)
-    )
+    made: Behaviour = make(name, child, keys.key(source_key), keys.key(target_key))
     return keys.given_to(made)
 
 
@@ -199,16 +164,28 @@ BEHAVIORTREE_CPP = [
     ),
     _own("Repeat", repetition.Repeat),
     _own("RetryUntilSuccessful", repetition.RetryUntilSuccessful),
-    _own("RunOnce", own.RunOnce, Skips.ALWAYS, defaults={"then_skip": True}),
-    _own("Delay", timers.Delay),
-    _own("Timeout", timers.Timeout),
-    _own("Precondition", script_nodes.Precondition, Skips.ALWAYS),
+    _own("RunOnce", own.RunOnce, Skips.ALWAYS, defaults={"then_skip": True}, skips_if=("then_skip", True)),
+    _own("Delay", timers.Delay, types={"delay_msec": UNSIGNED}),
+    _own("Timeout", timers.Timeout, types={"msec": UNSIGNED}),
+    _own(
+        "Precondition",
+        script_nodes.Precondition,
+        Skips.ALWAYS,
+        skips_if=("else", Outcome.SKIPPED),
+        types={"if": CONDITION},
+    ),
     _own("SkipUnlessUpdated", entries.SkipUnlessUpdated, Skips.ALWAYS),
     _own("WaitValueUpdate", entries.WaitValueUpdate),
-    _own("LoopInt", loops.LoopInt, Skips.ALWAYS),
-    _own("LoopDouble", loops.LoopDouble, Skips.ALWAYS),
-    _own("LoopBool", loops.LoopBool, Skips.ALWAYS),
-    _own("LoopString", loops.LoopString, Skips.ALWAYS),
+    *(
+        _own(
+            cls.__name__,
+            cls,
+            Skips.ALWAYS,
+            types={"queue": queue_of(cls)},
+            skips_if=("if_empty", Outcome.SKIPPED),
+        )
+        for cls in (loops.LoopInt, loops.LoopDouble, loops.LoopBool, loops.LoopString)
+    ),
 ]
 
 PY_TREES = [
@@ -256,8 +233,17 @@ PY_TREES = [
         *_ALL,
         kind=Kind.DECORATOR,
         effects="writes to the blackboard",
+        variable_name=VARIABLE,
     ),
-    made_by("ForEach", for_each, *_ALL, kind=Kind.DECORATOR, effects="writes to the blackboard"),
+    made_by(
+        "ForEach",
+        for_each,
+        *_ALL,
+        kind=Kind.DECORATOR,
+        effects="writes to the blackboard",
+        source_key=KEY,
+        target_key=KEY,
+    ),
     _stock(
         decorators.SuccessIsRunning,
         "Turns success into running.",

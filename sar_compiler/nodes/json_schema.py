@@ -9,9 +9,11 @@ from collections.abc import Iterable
 from typing import Any
 
 from sar_compiler.nodes.attributes import CONDITIONS, NOTES, ONESHOT, ONESHOT_TYPE
+from sar_compiler.nodes.register import CHILD_COUNTS
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role
-from sar_compiler.nodes.values import ValueType
+from sar_compiler.nodes.values import CONDITION, ValueType
+from sar_compiler.runtime.expressions import Script
 from sar_compiler.tree.model import (
     CHILDREN_KEY,
     INCLUDE_TAG,
@@ -24,13 +26,12 @@ from sar_compiler.tree.model import (
 Schema = dict[str, Any]
 
 _KINDS = sorted(kind.value for kind in Kind)
-"""The tags of explicit forms; py_trees' Condition is one and a node of its own at once."""
+"""The tags of explicit forms."""
 
 _KEY_PATTERN = r"^ *(\{.+\}|=) *$"
 _NAME: Schema = {"type": ["string", "number", "boolean"], "minLength": 1}
 _SCALAR: Schema = {"type": ["string", "number", "boolean"]}
-_COMMON_PATTERN = f"^({'|'.join((*CONDITIONS, *NOTES))})$"
-_NODES: Schema = {"type": "array", "items": {"$ref": "#/$defs/node"}}
+_CONDITION = {"$ref": f"#/$defs/{CONDITION.name} value"}
 
 
 def json_schema(registry: Registry, described: Iterable[NodeSpec] = ()) -> Schema:
@@ -51,12 +52,16 @@ def json_schema(registry: Registry, described: Iterable[NodeSpec] = ()) -> Schem
         "$defs": {
             "root": _root(),
             "section": _section(),
-            "tree": _element({"ID": _NAME, **_notes()}, _NODES),
+            "tree": _with_children({"ID": _NAME, **_notes()}, _nodes(1, 1)),
             **{f"{value_type.name} value": _value(value_type) for value_type in _value_types(tags)},
             "node": _node([*tags, SUBTREE_TAG, *_KINDS]),
             "model": {"type": ["object", "null"]},
-            SUBTREE_TAG: {"type": "object", "required": ["ID"], "not": {"required": [CHILDREN_KEY]}},
-            **{f"explicit {kind}": _explicit_form() for kind in _KINDS},
+            SUBTREE_TAG: _explicit_form(0, 0),
+            # py_trees' Condition is the explicit form of others as well; its ID decides which.
+            **{
+                f"explicit {kind.value}": _explicit_form(*((0, None) if kind.value in tags else count))
+                for kind, count in CHILD_COUNTS.items()
+            },
             **{f"<{tag}>": _tag(specs) for tag, specs in tags.items() if tag not in _KINDS},
         },
     }
@@ -70,16 +75,17 @@ def _value_types(tags: dict[str, list[NodeSpec]]) -> list[ValueType]:
         for parameter in spec.attributes
         if parameter.value_type is not None
     }
+    types[CONDITION.name] = CONDITION
     return [types[name] for name in sorted(types)]
 
 
 def _root() -> Schema:
     attributes = {"BTCPP_format": {"enum": [4, "4"]}, "main_tree_to_execute": _NAME}
-    return _element(attributes, {"type": "array", "items": {"$ref": "#/$defs/section"}, "minItems": 1})
+    return _with_children(attributes, {"type": "array", "items": {"$ref": "#/$defs/section"}, "minItems": 1})
 
 
 def _section() -> Schema:
-    include = _mapping({"path": _NAME, "ros_pkg": _NAME}, required=["path"])
+    include = _mapping({"path": _NAME, "ros_pkg": _NAME, CHILDREN_KEY: _nodes(0, 0)}, required=["path"])
     return {
         **_mapping(
             {TREE_TAG: {"$ref": "#/$defs/tree"}, INCLUDE_TAG: include, MODEL_TAG: {"$ref": "#/$defs/model"}}
@@ -110,8 +116,19 @@ def _definition(tag: str) -> str:
     return tag if tag == SUBTREE_TAG else f"explicit {tag}" if tag in _KINDS else f"<{tag}>"
 
 
-def _explicit_form() -> Schema:
-    return {"type": "object", "properties": {CHILDREN_KEY: _NODES}}
+def _nodes(least: int, most: int | None) -> Schema:
+    """A list of so many nodes."""
+    schema: Schema = {"type": "array", "items": {"$ref": "#/$defs/node"}}
+    if least:
+        schema["minItems"] = least
+    return schema if most is None else {**schema, "maxItems": most}
+
+
+def _explicit_form(least: int, most: int | None) -> Schema:
+    """A tag that says by its ID what it is, or which tree; its other attributes are those of what it names."""
+    needed = ["ID", CHILDREN_KEY] if least else [] if most is None else ["ID"]
+    properties = {"ID": _NAME, CHILDREN_KEY: _nodes(least, most)}
+    return {"type": "object", "properties": properties, **({"required": needed} if needed else {})}
 
 
 def _tag(specs: list[NodeSpec]) -> Schema:
@@ -127,16 +144,18 @@ def _tag(specs: list[NodeSpec]) -> Schema:
         if len(choices) == len(specs)
         and all(_must_be_written(spec, parameter) for spec, parameter in choices)
     ]
-    schema = _element({**attributes, ONESHOT: {"enum": list(ONESHOT_TYPE.choices)}}, None)
-    schema["patternProperties"] = {_COMMON_PATTERN: _SCALAR}
-    if not kind.is_leaf:
-        most = {"maxItems": 1} if kind is Kind.DECORATOR else {}
-        schema["properties"][CHILDREN_KEY] = {**_NODES, "minItems": 1, **most}
-        required.append(CHILDREN_KEY)
-    if required:
-        schema["required"] = required
-        # A bare tag or an empty value has no attributes.
-        schema["type"] = "object"
+    # Listed one by one: about a pattern that a name does not match, an editor says nothing that helps.
+    attributes |= {
+        ONESHOT: {"enum": list(ONESHOT_TYPE.choices)},
+        **dict.fromkeys(CONDITIONS, _CONDITION),
+        **_notes(),
+    }
+    if kind.is_leaf:
+        schema = _mapping({**attributes, CHILDREN_KEY: _nodes(0, 0)}, required)
+        if not required:  # a bare tag or an empty value has no attributes
+            schema["type"] = ["object", "null"]
+    else:
+        schema = _with_children(attributes, _nodes(*specs[0].child_count), required)
     if specs[0].doc:
         schema["description"] = specs[0].doc
     return schema
@@ -165,10 +184,20 @@ def _value(value_type: ValueType) -> Schema:
     key: Schema = {"type": "string", "pattern": _KEY_PATTERN}
     if value_type.choices:
         return {"anyOf": [{"enum": _both_ways(value_type.choices)}, key]}
+    if value_type.pattern and value_type.python is Script:
+        return {**_SCALAR, "pattern": f"^({value_type.pattern})$", "description": value_type.label}
     if value_type.pattern:
         text = {"type": "string", "pattern": f"^({value_type.pattern})$"}
-        return {"anyOf": [{"type": "number"}, text, key]}
+        return {"anyOf": [_number(value_type), text, key], "description": value_type.label}
     return dict(_SCALAR)
+
+
+def _number(value_type: ValueType) -> Schema:
+    """What YAML itself reads as such a value."""
+    schema: Schema = {"type": "integer" if value_type.python is int else "number"}
+    if value_type.least is not None:
+        schema["minimum"] = value_type.least
+    return schema if value_type.most is None else {**schema, "maximum": value_type.most}
 
 
 def _both_ways(texts: Iterable[str]) -> list[object]:
@@ -182,10 +211,9 @@ def _notes() -> Schema:
     return dict.fromkeys(NOTES, _SCALAR)
 
 
-def _element(attributes: Schema, children: Schema | None) -> Schema:
-    """A tag's value: its attributes and children; nothing at all where it has neither."""
-    more = {} if children is None else {CHILDREN_KEY: children}
-    return {**_mapping({**attributes, **more}), "type": ["object", "null"]}
+def _with_children(attributes: Schema, children: Schema, required: Iterable[str] = ()) -> Schema:
+    """A tag's value that cannot do without children."""
+    return _mapping({**attributes, CHILDREN_KEY: children}, [*required, CHILDREN_KEY])
 
 
 def _mapping(properties: Schema, required: Iterable[str] = ()) -> Schema:

@@ -1,74 +1,33 @@
 """Leaves that every tree may use, whatever its mission."""
 
-import operator as operators
-from collections.abc import Callable
-from typing import Any, Literal
-
 from py_trees import behaviours
-from py_trees import timers as stock_timers
 from py_trees.behaviour import Behaviour
-from py_trees.common import ComparisonExpression, Status
+from py_trees.common import Status
 
-from sar_compiler.nodes.py_trees_nodes import Answer, Keys, made_by, since_2_4
+from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.comparisons import (
+    CHECKS,
+    COMPARISONS,
+    JUNCTIONS,
+    Comparison,
+    Junction,
+    constant,
+    expression,
+    read_check,
+)
+from sar_compiler.nodes.narrow_types import CHANCES, KEY, NTH, STATUS_NAMES, VARIABLE, StatusName
+from sar_compiler.nodes.py_trees_nodes import Keys, made_by, since_2_4
 from sar_compiler.nodes.register import Registration
 from sar_compiler.nodes.spec import Kind
-from sar_compiler.nodes.values import literal_value, nearest
+from sar_compiler.nodes.values import AS_WRITTEN, CONDITION, UNSIGNED, ValueType
 from sar_compiler.runtime import entries, script_nodes, timers
 from sar_compiler.runtime.blackboard import Scope
-from sar_compiler.runtime.clock import Clock
 from sar_compiler.runtime.ports import InOut, Input
-
-Comparison = Literal["eq", "ne", "lt", "le", "gt", "ge"]
-"""A comparison, by the name that it has in Python's `operator`."""
-Junction = Literal["and", "or", "xor"]
-"""What joins the results of several comparisons."""
-
-_COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {
-    "eq": operators.eq,
-    "ne": operators.ne,
-    "lt": operators.lt,
-    "le": operators.le,
-    "gt": operators.gt,
-    "ge": operators.ge,
-}
-_JUNCTIONS: dict[str, Callable[[bool, bool], bool]] = {
-    "and": operators.and_,
-    "or": operators.or_,
-    "xor": operators.xor,
-}
-_ANSWERS = ("SUCCESS", "FAILURE", "RUNNING")
+from sar_compiler.runtime.py_trees_timers import Timer
 
 
-class Timer(stock_timers.Timer):
-    """Runs until a time has passed on the mission's clock, then succeeds.
-
-    py_trees' own Timer reads the machine's clock, which is wrong for a robot on simulated time.
-
-    Args:
-        name: The node's name.
-        clock: What the time is measured with.
-        duration: How long to run, in seconds; 0 or less: succeed at once.
-    """
-
-    def __init__(self, name: str, clock: Clock, duration: float = 5.0) -> None:
-        super().__init__(name, duration)
-        self._timer = timers.Timer(clock)
-
-    def initialise(self) -> None:
-        """Start the time."""
-        self._timer.start(self.duration)
-
-    def update(self) -> Status:
-        """Say whether the time is over."""
-        if self._timer.remaining():
-            # Without the time left, which would make every tick look like a change.
-            self.feedback_message = "still running"
-            return Status.RUNNING
-        self.feedback_message = f"timer ran out [{self.duration}]"
-        return Status.SUCCESS
-
-
-def status_queue(name: str, queue: list[str], eventually: Answer | None = None) -> behaviours.StatusQueue:
+def status_queue(name: str, queue: list[str], eventually: StatusName | None = None) -> behaviours.StatusQueue:
     """Answers one status of a list after the other; it goes on where it was, however often it is started.
 
     Args:
@@ -77,13 +36,22 @@ def status_queue(name: str, queue: list[str], eventually: Answer | None = None) 
         eventually: What to answer when the list is at its end; where it is not written, the list begins again.
 
     Raises:
-        ValueError: If there is something else in the list, or nothing.
+        ValueError: If there is nothing to answer.
     """
-    statuses = [_status(text.strip()) for text in queue]
-    if not statuses and eventually is None:
-        message = "queue: there is no status in it; write some: RUNNING;SUCCESS"
-        raise ValueError(message)
+    if not queue and eventually is None:
+        raise ValueError(_NO_ANSWER)
+    statuses = [Status[text] for text in queue]
     return behaviours.StatusQueue(name, statuses, Status[eventually] if eventually else None)
+
+
+_NO_ANSWER = "queue: there is no status in it; write some: RUNNING;SUCCESS"
+
+
+def report_no_answer(bound: BoundNode, collector: Collector) -> None:
+    """Report a queue that has nothing to answer."""
+    written = bound.element.attributes
+    if bound.values.get("queue") == [] and "eventually" not in written:
+        collector.value(bound.element, "queue", "wrong-value", _NO_ANSWER)
 
 
 def success_every_n(name: str, n: int) -> behaviours.SuccessEveryN:
@@ -92,17 +60,11 @@ def success_every_n(name: str, n: int) -> behaviours.SuccessEveryN:
     Args:
         name: The node's name.
         n: In which tick to succeed: 1 for every one, 2 for every other; a negative number is as good.
-
-    Raises:
-        ValueError: If it is 0.
     """
-    if n == 0:
-        message = "n: there is no 0th tick; write 1 to succeed in every tick"
-        raise ValueError(message)
     return behaviours.SuccessEveryN(name, n)
 
 
-def tick_counter(name: str, duration: int, completion_status: Answer) -> behaviours.TickCounter:
+def tick_counter(name: str, duration: int, completion_status: StatusName) -> behaviours.TickCounter:
     """Runs for a number of ticks, then ends; it counts from the beginning whenever it is started.
 
     Args:
@@ -122,13 +84,7 @@ def probabilistic_behaviour(
         name: The node's name.
         weights: How often to succeed, to fail and to run, in proportion: `2;1;1`; where it is not written, all
             the same.
-
-    Raises:
-        ValueError: If these are not three numbers, one of them positive and none negative.
     """
-    if weights is not None and (min(weights, default=0.0) < 0.0 or not any(weights)):
-        message = "weights: none may be negative, and one must be more than 0; write three numbers: 2;1;1"
-        raise ValueError(message)
     return behaviours.ProbabilisticBehaviour(name, weights)
 
 
@@ -143,7 +99,7 @@ def blackboard_to_status(
         scope: Where the key is looked up.
     """
     keys = Keys(scope)
-    return keys.given_to(behaviours.BlackboardToStatus(name, keys.variable("variable_name", variable_name)))
+    return keys.given_to(behaviours.BlackboardToStatus(name, keys.variable(variable_name)))
 
 
 def check_exists(
@@ -157,7 +113,7 @@ def check_exists(
         scope: Where the key is looked up.
     """
     keys = Keys(scope)
-    variable = keys.variable("variable_name", variable_name)
+    variable = keys.variable(variable_name)
     return keys.given_to(behaviours.CheckBlackboardVariableExists(name, variable))
 
 
@@ -170,9 +126,7 @@ def wait_for(name: str, variable_name: Input[object], scope: Scope) -> behaviour
         scope: Where the key is looked up.
     """
     keys = Keys(scope)
-    return keys.given_to(
-        behaviours.WaitForBlackboardVariable(name, keys.variable("variable_name", variable_name))
-    )
+    return keys.given_to(behaviours.WaitForBlackboardVariable(name, keys.variable(variable_name)))
 
 
 def unset_variable(name: str, key: InOut[object], scope: Scope) -> behaviours.UnsetBlackboardVariable:
@@ -184,7 +138,7 @@ def unset_variable(name: str, key: InOut[object], scope: Scope) -> behaviours.Un
         scope: Where the key is looked up.
     """
     keys = Keys(scope)
-    return keys.given_to(behaviours.UnsetBlackboardVariable(name, keys.key("key", key)))
+    return keys.given_to(behaviours.UnsetBlackboardVariable(name, keys.key(key)))
 
 
 def set_variable(
@@ -205,8 +159,8 @@ def set_variable(
         scope: Where the keys are looked up.
     """
     keys = Keys(scope)
-    variable = keys.variable("variable_name", variable_name)
-    value = _constant(variable_value) if variable_value.entry is None else variable_value.get
+    variable = keys.variable(variable_name)
+    value = constant(variable_value) if variable_value.entry is None else variable_value.get
     return keys.given_to(behaviours.SetBlackboardVariable(name, variable, value, overwrite))
 
 
@@ -225,7 +179,7 @@ def check_value(
         scope: Where the keys are looked up.
     """
     keys = Keys(scope)
-    check = _expression(keys.variable("variable", variable), operator, value)
+    check = expression(keys.variable(variable), operator, value)
     return keys.given_to(behaviours.CheckBlackboardVariableValue(name, check))
 
 
@@ -244,7 +198,7 @@ def wait_for_value(
         scope: Where the keys are looked up.
     """
     keys = Keys(scope)
-    check = _expression(keys.variable("variable", variable), operator, value)
+    check = expression(keys.variable(variable), operator, value)
     return keys.given_to(behaviours.WaitForBlackboardVariableValue(name, check))
 
 
@@ -264,15 +218,15 @@ def check_values(
         operator: How to join the results, from left to right.
         namespace: A key `results` has each result written to `results/1`, `results/2` and so on.
         scope: Where the keys are looked up.
-
-    Raises:
-        ValueError: If a comparison cannot be read, or there are less than two.
     """
     keys = Keys(scope)
-    expressions = [_read_check(text.strip(), keys) for text in checks]
-    folder = None if namespace is None else keys.numbered("namespace", namespace, len(expressions))
+    expressions = [
+        expression(keys.variable(Input(check.variable)), check.comparison, Input(check.value))
+        for check in map(read_check, checks)
+    ]
+    folder = None if namespace is None else keys.numbered(namespace, len(expressions))
     return keys.given_to(
-        behaviours.CheckBlackboardVariableValues(name, expressions, _JUNCTIONS[operator], folder)
+        behaviours.CheckBlackboardVariableValues(name, expressions, JUNCTIONS[operator], folder)
     )
 
 
@@ -290,65 +244,12 @@ def compare_variables(
 
     Raises:
         TooOldError: If py_trees does not have it yet.
-        ValueError: If a key is none.
     """
     keys = Keys(scope)
     make = since_2_4(behaviours, "CompareBlackboardVariables")
-    left, right = keys.key("var1_key", var1_key), keys.key("var2_key", var2_key)
-    made: Behaviour = make(name, left, right, _COMPARISONS[operator])
+    left, right = keys.key(var1_key), keys.key(var2_key)
+    made: Behaviour = make(name, left, right, COMPARISONS[operator])
     return keys.given_to(made)
-
-
-class _Held:
-    """What a key holds whenever it is looked at, for a comparison that py_trees makes once and for all."""
-
-    def __init__(self, port: Input[object]) -> None:
-        self._port = port
-
-    def get(self) -> object:
-        return self._port.get()
-
-    def __str__(self) -> str:
-        return str(self._port.get())
-
-
-def _expression(variable: str, operator: str, value: Input[object]) -> ComparisonExpression:
-    compare = _COMPARISONS[operator]
-    if value.entry is None:
-        return ComparisonExpression(variable, _constant(value), compare)
-    # A function as the value would do from py_trees 2.4 on.
-    return ComparisonExpression(variable, _Held(value), lambda left, right: compare(left, right.get()))
-
-
-def _read_check(text: str, keys: Keys) -> ComparisonExpression:
-    parts = text.split(maxsplit=2)
-    if len(parts) < len(("key", "operator", "value")) or "{" in text:
-        message = (
-            f"checks: '{text}' is no comparison; write a key, how to compare, and a value: battery gt 20"
-        )
-        raise ValueError(message)
-    variable, comparison, value = parts
-    if comparison not in _COMPARISONS:
-        message = f"checks: '{text}': '{comparison}' is not one of {', '.join(_COMPARISONS)}"
-        raise ValueError(message)
-    return _expression(keys.variable("checks", Input(variable)), comparison, Input(value))
-
-
-def _constant(port: Input[object]) -> object:
-    """Return what a constant says: texts from a file are numbers and truth values where all of them is one."""
-    value = port.get()
-    if not isinstance(value, str):
-        return value
-    return {"true": True, "false": False}.get(value, literal_value(value))
-
-
-def _status(text: str) -> Status:
-    if text not in _ANSWERS:
-        near = nearest(text, _ANSWERS)
-        advice = f"; did you mean {near}?" if near else ""
-        message = f"queue: '{text}' is not one of {', '.join(_ANSWERS)}{advice}"
-        raise ValueError(message)
-    return Status[text]
 
 
 _SUCCESS, _FAILURE, _RUNNING = "SUCCESS", "FAILURE", "RUNNING"
@@ -360,9 +261,16 @@ def _renamed(tag: str, cls: type, doc: str, *outcomes: str) -> Registration:
     return Registration(tag, cls, Kind.ACTION, frozenset(outcomes), doc=doc)
 
 
-def _own(tag: str, cls: type, *outcomes: str, kind: Kind = Kind.ACTION, effects: str = "") -> Registration:
+def _own(
+    tag: str,
+    cls: type,
+    *outcomes: str,
+    kind: Kind = Kind.ACTION,
+    effects: str = "",
+    **types: ValueType,
+) -> Registration:
     """Return a leaf that py_trees does not have."""
-    return Registration(tag, cls, kind, frozenset(outcomes), effects=effects)
+    return Registration(tag, cls, kind, frozenset(outcomes), effects=effects, types=types)
 
 
 def _stock(cls: type[Behaviour], doc: str, *outcomes: str, **parameter_docs: str) -> Registration:
@@ -377,11 +285,26 @@ BEHAVIORTREE_CPP = [
     _renamed("AlwaysSuccess", behaviours.Success, "Succeeds.", _SUCCESS),
     _renamed("AlwaysFailure", behaviours.Failure, "Fails.", _FAILURE),
     _own("Script", script_nodes.RunScript, _SUCCESS, effects="writes to the blackboard"),
-    _own("ScriptCondition", script_nodes.ScriptCondition, _SUCCESS, _FAILURE, kind=Kind.CONDITION),
-    _own("SetBlackboard", entries.SetBlackboard, _SUCCESS, effects="writes to the blackboard"),
+    _own(
+        "ScriptCondition",
+        script_nodes.ScriptCondition,
+        _SUCCESS,
+        _FAILURE,
+        kind=Kind.CONDITION,
+        code=CONDITION,
+    ),
+    _own(
+        "SetBlackboard",
+        entries.SetBlackboard,
+        _SUCCESS,
+        _FAILURE,
+        effects="writes to the blackboard",
+        value=AS_WRITTEN,
+        output_key=AS_WRITTEN,
+    ),
     _own("UnsetBlackboard", entries.UnsetBlackboard, _SUCCESS, effects="removes from the blackboard"),
     _own("WasEntryUpdated", entries.WasEntryUpdated, _SUCCESS, _FAILURE),
-    _own("Sleep", timers.Sleep, _SUCCESS, _RUNNING),
+    _own("Sleep", timers.Sleep, _SUCCESS, _RUNNING, msec=UNSIGNED),
 ]
 
 PY_TREES = [
@@ -396,20 +319,59 @@ PY_TREES = [
         *_ALL,
         n="After how many ticks the next one answers something else; 0 or less: another status in each.",
     ),
-    made_by("StatusQueue", status_queue, *_ALL),
-    made_by("SuccessEveryN", success_every_n, _SUCCESS, _FAILURE),
+    made_by("StatusQueue", status_queue, *_ALL, rule=report_no_answer, queue=STATUS_NAMES),
+    made_by("SuccessEveryN", success_every_n, _SUCCESS, _FAILURE, n=NTH),
     made_by("TickCounter", tick_counter, *_ALL),
-    made_by("ProbabilisticBehaviour", probabilistic_behaviour, *_ALL),
+    made_by("ProbabilisticBehaviour", probabilistic_behaviour, *_ALL, weights=CHANCES),
     Registration("Timer", Timer, Kind.ACTION, frozenset({_SUCCESS, _RUNNING})),
-    made_by("BlackboardToStatus", blackboard_to_status, *_ALL),
-    made_by("CheckBlackboardVariableExists", check_exists, _SUCCESS, _FAILURE, kind=Kind.CONDITION),
-    made_by("WaitForBlackboardVariable", wait_for, _SUCCESS, _RUNNING),
-    made_by("SetBlackboardVariable", set_variable, _SUCCESS, _FAILURE, effects="writes to the blackboard"),
-    made_by("UnsetBlackboardVariable", unset_variable, _SUCCESS, effects="removes from the blackboard"),
-    made_by("CheckBlackboardVariableValue", check_value, _SUCCESS, _FAILURE, kind=Kind.CONDITION),
-    made_by("WaitForBlackboardVariableValue", wait_for_value, _SUCCESS, _RUNNING),
-    made_by("CheckBlackboardVariableValues", check_values, _SUCCESS, _FAILURE, kind=Kind.CONDITION),
-    made_by("CompareBlackboardVariables", compare_variables, _SUCCESS, _FAILURE, kind=Kind.CONDITION),
+    made_by("BlackboardToStatus", blackboard_to_status, *_ALL, variable_name=VARIABLE),
+    made_by(
+        "CheckBlackboardVariableExists",
+        check_exists,
+        _SUCCESS,
+        _FAILURE,
+        kind=Kind.CONDITION,
+        variable_name=VARIABLE,
+    ),
+    made_by("WaitForBlackboardVariable", wait_for, _SUCCESS, _RUNNING, variable_name=VARIABLE),
+    made_by(
+        "SetBlackboardVariable",
+        set_variable,
+        _SUCCESS,
+        _FAILURE,
+        effects="writes to the blackboard",
+        variable_name=VARIABLE,
+    ),
+    made_by(
+        "UnsetBlackboardVariable", unset_variable, _SUCCESS, effects="removes from the blackboard", key=KEY
+    ),
+    made_by(
+        "CheckBlackboardVariableValue",
+        check_value,
+        _SUCCESS,
+        _FAILURE,
+        kind=Kind.CONDITION,
+        variable=VARIABLE,
+    ),
+    made_by("WaitForBlackboardVariableValue", wait_for_value, _SUCCESS, _RUNNING, variable=VARIABLE),
+    made_by(
+        "CheckBlackboardVariableValues",
+        check_values,
+        _SUCCESS,
+        _FAILURE,
+        kind=Kind.CONDITION,
+        checks=CHECKS,
+        namespace=KEY,
+    ),
+    made_by(
+        "CompareBlackboardVariables",
+        compare_variables,
+        _SUCCESS,
+        _FAILURE,
+        kind=Kind.CONDITION,
+        var1_key=KEY,
+        var2_key=KEY,
+    ),
 ]
 
 REGISTRATIONS = [*BEHAVIORTREE_CPP, *PY_TREES]

@@ -1,20 +1,26 @@
 """What a `TreeNodesModel` says about nodes: in a tree file, or in a palette beside it."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
+from sar_compiler.nodes.answers import answers_of
 from sar_compiler.nodes.attributes import CONDITIONS, ONESHOT
-from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.collector import Collector, file_of
 from sar_compiler.nodes.register import CHILD_COUNTS
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role
-from sar_compiler.nodes.values import ANYTHING, ValueType, nearest, type_of_cpp_name, value_type_of
+from sar_compiler.nodes.values import ANYTHING, nearest, type_of_cpp_name, value_type_of
 from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
 from sar_compiler.tree.names import is_name
 
 _KINDS = {kind.value: kind for kind in Kind}
 _DIRECTIONS = {direction.value: direction for direction in Direction}
 _IGNORED = ("MetadataFields",)
+# What a leaf is taken to answer that is only described.
+_ANSWERS = {
+    Kind.ACTION: answers_of({"SUCCESS", "FAILURE", "RUNNING"}),
+    Kind.CONDITION: answers_of({"SUCCESS", "FAILURE"}),
+}
 _TAGS = (SUBTREE_TAG, TREE_TAG)
 _NAMES = ("name", "ID", "_autoremap", "children", ONESHOT)
 
@@ -54,6 +60,12 @@ class Model:
     kind: Kind | None
     ports: Mapping[str, Port] = field(default_factory=dict)
 
+    @property
+    def says(self) -> object:
+        """All that it says, to be compared with another."""
+        ports = self.ports.values()
+        return self.kind, {(port.name, port.direction, port.type_name, port.default) for port in ports}
+
     def spec(self) -> NodeSpec:
         """Return what is known of a node that is only described."""
         kind = self.kind or Kind.ACTION
@@ -66,6 +78,7 @@ class Model:
             parameters=parameters,
             outcomes=frozenset({"SUCCESS", "FAILURE", "RUNNING", "SKIPPED"}),
             child_count=CHILD_COUNTS[kind],
+            answers=_ANSWERS.get(kind, ()),
         )
 
 
@@ -86,50 +99,38 @@ def read_models(files: Iterable[TreeFile], collector: Collector) -> Models:
     """Read the models of some files; the first description of a node counts."""
     nodes: dict[str, Model] = {}
     subtrees: dict[str, Model] = {}
+    for element in _descriptions(files):
+        model = _model(element, collector)
+        if model is not None:
+            first = (subtrees if model.kind is None else nodes).setdefault(model.tag, model)
+            if first is not model:
+                _compare_twice(first, model, collector)
+    return Models(nodes, subtrees)
+
+
+def _descriptions(files: Iterable[TreeFile]) -> Iterator[Element]:
     for tree_file in files:
         for section in tree_file.root.children:
             if section.tag == MODEL_TAG:
-                for element in section.children:
-                    model = _model(element, collector)
-                    if model is not None:
-                        (subtrees if model.kind is None else nodes).setdefault(model.tag, model)
-    return Models(nodes, subtrees)
+                yield from (child for child in section.children if child.tag not in _IGNORED)
+
+
+def _compare_twice(first: Model, second: Model, collector: Collector) -> None:
+    """Report a second description that says something else, or a second one of a subtree in the same file."""
+    element = second.element
+    same_file = element.source is first.element.source
+    if first.says == second.says and not (second.kind is None and same_file):
+        return
+    where = f"line {first.element.line}{file_of(first.element, element)}"
+    differs = ", differently" if first.says != second.says else ""
+    message = f"'{second.tag}' is described in {where} already{differs}"
+    collector.value(element, "ID", "duplicate-model", message, hint="delete one of the two")
 
 
 def described_specs(files: Iterable[TreeFile], registry: Registry) -> list[NodeSpec]:
     """Return the nodes that some files describe and nobody has registered."""
     models = read_models(files, Collector())
     return [model.spec() for tag, model in models.nodes.items() if tag not in registry]
-
-
-def compare(models: Models, registry: Registry, collector: Collector) -> None:
-    """Report where the models of nodes contradict the registry."""
-    for model in models.nodes.values():
-        specs = registry.variants(model.tag)
-        if specs:
-            _compare_kind(model, specs[0], collector)
-            for port in model.ports.values():
-                _compare_port(model, port, specs, collector)
-
-
-def _compare_kind(model: Model, spec: NodeSpec, collector: Collector) -> None:
-    if model.kind is not spec.kind:
-        article = "an" if spec.kind is Kind.ACTION else "a"
-        message = f"<{model.tag}> is {article} {spec.kind.value}, and the model says {model.element.tag}"
-        collector.tag(model.element, "model-mismatch", message, suggestion=spec.kind.value)
-
-
-def _compare_port(model: Model, port: Port, specs: list[NodeSpec], collector: Collector) -> None:
-    known = {p.name: p for spec in specs for p in spec.attributes}
-    parameter = known.get(port.name)
-    if parameter is None:
-        message = f"<{model.tag}> has no port '{port.name}'; it has {', '.join(known)}"
-        near = nearest(port.name, known)
-        collector.value(port.element, "name", "model-mismatch", message, suggestion=near)
-    elif {parameter.direction, port.direction} == {Direction.INPUT, Direction.OUTPUT}:
-        right = Direction.INPUT if port.direction is Direction.OUTPUT else Direction.OUTPUT
-        message = f"the port '{port.name}' of <{model.tag}> is an {right.value}"
-        collector.tag(port.element, "model-mismatch", message, suggestion=right.value)
 
 
 def _model(element: Element, collector: Collector) -> Model | None:
@@ -146,8 +147,17 @@ def _model(element: Element, collector: Collector) -> Model | None:
         return None
     if kind is not None and not _can_be_written(element, "ID", "node", _TAGS, collector):
         return None
-    ports = [_port(child, collector) for child in element.children if child.tag not in _IGNORED]
-    return Model(element, tag, kind, {port.name: port for port in ports if port is not None})
+    return Model(element, tag, kind, _ports(element, collector))
+
+
+def _ports(element: Element, collector: Collector) -> dict[str, Port]:
+    ports: dict[str, Port] = {}
+    for child in element.children:
+        port = _port(child, collector) if child.tag not in _IGNORED else None
+        if port is not None and ports.setdefault(port.name, port) is not port:
+            message = f"the port '{port.name}' is described in line {ports[port.name].element.line} already"
+            collector.value(child, "name", "duplicate-model", message, hint="delete one of the two")
+    return ports
 
 
 def _port(element: Element, collector: Collector) -> Port | None:
@@ -179,7 +189,7 @@ def _can_be_written(
 
 
 def _parameter(port: Port) -> Parameter:
-    value_type: ValueType = type_of_cpp_name(port.type_name) or ANYTHING
+    value_type = type_of_cpp_name(port.type_name) or ANYTHING
     return Parameter(
         port.name,
         Role.ATTRIBUTE,

@@ -8,7 +8,7 @@ from datetime import timedelta
 from enum import Enum
 
 from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter, Role
-from sar_compiler.nodes.values import ValueType, as_text
+from sar_compiler.nodes.values import as_text
 from sar_compiler.tree.made import made
 from sar_compiler.tree.model import MODEL_TAG, Element
 
@@ -60,10 +60,6 @@ BUILT_IN = frozenset(
 )
 """The nodes that BehaviorTree.CPP has itself, and Groot2 knows without being told."""
 
-# By the names of value types; whatever else is written as a text is one to BehaviorTree.CPP.
-_TYPES = {"boolean": "bool", "integer": "int", "number": "double"}
-_LIST = ".list"
-
 
 def describe(specs: Iterable[NodeSpec]) -> Element:
     """Return the `TreeNodesModel` of nodes, without those that BehaviorTree.CPP has itself.
@@ -99,7 +95,8 @@ def described_by_use(kind: str, tag: str, ports: Iterable[str]) -> Element:
 
 def _port(parameter: Parameter, spec: NodeSpec) -> Element:
     attributes = {"name": parameter.name}
-    type_name = _type_name(parameter.value_type)
+    # Without a type: the name of another node.
+    type_name = parameter.value_type.cpp if parameter.value_type else "std::string"
     if type_name:
         attributes["type"] = type_name
     if not parameter.required and parameter.default is not None and parameter.name not in spec.fixed:
@@ -111,17 +108,6 @@ def _doc(parameter: Parameter) -> str:
     if parameter.role is not Role.REFERENCE or parameter.target is None:
         return parameter.doc
     return f"{parameter.doc} The name of a {parameter.target.__name__} node.".lstrip()
-
-
-def _type_name(value_type: ValueType | None) -> str:
-    """Return BehaviorTree.CPP's name of a type; empty for a port that carries anything."""
-    if value_type is None:
-        return "std::string"  # the name of another node
-    if value_type.python is None:
-        return ""
-    item = value_type.name.removesuffix(_LIST)
-    name = _TYPES.get(item, "std::string")
-    return name if item == value_type.name else f"std::vector<{name}>"
 
 
 def _written(value: object) -> str:

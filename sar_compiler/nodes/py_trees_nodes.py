@@ -6,7 +6,7 @@ What is different here: their keys are the tree's, and a child of theirs cannot 
 """
 
 from collections.abc import Callable
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 from py_trees import behaviours, decorators
 from py_trees.behaviour import Behaviour
@@ -16,14 +16,12 @@ from py_trees.version import __version__ as py_trees_version
 
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.register import Registration
-from sar_compiler.nodes.spec import Kind
+from sar_compiler.nodes.spec import Kind, Rule
+from sar_compiler.nodes.values import ValueType
 from sar_compiler.runtime.blackboard import Entry, Scope
 from sar_compiler.runtime.ports import Input
 
 B = TypeVar("B", bound=Behaviour)
-
-Answer = Literal["SUCCESS", "FAILURE", "RUNNING"]
-"""What a tick can answer; py_trees' INVALID is none."""
 
 
 class TooOldError(SarError):
@@ -50,6 +48,9 @@ class ScopedClient(Client):
         for access, names in ((Access.READ, stock.read), (Access.WRITE, stock.write)):
             for name in sorted(names):
                 self.register_key(name, access, remap_to=entries[name].name)
+        # One after the other: py_trees stumbles over a key that is both read and written.
+        for name in {*stock.read, *stock.write}:
+            stock.unregister_key(name, clear=False)
         stock.unregister(clear=False)
 
     def set(self, name: str, value: Any, overwrite: bool = True) -> bool:
@@ -82,30 +83,22 @@ class Keys:
         self._scope = scope
         self._entries: dict[str, Entry] = {}
 
-    def variable(self, attribute: str, port: Input[object]) -> str:
+    def variable(self, port: Input[object]) -> str:
         """Return py_trees' name for a key, or for an attribute of the object in it (`battery.percentage`).
 
         Args:
-            attribute: The attribute that says the key, for messages.
             port: The key: `key` or `{key}`.
-
-        Raises:
-            ValueError: If it is no key.
         """
-        key, dot, inner = _text(attribute, port).partition(".")
-        return f"{self._name(attribute, key)}{dot}{inner}"
+        key, dot, inner = _text(port).partition(".")
+        return f"{self._name(key)}{dot}{inner}"
 
-    def key(self, attribute: str, port: Input[object]) -> str:
+    def key(self, port: Input[object]) -> str:
         """Return py_trees' name for a key, where it does not look into objects; see `variable`."""
-        text = _text(attribute, port)
-        if "." in text:
-            message = f"{attribute}: '{text}' has a dot in it, and this node does not look into objects"
-            raise ValueError(message)
-        return self._name(attribute, text)
+        return self._name(_text(port))
 
-    def numbered(self, attribute: str, port: Input[object], count: int) -> str:
+    def numbered(self, port: Input[object], count: int) -> str:
         """Return py_trees' name for a folder with the keys `1`, `2` and so on in it; see `variable`."""
-        folder = _text(attribute, port)
+        folder = _text(port)
         for number in range(1, count + 1):
             key = f"{folder}/{number}"
             self._entries[f"/{key}"] = self._scope.resolve(key)
@@ -122,10 +115,7 @@ class Keys:
                 ]
         return behaviour
 
-    def _name(self, attribute: str, key: str) -> str:
-        if not key:
-            message = f"{attribute}: a key does not begin with a dot; write key.attribute"
-            raise ValueError(message)
+    def _name(self, key: str) -> str:
         entry = self._scope.resolve(key)
         # To py_trees a dot is an attribute of the object, also if it stands in the name of a tree.
         name = entry.name.replace(".", "_")
@@ -139,6 +129,8 @@ def made_by(
     *outcomes: str,
     kind: Kind = Kind.ACTION,
     effects: str = "",
+    rule: "Rule | None" = None,
+    **types: ValueType,
 ) -> Registration:
     """Return a node of py_trees' whose arguments cannot be written as they are: a function makes it.
 
@@ -154,6 +146,8 @@ def made_by(
         frozenset(outcomes),
         factory=factory,
         effects=effects,
+        rule=rule,
+        types=types,
     )
 
 
@@ -170,12 +164,6 @@ def since_2_4(module: object, name: str) -> Callable[..., Any]:
     return made
 
 
-def _text(attribute: str, port: Input[object]) -> str:
+def _text(port: Input[object]) -> str:
     """Return the key that an attribute says, with braces or without."""
-    text = port.get() if port.entry is None else port.entry.key
-    if not isinstance(text, str) or not text or text.startswith("/") or text != "".join(text.split()):
-        message = (
-            f"{attribute}: '{text}' is no key; write its name, without a slash before it and without spaces"
-        )
-        raise ValueError(message)
-    return text
+    return str(port.get()) if port.entry is None else port.entry.key

@@ -6,7 +6,7 @@ from xml.sax.saxutils import escape, quoteattr
 from sar_compiler.nodes.attributes import CONDITIONS, NOTES, ONESHOT, ONESHOT_TYPE
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role
-from sar_compiler.nodes.values import ValueType
+from sar_compiler.nodes.values import CONDITION, ValueType
 from sar_compiler.tree.model import SUBTREE_TAG
 
 _HEAD = """\
@@ -88,6 +88,7 @@ def xml_schema(registry: Registry, described: Iterable[NodeSpec] = ()) -> str:
         for parameter in spec.attributes
         if parameter.value_type is not None
     }
+    types[CONDITION.name] = CONDITION
     lines = [_HEAD.rstrip("\n"), *_group(tags), *_common()]
     for name in sorted(types):
         lines += _value_type(types[name])
@@ -109,8 +110,8 @@ def _group(tags: Iterable[str]) -> list[str]:
 
 
 def _common() -> list[str]:
-    names = [*CONDITIONS, *NOTES]
-    attributes = [f'    <xs:attribute name="{name}" type="xs:string"/>' for name in names]
+    attributes = [f'    <xs:attribute name="{name}" type="{CONDITION.name}.value"/>' for name in CONDITIONS]
+    attributes += [f'    <xs:attribute name="{name}" type="xs:string"/>' for name in NOTES]
     oneshot = f'    <xs:attribute name="{ONESHOT}" type="{ONESHOT}.value"/>'
     return ['  <xs:attributeGroup name="common">', oneshot, *attributes, "  </xs:attributeGroup>"]
 

@@ -13,19 +13,27 @@ from contextlib import suppress
 from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
-from typing import TypeGuard
+from typing import Annotated, TypeGuard, TypeVar
 
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.tokens import ScriptError
+
+T = TypeVar("T")
 
 # No number that a robot needs has more digits.
 _LONGEST_INTEGER = 100
 _INT64 = range(-(2**63), 2**63)
 _INTEGER = r"[+\-]?[0-9]+"
 _REAL = r"[+\-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+\-]?[0-9]+)?"
+_NO_DIGITS = r"-?(inf|infinity|nan)"
+_NOT_BLANK = r"[\s\S]*\S[\s\S]*"
 _DURATION = r"([0-9]+(\.[0-9]*)?|\.[0-9]+)(ms|s|min)?"
 _SECONDS_PER_UNIT = {"ms": 0.001, "s": 1.0, "min": 60.0}
+_SEPARATOR = ";"
+JSON = "json:"
+"""What a text begins with that is JSON, for ports that take anything."""
+_LARGEST_UNSIGNED = 2**32 - 1
 
 # What BehaviorTree.CPP reads as a bool.
 _BOOLS = {
@@ -75,6 +83,11 @@ class ValueType:
         pattern: A regular expression (as XSD and JSON Schema both read it) of its texts; empty: any.
         choices: All its texts, where they can be listed.
         python: The type of its values; None for any.
+        cpp: Its name in a `TreeNodesModel`; empty for what can be anything.
+        least: The smallest of them, for whole numbers that have one.
+        most: The largest of them, for whole numbers that have one.
+        example: A text of such a value.
+        names_key: Whether it is the name of a key: `{goal}` is then another way to write `goal`.
     """
 
     name: str
@@ -83,6 +96,11 @@ class ValueType:
     pattern: str = ""
     choices: tuple[str, ...] = ()
     python: type | None = None
+    cpp: str = ""
+    least: int | None = None
+    most: int | None = None
+    example: str = "0"
+    names_key: bool = False
 
     def fit(self, value: object) -> object:
         """Make a value of this type of one that is on the blackboard.
@@ -93,13 +111,24 @@ class ValueType:
         Raises:
             ConversionError: If it is no such value; the message names it.
         """
+        fitted = self._as_python(value)
+        if isinstance(fitted, int) and not self._within(fitted):
+            message = f"{value!r} is not {self.label}"
+            raise ConversionError(message)
+        return fitted
+
+    def _within(self, number: int) -> bool:
+        return (self.least is None or self.least <= number) and (self.most is None or number <= self.most)
+
+    def _as_python(self, value: object) -> object:
         if self.python is None or (isinstance(value, self.python) and not _odd(value, self.python)):
             return value
         if isinstance(value, str):
             return self.convert(value)
         if isinstance(value, _NUMBERS) and self.python is not Script:  # a script is a text
             if self.python is str:
-                return as_text(value)
+                # What is true is 1 on the blackboard.
+                return as_text(int(value) if isinstance(value, bool) else value)
             if self.python not in _NUMBERS:
                 whole = isinstance(value, float) and value.is_integer()
                 return self.convert(as_text(int(value) if whole else value))
@@ -112,6 +141,10 @@ class ValueType:
 
 def literal_value(text: str) -> int | float | str:
     """Return the constant that a text given to a subtree is: a number where all of it is one, else a text."""
+    if text.startswith("+"):
+        return text
+    if re.fullmatch(_NO_DIGITS, text, re.IGNORECASE):
+        return float(text)
     if re.fullmatch(_INTEGER, text) and len(text) <= _LONGEST_INTEGER and int(text) in _INT64:
         return int(text)
     if re.fullmatch(_REAL, text) and math.isfinite(float(text)):
@@ -146,6 +179,8 @@ def blackboard_key(text: str, port: str = "") -> str | None:
         text: The text.
         port: The name of the port that it is written for, which is what `{=}` stands for.
     """
+    if "{" not in text and "=" not in text:  # nearly every text
+        return None
     stripped = text.strip(" ")
     if port and stripped in ("{=}", "="):
         return port
@@ -158,16 +193,20 @@ def value_type_of(annotation: object) -> ValueType | None:
     """Return how values of an annotated constructor parameter are written.
 
     Args:
-        annotation: The resolved annotation; `Optional[T]` counts as `T`.
+        annotation: The resolved annotation; `Optional[T]` counts as `T`, and `Annotated[T, value_type]` has that type.
 
     Returns:
         The type, or None if no text can become such a value.
     """
     annotation = without_none(annotation)
+    said = _said_type(annotation)
+    if said is not None:
+        return said
     if is_class(annotation) and annotation in _PLAIN:
         return _PLAIN[annotation]
-    if typing.get_origin(annotation) is list and typing.get_args(annotation)[0] in _PLAIN:
-        return _list_of(_PLAIN[typing.get_args(annotation)[0]])
+    if typing.get_origin(annotation) is list:
+        item = without_none(typing.get_args(annotation)[0])
+        return list_of(_PLAIN[item]) if is_class(item) and item in _PLAIN else None
     if is_class(annotation) and issubclass(annotation, enum.Enum):
         return _choice(annotation.__name__, {member.name: member for member in annotation}, annotation)
     if typing.get_origin(annotation) is typing.Literal:
@@ -177,13 +216,24 @@ def value_type_of(annotation: object) -> ValueType | None:
     return None
 
 
+def type_of(annotation: object) -> ValueType:
+    """Return how values of an annotation are written that is known to have a way.
+
+    Raises:
+        TypeError: If it has none.
+    """
+    value_type = value_type_of(annotation)
+    if value_type is None:
+        raise TypeError(annotation)
+    return value_type
+
+
 def type_of_cpp_name(name: str) -> ValueType | None:
     """Return the type that BehaviorTree.CPP's name means (in a `TreeNodesModel`); None for any other."""
     if name.startswith("std::vector<") and name.endswith(">"):
         item = _CPP_TYPES.get(name.removeprefix("std::vector<").removesuffix(">").strip())
-        return _list_of(_PLAIN[item]) if item else None
-    python = _CPP_TYPES.get(name)
-    return _PLAIN[python] if python else None
+        return list_of(item) if item else None
+    return _CPP_TYPES.get(name)
 
 
 def is_class(annotation: object) -> TypeGuard[type]:
@@ -191,12 +241,21 @@ def is_class(annotation: object) -> TypeGuard[type]:
     return isinstance(annotation, type) and typing.get_origin(annotation) is None
 
 
+def _said_type(annotation: object) -> ValueType | None:
+    """Return the type that an `Annotated` says in so many words."""
+    if typing.get_origin(annotation) is not Annotated:
+        return None
+    return next((note for note in typing.get_args(annotation)[1:] if isinstance(note, ValueType)), None)
+
+
 def without_none(annotation: object) -> object:
-    """Return `T` for `T | None`, anything else as it is."""
+    """Return `T` for `T | None`, and for `Annotated[T, ...]` with notes of others; anything else as it is."""
+    if typing.get_origin(annotation) is Annotated and _said_type(annotation) is None:
+        return without_none(typing.get_args(annotation)[0])
     if typing.get_origin(annotation) in (typing.Union, types.UnionType):
         members = [member for member in typing.get_args(annotation) if member is not type(None)]
         if len(members) == 1:
-            return members[0]
+            return without_none(members[0])
     return annotation
 
 
@@ -208,7 +267,12 @@ def _boolean(text: str) -> bool:
         raise ConversionError(message, nearest(text.strip(), ("true", "false"))) from None
 
 
-def _integer(text: str) -> int:
+def whole_number(text: str) -> int:
+    """Return the whole number that a text is.
+
+    Raises:
+        ConversionError: If it is none.
+    """
     if re.fullmatch(_INTEGER, text):
         if len(text) > _LONGEST_INTEGER:
             message = f"a whole number of {len(text)} digits is too large"
@@ -218,7 +282,61 @@ def _integer(text: str) -> int:
     raise ConversionError(message, _leading(_INTEGER, text))
 
 
-def _real(text: str) -> float:
+def _unsigned(text: str) -> int:
+    value = whole_number(text)
+    if text.startswith("-") or value > _LARGEST_UNSIGNED:
+        message = f"'{text}' is not {UNSIGNED.label}"
+        raise ConversionError(message)
+    return value
+
+
+def at_least(least: int) -> ValueType:
+    """Return the type of the whole numbers from a smallest one on.
+
+    It stands in an annotation: `attempts: Annotated[int, at_least(1)]`.
+
+    Args:
+        least: The smallest.
+    """
+    label = f"a whole number, {least} or more"
+
+    def convert(text: str) -> int:
+        value = whole_number(text)
+        if value < least:
+            message = f"'{text}' is not {label}"
+            raise ConversionError(message, str(least))
+        return value
+
+    return ValueType(
+        f"integer.from.{least}",
+        label,
+        convert,
+        pattern=_INTEGER,
+        python=int,
+        cpp="int",
+        least=least,
+        example=str(least),
+    )
+
+
+def _up_to(largest: int) -> str:
+    """Return a regular expression of the whole numbers from 0 to one of several digits."""
+    digits = str(largest)
+    shorter = f"[0-9]{{1,{len(digits) - 1}}}"
+    smaller = [
+        f"{digits[:place]}[0-{int(digit) - 1}][0-9]{{{len(digits) - place - 1}}}"
+        for place, digit in enumerate(digits)
+        if digit != "0"
+    ]
+    return rf"\+?0*({'|'.join([shorter, *smaller, digits])})"
+
+
+def real_number(text: str) -> float:
+    """Return the number that a text is.
+
+    Raises:
+        ConversionError: If it is none, or one too large for a float.
+    """
     if not re.fullmatch(_REAL, text):
         message = f"'{text}' is not a number"
         raise ConversionError(message, _leading(_REAL, text))
@@ -282,26 +400,61 @@ def _choice(name: str, members: dict[str, object], python: type = str) -> ValueT
             message = f"'{text}' is not one of {', '.join(names)}"
             raise ConversionError(message, nearest(text.strip(), names)) from None
 
-    return ValueType(name, f"one of {', '.join(names)}", convert, choices=(*names, *numbered), python=python)
+    label = f"one of {', '.join(names)}"
+    return ValueType(
+        name,
+        label,
+        convert,
+        choices=(*names, *numbered),
+        python=python,
+        cpp=_CPP_TEXT,
+        example=names[0],
+    )
 
 
-def _list_of(item: ValueType) -> ValueType:
+def list_of(item: ValueType) -> ValueType:
     """Return the type of lists, written with semicolons between the items: `1;2;3`."""
 
     def convert(text: str) -> object:
-        return [item.convert(part) for part in text.split(";")] if text else []
+        return items_of(text, item.convert)
 
     pattern = f"(({item.pattern})(;({item.pattern}))*)?" if item.pattern else ""
     label = f"{item.label.split(' ', 1)[1]}s with ; between them"
-    return ValueType(f"{item.name}.list", label, convert, pattern=pattern, python=list)
+    cpp = f"std::vector<{item.cpp}>"
+    return ValueType(f"{item.name}.list", label, convert, pattern=pattern, python=list, cpp=cpp)
+
+
+def items_of(text: str, convert: Callable[[str], T], *, blanks: bool = False) -> list[T]:
+    """Return what stands between the semicolons of a text.
+
+    Args:
+        text: The text; an empty one has no items.
+        convert: Makes an item of its text or raises `ConversionError`.
+        blanks: Whether there may be blanks around an item.
+
+    Raises:
+        ConversionError: If one of them is none; has its place.
+    """
+    items, start = [], 0
+    for part in text.split(_SEPARATOR) if text else ():
+        written = part.strip() if blanks else part
+        begin = start + part.index(written)
+        try:
+            items.append(convert(written))
+        except ConversionError as error:
+            first, last = error.place or (0, len(written))
+            place = (begin + first, begin + last)
+            raise ConversionError(error.message, error.suggestion, error.hint, place) from None
+        start += len(part) + len(_SEPARATOR)
+    return items
 
 
 def _anything(text: str) -> object:
     """Read a text that begins with `json:` as JSON; any other is a text."""
-    if not text.startswith(_JSON):
+    if not text.startswith(JSON):
         return text
     try:
-        return json.loads(text.removeprefix(_JSON))
+        return json.loads(text.removeprefix(JSON))
     except RecursionError:
         message = "what follows json: is nested too deeply"
         raise ConversionError(message) from None
@@ -310,32 +463,49 @@ def _anything(text: str) -> object:
         raise ConversionError(message) from None
 
 
+_CPP_TEXT = "std::string"
 _PLAIN: dict[type, ValueType] = {
-    bool: ValueType("boolean", "true or false", _boolean, choices=tuple(_BOOLS), python=bool),
-    int: ValueType("integer", "a whole number", _integer, pattern=_INTEGER, python=int),
-    float: ValueType("number", "a number", _real, pattern=_REAL, python=float),
-    str: ValueType("string", "a text", str, python=str),
-    Path: ValueType("path", "a path", Path, python=Path),
-    Script: ValueType("script", "a script", _script, python=Script),
-    timedelta: ValueType("duration", "a duration", _duration, pattern=_DURATION, python=timedelta),
+    bool: ValueType(
+        "boolean", "true or false", _boolean, choices=tuple(_BOOLS), python=bool, cpp="bool", example="true"
+    ),
+    int: ValueType("integer", "a whole number", whole_number, pattern=_INTEGER, python=int, cpp="int"),
+    float: ValueType("number", "a number", real_number, pattern=_REAL, python=float, cpp="double"),
+    str: ValueType("string", "a text", str, python=str, cpp=_CPP_TEXT),
+    Path: ValueType("path", "a path", Path, python=Path, cpp=_CPP_TEXT),
+    Script: ValueType("script", "a script", _script, python=Script, cpp=_CPP_TEXT),
+    timedelta: ValueType(
+        "duration", "a duration", _duration, pattern=_DURATION, python=timedelta, cpp=_CPP_TEXT
+    ),
 }
-CONDITION = ValueType("condition", "a script", _condition, python=Script)
+UNSIGNED = ValueType(
+    "unsigned",
+    f"a whole number from 0 to {_LARGEST_UNSIGNED}",
+    _unsigned,
+    pattern=_up_to(_LARGEST_UNSIGNED),
+    python=int,
+    cpp="unsigned int",
+    least=0,
+    most=_LARGEST_UNSIGNED,
+)
+"""BehaviorTree.CPP's `unsigned`."""
+CONDITION = ValueType("condition", "a script", _condition, pattern=_NOT_BLANK, python=Script, cpp=_CPP_TEXT)
 """The scripts of pre- and post-conditions, which must not be empty."""
 ANYTHING = ValueType("anything", "a value", _anything)
 """What a port takes that carries any object; not a type for plain parameters."""
-_CPP_TYPES: dict[str, type] = {
-    "bool": bool,
-    "int": int,
-    "int64_t": int,
-    "uint64_t": int,
-    "unsigned int": int,
-    "unsigned": int,
-    "short": int,
-    "long": int,
-    "double": float,
-    "float": float,
-    "std::string": str,
-    "string": str,
+AS_WRITTEN = ValueType("anything", "a value", str)
+"""What a port takes that carries any object, where a text in the file is a text whatever it begins with."""
+_CPP_TYPES = {
+    "bool": _PLAIN[bool],
+    "int": _PLAIN[int],
+    "int64_t": _PLAIN[int],
+    "uint64_t": _PLAIN[int],
+    "unsigned int": UNSIGNED,
+    "unsigned": UNSIGNED,
+    "short": _PLAIN[int],
+    "long": _PLAIN[int],
+    "double": _PLAIN[float],
+    "float": _PLAIN[float],
+    _CPP_TEXT: _PLAIN[str],
+    "string": _PLAIN[str],
 }
 _NUMBERS = (int, float, bool)
-_JSON = "json:"

@@ -8,13 +8,14 @@ instance of a subtree a path below that, so which entry a key means is settled w
 import functools
 import itertools
 import weakref
-from collections.abc import Iterator, Mapping
+from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass
 
 from py_trees.blackboard import Blackboard
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.context import mission_context
+from sar_compiler.runtime.frozen import FrozenValueError, can_change, freeze, thaw
 
 ROOT_SIGN = "@"
 """What a key of the root scope begins with, wherever it is written."""
@@ -23,6 +24,12 @@ STROKE = "%2F"
 """What stands for a `/` of a key or of a subtree's name in the absolute name of an entry."""
 
 _instances = itertools.count()
+
+
+Row = tuple[str, tuple[type | None] | None, Hashable, int]
+"""An entry of a snapshot: its name, its type if it is named, its frozen value if it is written, and its stamp."""
+Snapshot = tuple[Row, ...]
+"""All entries of a board, as `Board.snapshot` returns them."""
 
 
 class MissingEntryError(SarError, KeyError):
@@ -52,6 +59,13 @@ class Board:
         self._name = name
         # How often each entry was written; an entry is there if it has a number here.
         self._stamps: dict[str, int] = {}
+        # The entries that somebody has named, written or not, with their types; None for those of any type.
+        self._kinds: dict[str, type | None] = {}
+        # The entries of which it counts how often they were written.
+        self._watched: set[str] = set()
+        # Counts every change, and the last snapshot with the count at which it was taken.
+        self._changes = 0
+        self._taken: tuple[int, Snapshot] | None = None
         weakref.finalize(self, _forget, self._stamps)
 
     @functools.cached_property
@@ -72,11 +86,34 @@ class Board:
         """Write an entry, which is made if there is none."""
         Blackboard.storage[name] = value
         self._stamps[name] = self._stamps.get(name, 0) + 1
+        self._changes += 1
+
+    def declare(self, name: str, kind: type | None) -> None:
+        """Name an entry, which stays empty until it is written; the first type that it is given counts."""
+        if name not in self._kinds:
+            self._kinds[name] = kind
+            self._changes += 1
+
+    def settle(self, name: str, kind: type) -> None:
+        """Give an entry a type, if it has none of its own."""
+        if self._kinds.get(name) is None:
+            self._kinds[name] = kind
+            self._changes += 1
+
+    def declared(self, name: str) -> bool:
+        """Say whether an entry is named."""
+        return name in self._kinds
+
+    def kind(self, name: str) -> type | None:
+        """Return the type of an entry; None if it has none of its own."""
+        return self._kinds.get(name)
 
     def remove(self, name: str) -> None:
-        """Remove an entry, if there is one."""
+        """Remove an entry, if there is one, and forget its type."""
         Blackboard.storage.pop(name, None)
         self._stamps.pop(name, None)
+        self._kinds.pop(name, None)
+        self._changes += 1
 
     def stamp(self, name: str) -> int:
         """Return how often an entry was written; 0 if there is none."""
@@ -85,6 +122,63 @@ class Board:
     def names(self) -> Iterator[str]:
         """Yield the absolute names of all entries."""
         yield from list(self._stamps)
+
+    def watch(self, name: str) -> None:
+        """Have snapshots tell how often an entry was written, because a node's behaviour depends on it."""
+        self._watched.add(name)
+        self._changes += 1
+
+    def restamp(self, name: str, stamp: int) -> None:
+        """Have an entry, if there is one, count as written so often."""
+        if self._stamps.get(name, stamp) != stamp:
+            self._stamps[name] = stamp
+            self._changes += 1
+
+    def snapshot(self) -> Snapshot:
+        """Return all entries as they are now; snapshots of equal boards are equal, and can be hashed.
+
+        How often an entry was written is in it for those that are watched.
+
+        Raises:
+            FrozenValueError: If an entry holds a value that can neither be copied nor hashed.
+        """
+        if self._taken is not None and self._taken[0] == self._changes:
+            return self._taken[1]
+        taken = tuple(self._row(name) for name in sorted(self._stamps.keys() | self._kinds))
+        self._keep(taken)
+        return taken
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Make all entries as they were when a snapshot was taken of this board."""
+        if self._taken is not None and self._taken[0] == self._changes and self._taken[1] is snapshot:
+            return
+        _forget(self._stamps)
+        self._stamps.clear()
+        self._kinds.clear()
+        for name, kind, value, stamp in snapshot:
+            if kind is not None:
+                (self._kinds[name],) = kind
+            if value is not None:
+                Blackboard.storage[name] = thaw(value)
+                self._stamps[name] = stamp
+        self._changes += 1
+        self._keep(snapshot)
+
+    def _row(self, name: str) -> Row:
+        kind = (self._kinds[name],) if name in self._kinds else None
+        if name not in self._stamps:
+            return name, kind, None, 0
+        try:
+            value = freeze(Blackboard.storage[name])
+        except FrozenValueError as error:
+            message = f"the entry '{name.removeprefix(self.prefix + '/')}' holds {error}"
+            raise FrozenValueError(message) from error
+        return name, kind, value, self._stamps[name] if name in self._watched else 1
+
+    def _keep(self, snapshot: Snapshot) -> None:
+        """Remember a snapshot, unless what is in it can be changed without anything being written."""
+        changeable = any(can_change(Blackboard.storage[name]) for name in self._stamps)
+        self._taken = None if changeable else (self._changes, snapshot)
 
 
 @dataclass(frozen=True)
@@ -95,16 +189,28 @@ class Entry:
         board: Where it is.
         name: Its absolute name.
         key: The key as it was written in the tree file.
+        passed_on: Whether the key stands for one of a tree around it.
     """
 
     board: Board
     name: str
     key: str
+    passed_on: bool = False
 
     @property
     def exists(self) -> bool:
         """Whether it has been written."""
         return self.board.has(self.name)
+
+    @property
+    def declared(self) -> bool:
+        """Whether it has been named: by a port, by whoever wrote it, or by the mission."""
+        return self.board.declared(self.name)
+
+    @property
+    def kind(self) -> type | None:
+        """The type that a text given to it is read as: `bool`, `int`, `float` or `str`; None if it has none."""
+        return self.board.kind(self.name)
 
     @property
     def stamp(self) -> int:
@@ -121,6 +227,14 @@ class Entry:
             return self.board.get(self.name)
         except KeyError:
             raise MissingEntryError(self.key) from None
+
+    def declare(self, kind: type | None = None) -> None:
+        """Name it; the first type that it is given counts."""
+        self.board.declare(self.name, kind)
+
+    def settle(self, kind: type) -> None:
+        """Give it a type, if it has none of its own."""
+        self.board.settle(self.name, kind)
 
     def write(self, value: object) -> None:
         """Write it."""
@@ -171,7 +285,8 @@ class Scope:
         scope, name = self.owner(key)
         folder = f"{scope.board.prefix}/{scope.path}" if scope.path else scope.board.prefix
         # A stroke in a key must not lead into the folder of a subtree.
-        return Entry(self.board, f"{folder}/{name.replace('/', STROKE)}", key)
+        passed_on = scope is not self and not key.startswith(ROOT_SIGN)
+        return Entry(self.board, f"{folder}/{name.replace('/', STROKE)}", key, passed_on)
 
     def owner(self, key: str) -> "tuple[Scope, str]":
         """Return the scope that owns what a key means here, and the key there."""

@@ -52,6 +52,8 @@ class Conditions(Wrapper):
         enums: The names that stand for numbers.
     """
 
+    is_its_child = True
+
     def __init__(
         self, name: str, child: Behaviour, scripts: ConditionScripts, scope: Scope, enums: Enums
     ) -> None:

@@ -5,12 +5,12 @@ from py_trees.common import Status
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Entry, Scope
-from sar_compiler.runtime.entry_types import kept
+from sar_compiler.runtime.entry_types import kept, read_as
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.parents import Ticking, Wrapper
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.skipping import SKIPPED
-from sar_compiler.runtime.variables import RefusedValueError
+from sar_compiler.runtime.variables import RefusedValueError, said
 
 
 class EntryTypeError(SarError):
@@ -18,20 +18,21 @@ class EntryTypeError(SarError):
 
 
 class SetBlackboard(Behaviour):
-    """Writes an entry: another entry's value, with its type, or a text.
+    """Writes an entry: another entry's value, with its type, or a text; fails if the other entry is empty.
 
+    An entry with a type keeps it: a port's, that of a literal, or the mission's. Any other takes the new one.
     py_trees' SetBlackboardVariable knows neither scopes nor ports.
 
     Args:
         name: The node's name.
         value: What to write.
-        output_key: The entry's key, without braces.
+        output_key: The entry's key, without braces; or a key with them, of an entry that has it.
         scope: Where the key is looked up.
         enums: The names that stand for numbers.
     """
 
     def __init__(
-        self, name: str, value: Input[object], output_key: Input[str], scope: Scope, enums: Enums
+        self, name: str, value: Input[object], output_key: Input[object], scope: Scope, enums: Enums
     ) -> None:
         super().__init__(name)
         self._value = value
@@ -40,17 +41,33 @@ class SetBlackboard(Behaviour):
         self._enums = enums
 
     def update(self) -> Status:
-        """Write the entry; an entry that exists keeps its type."""
-        entry = self._scope.resolve(self._output_key.get())
+        """Write the entry."""
+        entry, source = self._target(), self._value.entry
+        if source is not None and source.declared and not source.exists:
+            entry.declare(source.kind)
+            self.feedback_message = f"nothing has been written to '{source.key}' yet"
+            return Status.FAILURE
+        self.feedback_message = ""
         value = self._value.get()
-        if entry.exists:
-            try:
-                value = kept(entry.read(), value, self._enums.numbers)
-            except RefusedValueError as error:
-                message = f"'{self.name}': {entry.key}: {error}"
-                raise EntryTypeError(message) from error
-        entry.write(value)
+        entry.declare(str if source is None else source.kind)
+        try:
+            entry.write(value if entry.kind is None else self._as_before(entry, entry.kind, value))
+        except RefusedValueError as error:
+            message = f"'{self.name}': {entry.key}: {error}"
+            raise EntryTypeError(message) from error
         return Status.SUCCESS
+
+    def _target(self) -> Entry:
+        key = self._output_key.get()
+        if not isinstance(key, str):
+            message = f"'{self.name}': output_key: {said(key)} is no key"
+            raise EntryTypeError(message)
+        return self._scope.resolve(key)
+
+    def _as_before(self, entry: Entry, kind: type, value: object) -> object:
+        if isinstance(value, str):
+            return read_as(value, kind)
+        return kept(entry.read() if entry.exists else None, value, self._enums.numbers)
 
 
 class UnsetBlackboard(Behaviour):
@@ -71,10 +88,14 @@ class UnsetBlackboard(Behaviour):
 
     def update(self) -> Status:
         """Remove the entry, if there is one."""
-        key, scope = self._key.get(), self._scope
-        # The same instance without its remapping; keys of the root belong to nobody in particular.
-        own = scope if key.startswith(ROOT_SIGN) else Scope(scope.board, scope.path)
-        own.resolve(key).remove()
+        key = self._key.get()
+        if key.startswith(ROOT_SIGN):
+            self.feedback_message = (
+                f"'{key}' stays: only keys of its own tree are removed, written without {ROOT_SIGN}"
+            )
+            return Status.SUCCESS
+        # The same instance without its remapping.
+        Scope(self._scope.board, self._scope.path).resolve(key).remove()
         return Status.SUCCESS
 
 

@@ -2,10 +2,13 @@
 
 import enum
 from collections.abc import Mapping
+from contextlib import suppress
 
-from sar_compiler.runtime.variables import RefusedValueError, Value, fit
+from sar_compiler.runtime.variables import RefusedValueError, Value, fit, number_of, whole_or_real
 
 _PLAIN = (bool, int, float, str)
+_NUMBERS = (bool, int, float)
+_BOOLS = ("True", "TRUE", "False", "FALSE")
 
 
 def kept(current: object, value: object, enums: Mapping[str, int]) -> object:
@@ -32,15 +35,62 @@ def kept(current: object, value: object, enums: Mapping[str, int]) -> object:
     return _member(kind, plain, enums) if issubclass(kind, enum.Enum) else fit(plain, kind, enums)
 
 
+def read_as(text: str, kind: type) -> Value:
+    """Return what an entry that was made with a type reads in a text.
+
+    Args:
+        text: The text.
+        kind: The type: `bool`, `int`, `float` or `str`.
+
+    Raises:
+        RefusedValueError: If the text says no such value.
+    """
+    if kind is str:
+        return text
+    return fit(text.lower() if text in _BOOLS else text, bool) if kind is bool else fit(number_of(text), kind)
+
+
+def assigned(held: object, kind: type | None, value: Value, enums: Mapping[str, int]) -> object:
+    """Return what an entry stores that a script gives a value.
+
+    Args:
+        held: What the entry holds; None if nothing yet.
+        kind: The type that it was made with; None if it has no other than that of its value.
+        value: What it is given.
+        enums: The names that stand for numbers.
+
+    Returns:
+        The value, as one of the entry's type; a text given to a number without a type of its own is a real number.
+
+    Raises:
+        RefusedValueError: If it is none.
+    """
+    if isinstance(value, str) and not isinstance(held, str):
+        if kind is not None:
+            return read_as(value, kind)
+        if isinstance(held, (int, float)) and not isinstance(held, bool):
+            return float(whole_or_real(value, enums))
+    return kept(held, value, enums)
+
+
+def written(held: object, value: object) -> object:
+    """Return what an entry stores that a port gives a value: a number stays whole or real, where nothing is lost."""
+    numbers = type(held) in _NUMBERS and type(value) in _NUMBERS
+    if numbers and type(held) is not type(value) and held is not None:
+        with suppress(RefusedValueError):
+            return kept(held, value, {})
+    return value
+
+
 def value_of(value: object) -> Value | None:
     """Return what a script sees of an entry's value; None if it cannot calculate with it.
 
-    `true` and `false` are 1.0 and 0.0 to it, and a member of an enumeration is its number.
+    A truth value is 1 or 0 to it, and a member of an enumeration is its number.
     """
     if isinstance(value, enum.Enum):
         value = value.value
     if isinstance(value, bool):
-        return float(value)
+        return int(value)
     return value if isinstance(value, (int, float, str)) else None
 
 

@@ -25,7 +25,7 @@ class QueueError(SarError):
     """What a loop is to go through is no queue, or an item of it has the wrong type."""
 
 
-class _Loop(Wrapper):
+class Loop(Wrapper):
     """Ticks its child once for each item."""
 
     _kind: type
@@ -43,7 +43,7 @@ class _Loop(Wrapper):
         self._port = queue
         self._value = value or Output()
         self._if_empty = if_empty or Input(Outcome.SUCCESS)
-        self._literal = self._items(queue.get()) if queue.entry is None else None
+        self._literal = self._read(queue.get()) if queue.entry is None else None
         self._queue: deque[Any] | None = None
         self._child_runs = False
 
@@ -64,7 +64,7 @@ class _Loop(Wrapper):
         queue = self._current()
         if not queue:
             return False
-        item = self._item(queue.popleft())
+        (item,) = self._read([queue.popleft()])
         self._value.set(item)
         self.feedback_message = f"item {excerpt(str(item))}, {len(queue)} left"
         return True
@@ -76,42 +76,60 @@ class _Loop(Wrapper):
                 # It is shared: whoever fills it may go on, and what is taken is gone.
                 self._queue = held
             elif self._queue is None:
-                self._queue = deque(self._items(held))
+                self._queue = deque(self._read(held))
         return self._queue or deque()
 
-    def _items(self, held: object) -> list[Any]:
+    def _read(self, held: object) -> list[Any]:
+        try:
+            return self.items(held)
+        except QueueError as error:
+            message = f"'{self.name}': queue: {error}"
+            raise QueueError(message) from None
+
+    @classmethod
+    def items(cls, held: object) -> list[Any]:
+        """Return the items of a queue.
+
+        Args:
+            held: A text with items between semicolons, or a list.
+
+        Raises:
+            QueueError: If it is neither, or one of them has the wrong type.
+        """
         if isinstance(held, str):
-            text = held.removesuffix(_SEPARATOR)
-            parts: Iterable[object] = text.split(_SEPARATOR) if text else ()
+            texts = held.split(_SEPARATOR)
+            parts: Iterable[object] = texts if texts[-1] else texts[:-1]
         elif isinstance(held, (list, tuple)):
             parts = held
         else:
             message = (
-                f"'{self.name}': queue holds a value of type {type(held).__name__}; "
-                "it takes a list, or a text with items between semicolons"
+                f"a value of type {type(held).__name__} is no queue; "
+                "write a list, or a text with items between semicolons"
             )
             raise QueueError(message)
-        return [self._item(part) for part in parts]
+        return [cls._item(part) for part in parts]
 
-    def _item(self, held: object) -> object:
+    @classmethod
+    def _item(cls, held: object) -> object:
         try:
             value = value_of(held)
             if value is not None:
-                return self._converted(value)
+                return cls._converted(value)
         except RefusedValueError:
             pass
-        message = f"'{self.name}': queue: {held!r} is not {self._label}"
+        message = f"{held!r} is not {cls._label}"
         raise QueueError(message) from None
 
-    def _converted(self, value: Value) -> object:
-        return fit(value.strip() if isinstance(value, str) else value, self._kind)
+    @classmethod
+    def _converted(cls, value: Value) -> object:
+        return fit(value, cls._kind)
 
     def _halt(self) -> None:
         self._child_runs = False
         super()._halt()
 
 
-class LoopInt(_Loop):
+class LoopInt(Loop):
     """Ticks its child once for each whole number of a queue.
 
     Args:
@@ -136,7 +154,7 @@ class LoopInt(_Loop):
         super().__init__(name, child, queue, value, if_empty)
 
 
-class LoopDouble(_Loop):
+class LoopDouble(Loop):
     """Ticks its child once for each real number of a queue.
 
     Args:
@@ -161,7 +179,7 @@ class LoopDouble(_Loop):
         super().__init__(name, child, queue, value, if_empty)
 
 
-class LoopBool(_Loop):
+class LoopBool(Loop):
     """Ticks its child once for each truth value of a queue.
 
     Args:
@@ -185,13 +203,14 @@ class LoopBool(_Loop):
     ) -> None:
         super().__init__(name, child, queue, value, if_empty)
 
-    def _converted(self, value: Value) -> object:
+    @classmethod
+    def _converted(cls, value: Value) -> object:
         # As everywhere in tree files: true, True and TRUE.
-        spelt = isinstance(value, str) and value.strip() in {"True", "TRUE", "False", "FALSE"}
+        spelt = isinstance(value, str) and value in {"True", "TRUE", "False", "FALSE"}
         return super()._converted(str(value).lower() if spelt else value)
 
 
-class LoopString(_Loop):
+class LoopString(Loop):
     """Ticks its child once for each text of a queue.
 
     Args:
@@ -215,5 +234,6 @@ class LoopString(_Loop):
     ) -> None:
         super().__init__(name, child, queue, value, if_empty)
 
-    def _converted(self, value: Value) -> object:
+    @classmethod
+    def _converted(cls, value: Value) -> object:
         return fit(value, str)

@@ -74,8 +74,9 @@ def negative(value: Value) -> Value:
 
 
 def complement(value: Value) -> Value:
-    """Invert the bits of a whole number."""
-    return float(~_bits(value))
+    """Invert the bits of a number, of which only the whole part counts."""
+    number = as_real(value)
+    return float(~as_whole(float(math.trunc(number)) if math.isfinite(number) else number))
 
 
 def negation(value: Value) -> Value:

@@ -29,9 +29,11 @@ class Parent(Behaviour):
 
     Attributes:
         skipped: Whether the last tick was skipped; the status is then not the tick's, see `runtime.skipping`.
+        is_its_child: Whether it and its child are one node, with one status.
     """
 
     skipped = False
+    is_its_child = False
 
     def tick(self) -> Iterator[Behaviour]:
         """Tick once, yielding every node that is ticked on the way, and this one last."""
@@ -70,7 +72,10 @@ class Parent(Behaviour):
         """
         if self.status == Status.RUNNING:
             return False
-        return self.status == Status.INVALID or not isinstance(self.parent, Parent)
+        around = self.parent
+        while isinstance(around, Parent) and around.is_its_child:
+            around = around.parent
+        return self.status == Status.INVALID or not isinstance(around, Parent)
 
     def _halt(self) -> None:
         """Halt the children, in order, and forget where the node was."""

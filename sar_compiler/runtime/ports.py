@@ -15,6 +15,7 @@ from typing import Any, Generic, TypeVar, overload
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.blackboard import Entry
+from sar_compiler.runtime.entry_types import written
 
 T = TypeVar("T")
 D = TypeVar("D")
@@ -77,22 +78,24 @@ class Output(Generic[T]):
 
     Args:
         entry: The entry to write; None where the file names none, and what is written is of no interest.
+        kind: The type that its values give to an entry without one: `bool`, `int`, `float` or `str`.
     """
 
-    def __init__(self, entry: Entry | None = None) -> None:
+    def __init__(self, entry: Entry | None = None, kind: type | None = None) -> None:
         self.entry = entry
+        self._kind = kind
 
     def set(self, value: T) -> None:
-        """Write the value."""
+        """Write the value; a number in an entry with a type stays whole or real, where nothing is lost."""
         if self.entry is not None:
-            self.entry.write(value)
+            _write(self.entry, value, self._kind)
 
 
 class InOut(Input[T]):
     """A value that a node reads and writes: an entry of the blackboard, or a constant that it cannot write."""
 
     def set(self, value: T) -> None:
-        """Write the value.
+        """Write the value, as `Output.set` does.
 
         Raises:
             PortError: If the port is a constant.
@@ -100,4 +103,16 @@ class InOut(Input[T]):
         if self.entry is None:
             message = f"{self._name or 'the port'} is a constant and cannot be written; give it a {{key}}"
             raise PortError(message)
-        self.entry.write(value)
+        _write(self.entry, value)
+
+
+def _write(entry: Entry, value: object, kind: type | None = None) -> None:
+    if entry.passed_on:
+        # As in BehaviorTree.CPP, which looks only at entries of the node's own tree.
+        entry.write(value)
+    elif entry.kind is not None and entry.exists:
+        entry.write(written(entry.read(), value))
+    else:
+        if kind is not None:
+            entry.settle(kind)
+        entry.write(value)

@@ -5,7 +5,7 @@ from typing import TypeVar
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.blackboard import Entry, MissingEntryError, Scope
-from sar_compiler.runtime.entry_types import kept, value_of
+from sar_compiler.runtime.entry_types import assigned, value_of
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.expressions import Script
@@ -36,7 +36,8 @@ class NodeScriptError(SarError):
 class ScopeVariables:
     """The entries of a scope, as a script's variables.
 
-    An entry keeps its type: what is assigned to it is converted where nothing is lost, else refused.
+    An entry keeps its type: what is assigned to it is converted where nothing is lost, else refused. One that a
+    port has named, and that nobody has written, takes any value that its type can have.
 
     Args:
         scope: The scope of the node that has the script.
@@ -63,21 +64,20 @@ class ScopeVariables:
         Raises:
             VariableError: If the entry holds something that the value cannot replace.
         """
-        entry = self._entry(name)
-        if entry.exists:
-            return self.assign(name, value)
-        entry.write(value)
-        return value
+        self._entry(name).declare()
+        return self.assign(name, value)
 
     def assign(self, name: str, value: Value) -> Value:
-        """Write an entry that exists; return what is stored.
+        """Write an entry that exists, or that a port has named; return what is stored.
 
         Raises:
-            UnknownVariableError: If nothing was written to it.
+            UnknownVariableError: If there is none.
             VariableError: If it holds something that the value cannot replace.
         """
-        stored = kept(self._held(name), value, self._numbers)
-        self._entry(name).write(stored)
+        entry = self._entry(name)
+        held = None if entry.declared and not entry.exists else self._held(name)
+        stored = assigned(held, entry.kind, value, self._numbers)
+        entry.write(stored)
         return _seen(name, stored)
 
     def _held(self, name: str) -> object:

@@ -77,14 +77,14 @@ class Delay(Yielding, Wrapper):
         self._timer = Timer(clock)
 
     def _work(self) -> Ticking:
-        delay = _seconds(self.name, "delay_msec", self._delay_msec.get())
+        delay = seconds_of(self.name, "delay_msec", self._delay_msec.get())
         if not self._timer.started:
             self._timer.start(delay)
             self.status = Status.RUNNING
-            self.feedback_message = _left(delay)
+            self.feedback_message = time_left(delay)
             return Status.RUNNING if delay else self._pause()
         remaining = self._timer.remaining()
-        self.feedback_message = _left(remaining) if remaining else ""
+        self.feedback_message = time_left(remaining) if remaining else ""
         if remaining:
             return Status.RUNNING
         outcome = yield from self._tick_child()
@@ -116,7 +116,7 @@ class Timeout(Wrapper):
         self._limited = False
 
     def _work(self) -> Ticking:
-        limit = _seconds(self.name, "msec", self._msec.get())
+        limit = seconds_of(self.name, "msec", self._msec.get())
         if not self._timer.started:
             self._start(limit)
         elif self._limited and not self._timer.remaining():
@@ -124,7 +124,7 @@ class Timeout(Wrapper):
                 return self._time_out()
             # The time ran out over a child that was skipped: it begins with the child.
             self._start(limit)
-        self.feedback_message = _left(self._timer.remaining()) if self._limited else ""
+        self.feedback_message = time_left(self._timer.remaining()) if self._limited else ""
         outcome = yield from self._tick_child()
         if ended(outcome):
             self._timer.stop()
@@ -165,12 +165,12 @@ class Sleep(Behaviour):
 
     def initialise(self) -> None:
         """Start the time."""
-        self._timer.start(_seconds(self.name, "msec", self._msec.get()))
+        self._timer.start(seconds_of(self.name, "msec", self._msec.get()))
 
     def update(self) -> Status:
         """Say whether the time is over."""
         remaining = self._timer.remaining()
-        self.feedback_message = _left(remaining) if remaining else ""
+        self.feedback_message = time_left(remaining) if remaining else ""
         return Status.RUNNING if remaining else Status.SUCCESS
 
     def terminate(self, new_status: Status) -> None:
@@ -180,12 +180,23 @@ class Sleep(Behaviour):
             self.feedback_message = ""
 
 
-def _seconds(name: str, port: str, milliseconds: int) -> float:
+def seconds_of(name: str, port: str, milliseconds: int) -> float:
+    """Return how long a node is to wait, in seconds.
+
+    Args:
+        name: The node's name.
+        port: The attribute that says how long.
+        milliseconds: What it says.
+
+    Raises:
+        DurationError: If that is less than no time.
+    """
     if milliseconds < 0:
         message = f"'{name}' is to wait {milliseconds} milliseconds; {port} is 0 or more"
         raise DurationError(message)
     return milliseconds / _MILLISECONDS
 
 
-def _left(seconds: float) -> str:
+def time_left(seconds: float) -> str:
+    """Return what a node tells of the time that is left, in seconds."""
     return f"remaining: {seconds:.1f}s"

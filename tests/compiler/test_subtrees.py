@@ -1,6 +1,7 @@
 """Which entry of the blackboard a key means, in trees within trees."""
 
 import gc
+import math
 
 import pytest
 from hypothesis import given
@@ -127,7 +128,29 @@ def test_a_node_in_a_subtree_that_refers_to_what_the_subtree_stands_in_is_a_find
         bind_main(forest_of(text), registry)
 
 
-@pytest.mark.parametrize(("text", "value"), [("7", 7), ("1e3", 1000.0), ("true", "true"), ("a b", "a b")])
+def test_what_a_text_port_reads_cannot_be_a_number_that_the_subtree_is_given():
+    body = '<Switch2 variable="{zone}" case_1="7" case_2="8"><Success/><Success/><Success/></Switch2>'
+    with pytest.raises(TreeError) as caught:
+        compiled('<SubTree ID="B" zone="{=}"/>', B='<SubTree ID="C" zone="007"/>', C=body)
+    (finding,) = caught.value.findings
+    assert finding.code == "key-of-two-types"
+    assert "'zone' is a text here, and the subtree is given the number 007" in finding.message
+    assert "<Script code=\"k := '007'\"/>" in (finding.hint or "")
+
+
+def test_an_equals_sign_is_a_text_for_a_subtree():
+    assert after('<SubTree ID="B" x="=" y="{=}"/>', B='<Script code="y := x"/>') == {"y": "="}
+
+
+def test_every_port_names_an_entry_that_a_script_can_write():
+    tree = '<Sequence><Script code="n = 1"/><SubTree ID="B" m="{n}"/></Sequence>'
+    assert after(tree, B='<WasEntryUpdated entry="{m}"/>') == {"n": 1}
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("7", 7), ("1e3", 1000.0), ("+7", "+7"), ("-inf", -math.inf), ("true", "true"), ("a b", "a b")],
+)
 def test_a_constant_has_the_type_that_its_text_shows(text, value):
     seen = after(f'<SubTree ID="B" x="{text}"/>', B='<Script code="@seen := x"/>')["seen"]
     assert seen == value

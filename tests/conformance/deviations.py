@@ -1,5 +1,9 @@
-"""Where this project differs from BehaviorTree.CPP on purpose, recognised by what happens."""
+"""Where this project differs from BehaviorTree.CPP on purpose, recognised by what happens.
 
+What does not end with the tick in which it shows is in `as_there`.
+"""
+
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -28,15 +32,42 @@ class Difference:
     def __str__(self) -> str:
         """Say it in a line."""
         if self.what == "refused":
-            return f"refused here: {self.seen}"
+            return f"refused here: {_line(self.seen)}"
         if self.what == "accepted":
             return f"accepted here, refused there: {_line(self.expected)}"
         raised = f" ({_line(self.error)})" if self.error else ""
         return f"{self.run['mode']}, tick {self.tick}, {self.what}: {self.expected} there, {self.seen} here{raised}"
 
+    @property
+    def exception(self) -> str:
+        """What was raised there in that tick."""
+        ticks = self.run.get("ticks", ())
+        return str(ticks[self.tick].get("exception", "")) if 0 <= self.tick < len(ticks) else ""
+
+    @property
+    def refusals(self) -> list[tuple[str, str]]:
+        """The codes and messages of what was found here."""
+        return _FINDING.findall(self.seen) if self.what == "refused" else []
+
 
 Case = Mapping[str, Any]
 Rule = Callable[[Case, Difference], bool]
+
+_FINDING = re.compile(r": error\[([a-z-]+)\]: (.*)")
+_MISSING = re.compile(r"<\w+> needs the attribute '(\w+)'")
+_FRONT = re.compile(r"'-?(?:[0-9]|\.[0-9])[^']*' is not a (?:whole )?number")
+_TYPES = re.compile(r"initially created with type \[([^]]*)\] and, later type \[([^]]*)\]")
+_NO_VARIABLE = re.compile(r"there is no variable '(\w+)'")
+_DECLARED = re.compile(r"Previously declared type \[([^]]*)\], current type \[([^]]*)\]")
+_OF_ANY_TYPE = re.compile(r"<(Show|SetBlackboard|WasEntryUpdated|SkipUnlessUpdated|WaitValueUpdate|Loop)")
+_TEXT, _ANY = "std::string", "BT::Any"
+_NUMBERS = {"int", "unsigned int", "long", "unsigned long", "double", "bool"}
+# The ports of BehaviorTree.CPP, and of the leaves of the traces, that have no default.
+_NO_DEFAULT = {
+    *(f"case_{number}" for number in range(1, 7)),
+    *("code", "delay_msec", "entry", "id", "if", "key", "msec", "num_attempts", "num_cycles"),
+    *("output_key", "queue", "value", "variable"),
+}
 
 
 def deviation(case: Case, difference: Difference) -> str | None:
@@ -52,21 +83,115 @@ def _refused_before(_: Case, difference: Difference) -> bool:
     return difference.what == "refused" and _raised_there(difference)
 
 
-def _condition_skipped(case: Case, difference: Difference) -> bool:
-    ticks = difference.run.get("ticks", ())
-    exception = ticks[difference.tick].get("exception", "") if 0 <= difference.tick < len(ticks) else ""
-    return ("IfThenElse" in exception or "WhileDoElse" in exception or "IDLE" in exception) and (
-        "<IfThenElse" in case["xml"] or "<WhileDoElse" in case["xml"]
+def _port_missing(_: Case, difference: Difference) -> bool:
+    found = [_MISSING.match(message) for _, message in difference.refusals]
+    return bool(found) and all(match is not None and match.group(1) in _NO_DEFAULT for match in found)
+
+
+def _too_large(_: Case, difference: Difference) -> bool:
+    found = difference.refusals
+    return bool(found) and all(
+        code == "script-error" and " is too large for a" in text for code, text in found
     )
 
 
-def _precondition_checked_again(case: Case, difference: Difference) -> bool:
-    earlier = [
-        event for tick in difference.run.get("ticks", ())[: difference.tick + 1] for event in tick["events"]
-    ]
-    interrupted = any(event[0] in {"halt", "haltTree"} or "SKIPPED" in event for event in earlier)
+def _front_of_literal(_: Case, difference: Difference) -> bool:
+    found = [code == "wrong-value" and _FRONT.search(message) for code, message in difference.refusals]
+    return bool(found) and all(found)
+
+
+def _front_of_entry(_: Case, difference: Difference) -> bool:
+    """Whether a port could not read a text here, and there only its front."""
+    return difference.expected != "EXCEPTION" and bool(
+        re.search(r"\{\w+\}: " + _FRONT.pattern, difference.error)
+    )
+
+
+def _numbers_of_two_types(_: Case, difference: Difference) -> bool:
+    match = _TYPES.search(difference.expected) if difference.what == "accepted" else None
+    return match is not None and set(match.groups()) <= _NUMBERS
+
+
+def _set_over_another(_: Case, difference: Difference) -> bool:
+    """Whether a number could not be written there to an entry that was first named by a port of another plain type."""
+    match = _DECLARED.search(difference.exception)
+    return match is not None and match.group(1) in {*_NUMBERS, _TEXT} and match.group(2) in {*_NUMBERS, _ANY}
+
+
+def _of_two_types(case: Case, difference: Difference) -> bool:
+    text_given = any(isinstance(value, str) for value in case.get("bb", {}).values())
+    return {code for code, _ in difference.refusals} == {"key-of-two-types"} and (
+        text_given or _OF_ANY_TYPE.search(case["xml"]) is not None
+    )
+
+
+def _loop_over_another(_: Case, difference: Difference) -> bool:
+    return re.search(r"\[Loop\w+\]: (Any::copyInto fails|.*to integer)", difference.exception) is not None
+
+
+def _no_delay(case: Case, difference: Difference) -> bool:
+    return 'delay_msec="0"' in case["xml"] and "period_ms" in case and difference.tick >= 0
+
+
+def _sleep_cut_short(case: Case, difference: Difference) -> bool:
+    """Whether a sleep that was halted and started anew between two ticks ended earlier there than here."""
+    halted = any(tick <= difference.tick for tick in case.get("halt_before", ()))
     more = difference.expected.count("tick ") > difference.seen.count("tick ")
-    return "<Precondition" in case["xml"] and difference.what == "events" and interrupted and more
+    sooner = difference.what == "root" and difference.seen == "RUNNING"
+    return "<Sleep" in case["xml"] and halted and (more or sooner)
+
+
+def _plus_sign(case: Case, difference: Difference) -> bool:
+    refused = difference.what == "accepted" or (difference.expected == "EXCEPTION" and not difference.error)
+    return refused and re.search(r'="\+[0-9.]', case["xml"]) is not None
+
+
+def _number_as_key(case: Case, difference: Difference) -> bool:
+    return (
+        "<SetBlackboard" in case["xml"]
+        and re.search(r"output_key: \S+ is no key", difference.error) is not None
+    )
+
+
+def _any_type(_: Case, difference: Difference) -> bool:
+    return "BT::Any" in difference.exception and "convertFromString" in difference.exception
+
+
+def _own_key(case: Case, difference: Difference) -> bool:
+    written = re.search(r'<SetBlackboard[^>]* value="(\{=\}|=)"', case["xml"])
+    return written is not None and "Can't find the port referred by [value]" in difference.exception
+
+
+def _script_not_there_yet(case: Case, difference: Difference) -> bool:
+    keyed = re.search(r'code=" *\{[^"]*\} *"|code="="', case["xml"])
+    return (
+        difference.what == "accepted" and "Missing port [code]" in difference.expected and keyed is not None
+    )
+
+
+def _root_key_twice(_: Case, difference: Difference) -> bool:
+    return re.search(r": @\w+$", difference.what) is not None and difference.seen == "None"
+
+
+def _root_key_made(case: Case, difference: Difference) -> bool:
+    return '="{@' in case["xml"] and "Bug: report" in difference.exception
+
+
+def _name_alone(case: Case, difference: Difference) -> bool:
+    """Whether a script says nothing but the name of an entry that nobody has written, as one of its statements."""
+    match = _NO_VARIABLE.search(difference.error)
+    return match is not None and bool(re.search(rf"[\";] *{match.group(1)} *[\";]", case["xml"]))
+
+
+def _sign_of_no_number(_: Case, difference: Difference) -> bool:
+    return "-nan" in difference.expected and difference.expected.replace("-nan", "nan") == difference.seen
+
+
+def _condition_skipped(case: Case, difference: Difference) -> bool:
+    exception = difference.exception
+    return ("IfThenElse" in exception or "WhileDoElse" in exception or "IDLE" in exception) and (
+        "<IfThenElse" in case["xml"] or "<WhileDoElse" in case["xml"]
+    )
 
 
 def _time_over_skipped_child(case: Case, difference: Difference) -> bool:
@@ -82,44 +207,33 @@ def _explicit_under_reactive(_: Case, difference: Difference) -> bool:
     return difference.what == "accepted" and "Unknown node type" in difference.expected
 
 
-def _halting_scripts(case: Case, difference: Difference) -> bool:
-    """Whether a script has, or has not, run when something was halted."""
-    halts = any(
-        event[0] in {"halt", "haltTree"}
-        for tick in difference.run.get("ticks", ())[: difference.tick + 1]
-        for event in tick["events"]
-    )
-    return halts and difference.what.startswith("blackboard")
-
-
-def _post_on_halt(case: Case, difference: Difference) -> bool:
-    return "_post=" in case["xml"] and _halting_scripts(case, difference)
-
-
-def _halted_without_running(case: Case, difference: Difference) -> bool:
-    return (
-        "_onHalted=" in case["xml"] and bool(case.get("halt_before")) and _halting_scripts(case, difference)
-    )
-
-
-def _literal_kept(case: Case, difference: Difference) -> bool:
-    lost = difference.what.startswith("blackboard") and difference.expected == "None"
-    shown = difference.what == "events" and "<error>" in difference.expected
-    return "<SetBlackboard" in case["xml"] and (lost or shown)
-
-
 _RULES: tuple[tuple[str, Rule], ...] = (
     ("a mistake that is met while ticking there is refused before here", _refused_before),
+    ("a node without a port that it needs is refused here; there it fails when it is ticked", _port_missing),
+    ("of a text that begins with a number, the rest is dropped there", _front_of_literal),
+    ("of a text that begins with a number, the rest is dropped there", _front_of_entry),
+    ("a number of a script that is too large is 0 there", _too_large),
+    ("a number is refused there by a port for numbers of another type", _numbers_of_two_types),
+    ("an entry that was first named by a port of another type takes no number there", _set_over_another),
+    ("a loop cannot replace there what a script has written to its output", _loop_over_another),
+    ("a delay of nothing takes there until its thread has had a turn", _no_delay),
+    ("a sleep that is halted and started at once can end too early there", _sleep_cut_short),
+    ("ports of two types go together there if one for any type, or a text, comes first", _of_two_types),
+    ("a plus sign before a number is refused there", _plus_sign),
+    ("a number is taken for a key there", _number_as_key),
+    ("an entry that SetBlackboard copied, or whose updates are awaited, takes no text there", _any_type),
+    ("SetBlackboard does not find the entry of its own port's name there", _own_key),
+    ("the script of an entry must be there before the tree is made", _script_not_there_yet),
+    ("a key of the main tree that a subtree is given is listed a second time there", _root_key_twice),
+    ("a script cannot make an entry there through a key of the main tree", _root_key_made),
+    ("the name of an empty entry is no error there where nothing is made of it", _name_alone),
+    ("what is not a number has a sign there", _sign_of_no_number),
     ("IfThenElse and WhileDoElse raise there over a condition that is skipped", _condition_skipped),
-    ("Precondition does not check there after its child was halted or skipped", _precondition_checked_again),
     (
         "Timeout never comes there if its time runs out over a child that was skipped",
         _time_over_skipped_child,
     ),
     ("explicit nodes under ReactiveSequence are refused there", _explicit_under_reactive),
-    ("_post is not run there when a node is halted, against the documentation", _post_on_halt),
-    ("halting the tree runs _onHalted there of nodes that do not run", _halted_without_running),
-    ("SetBlackboard can lose a literal there", _literal_kept),
 )
 
 

@@ -38,27 +38,37 @@ class ScriptedError(Exception):
 
 
 class _Answering(SkippableLeaf):
-    def __init__(self, name: str, id_: str, outcomes: str, restart: bool, events: Events) -> None:
+    def __init__(
+        self,
+        name: str,
+        id_: Input[str],
+        outcomes: Input[str] | None,
+        restart: Input[bool] | None,
+        events: Events,
+    ) -> None:
         super().__init__(name)
         self._id = id_
-        self._outcomes = outcomes.split(",")
-        self._restart = restart
+        self._outcomes = outcomes or Input("S")
+        self._restart = restart or Input(source=False)
         self._events = events
         self._asked = 0
 
     def initialise(self) -> None:
-        if self._restart:
+        if self._restart.get():
             self._asked = 0
 
     def update(self) -> Status:
-        answer = self._outcomes[min(self._asked, len(self._outcomes) - 1)]
+        answers = self._outcomes.get().split(",")
+        answer = answers[min(self._asked, len(answers) - 1)]
         self._asked += 1
         if answer == "X":
-            self._events.happened.append(["tick", self._id, "EXCEPTION"])
+            self._events.happened.append(["tick", self._id.get(), "EXCEPTION"])
             message = f"scripted throw in {self.name}"
             raise ScriptedError(message)
         status = _OUTCOMES[answer]
-        self._events.happened.append(["tick", self._id, "SKIPPED" if status == SKIPPED else status.name])
+        self._events.happened.append(
+            ["tick", self._id.get(), "SKIPPED" if status == SKIPPED else status.name]
+        )
         return status
 
 
@@ -67,13 +77,18 @@ class Scripted(_Answering):
     """Answers one status of a list at each tick."""
 
     def __init__(
-        self, name: str, id_: str, events: Events, outcomes: str = "S", restart: bool = False
+        self,
+        name: str,
+        id_: Input[str],
+        events: Events,
+        outcomes: Input[str] | None = None,
+        restart: Input[bool] | None = None,
     ) -> None:
         super().__init__(name, id_, outcomes, restart, events)
 
     def terminate(self, new_status: Status) -> None:
         if new_status == Status.INVALID and self.status == Status.RUNNING:
-            self._events.happened.append(["halt", self._id])
+            self._events.happened.append(["halt", self._id.get()])
 
 
 @register("Cond", kind=Kind.CONDITION, outcomes=_ALL)
@@ -81,13 +96,18 @@ class Cond(_Answering):
     """As Scripted, but a condition: nobody hears of it when one is halted."""
 
     def __init__(
-        self, name: str, id_: str, events: Events, outcomes: str = "S", restart: bool = False
+        self,
+        name: str,
+        id_: Input[str],
+        events: Events,
+        outcomes: Input[str] | None = None,
+        restart: Input[bool] | None = None,
     ) -> None:
         super().__init__(name, id_, outcomes, restart, events)
 
 
 class _Showing(Behaviour):
-    def __init__(self, name: str, id_: str, port: Input[object] | Input[str], events: Events) -> None:
+    def __init__(self, name: str, id_: Input[str], port: Input[object] | Input[str], events: Events) -> None:
         super().__init__(name)
         self._id = id_
         self._port = port
@@ -97,12 +117,12 @@ class _Showing(Behaviour):
         try:
             value = self._port.get()
         except PortError as error:
-            self._events.happened.append(["show", self._id, f"<error: {error}>"])
+            self._events.happened.append(["show", self._id.get(), f"<error: {error}>"])
             return Status.FAILURE
         if isinstance(value, bool):
             value = int(value)
         text = f"{value:f}" if isinstance(value, float) else str(value)
-        self._events.happened.append(["show", self._id, text])
+        self._events.happened.append(["show", self._id.get(), text])
         return Status.SUCCESS
 
 
@@ -110,7 +130,7 @@ class _Showing(Behaviour):
 class Show(_Showing):
     """Shows what its port holds, whatever that is."""
 
-    def __init__(self, name: str, id_: str, value: Input[object], events: Events) -> None:
+    def __init__(self, name: str, id_: Input[str], value: Input[object], events: Events) -> None:
         super().__init__(name, id_, value, events)
 
 
@@ -118,5 +138,5 @@ class Show(_Showing):
 class ShowS(_Showing):
     """Shows what its port holds, which is a text."""
 
-    def __init__(self, name: str, id_: str, value: Input[str], events: Events) -> None:
+    def __init__(self, name: str, id_: Input[str], value: Input[str], events: Events) -> None:
         super().__init__(name, id_, value, events)

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler.checks import check
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
 from sar_compiler.nodes import Kind, register
 from sar_compiler.nodes.btcpp import convert_to_btcpp, to_btcpp
@@ -27,7 +26,7 @@ from sar_compiler.tree.yaml import parse_yaml
 from sar_compiler.tree.yaml_writer import write_yaml
 from sar_compiler.views.outline import outline
 from tests.nodes import leaves
-from tests.trees import document
+from tests.trees import document, errors
 
 TICKED: list[tuple[str, Status]] = []
 STATUSES = {"S": Status.SUCCESS, "F": Status.FAILURE, "R": Status.RUNNING}
@@ -250,7 +249,7 @@ def test_the_name_of_a_node_that_behaviortree_cpp_refuses_is_told():
 def test_a_decorator_that_is_called_like_a_kind_of_node_is_written_in_the_explicit_form():
     text, _ = converted(f'<Condition status="SUCCESS">{LEAF}</Condition>')
     assert text == f'<Decorator ID="Condition" status="SUCCESS">{LEAF}</Decorator>'
-    assert check(Forest.of(parse_xml(document(text))), REGISTRY) == []
+    assert errors(Forest.of(parse_xml(document(text))), REGISTRY) == []
 
 
 def test_a_node_in_the_explicit_form_is_compact_where_behaviortree_cpp_would_not_find_it():
@@ -366,7 +365,7 @@ def plainly(node):
 
 def shipped_outline(tree_file):
     forest = Forest.of(tree_file)
-    assert check(forest, REGISTRY) == []
+    assert errors(forest, REGISTRY) == []
     return plainly(outline(preview_tree(bind_main(forest, REGISTRY))))
 
 
@@ -436,7 +435,7 @@ def named(body):
 def run(tree_file):
     """Tick a tree some times and return what its leaves and its root answered."""
     forest = Forest.of(tree_file)
-    assert check(forest, REGISTRY) == []
+    assert errors(forest, REGISTRY) == []
     tree = compile_tree(bind_main(forest, REGISTRY), {Clock: ManualClock()}, {})
     trace = []
     for _ in range(6):

@@ -2,18 +2,17 @@
 
 import pytest
 
-from sar_compiler.checks import check
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
 from sar_compiler.nodes.attributes import CONDITIONS
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.conditions import Conditions
-from tests.trees import forest, forest_of
+from tests.trees import errors, forest, forest_of
 
 REGISTRY = default_registry()
 
 
 def found(body):
-    return [(f.code, f.span.line, f.span.column, f.span.end_column) for f in check(forest(body), REGISTRY)]
+    return [(f.code, f.span.line, f.span.column, f.span.end_column) for f in errors(forest(body), REGISTRY)]
 
 
 @pytest.mark.parametrize("name", CONDITIONS)
@@ -48,7 +47,7 @@ def test_an_empty_script_node_is_none():
 
 
 def test_a_misspelt_condition_is_a_finding_with_the_right_one():
-    (finding,) = check(forest('<Success _skipif="true"/>'), REGISTRY)
+    (finding,) = errors(forest('<Success _skipif="true"/>'), REGISTRY)
     assert (finding.code, finding.suggestion) == ("unknown-attribute", "_skipIf")
 
 
@@ -61,7 +60,7 @@ def test_the_notes_of_an_editor_mean_nothing(name):
 
 
 def test_the_root_of_a_file_has_no_conditions():
-    (finding,) = check(
+    (finding,) = errors(
         forest_of('<root><BehaviorTree ID="A" _skipIf="true"><Success/></BehaviorTree></root>'), REGISTRY
     )
     assert (finding.code, finding.span.column) == ("unknown-attribute", 28)
@@ -89,4 +88,4 @@ def test_a_condition_is_parsed_once_however_often_its_tree_is_used():
         '<root main_tree_to_execute="Main"><BehaviorTree ID="Main"><Sequence><SubTree ID="B"/><SubTree ID="B"/></Sequence>'
         '</BehaviorTree><BehaviorTree ID="B"><Success _skipIf="a ==="/></BehaviorTree></root>'
     )
-    assert [finding.code for finding in check(trees, REGISTRY)] == ["script-error"]
+    assert [finding.code for finding in errors(trees, REGISTRY)] == ["script-error"]

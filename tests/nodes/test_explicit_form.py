@@ -2,16 +2,15 @@
 
 import pytest
 
-from sar_compiler.checks import check
 from sar_compiler.compiler import bind_main, preview_tree
 from sar_compiler.nodes.registry import default_registry
-from tests.trees import forest
+from tests.trees import errors, forest
 
 REGISTRY = default_registry()
 
 
 def found(body):
-    return [(f.code, f.span.line, f.span.column, f.suggestion) for f in check(forest(body), REGISTRY)]
+    return [(f.code, f.span.line, f.span.column, f.suggestion) for f in errors(forest(body), REGISTRY)]
 
 
 @pytest.mark.parametrize(
@@ -40,6 +39,7 @@ MISTAKES = {
     "a wrong kind": ('<Decorator ID="AdvanceZone"/>', "wrong-kind", 1, "Action"),
     "a condition that is called an action": ('<Action ID="ZonesRemaining"/>', "wrong-kind", 1, "Condition"),
     "no ID": ("<Action/>", "missing-attribute", 1, None),
+    "an empty ID": ('<Action ID=""/>', "missing-attribute", 13, None),
     "an ID of no node": ('<Action ID="AdvanseZone"/>', "unknown-node", 13, "AdvanceZone"),
     "an ID in the compact form": ('<AdvanceZone ID="AdvanceZone"/>', "unknown-attribute", 14, None),
     "a misspelt attribute": (

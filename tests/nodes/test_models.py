@@ -3,12 +3,12 @@
 import pytest
 from py_trees import behaviours, composites, decorators
 
-from sar_compiler.checks import check
+from sar_compiler.checks import check, check_palettes
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.xml import parse_xml
-from tests.trees import document, forest, forest_of
+from tests.trees import document, errors, forest, forest_of
 
 REGISTRY = default_registry()
 
@@ -22,7 +22,7 @@ TREE = '<BehaviorTree ID="A"><Success/></BehaviorTree>'
 
 
 def found(text, *palettes):
-    findings = check(forest_of(text), REGISTRY, [parse_xml(each, "palette.xml") for each in palettes])
+    findings = errors(forest_of(text), REGISTRY, [parse_xml(each, "palette.xml") for each in palettes])
     return [(f.code, f.source.path, f.span.line, f.suggestion) for f in findings]
 
 
@@ -118,6 +118,15 @@ CONTRADICTIONS = {
         "num_cycles",
     ),
     "another direction": ('<Action ID="Sleep"><output_port name="msec"/></Action>', "input_port"),
+    "another type": ('<Action ID="Sleep"><input_port name="msec" type="double"/></Action>', "unsigned int"),
+    "a type in place of a list": (
+        '<Action ID="ProbabilisticBehaviour"><input_port name="weights" type="double"/></Action>',
+        "std::vector<double>",
+    ),
+    "a type for the name of a node": (
+        '<Action ID="NotifyBase"><input_port name="detect_node" type="bool"/></Action>',
+        "std::string",
+    ),
 }
 
 
@@ -134,10 +143,84 @@ def test_a_model_that_contradicts_the_registry_is_a_finding(name):
         '<Control ID="Parallel"><input_port name="success_count" type="int" default="-1"/></Control>',
         '<Action ID="Fly"><MetadataFields><Metadata group="air"/></MetadataFields></Action>',
         '<Condition ID="ScriptCondition"><input_port name="code" type="std::string"/></Condition>',
+        '<Decorator ID="RunOnce"><input_port name="then_skip" type="bool" default="true"/></Decorator>',
+        '<Decorator ID="LoopInt"><input_port name="queue" type="std::shared_ptr&lt;std::deque&gt;"/></Decorator>',
+        '<Decorator ID="LoopInt"><input_port name="if_empty" type="BT::NodeStatus" default="SUCCESS"/></Decorator>',
+        '<Action ID="Sleep"><input_port name="msec" type="int" default="{pause}"/></Action>',
+        '<Action ID="Sleep"><input_port name="msec" type="unsigned int" default=""/></Action>',
+        '<Action ID="StatusQueue"><input_port name="eventually" type="Answer"/></Action>',
     ],
 )
 def test_a_model_that_says_what_the_registry_knows_is_none(model):
     assert found(palette(model, trees=TREE)) == []
+
+
+DEFAULTS = {
+    "of an installed node": '<Action ID="Sleep"><input_port name="msec" default="{}"/></Action>',
+    "of a described node": '<Action ID="Do"><input_port name="x" type="int" default="{}"/></Action>',
+}
+
+
+@pytest.mark.parametrize("which", DEFAULTS)
+def test_a_default_that_the_port_does_not_take_is_a_finding_at_the_default(which):
+    text = palette(DEFAULTS[which].format("12abc"), trees=TREE)
+    (finding,) = check(forest_of(text), REGISTRY)
+    column = DEFAULTS[which].index("{}") + 1
+    assert (finding.code, finding.span.line, finding.span.column) == ("wrong-value", 2, column)
+    assert finding.message == "default: '12abc' is not a whole number"
+    assert found(palette(DEFAULTS[which].format("12"), trees=TREE)) == []
+
+
+def test_the_default_of_an_output_must_be_a_key():
+    model = '<Action ID="Do"><output_port name="x" default="{}"/></Action>'
+    assert found(palette(model.format("{y}"), trees=TREE)) == []
+    assert found(palette(model.format("y"), trees=TREE)) == [("wrong-value", "test.xml", 2, None)]
+
+
+def test_a_port_that_is_described_twice_is_a_finding():
+    text = palette('<Action ID="Do"><input_port name="x"/>\n<input_port name="x"/></Action>', trees=TREE)
+    (finding,) = check(forest_of(text), REGISTRY)
+    assert (finding.code, finding.span.line, finding.span.column) == ("duplicate-model", 3, 19)
+    assert finding.message == "the port 'x' is described in line 2 already"
+
+
+def test_a_node_that_is_described_twice_must_be_described_alike():
+    other = '<Action ID="Fly"><input_port name="height" type="int"/></Action>'
+    assert found(palette(FLY, FLY, trees=TREE)) == []
+    (finding,) = check(forest_of(palette(FLY, other, trees=TREE)), REGISTRY)
+    assert (finding.code, finding.span.line) == ("duplicate-model", 3)
+    assert finding.message == "'Fly' is described in line 2 already, differently"
+
+
+def test_a_file_that_describes_a_node_otherwise_than_its_palette_is_a_finding_in_the_file():
+    other = '<Action ID="Fly"><input_port name="height" type="int"/></Action>'
+    assert found(palette(FLY, trees=TREE), palette(FLY)) == []
+    assert found(palette(other, trees=TREE), palette(FLY)) == [("duplicate-model", "test.xml", 2, None)]
+
+
+def test_a_subtree_that_a_file_describes_twice_is_a_finding():
+    assert found(with_subtree('goal="x"', SUBTREE + "\n" + SUBTREE)) == [
+        ("duplicate-model", "test.xml", 3, None)
+    ]
+
+
+def test_notes_of_groot_beside_the_models_mean_nothing():
+    notes = '<MetadataFields><Metadata group="air"/></MetadataFields>'
+    assert found(palette(notes, FLY, trees='<BehaviorTree ID="A"><Fly/></BehaviorTree>')) == []
+
+
+def test_a_file_that_only_describes_nodes_is_right_by_itself():
+    assert found(palette(FLY)) == []
+    with pytest.raises(TreeError) as caught:
+        bind_main(forest_of(palette(FLY)), REGISTRY)
+    assert [finding.code for finding in caught.value.findings] == ["no-tree"]
+
+
+def test_a_palette_with_a_mistake_has_the_finding_itself():
+    wrong = [parse_xml(palette('<Action ID="Sequence"/>'), "palette.xml")]
+    (finding,) = check_palettes(wrong, REGISTRY)
+    assert (finding.code, finding.source.path, finding.span.line) == ("model-mismatch", "palette.xml", 2)
+    assert check(forest("<Success/>"), REGISTRY, wrong) == []
 
 
 def test_a_described_tree_can_be_looked_at_but_not_flown():

@@ -12,17 +12,15 @@ from py_trees import behaviours, composites, decorators
 from py_trees.blackboard import Blackboard
 from py_trees.common import OneShotPolicy, ParallelPolicy, Status
 
-from sar_compiler.checks import check
 from sar_compiler.compiler import bind_main, compile_tree
 from sar_compiler.nodes import decorators as ours
 from sar_compiler.nodes import leaves
-from sar_compiler.nodes.decorators import Timeout
-from sar_compiler.nodes.leaves import Timer
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.nodes.schema import xml_schema
 from sar_compiler.runtime.clock import Clock, ManualClock
+from sar_compiler.runtime.py_trees_timers import Timeout, Timer
 from sar_compiler.tree.diagnostic import TreeError
-from tests.trees import document, forest_of
+from tests.trees import document, errors, forest_of
 
 REGISTRATIONS = {registration.tag: registration for registration in [*ours.PY_TREES, *leaves.PY_TREES]}
 S, F, R = Status.SUCCESS, Status.FAILURE, Status.RUNNING
@@ -35,7 +33,7 @@ before_2_4 = pytest.mark.skipif(not LACKING, reason="this py_trees has all of th
 def compiled(body, clock=None, parameters=None, trees=""):
     text = document(body).replace("</root>", f"{trees}</root>")
     forest = forest_of(text.replace("<root ", '<root main_tree_to_execute="Main" ') if trees else text)
-    assert [finding.render() for finding in check(forest, default_registry())] == []
+    assert [finding.render() for finding in errors(forest, default_registry())] == []
     return compile_tree(
         bind_main(forest, default_registry()), {Clock: clock or ManualClock()}, parameters or {}
     )
@@ -56,7 +54,7 @@ def ticks(body, times, **options):
 def findings(body):
     """Return what keeps a tree from being made, by the checks or by the compiler."""
     forest = forest_of(document(body))
-    found = check(forest, default_registry())
+    found = errors(forest, default_registry())
     if not found:
         with pytest.raises(TreeError) as caught:
             compile_tree(bind_main(forest, default_registry()), {Clock: ManualClock()}, {})
@@ -321,7 +319,7 @@ def test_a_key_may_have_the_name_of_something_that_a_client_has(name):
 
 
 SUBTREE = (
-    '<BehaviorTree ID="Inner.v2"><Sequence>'
+    '<BehaviorTree ID="Inner"><Sequence>'
     '<SetBlackboardVariable variable_name="{goal}" variable_value="5"/>'
     '<SetBlackboardVariable variable_name="own" variable_value="6"/>'
     '<CheckBlackboardVariableExists variable_name="own"/>'
@@ -330,7 +328,7 @@ SUBTREE = (
 
 
 def test_keys_in_a_subtree_are_its_own_unless_it_is_given_another_one():
-    tree = compiled('<SubTree ID="Inner.v2" goal="{target}"/>', trees=SUBTREE)
+    tree = compiled('<SubTree ID="Inner" name="Inner.v2" goal="{target}"/>', trees=SUBTREE)
     assert ticked(tree, 1) == [S]
     assert key(tree, "target").read() == 5
     assert not key(tree, "own").exists
@@ -564,11 +562,31 @@ def test_a_parallel_has_the_policy_written(attributes, cls, synchronise):
 @pytest.mark.parametrize(
     ("body", "code", "column", "said"),
     [
-        ('<SuccessEveryN n="0"/>', "constructor-failed", 1, "write 1 to succeed in every tick"),
+        ('<SuccessEveryN n="0"/>', "wrong-value", 19, "write 1 to succeed in every tick"),
+        ('<UnsetBlackboardVariable key="{a b}"/>', "wrong-value", 32, "without spaces"),
+        ('<StatusQueue queue="RUNNING; SUCESS"/>', "wrong-value", 30, "'SUCESS' is not one of"),
+        (
+            '<CheckBlackboardVariableValues checks="x gt 1;y" operator="or"/>',
+            "wrong-value",
+            47,
+            "'y' is no comparison",
+        ),
+        (
+            '<Parallel policy="SuccessOnSelected" selected=""><Success/></Parallel>',
+            "wrong-value",
+            48,
+            "no child is named",
+        ),
+        (
+            '<Parallel policy="SuccessOnSelected" selected="Success;x"><Success/></Parallel>',
+            "wrong-value",
+            56,
+            "called 'x'",
+        ),
         ('<SuccessEveryN n="two"/>', "wrong-value", 19, "'two' is not a whole number"),
-        ('<StatusQueue queue=""/>', "constructor-failed", 1, "RUNNING;SUCCESS"),
-        ('<StatusQueue queue="SUCESS"/>', "constructor-failed", 1, "did you mean SUCCESS?"),
-        ('<StatusQueue queue="INVALID"/>', "constructor-failed", 1, "'INVALID' is not one of"),
+        ('<StatusQueue queue=""/>', "wrong-value", 21, "RUNNING;SUCCESS"),
+        ('<StatusQueue queue="SUCESS"/>', "wrong-value", 21, "'SUCESS' is not one of"),
+        ('<StatusQueue queue="INVALID"/>', "wrong-value", 21, "'INVALID' is not one of"),
         (
             '<TickCounter duration="1" completion_status="DONE"/>',
             "wrong-value",
@@ -576,15 +594,20 @@ def test_a_parallel_has_the_policy_written(attributes, cls, synchronise):
             "'DONE' is not one of SUCCESS, FAILURE, RUNNING",
         ),
         ('<Condition status="INVALID"><Success/></Condition>', "wrong-value", 20, "'INVALID' is not one of"),
-        ('<ProbabilisticBehaviour weights="1;2"/>', "constructor-failed", 1, "all or none"),
-        ('<ProbabilisticBehaviour weights="0;0;0"/>', "constructor-failed", 1, "2;1;1"),
-        ('<ProbabilisticBehaviour weights="2;-1;1"/>', "constructor-failed", 1, "none may be negative"),
-        ('<WaitForBlackboardVariable variable_name=""/>', "constructor-failed", 1, "is no key"),
-        ('<WaitForBlackboardVariable variable_name="/x"/>', "constructor-failed", 1, "without a slash"),
-        ('<WaitForBlackboardVariable variable_name="a b"/>', "constructor-failed", 1, "without spaces"),
-        ('<WaitForBlackboardVariable variable_name=".x"/>', "constructor-failed", 1, "begin with a dot"),
-        ('<WaitForBlackboardVariable variable_name="json:3"/>', "constructor-failed", 1, "'3' is no key"),
-        ('<UnsetBlackboardVariable key="a.b"/>', "constructor-failed", 1, "has a dot in it"),
+        ('<ProbabilisticBehaviour weights="1;2"/>', "wrong-value", 34, "three ways to answer, and 2 numbers"),
+        (
+            '<ProbabilisticBehaviour weights="0;0;0"/>',
+            "wrong-value",
+            34,
+            "one of the three must be more than 0",
+        ),
+        ('<ProbabilisticBehaviour weights="2;-1;1"/>', "wrong-value", 36, "'-1' is less than 0"),
+        ('<WaitForBlackboardVariable variable_name=""/>', "wrong-value", 43, "is no key"),
+        ('<WaitForBlackboardVariable variable_name="/x"/>', "wrong-value", 43, "without a slash"),
+        ('<WaitForBlackboardVariable variable_name="a b"/>', "wrong-value", 43, "without spaces"),
+        ('<WaitForBlackboardVariable variable_name=".x"/>', "wrong-value", 43, "begins with a dot"),
+        ('<WaitForBlackboardVariable variable_name="json:3"/>', "wrong-value", 43, "'json:3' is no key"),
+        ('<UnsetBlackboardVariable key="a.b"/>', "wrong-value", 31, "has a dot in it"),
         (
             '<CheckBlackboardVariableValue variable="x" operator="==" value="1"/>',
             "wrong-value",
@@ -593,20 +616,20 @@ def test_a_parallel_has_the_policy_written(attributes, cls, synchronise):
         ),
         (
             '<CheckBlackboardVariableValues checks="x gt 1" operator="and"/>',
-            "constructor-failed",
-            1,
+            "wrong-value",
+            40,
             "at least two",
         ),
         (
             '<CheckBlackboardVariableValues checks="x;y" operator="and"/>',
-            "constructor-failed",
-            1,
+            "wrong-value",
+            40,
             "battery gt 20",
         ),
         (
             '<CheckBlackboardVariableValues checks="x is 1;y eq 2" operator="and"/>',
-            "constructor-failed",
-            1,
+            "wrong-value",
+            40,
             "'is' is not one of eq",
         ),
         (
@@ -617,38 +640,38 @@ def test_a_parallel_has_the_policy_written(attributes, cls, synchronise):
         ),
         (
             '<Parallel policy="SuccessOnSelected" selected="lift"><Success name="left"/></Parallel>',
-            "constructor-failed",
-            1,
-            "did you mean 'left'?",
+            "wrong-value",
+            48,
+            "no child is called 'lift'",
         ),
         (
             '<Parallel policy="SuccessOnSelected" selected="x"><Success name="left"/></Parallel>',
-            "constructor-failed",
-            1,
+            "wrong-value",
+            48,
             "there are left",
         ),
         (
             '<Parallel policy="SuccessOnSelected" selected="Success"><Success/><Success/></Parallel>',
-            "constructor-failed",
-            1,
+            "wrong-value",
+            48,
             "2 children are called 'Success'",
         ),
         (
             '<Parallel policy="SuccessOnSelected"><Success/></Parallel>',
-            "constructor-failed",
+            "missing-attribute",
             1,
-            "left;right",
+            "needs the attribute 'selected'",
         ),
         (
             '<Parallel policy="SuccessOnAll" selected="Success"><Success/></Parallel>',
-            "constructor-failed",
-            1,
+            "conflicting-attributes",
+            33,
             "goes with the policy SuccessOnSelected",
         ),
         (
             '<Parallel policy="SuccessOnOne" synchronise="true"><Success/></Parallel>',
-            "constructor-failed",
-            1,
+            "conflicting-attributes",
+            33,
             "leave it out",
         ),
         (
@@ -696,7 +719,7 @@ SKIPPABLE = '<Success _skipIf="true"/>'
 )
 def test_a_child_that_can_be_skipped_is_refused_with_what_to_write(tag, advice):
     name = tag.split()[0]
-    (finding,) = check(forest_of(document(f"<{tag}>{SKIPPABLE}</{name}>")), default_registry())
+    (finding,) = errors(forest_of(document(f"<{tag}>{SKIPPABLE}</{name}>")), default_registry())
     assert (finding.code, finding.span.line, finding.span.column) == ("skip-misread", 3, len(tag) + 3)
     assert f"can be skipped, which <{name}> takes for an interruption" in finding.message
     assert finding.hint == f"{advice} instead"

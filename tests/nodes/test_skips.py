@@ -61,6 +61,25 @@ def test_what_can_be_skipped_is_known_through_the_nodes_between(child):
     assert type(root(f"<Fallback><Failure/>{child}</Fallback>")) is controls.Fallback
 
 
+@pytest.mark.parametrize(
+    ("opening", "closing", "skips"),
+    [
+        ('<RunOnce then_skip="false">', "</RunOnce>", False),
+        ('<RunOnce then_skip="{a}">', "</RunOnce>", True),
+        ('<Precondition if="true">', "</Precondition>", False),
+        ('<Precondition if="true" else="SUCCESS">', "</Precondition>", False),
+        ('<Precondition if="true" else="{a}">', "</Precondition>", True),
+        ('<LoopInt queue="1;2">', "</LoopInt>", False),
+        ('<LoopInt queue="1;2" if_empty="SKIPPED">', "</LoopInt>", True),
+    ],
+)
+def test_what_skips_by_the_value_of_an_attribute_alone_does_not_where_it_has_another(opening, closing, skips):
+    around = "<Fallback><Failure/>{}</Fallback>"
+    wanted = controls.Fallback if skips else composites.Selector
+    assert type(root(around.format(f"{opening}<Success/>{closing}"))) is wanted
+    assert type(root(around.format(f"{opening}{SKIPPED}{closing}"))) is controls.Fallback
+
+
 def test_conditions_that_cannot_skip_leave_the_nodes_around_stock():
     assert (
         type(root('<Sequence><Success _failureIf="true" _onSuccess="a := 1"/></Sequence>'))

@@ -4,8 +4,8 @@ import pytest
 from py_trees.behaviours import Running, StatusQueue
 from py_trees.common import Status
 
-from sar_compiler.nodes.decorators import Timeout
 from sar_compiler.runtime.clock import ManualClock, WallClock
+from sar_compiler.runtime.py_trees_timers import Timeout
 
 
 def test_a_child_that_takes_too_long_is_stopped_and_the_timeout_fails():

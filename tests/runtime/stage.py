@@ -31,7 +31,7 @@ class Stage:
 
     def leaf(self, name: str, outcomes: str = "S") -> Scripted:
         """Make a leaf that answers S, F, R, K (skipped) or X (raises), one a tick, the last one for ever."""
-        return Scripted(name, name, self.events, outcomes)
+        return Scripted(name, Input(name), self.events, Input(outcomes))
 
     def leaves(self, **outcomes: str) -> list[Behaviour]:
         return [self.leaf(name, answers) for name, answers in outcomes.items()]

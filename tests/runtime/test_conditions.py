@@ -3,10 +3,13 @@
 import pytest
 from py_trees import composites
 from py_trees.common import Status
+from py_trees.decorators import SuccessIsFailure
 
 from sar_compiler.runtime.branches import WhileDoElse
 from sar_compiler.runtime.conditions import Conditions, ConditionScripts
 from sar_compiler.runtime.controls import Sequence
+from sar_compiler.runtime.loops import LoopInt
+from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.scripting import NodeScriptError
 from tests.conformance.leaves import ScriptedError
@@ -169,3 +172,11 @@ def test_after_a_node_has_raised_it_can_start_again():
     stage.told()
     assert stage.tick(root) == "S: a=S"
     assert counts(stage) == "1001"
+
+
+def test_a_loop_with_conditions_starts_again_in_a_parent_that_leaves_it_as_it_ended():
+    stage = counted()
+    loop = LoopInt("l", stage.leaf("a"), Input("7"))
+    root = SuccessIsFailure("f", on(stage, loop, on_success="s+=1"))
+    assert stage.ticks(root, 4) == ["R: a=S", "F:", "R: a=S", "F:"]
+    assert counts(stage) == "2000"

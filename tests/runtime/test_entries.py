@@ -16,7 +16,7 @@ from sar_compiler.runtime.entries import (
     WaitValueUpdate,
     WasEntryUpdated,
 )
-from sar_compiler.runtime.entry_types import kept, value_of
+from sar_compiler.runtime.entry_types import kept, read_as, value_of
 from sar_compiler.runtime.ports import Input, PortError
 from sar_compiler.runtime.variables import RefusedValueError
 from tests.runtime.stage import Stage
@@ -37,10 +37,37 @@ def test_a_literal_is_written_as_text():
     assert stage.entry("k").read() == "7"
 
 
+def typed(**entries):
+    """Make a stage on which every entry has been given its type, as a port or the mission gives it."""
+    stage = Stage(**entries)
+    for key, value in entries.items():
+        stage.entry(key).declare(type(value))
+    return stage
+
+
 def test_a_literal_becomes_what_the_entry_already_is():
-    stage = Stage(k=1)
+    stage = typed(k=1)
     stage.tick(setting(stage, Input("7")))
     assert stage.entry("k").read() == 7
+
+
+def test_an_entry_without_a_type_of_its_own_takes_another_one():
+    stage = Stage(k="x", source=1)
+    stage.tick(setting(stage, stage.port("source")))
+    assert stage.entry("k").read() == 1
+
+
+def test_an_entry_that_a_literal_has_made_stays_a_text():
+    stage = Stage(source=1)
+    stage.tick(setting(stage, Input("7")))
+    with pytest.raises(EntryTypeError, match="'set': k: 1 is not a text"):
+        setting(stage, stage.port("source")).tick_once()
+
+
+def test_a_key_that_is_no_text_is_an_error():
+    stage = Stage(which=2.5)
+    with pytest.raises(EntryTypeError, match=r"'set': output_key: 2\.5 is no key"):
+        SetBlackboard("set", Input("7"), stage.port("which"), stage.scope, stage.enums).tick_once()
 
 
 def test_an_entry_that_was_named_but_never_written_takes_a_literal():
@@ -64,13 +91,20 @@ def test_the_key_itself_can_come_from_the_blackboard():
 
 
 def test_a_value_that_the_entry_cannot_take_is_an_error_that_names_node_and_entry():
-    stage = Stage(k=1)
+    stage = typed(k=1)
     with pytest.raises(EntryTypeError, match="'set': k: the text 'seven' is not a number"):
         setting(stage, Input("seven")).tick_once()
     assert stage.entry("k").read() == 1
 
 
-def test_copying_what_nobody_wrote_is_an_error():
+def test_copying_an_entry_that_is_named_and_empty_fails():
+    stage = Stage()
+    stage.entry("source").declare()
+    assert stage.tick(setting(stage, stage.port("source"))) == "F:"
+    assert not stage.entry("k").exists
+
+
+def test_copying_what_nobody_has_named_is_an_error():
     stage = Stage()
     with pytest.raises(PortError, match="nothing has been written to 'source'"):
         setting(stage, stage.port("source")).tick_once()
@@ -98,10 +132,18 @@ def test_a_subtree_removes_its_own_entries_only():
     assert stage.values == {"outer": 1, "same": 1}
 
 
-def test_a_subtree_can_remove_an_entry_of_the_root():
+def test_an_entry_that_is_removed_has_no_name_and_no_type_any_more():
+    stage = typed(k=1)
+    unset(stage.scope, "k")
+    assert (stage.entry("k").declared, stage.entry("k").kind) == (False, None)
+
+
+def test_a_key_of_the_root_is_not_removed_and_the_node_says_so():
     stage = Stage(k=1)
-    unset(Scope(stage.scope.board, "sub", stage.scope), "@k")
-    assert stage.values == {}
+    node = UnsetBlackboard("unset", Input("@k"), Scope(stage.scope.board, "sub", stage.scope))
+    assert stage.tick(node) == "S:"
+    assert stage.values == {"k": 1}
+    assert "'@k' stays" in node.feedback_message
 
 
 def test_each_node_notices_updates_for_itself():
@@ -192,3 +234,18 @@ def test_whatever_an_entry_is_given_it_keeps_its_type_or_refuses(current, value)
 )
 def test_a_script_sees_numbers_and_texts(value, seen):
     assert value_of(value) == seen
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "value"),
+    [("5", str, "5"), ("5", int, 5), ("5", float, 5.0), ("TRUE", bool, True), ("0", bool, False)],
+)
+def test_an_entry_with_a_type_reads_a_text_as_one_of_it(text, kind, value):
+    assert read_as(text, kind) == value
+    assert type(read_as(text, kind)) is kind
+
+
+@pytest.mark.parametrize(("text", "kind"), [("true", int), ("2.5", int), ("x", float), ("yes", bool)])
+def test_a_text_that_is_none_of_the_type_is_refused(text, kind):
+    with pytest.raises(RefusedValueError):
+        read_as(text, kind)

@@ -29,7 +29,7 @@ def items_of(stage, root):
 @pytest.mark.parametrize(
     ("cls", "text", "items"),
     [
-        (LoopInt, "1;-2; 3", [1, -2, 3]),
+        (LoopInt, "1;-2;3", [1, -2, 3]),
         (LoopInt, "7;", [7]),
         (LoopInt, "", []),
         (LoopDouble, "1;2.5;1e3", [1.0, 2.5, 1000.0]),
@@ -45,7 +45,15 @@ def test_a_literal_queue_gives_items_of_the_loops_type(cls, text, items):
 
 
 @pytest.mark.parametrize(
-    ("cls", "text"), [(LoopInt, "1;2.5"), (LoopDouble, "x"), (LoopBool, "2"), (LoopInt, "1;;2")]
+    ("cls", "text"),
+    [
+        (LoopInt, "1;2.5"),
+        (LoopDouble, "x"),
+        (LoopBool, "2"),
+        (LoopInt, "1;;2"),
+        (LoopInt, "1; 2"),
+        (LoopInt, ";"),
+    ],
 )
 def test_an_item_of_a_literal_queue_that_does_not_fit_is_refused_when_the_loop_is_made(cls, text):
     stage = Stage()
@@ -84,7 +92,7 @@ def test_a_text_on_the_blackboard_is_a_queue():
 
 def test_what_is_no_queue_is_an_error_that_says_what_would_be_one():
     stage = Stage(q=7)
-    with pytest.raises(QueueError, match="queue holds a value of type int; it takes a list"):
+    with pytest.raises(QueueError, match="queue: a value of type int is no queue; write a list"):
         loop(stage, stage.port("q")).tick_once()
 
 

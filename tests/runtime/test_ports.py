@@ -56,6 +56,36 @@ def test_an_output_writes_its_entry_or_nothing_at_all(entry):
     assert entry.read() == 5
 
 
+@pytest.mark.parametrize(
+    ("held", "given", "stored"), [(1.5, 2, 2.0), (1, 2.0, 2), (1, 2.5, 2.5), ("x", 2, 2), (1, True, 1)]
+)
+def test_a_number_that_a_port_writes_stays_whole_or_real_where_nothing_is_lost(entry, held, given, stored):
+    entry.declare(float)
+    entry.write(held)
+    port: Output[object] = Output(entry)
+    port.set(given)
+    assert entry.read() == stored
+    assert type(entry.read()) is type(stored)
+
+
+def test_an_output_gives_its_type_to_an_entry_without_one(entry):
+    entry.declare()
+    entry.write("x")
+    port: Output[int] = Output(entry, int)
+    port.set(5)
+    assert (entry.read(), entry.kind) == (5, int)
+
+
+def test_what_a_subtree_passes_on_is_replaced_whatever_it_was():
+    main = Scope(Board("Main"))
+    main.resolve("x").declare(float)
+    main.resolve("x").write(1.5)
+    inner = Scope(main.board, "sub", main, {"y": "x"})
+    port: Output[int] = Output(inner.resolve("y"), int)
+    port.set(2)
+    assert type(main.resolve("x").read()) is int
+
+
 def test_a_port_that_is_both_writes_what_it_reads(entry):
     port = InOut(entry)
     port.set(1)

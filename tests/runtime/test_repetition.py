@@ -77,7 +77,9 @@ def test_the_number_of_attempts_is_read_again_after_each_failure():
         def terminate(self, new_status):
             stage.entry("attempts").write(1)
 
-    root = RetryUntilSuccessful("r", Lowering("a", "a", stage.events, "F"), stage.port("attempts"))
+    root = RetryUntilSuccessful(
+        "r", Lowering("a", Input("a"), stage.events, Input("F")), stage.port("attempts")
+    )
     assert stage.tick(root) == "F: a=F"
 
 

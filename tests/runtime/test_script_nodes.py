@@ -30,6 +30,33 @@ def test_an_entry_keeps_its_type_when_a_script_writes_it():
     assert type(stage.values["flag"]) is bool
 
 
+def test_an_entry_that_a_port_has_named_needs_no_other_maker():
+    stage = Stage()
+    stage.entry("n").declare(int)
+    run(stage, "n = 1.5")
+    assert stage.values == {"n": 1.5}
+
+
+def test_a_text_given_to_an_entry_with_a_type_is_read_as_one_of_it():
+    stage = Stage()
+    stage.entry("n").declare(int)
+    run(stage, "n := '5'; m := n")
+    assert stage.values == {"n": 5, "m": 5}
+
+
+def test_a_text_given_to_a_number_without_a_type_of_its_own_is_a_real_number():
+    stage = Stage()
+    run(stage, "n := 1; n = '5'; m := 1; m = 'RED'")
+    assert stage.values == {"n": 5.0, "m": 1.0}
+    assert {type(value) for value in stage.values.values()} == {float}
+
+
+def test_a_truth_value_is_a_whole_number_to_a_script():
+    stage = Stage(flag=True)
+    run(stage, "n := flag")
+    assert type(stage.values["n"]) is int
+
+
 def test_a_script_in_a_subtree_writes_its_own_entries_and_those_of_the_root_with_a_sign():
     stage = Stage()
     run(stage, "x := 1; @y := 2", Scope(stage.scope.board, "sub", stage.scope))

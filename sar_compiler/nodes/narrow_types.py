@@ -1,0 +1,120 @@
+"""Types of attributes that take less than the annotation of a constructor's parameter says."""
+
+import math
+from typing import Literal
+
+from sar_compiler.nodes.values import (
+    JSON,
+    ConversionError,
+    ValueType,
+    items_of,
+    real_number,
+    type_of,
+    whole_number,
+)
+from sar_compiler.runtime.blackboard import ROOT_SIGN
+from sar_compiler.runtime.loops import Loop, QueueError
+
+StatusName = Literal["SUCCESS", "FAILURE", "RUNNING"]
+"""What a tick can answer; py_trees' INVALID is none."""
+
+_STATUS_NAME = type_of(StatusName)
+_CHANCES = "write how often to succeed, to fail and to run: 2;1;1"
+_HOW_MANY_CHANCES = 3
+
+
+def _variable(text: str) -> str:
+    name = text.removeprefix(ROOT_SIGN)
+    if not name or name.startswith(("/", JSON)) or text != "".join(text.split()):
+        message = f"'{text}' is no key; write its name, without a slash before it and without spaces"
+        raise ConversionError(message)
+    if name.startswith("."):
+        message = f"'{text}' is no key: it begins with a dot; write key.attribute"
+        raise ConversionError(message)
+    return text
+
+
+def _key(text: str) -> str:
+    if "." in text:
+        message = f"'{text}' has a dot in it, and this node does not look into objects"
+        raise ConversionError(message)
+    return _variable(text)
+
+
+def _status_names(text: str) -> list[str]:
+    return [str(answer) for answer in items_of(text, _STATUS_NAME.convert, blanks=True)]
+
+
+def _names(text: str) -> list[str]:
+    return items_of(text, str, blanks=True)
+
+
+def _nth(text: str) -> int:
+    number = whole_number(text)
+    if number == 0:
+        message = "there is no 0th tick; write 1 to succeed in every tick"
+        raise ConversionError(message, "1")
+    return number
+
+
+def _chance(text: str) -> float:
+    number = real_number(text)
+    if number < 0:
+        message = f"'{text}' is less than 0; write 0 for never"
+        raise ConversionError(message, "0")
+    return number
+
+
+def _chances(text: str) -> list[float]:
+    chances = items_of(text, _chance)
+    if len(chances) != _HOW_MANY_CHANCES:
+        message = f"there are three ways to answer, and {len(chances)} numbers here"
+        raise ConversionError(message, hint=_CHANCES)
+    if not any(chances):
+        message = "one of the three must be more than 0"
+        raise ConversionError(message, hint=_CHANCES)
+    if not math.isfinite(sum(chances)):
+        message = "the three together are too large for a number"
+        raise ConversionError(message, hint=_CHANCES)
+    return chances
+
+
+def queue_of(loop: type[Loop]) -> ValueType:
+    """Return the type of what a loop goes through: a literal queue, or whatever an entry holds."""
+
+    def convert(text: str) -> object:
+        try:
+            loop.items(text)
+        except QueueError as error:
+            raise ConversionError(str(error)) from None
+        return text
+
+    return ValueType(f"queue.{loop.__name__}", "items with ; between them", convert)
+
+
+VARIABLE = ValueType("variable", "a key, or key.attribute", _variable, names_key=True)
+"""A key of the blackboard by its name, or an attribute of the object that it holds."""
+KEY = ValueType("key.name", "a key", _key, names_key=True)
+"""A key of the blackboard by its name."""
+NTH = ValueType("nth", "a whole number other than 0", _nth, python=int, cpp="int", example="1")
+"""In which ticks something happens."""
+CHANCES = ValueType(
+    "chances",
+    "three numbers with ; between them",
+    _chances,
+    python=list,
+    cpp="std::vector<double>",
+    example="1;1;1",
+)
+"""How often to succeed, to fail and to run."""
+NAMES = ValueType("names", "names with ; between them", _names, python=list, cpp="std::vector<std::string>")
+"""Names of nodes."""
+STATUS_NAMES = ValueType(
+    "statuses",
+    "SUCCESS, FAILURE or RUNNING with ; between them",
+    _status_names,
+    python=list,
+    cpp="std::vector<std::string>",
+    example="SUCCESS",
+)
+"""What to answer in one tick after the other."""

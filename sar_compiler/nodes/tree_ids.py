@@ -1,0 +1,34 @@
+"""What can be the ID of a tree, by BehaviorTree.CPP's rules."""
+
+import re
+
+from sar_compiler.nodes.registry import Registry
+
+_REFUSED = re.compile(r"""[\s<>&"'/\\:*?|.\x00-\x1f]""")
+_TAKEN = "root"
+
+
+def refused_in(name: str) -> str | None:
+    """Return what cannot be in the ID of a tree or of a node, in words; None where all can."""
+    found = _REFUSED.search(name)
+    if found is None:
+        return None
+    character = found.group()
+    return f"'{character}'" if character.isprintable() and character != " " else "blanks"
+
+
+def fault_of(tree_id: str, registry: Registry) -> tuple[str, str] | None:
+    """Return why an ID cannot be that of a tree, and what to do; None where it can.
+
+    Args:
+        tree_id: The ID.
+        registry: What tags mean: a tree is not called as a node.
+    """
+    refused = refused_in(tree_id)
+    if refused is not None:
+        return f"the ID of a tree cannot have {refused} in it, as '{tree_id}' has", f"leave {refused} out"
+    if tree_id.lower() == _TAKEN:
+        return f"a tree cannot have the ID '{tree_id}'", "give it another one"
+    if tree_id in registry:
+        return f"'{tree_id}' is a node, and cannot be the ID of a tree as well", "give the tree another one"
+    return None

@@ -1,0 +1,50 @@
+"""Standard output that is closed while a run goes on."""
+
+import os
+import sys
+from contextlib import contextmanager
+
+from sar_compiler.cli.output import Output
+
+
+@contextmanager
+def closed_pipe(monkeypatch):
+    """Let standard output be a pipe that nobody reads."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    # Closing flushes what is left in the buffer, as Python does at its end.
+    with os.fdopen(writer, "w", encoding="utf-8") as stream, monkeypatch.context() as patch:
+        patch.setattr(sys, "stdout", stream)
+        yield
+
+
+def test_what_is_shown_and_said_stands_on_standard_output(capsys):
+    output = Output()
+    output.show("a tree")
+    output.say("a summary")
+    assert capsys.readouterr() == ("a tree\na summary\n", "")
+
+
+def test_that_nobody_reads_any_more_is_said_once_on_standard_error(capsys, monkeypatch):
+    with closed_pipe(monkeypatch):
+        output = Output()
+        output.show("a tree")
+        output.show("another tree")
+    assert output.lost
+    assert capsys.readouterr().err == (
+        "sar-run: standard output cannot be written any more (Broken pipe); "
+        "nothing is shown from here on, and the run goes on\n"
+    )
+
+
+def test_what_somebody_should_see_is_said_on_standard_error_then(capsys, monkeypatch):
+    with closed_pipe(monkeypatch):
+        Output().say("a summary")
+    assert capsys.readouterr().err.endswith("and the run goes on\na summary\n")
+
+
+def test_a_drawing_that_the_terminal_cannot_show_does_not_end_the_run(capsys, monkeypatch, tmp_path):
+    with (tmp_path / "out").open("w", encoding="ascii") as stream, monkeypatch.context() as patch:
+        patch.setattr(sys, "stdout", stream)
+        Output().show("ZonesRemaining? [✓]")
+    assert "'ascii' codec can't encode" in capsys.readouterr().err

@@ -1,0 +1,75 @@
+"""Palettes on the command line: files that describe nodes which are not installed."""
+
+import json
+
+import pytest
+
+from sar_compiler.cli.compile import main
+from tests.trees import document
+
+RIGHT = '<root><TreeNodesModel><Action ID="Fly"/></TreeNodesModel></root>'
+WRONG = '<root><TreeNodesModel><Action ID="Fly"/><Action ID="Sequence"/></TreeNodesModel></root>'
+
+
+@pytest.fixture
+def tree(tmp_path):
+    path = tmp_path / "tree.xml"
+    path.write_text(document("<Fly/>"), encoding="utf-8")
+    return str(path)
+
+
+@pytest.fixture
+def palette(tmp_path):
+    def write(text):
+        path = tmp_path / "palette.xml"
+        path.write_text(text, encoding="utf-8")
+        return str(path)
+
+    return write
+
+
+def run(capsys, *arguments):
+    status = main(arguments)
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+def test_a_palette_is_a_correct_file(capsys, palette):
+    path = palette(RIGHT)
+    assert run(capsys, "validate", path) == (0, f"{path}: no findings\n", "")
+
+
+def test_a_palette_has_no_tree_to_show(capsys, palette):
+    status, out, err = run(capsys, "show", palette(RIGHT))
+    assert (status, out) == (1, "")
+    assert "no-tree" in err
+
+
+def test_what_is_wrong_with_a_palette_is_said_once_however_many_files_are_checked(capsys, palette, tree):
+    path = palette(WRONG)
+    status, out, _ = run(capsys, "validate", "--model", path, tree, tree)
+    assert status == 1
+    assert out.count("model-mismatch") == 1
+    assert out.count(f"{tree}: no findings") == 2
+
+
+def test_a_palette_that_is_wrong_is_data_too(capsys, palette, tree):
+    status, out, _ = run(capsys, "validate", "--format", "json", "--model", palette(WRONG), tree, tree)
+    assert (status, [finding["code"] for finding in json.loads(out)]) == (1, ["model-mismatch"])
+
+
+def test_a_tree_is_not_shown_by_a_palette_that_is_wrong(capsys, palette, tree):
+    status, out, err = run(capsys, "show", "--model", palette(WRONG), tree)
+    assert (status, out) == (1, "")
+    assert err.count("model-mismatch") == 1
+
+
+def test_a_palette_that_is_malformed_is_the_only_finding(capsys, palette, tree):
+    status, out, _ = run(capsys, "validate", "--model", palette("<root>"), tree, tree)
+    assert (status, out.count("malformed-xml"), out.count(tree)) == (1, 1, 0)
+
+
+def test_a_palette_that_is_not_there_is_said_once(capsys, tree):
+    status, out, err = run(capsys, "validate", "--model", "nowhere.xml", tree, tree)
+    assert (status, out) == (2, "")
+    assert err == "sar-compile: cannot read nowhere.xml: No such file or directory\n"

@@ -1,0 +1,224 @@
+"""What BehaviorTree.CPP does where this project differs on purpose.
+
+A run that differs is replayed once more with one of these habits: if it is the same then, the difference comes from
+that habit, with all that follows from it, and from nothing else.
+"""
+
+import itertools
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import dataclass
+from typing import Any
+from unittest import mock
+
+from py_trees.behaviour import Behaviour
+from py_trees.blackboard import Blackboard
+from py_trees.common import Status
+
+from sar_compiler.runtime import (
+    branches,
+    conditions,
+    entries,
+    entry_types,
+    loops,
+    operators,
+    variables,
+)
+from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Scope
+from sar_compiler.runtime.conditions import Conditions
+from sar_compiler.runtime.entries import SetBlackboard
+from sar_compiler.runtime.parents import Ticking, Wrapper, ended
+from sar_compiler.runtime.script_nodes import Precondition
+from sar_compiler.runtime.skipping import reset
+from sar_compiler.runtime.variables import RefusedValueError, Value, said
+
+Case = Mapping[str, Any]
+
+_REAL = re.compile(r"-?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+\-]?[0-9]+)?|-?(?:inf|nan)")
+_WHOLE = re.compile(r"-?[0-9]+")
+
+
+@dataclass(frozen=True)
+class Habit:
+    """Something that BehaviorTree.CPP does, and this project does not.
+
+    Attributes:
+        reason: What it is, in a line.
+        may_show: Says whether a case can show it.
+        taken_on: Makes this project do it as well, for as long as the context lasts.
+    """
+
+    reason: str
+    may_show: Callable[[Case], bool]
+    taken_on: Callable[[], AbstractContextManager[None]]
+
+
+def halt_tree(root: Behaviour) -> None:
+    """Halt the root, and bring every node to rest that this does not reach."""
+    root.stop(Status.INVALID)
+    for node in root.iterate():
+        reset(node)
+
+
+def habits_of(case: Case) -> Iterator[tuple[Habit, ...]]:
+    """Yield the habits that a case can show: each by itself, then each two, and so on."""
+    shown = [habit for habit in HABITS if habit.may_show(case)]
+    for count in range(1, len(shown) + 1):
+        yield from itertools.combinations(shown, count)
+
+
+@contextmanager
+def taken_on(habits: tuple[Habit, ...]) -> Iterator[None]:
+    """Make this project do as BehaviorTree.CPP does, in some respects."""
+    with ExitStack() as stack:
+        for habit in habits:
+            stack.enter_context(habit.taken_on())
+        yield
+
+
+@contextmanager
+def _replaced(owner: object, name: str, replacement: object) -> Iterator[None]:
+    with mock.patch.object(owner, name, replacement):
+        yield
+
+
+@contextmanager
+def _no_post_on_halt() -> Iterator[None]:
+    def halt(self: Conditions) -> None:
+        was_running = self.status == Status.RUNNING
+        reset(self.decorated)
+        if was_running:
+            conditions._run(self._on_halted)
+
+    with _replaced(Conditions, "_halt", halt):
+        yield
+
+
+@contextmanager
+def _on_halted_of_all() -> Iterator[None]:
+    ours = halt_tree
+
+    def halt_all(root: Behaviour) -> None:
+        was_running = root.status == Status.RUNNING
+        ours(root)
+        if not was_running:
+            _run_on_halted(root)
+        for node in _from_above(root):
+            _run_on_halted(node)
+
+    with mock.patch(f"{__name__}.halt_tree", halt_all):
+        yield
+
+
+def _run_on_halted(node: Behaviour) -> None:
+    if isinstance(node, Conditions):
+        conditions._run(node._on_halted)
+
+
+def _from_above(node: Behaviour) -> Iterator[Behaviour]:
+    yield node
+    for child in node.children:
+        yield from _from_above(child)
+
+
+@contextmanager
+def _precondition_asked_once() -> Iterator[None]:
+    def work(self: Precondition) -> Ticking:
+        if not self._child_runs and not self._condition.holds():
+            return self._else.get().value
+        outcome = yield from self._tick_child()
+        self._child_runs = not ended(outcome)
+        return outcome
+
+    with _replaced(Precondition, "_work", work), _replaced(Precondition, "_halt", Wrapper._halt):
+        yield
+
+
+class _AnyType:
+    """The type of an entry that SetBlackboard wrote: no text can become one of it."""
+
+
+@contextmanager
+def _literals_lost() -> Iterator[None]:
+    ours = SetBlackboard.update
+
+    def update(self: SetBlackboard) -> Status:
+        key = str(self._output_key.get())
+        entry, source = self._scope.resolve(key), self._value.entry
+        entry.declare(str if source is None else source.kind)
+        if entry.kind not in (None, _AnyType) or (source is not None and not source.exists):
+            return ours(self)
+        value = self._value.get()
+        if entry.kind is _AnyType and isinstance(value, str):
+            message = f"{said(value)} cannot become any type"
+            raise RefusedValueError(message)
+        entry.write(value)
+        if isinstance(value, str):
+            Blackboard.storage.pop(entry.name)
+        if key.startswith(ROOT_SIGN) or entry.name == Scope(entry.board, self._scope.path).resolve(key).name:
+            entry.board._kinds[entry.name] = _AnyType
+        return Status.SUCCESS
+
+    def names(board: Board) -> Iterator[str]:
+        yield from [name for name in board._stamps if board.has(name)]
+
+    with _replaced(SetBlackboard, "update", update), _replaced(Board, "names", names):
+        yield
+
+
+def _front_of(text: str) -> int | float:
+    match = _REAL.match(text)
+    if match is None:
+        message = f"{said(text)} is not a number"
+        raise RefusedValueError(message)
+    return int(match.group()) if _WHOLE.fullmatch(match.group()) else float(match.group())
+
+
+@contextmanager
+def _front_read() -> Iterator[None]:
+    read_as, fit = entry_types.read_as, variables.fit
+
+    def read(text: str, kind: type) -> Value:
+        match = _WHOLE.match(text)
+        return int(match.group()) if kind is int and match else read_as(text, kind)
+
+    def item(value: Value, kind: type) -> Value:
+        return read(value, kind) if isinstance(value, str) and kind is not bool else fit(value, kind)
+
+    with ExitStack() as stack:
+        for module in (variables, operators, branches, entry_types):
+            stack.enter_context(_replaced(module, "number_of", _front_of))
+        for module in (entries, entry_types):
+            stack.enter_context(_replaced(module, "read_as", read))
+        stack.enter_context(_replaced(loops, "fit", item))
+        yield
+
+
+HABITS = (
+    Habit(
+        "_post is not run there when a node is halted, against the documentation",
+        lambda case: "_post=" in case["xml"],
+        _no_post_on_halt,
+    ),
+    Habit(
+        "halting the tree runs _onHalted there of nodes that do not run, and twice of those that do",
+        lambda case: "_onHalted=" in case["xml"] and bool(case.get("halt_before")),
+        _on_halted_of_all,
+    ),
+    Habit(
+        "Precondition does not check there after its child was halted or skipped",
+        lambda case: "<Precondition" in case["xml"],
+        _precondition_asked_once,
+    ),
+    Habit(
+        "SetBlackboard loses a text there that it gives to an entry without a type",
+        lambda case: "<SetBlackboard" in case["xml"],
+        _literals_lost,
+    ),
+    Habit(
+        "of a text that begins with a number, the rest is dropped there",
+        lambda _: True,
+        _front_read,
+    ),
+)

@@ -1,0 +1,74 @@
+"""What the check passes can be looked at, whatever stands in an attribute that is nearly right."""
+
+from xml.sax.saxutils import quoteattr
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sar_compiler.checks import check
+from sar_compiler.compiler import bind_main, preview_tree
+from sar_compiler.nodes.spec import Direction
+from sar_compiler.tree.diagnostic import Severity
+from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.xml import parse_xml
+from tests.fuzz.random_trees import REGISTRY, SPECS
+from tests.trees import document
+
+NEAR_MISSES = [
+    *("", " ", "0", "-0", "-1", "+5", "1", "2.5", "12abc", "0x10", "4294967295", "4294967296", "9" * 101),
+    *("1e999", "inf", "nan", "true", "True", "yes", "a", "a b", "/a", "a/b", ".a", "a.b", "@", "@a", "@.a"),
+    *("{a}", "{a b}", "{/a}", "{.a}", "{a.b}", "{=}", "=", "{@a}", "{@}", "{", "{}", "{a", "json:", "json:3"),
+    *("1;2", "1;2;3", "1;", ";", "1;;2", " 1; 2", "0;0;0", "1;-1;1", "json:[1]", 'json:["a"]', "json:{"),
+    *("SUCCESS", "INVALID", "SUCCESS;RUNNING", "SUCCESS; X", "ON_COMPLETION", "SuccessOnSelected"),
+    *("b eq 1", "b eq 1;c gt 2", "b is 1;c gt 2", "/b eq 1;c gt 2", "b eq {x};c gt 2", "child", "child;x"),
+]
+
+
+def fitting(parameter):
+    """Return a text that a parameter takes."""
+    if parameter.direction not in (None, Direction.INPUT):
+        return "{k}"
+    return parameter.value_type.example if parameter.value_type else "x"
+
+
+def required(spec):
+    return {parameter.name: fitting(parameter) for parameter in spec.required}
+
+
+def written(spec, attributes):
+    text = "".join(f" {name}={quoteattr(value)}" for name, value in attributes.items())
+    children = '<Success name="child"/>' * spec.child_count[0]
+    return document(f"<Sequence><DetectSurvivor/><{spec.tag}{text}>{children}</{spec.tag}></Sequence>")
+
+
+def assert_sound(text):
+    """What is found has a place in the text; where no error is found, the tree can be looked at."""
+    forest = Forest.of(parse_xml(text))
+    findings = check(forest, REGISTRY)
+    for finding in findings:
+        assert 1 <= finding.span.column <= len(text.split("\n")[finding.span.line - 1]) + 1
+    if not any(finding.severity is Severity.ERROR for finding in findings):
+        preview_tree(bind_main(forest, REGISTRY))
+
+
+@pytest.mark.parametrize("tag", sorted({spec.tag for spec in SPECS}))
+def test_one_attribute_that_is_nearly_right_is_a_finding_or_does_no_harm(tag):
+    for spec in REGISTRY.variants(tag):
+        for parameter in spec.attributes:
+            for value in NEAR_MISSES:
+                assert_sound(written(spec, {**required(spec), parameter.name: value}))
+
+
+@st.composite
+def nearly_right(draw):
+    spec = draw(st.sampled_from(SPECS))
+    names = [parameter.name for parameter in spec.attributes if parameter.name != "name"]
+    more = st.dictionaries(st.sampled_from(names), st.sampled_from(NEAR_MISSES)) if names else st.just({})
+    return written(spec, {**required(spec), **draw(more)})
+
+
+@settings(max_examples=500)
+@given(nearly_right())
+def test_several_attributes_that_are_nearly_right_are_findings_or_do_no_harm(text):
+    assert_sound(text)

@@ -1,0 +1,149 @@
+"""What a leaf can answer where there is no robot: said when it is registered, filled in for each node."""
+
+import pytest
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from sar_compiler.nodes import Answer, Kind, register
+from sar_compiler.nodes.answers import Identifiers, filled, mistake_in, nominal, number_text
+from sar_compiler.nodes.register import MARK, RegistrationError
+from sar_compiler.nodes.registry import default_registry
+from tests.nodes.leaves import Say
+
+ANY = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
+
+
+class Leaf(Behaviour):
+    """A leaf.
+
+    Args:
+        name: The node's name.
+        say: The one to listen to.
+    """
+
+    def __init__(self, name: str, say: Say) -> None:
+        super().__init__(name)
+
+
+def registered(**said):
+    cls = register("Leaf", kind=Kind.ACTION, **{"outcomes": ANY, **said})(type("Leaf", (Leaf,), {}))
+    return getattr(cls, MARK).spec()
+
+
+def test_a_leaf_that_says_nothing_more_answers_each_of_its_outcomes_success_first():
+    assert registered(outcomes={Status.RUNNING, Status.SUCCESS}).answers == (
+        Answer("SUCCESS"),
+        Answer("RUNNING"),
+    )
+
+
+def test_a_leaf_without_outcomes_can_answer_anything_but_skipped():
+    assert [answer.status for answer in registered(outcomes=()).answers] == ["SUCCESS", "FAILURE", "RUNNING"]
+
+
+def test_answers_keep_their_order_and_their_words():
+    answers = [Answer("FAILURE", "no"), Answer("SUCCESS", "yes", when="left > 0", then="left -= 1")]
+    spec = registered(answers=answers, facts={"left": 2}, reads=["speed"], writes=["place"])
+    assert list(spec.answers) == answers
+    assert (dict(spec.facts), spec.reads, spec.writes) == ({"left": 2}, ("speed",), ("place",))
+
+
+def test_a_control_has_no_answers():
+    assert default_registry()["Sequence"].answers == ()
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        ({"answers": ["SUCCESS"]}, "answers holds the text 'SUCCESS'; write Answer"),
+        ({"answers": Answer("SUCCESS")}, "write several or one in brackets"),
+        ({"answers": [Answer("SUCESS")]}, "the status the text 'SUCESS'; the outcomes of this leaf are"),
+        ({"answers": [Answer("SKIPPED")]}, "the outcomes of this leaf are FAILURE, RUNNING, SUCCESS"),
+        ({"answers": [Answer("SUCCESS"), Answer("SUCCESS")]}, "answers holds 'SUCCESS' twice"),
+        ({"facts": ["left"]}, "facts is .*; write names and values at the start"),
+        ({"facts": {"zones left": 1}}, "a fact cannot be called the text 'zones left'"),
+        ({"facts": {"left": [1]}}, r"the fact 'left' is \[1\]; write a number"),
+        ({"reads": "left"}, "reads is the text 'left'; write several"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused_when_the_class_is_marked(said, message):
+    with pytest.raises(RegistrationError, match=message):
+        registered(**said)
+
+
+def test_a_script_that_cannot_be_read_is_refused_when_the_tag_is_first_used():
+    with pytest.raises(
+        RegistrationError, match=r"<Leaf>: answer 'yes': when 'left >': a value is missing after '>'"
+    ):
+        registered(answers=[Answer("SUCCESS", "yes", when="left >")])
+
+
+@pytest.mark.parametrize(
+    "said", [{"answers": [Answer("SUCCESS", when="by_{name}")]}, {"facts": {"by_{name}": 1}}]
+)
+def test_a_placeholder_stands_for_the_node_itself_or_for_a_reference(said):
+    with pytest.raises(RegistrationError, match=r"nothing stands for \{name\}; there is \{self\}, \{say\}"):
+        registered(**said)
+    assert registered(facts={"by_{self}": 1, "by_{say}": 2}).facts
+
+
+class Trying(Behaviour):
+    """Tries.
+
+    Args:
+        name: The node's name.
+        tries: How often.
+    """
+
+    def __init__(self, name: str, tries: int = 3) -> None:
+        super().__init__(name)
+
+
+def trying(**said):
+    cls = register("Trying", kind=Kind.ACTION, outcomes=ANY, **said)(type("Trying", (Trying,), {}))
+    return getattr(cls, MARK).spec()
+
+
+def test_in_scripts_a_placeholder_stands_for_the_value_of_a_whole_number():
+    answers = [Answer("SUCCESS", when="tried < {tries}"), Answer("FAILURE"), Answer("RUNNING")]
+    assert trying(answers=answers, facts={"tried": 0}).answers == tuple(answers)
+    with pytest.raises(RegistrationError, match=r"nothing stands for \{tries\}; there is \{self\}"):
+        trying(facts={"after_{tries}": 0})
+    with pytest.raises(RegistrationError, match=r"answer 'SUCCESS': then '\{tries\} = 1'"):
+        trying(answers=[Answer("SUCCESS", then="{tries} = 1"), *answers[1:]])
+
+
+def test_a_number_below_zero_stands_in_parentheses():
+    assert [number_text(3), number_text(-1)] == ["3", "(-1)"]
+
+
+def test_identifiers_take_the_place_of_placeholders():
+    answer = Answer("SUCCESS", "found", when="left_{self} > 0", then="by_{say} = true")
+    assert filled(answer, {"self": "Look", "say": "Tell"}) == Answer(
+        "SUCCESS", "found", when="left_Look > 0", then="by_Tell = true"
+    )
+
+
+def test_the_place_of_a_mistake_is_that_in_the_text_with_its_placeholders():
+    mistake = mistake_in(Answer("SUCCESS", then="by_{self} = = 1"), ["self"])
+    assert mistake is not None
+    part, text, error = mistake
+    assert (part, text[error.start : error.end]) == ("then", "=")
+
+
+def test_nodes_of_one_name_get_identifiers_of_their_own():
+    identifiers = Identifiers()
+    assert [identifiers.take(name) for name in ("Look!", "Look?", "Über 9")] == ["Look_", "Look__2", "_ber_9"]
+
+
+def test_what_is_usual_is_the_first_answer_that_is_an_end():
+    running, failure, success = Answer("RUNNING"), Answer("FAILURE"), Answer("SUCCESS")
+    assert nominal([running, failure, success]) is failure
+    assert nominal([running]) is running
+
+
+@pytest.mark.parametrize(
+    "spec", [spec for spec in default_registry() if spec.kind.is_leaf], ids=lambda spec: spec.tag
+)
+def test_every_outcome_of_a_registered_leaf_is_among_its_answers(spec):
+    assert {answer.status for answer in spec.answers} == (spec.outcomes or {"SUCCESS", "FAILURE", "RUNNING"})

@@ -1,0 +1,145 @@
+"""Attributes that take less than a number or a text: how long to wait, how often, which items."""
+
+import re
+from typing import Annotated
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from sar_compiler.checks.schema import schema_errors
+from sar_compiler.compiler import bind_main, compile_tree, preview_tree
+from sar_compiler.nodes.register import Registration
+from sar_compiler.nodes.registry import Registry, default_registry
+from sar_compiler.nodes.spec import Kind
+from sar_compiler.nodes.values import UNSIGNED, ConversionError, at_least, type_of_cpp_name
+from sar_compiler.runtime.clock import Clock, ManualClock
+from sar_compiler.runtime.ports import PortError
+from sar_compiler.tree.diagnostic import Severity, TreeError
+from sar_compiler.tree.xml import parse_xml
+from tests.trees import document, errors, forest
+
+REGISTRY = default_registry()
+LARGEST = 2**32 - 1
+
+
+def found(body):
+    findings = errors(forest(body), REGISTRY)
+    return [(f.code, f.span.column, f.message) for f in findings if f.severity is Severity.ERROR]
+
+
+@pytest.mark.parametrize("number", [0, 1, 4294967295])
+def test_a_time_in_milliseconds_is_what_an_unsigned_number_can_be(number):
+    assert found(f'<Sleep msec="{number}"/>') == []
+    assert schema_errors(parse_xml(document(f'<Sleep msec="{number}"/>')), REGISTRY) == []
+
+
+@pytest.mark.parametrize("number", ["-1", "-0", "4294967296", "10000000000"])
+@pytest.mark.parametrize(
+    "node",
+    [
+        '<Sleep msec="{}"/>',
+        '<Delay delay_msec="{}"><Success/></Delay>',
+        '<Timeout msec="{}"><Success/></Timeout>',
+    ],
+)
+def test_any_other_is_a_finding_that_says_the_range_and_the_schema_refuses_it(node, number):
+    ((code, column, message),) = found(node.format(number))
+    assert (code, column) == ("wrong-value", node.index("{}") + 1)
+    assert f"'{number}' is not a whole number from 0 to 4294967295" in message
+    assert schema_errors(parse_xml(document(node.format(number))), REGISTRY)
+
+
+@given(st.integers(-10, 10) | st.integers(LARGEST - 10, LARGEST + 10) | st.integers(0, 10**12))
+def test_the_pattern_of_the_schema_takes_the_numbers_that_are_taken(number):
+    matches = re.fullmatch(UNSIGNED.pattern, str(number)) is not None
+    assert matches == (0 <= number <= LARGEST)
+    if matches:
+        assert UNSIGNED.convert(str(number)) == number
+    else:
+        with pytest.raises(ConversionError):
+            UNSIGNED.convert(str(number))
+
+
+@pytest.mark.parametrize("held", [-1, 2**32, "-1"])
+def test_a_number_on_the_blackboard_beyond_the_range_is_an_error_that_says_it(held):
+    binding = bind_main(forest('<Sleep msec="{pause}"/>'), REGISTRY)
+    tree = compile_tree(binding, {Clock: ManualClock()}, {})
+    tree.instance.scope.resolve("pause").write(held)
+    with pytest.raises(PortError, match=r"msec: \{pause\}: .* is not a whole number from 0 to 4294967295"):
+        tree.root.tick_once()
+
+
+def test_unsigned_in_a_model_has_that_range_too():
+    assert type_of_cpp_name("unsigned int") is UNSIGNED
+
+
+class Patient(Behaviour):
+    """Tries.
+
+    Args:
+        name: The node's name.
+        attempts: How often.
+        speed: How fast.
+    """
+
+    def __init__(
+        self, name: str, attempts: Annotated[int, at_least(1)] = 3, speed: Annotated[float, "m/s"] = 0.5
+    ) -> None:
+        super().__init__(name)
+        self.given = (attempts, speed)
+
+    def update(self) -> Status:
+        return Status.SUCCESS
+
+
+@pytest.fixture
+def registry():
+    return Registry([Registration("Patient", Patient, Kind.ACTION)])
+
+
+def test_a_leaf_says_in_its_annotation_from_which_number_on(registry):
+    assert errors(forest('<Patient attempts="1" speed="2"/>'), registry) == []
+    (finding,) = errors(forest('<Patient attempts="0"/>'), registry)
+    assert finding.message == "attempts: '0' is not a whole number, 1 or more"
+    assert (finding.code, finding.suggestion) == ("wrong-value", "1")
+
+
+def test_a_parameter_of_the_mission_must_be_such_a_number_as_well(registry):
+    binding = bind_main(forest('<Patient attempts="{@tries}"/>'), registry)
+    with pytest.raises(TreeError, match="the mission's parameter 'tries' does not fit: '0' is not"):
+        compile_tree(binding, {}, {"tries": 0})
+    root = compile_tree(binding, {}, {"tries": 2}).root
+    assert isinstance(root, Patient)
+    assert root.given == (2, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("node", "column", "words"),
+    [
+        ('<LoopInt queue="1;x"><Success/></LoopInt>', 17, "'x' is not a whole number"),
+        ('<LoopDouble queue="fast"><Success/></LoopDouble>', 20, "'fast' is not a number"),
+        ('<LoopBool queue="maybe"><Success/></LoopBool>', 18, "'maybe' is not true or false"),
+    ],
+)
+def test_a_literal_queue_with_a_wrong_item_is_a_finding(node, column, words):
+    ((code, at, message),) = found(node)
+    assert (code, at) == ("wrong-value", column)
+    assert f"queue: {words}" in message
+
+
+@pytest.mark.parametrize(
+    "node",
+    [
+        '<SuccessEveryN n="{@n}"/>',
+        '<StatusQueue queue="{@q}"/>',
+        '<CheckBlackboardVariableValues checks="{@c}" operator="and"/>',
+        '<Parallel policy="{@p}" selected="Success"><Success/></Parallel>',
+        '<Parallel policy="SuccessOnSelected" selected="{@s}"><Success/></Parallel>',
+    ],
+)
+def test_a_node_whose_values_only_the_mission_knows_can_be_looked_at(node):
+    assert found(node) == []
+    assert preview_tree(bind_main(forest(node), REGISTRY)).root.name == node[1:].split(" ", maxsplit=1)[0]

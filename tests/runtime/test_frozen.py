@@ -1,0 +1,79 @@
+"""Values that are compared and kept."""
+
+import enum
+import math
+from collections import deque
+
+import pytest
+
+from sar_compiler.runtime.frozen import FrozenValueError, can_change, freeze, thaw
+
+
+class Colour(enum.Enum):
+    RED = 1
+
+
+VALUES = [
+    None,
+    True,
+    1,
+    1.0,
+    -0.0,
+    "1",
+    b"1",
+    Colour.RED,
+    (1, 2),
+    [1, [2.0, "x"]],
+    {"a": [1], "b": {"c": None}},
+    {1, 2},
+    frozenset({1}),
+    deque([1, 2], maxlen=2),
+]
+
+
+@pytest.mark.parametrize("value", VALUES, ids=repr)
+def test_a_value_comes_back_as_it_was(value):
+    back = thaw(freeze(value))
+    assert (back, type(back), repr(back)) == (value, type(value), repr(value))
+
+
+def test_values_that_python_takes_for_equal_are_told_apart_by_type_and_sign():
+    values = [1, 1.0, True, 0.0, -0.0, 0, False, [1], [1.0], (1,)]
+    assert len({freeze(value) for value in values}) == len(values)
+
+
+def test_what_is_no_number_is_equal_to_itself():
+    assert freeze(math.nan) == freeze(float("nan"))
+    assert math.isnan(thaw(freeze(math.nan)))
+
+
+def test_a_frozen_list_does_not_change_with_the_list():
+    inner = [2]
+    frozen = freeze([1, {"a": inner}])
+    inner.append(3)
+    assert thaw(frozen) == [1, {"a": [2]}]
+
+
+def test_what_comes_back_is_a_new_list_each_time():
+    frozen = freeze([1])
+    thaw(frozen).append(2)
+    assert thaw(frozen) == [1]
+
+
+def test_other_objects_are_taken_as_they_are():
+    held = object()
+    assert thaw(freeze(held)) is held
+
+
+def test_what_can_be_neither_copied_nor_hashed_is_refused():
+    with pytest.raises(
+        FrozenValueError, match="type bytearray, which can neither be copied nor hashed; keep"
+    ):
+        freeze(bytearray(b"x"))
+
+
+@pytest.mark.parametrize(
+    ("value", "changes"), [([], True), ({}, True), (deque(), True), (([],), True), (1, False)]
+)
+def test_it_is_known_what_can_change_in_place(value, changes):
+    assert can_change(value) is changes
