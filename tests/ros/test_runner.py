@@ -472,8 +472,8 @@ class TestFailing:
         )
 
     def test_a_leaf_that_forgets_its_status_later_on_ends_its_time_out_too(self, ros: Ros) -> None:
-        from sar_compiler.nodes.decorators import Timeout
         from sar_compiler.runtime.clock import ManualClock
+        from sar_compiler.runtime.py_trees_timers import Timeout
 
         def forget(probe: Probe) -> Any:
             return Status.RUNNING if probe.updates < 3 else None

@@ -1,0 +1,94 @@
+"""The flat form shows the traces of BehaviorTree.CPP as the tree does that it is made of."""
+
+import dataclasses
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from py_trees.common import Status
+
+from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.runtime.flat import ClockTimes, FlatTree, flatten
+from sar_compiler.runtime.flat.cells import SKIPPED, STATUSES, Cells
+from tests.conformance.replay import Compiled, Seen, _runs, _ticks, compile_case
+
+FILES = sorted(Path(__file__).parent.glob("btcpp_*.json"))
+
+
+class FlatNode:
+    """A node of a flat tree with what the replay wants of a behaviour.
+
+    Args:
+        flat: The tree.
+        cells: Its state.
+        times: Its timers.
+        index: The node's index.
+    """
+
+    def __init__(self, flat: FlatTree, cells: Cells, times: ClockTimes, index: int = 0) -> None:
+        self.flat = flat
+        self.cells = cells
+        self.times = times
+        self.index = index
+        self.skipped = False
+        self.setup = flat.nodes[index].behaviour.setup
+
+    @property
+    def status(self) -> Status:
+        return STATUSES[self.cells[self.index]]
+
+    @status.setter
+    def status(self, status: Status) -> None:
+        assert status == Status.INVALID
+        self.flat.forget(self.cells, self.index)
+
+    def iterate(self) -> Iterator["FlatNode"]:
+        index_of = {node.behaviour.id: node.index for node in self.flat.nodes}
+        for behaviour in self.flat.nodes[0].behaviour.iterate():
+            yield FlatNode(self.flat, self.cells, self.times, index_of[behaviour.id])
+
+    def tick_once(self) -> None:
+        self.skipped = self.flat.tick(self.cells, self.times) == SKIPPED
+
+    def stop(self, status: Status) -> None:
+        assert status == Status.INVALID
+        self.flat.stop(self.cells, self.times, self.index)
+
+
+def by_py_trees(compiled: Compiled, clock: ManualClock) -> Compiled:
+    return compiled
+
+
+def in_flat_form(compiled: Compiled, clock: ManualClock) -> Compiled:
+    flat = flatten(compiled.root)
+    root: Any = FlatNode(flat, flat.initial(), ClockTimes(clock))
+    return dataclasses.replace(compiled, root=root)
+
+
+def traces(case: Any, form: Callable[[Compiled, ManualClock], Compiled]) -> list[list[Seen]]:
+    """Return what the ticks of a case's tree do, run by run."""
+    found = []
+    for run in _runs(case):
+        clock = ManualClock()
+        compiled = compile_case(case["xml"], case.get("bb", {}), case.get("enums", {}), clock)
+        found.append(list(_ticks(case, run, form(compiled, clock), clock)))
+    return found
+
+
+def is_accepted(case: Any) -> bool:
+    try:
+        compile_case(case["xml"], case.get("bb", {}), case.get("enums", {}), ManualClock())
+    except Exception:  # noqa: BLE001 - whether a refusal is right is another test's question
+        return False
+    return True
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_the_flat_form_does_in_every_tick_what_the_tree_does(path):
+    cases = [case for case in json.loads(path.read_text(encoding="utf-8"))["cases"] if is_accepted(case)]
+    assert len(cases) > 0
+    for case in cases:
+        # As texts, because what is no number is not equal to itself.
+        assert repr(traces(case, in_flat_form)) == repr(traces(case, by_py_trees)), case["name"]

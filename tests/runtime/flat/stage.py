@@ -1,0 +1,211 @@
+"""One tree twice: as py_trees ticks it, and in flat form."""
+
+import functools
+import random
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from sar_compiler.compiler import CompiledTree, bind_main, compile_tree
+from sar_compiler.nodes.bound import Binding
+from sar_compiler.nodes.registry import Registry, default_registry
+from sar_compiler.runtime.blackboard import Snapshot
+from sar_compiler.runtime.clock import Clock, ManualClock
+from sar_compiler.runtime.enums import Enums
+from sar_compiler.runtime.flat import ClockTimes, flatten
+from sar_compiler.runtime.flat.cells import SKIPPED, STATUSES, Cells
+from sar_compiler.runtime.skipping import was_skipped
+from sar_compiler.tree.diagnostic import TreeError
+from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.xml import parse_xml
+from tests.runtime.flat import probes
+from tests.runtime.flat.probes import Script
+from tests.runtime.flat.random_trees import RandomTree
+
+# In seconds; exact numbers, so that the clock can be put back.
+_PAUSES = (0.0, 0.0625, 0.125, 0.25, 0.5)
+
+
+def entries() -> dict[str, object]:
+    """Return what is on the blackboard at first."""
+    queue = {"numbers": [1.5, 2.0], "flags": deque([True, False, True]), "items": [1, [2], None, 3]}
+    return {"a": 0, "b": 1, "n": 0, **queue}
+
+
+@functools.cache
+def registry() -> Registry:
+    """Return everything installed, and the probes."""
+    known = Registry(default_registry().registrations())
+    known.add_module(probes)
+    return known
+
+
+def bound(body: str) -> Binding:
+    """Bind a tree that is written here."""
+    text = f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>'
+    return bind_main(Forest.of(parse_xml(text)), registry())
+
+
+def random_bindings(count: int, *, skips: bool) -> Iterator[tuple[int, Binding]]:
+    """Yield so many random trees that the checks find nothing wrong with."""
+    seed = 0
+    while count:
+        seed += 1
+        try:
+            binding = bind_main(Forest.of(parse_xml(RandomTree(seed, skips=skips).text())), registry())
+        except TreeError:
+            continue
+        count -= 1
+        yield seed, binding
+
+
+@dataclass(frozen=True)
+class Beat:
+    """What happens around a tick.
+
+    Attributes:
+        number: The number of the tick, by which the probes know what to answer.
+        seconds: How much time passes before it.
+        halt: Whether the tree is halted before it.
+    """
+
+    number: int
+    seconds: float
+    halt: bool
+
+
+def random_beats(seed: int, count: int) -> list[Beat]:
+    """Return what happens around so many ticks."""
+    draw = random.Random(seed)  # noqa: S311 - the same trees in every run
+    return [Beat(number, draw.choice(_PAUSES), draw.random() < 0.15) for number in range(count)]
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a tick did."""
+
+    outcome: str
+    events: list[probes.Event]
+    statuses: list[Status]
+    skipped: list[bool]
+    messages: list[str]
+    tip: str | None
+    entries: Snapshot
+    woken: int
+
+
+class Stage:
+    """A compiled tree, with a clock and a runner that counts how often it is woken."""
+
+    def __init__(self, binding: Binding, seed: int, *, raises: bool = False) -> None:
+        self.clock = ManualClock()
+        self.script = Script(seed, raises)
+        self.woken = 0
+        context = {Clock: self.clock, Enums: Enums(), Script: self.script}
+        self.tree: CompiledTree = compile_tree(binding, context, {})
+        for key, value in entries().items():
+            self.tree.instance.scope.resolve(key).write(value)
+        for node in self.tree.root.iterate():
+            node.setup(wake=self._wake)
+
+    def _wake(self) -> None:
+        self.woken += 1
+
+    def play(self, beat: Beat) -> Seen:
+        """Let some time pass, halt the tree or not, and tick it."""
+        self.script.tick = beat.number
+        self.clock.advance(beat.seconds)
+        try:
+            if beat.halt:
+                self.stop()
+            outcome = self.tick()
+        except Exception as error:  # noqa: BLE001 - compared with what the other form raises
+            outcome = f"raised {type(error).__name__}: {error}".replace(self.tree.board.prefix, "")
+        return self.seen(outcome)
+
+    def seen(self, outcome: str) -> Seen:
+        nodes = list(_pre_order(self.tree.root))
+        tip = self.tree.root.tip()
+        board = self.tree.board
+        return Seen(
+            outcome,
+            self.script.take(),
+            [node.status for node in nodes],
+            [was_skipped(node) for node in nodes if not node.children],
+            [node.feedback_message for node in nodes],
+            tip.name if tip else None,
+            tuple(
+                (name.removeprefix(board.prefix), kind, value, board.stamp(name))
+                for name, kind, value, _ in board.snapshot()
+            ),
+            self.woken,
+        )
+
+    def tick(self) -> str:
+        raise NotImplementedError
+
+    def stop(self) -> None:
+        raise NotImplementedError
+
+
+class PyTreesStage(Stage):
+    """Ticked by py_trees."""
+
+    def tick(self) -> str:
+        root = self.tree.root
+        root.tick_once()
+        return "SKIPPED" if was_skipped(root) else root.status.name
+
+    def stop(self) -> None:
+        self.tree.root.stop(Status.INVALID)
+
+
+@dataclass(frozen=True)
+class Saved:
+    """A state of a tree in flat form, and when it had it."""
+
+    cells: Cells
+    board: Snapshot
+    time: float
+
+
+class FlatStage(Stage):
+    """In flat form."""
+
+    def __init__(self, binding: Binding, seed: int, *, raises: bool = False) -> None:
+        super().__init__(binding, seed, raises=raises)
+        self.flat = flatten(self.tree.root)
+        self.times = ClockTimes(self.clock)
+        self.cells: Cells = self.flat.initial()
+
+    def tick(self) -> str:
+        outcome = self.flat.tick(self.cells, self.times)
+        return "SKIPPED" if outcome == SKIPPED else STATUSES[outcome].name
+
+    def stop(self) -> None:
+        self.flat.stop(self.cells, self.times)
+
+    def save(self) -> Saved:
+        """Return the state of the tree: its cells and its blackboard."""
+        self.flat.renumber(self.cells)
+        return Saved(list(self.cells), self.tree.board.snapshot(), self.clock.now())
+
+    def restore(self, saved: Saved) -> None:
+        """Go back to a state."""
+        self.cells[:] = saved.cells
+        self.tree.board.restore(saved.board)
+        self.clock.advance(saved.time - self.clock.now())
+        self.times = ClockTimes(self.clock)
+
+    def seen(self, outcome: str) -> Seen:
+        self.flat.show(self.cells)
+        return super().seen(outcome)
+
+
+def _pre_order(root: Behaviour) -> Iterator[Behaviour]:
+    yield root
+    for child in root.children:
+        yield from _pre_order(child)

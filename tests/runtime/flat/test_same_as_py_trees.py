@@ -1,0 +1,46 @@
+"""The flat form does what py_trees does with the same tree."""
+
+import pytest
+from py_trees.decorators import Decorator
+
+from sar_compiler.nodes.registry import default_registry
+from sar_compiler.runtime.flat.table import BUILDERS
+from tests.runtime.flat.stage import FlatStage, PyTreesStage, Stage, random_beats, random_bindings
+
+TREES = 250
+TICKS = 14
+
+
+def seen(stage: Stage, seed: int):
+    return [stage.play(beat) for beat in random_beats(seed, TICKS)]
+
+
+@pytest.mark.parametrize("raises", [False, True], ids=["", "leaves that raise"])
+@pytest.mark.parametrize("skips", [False, True], ids=["stock nodes", "nodes that skip"])
+def test_random_trees_show_the_same_statuses_calls_messages_and_entries_in_every_tick(skips, raises):
+    for seed, binding in random_bindings(TREES, skips=skips):
+        stages = (PyTreesStage(binding, seed, raises=raises), FlatStage(binding, seed, raises=raises))
+        for tick, (expected, flat) in enumerate(zip(*(seen(stage, seed) for stage in stages), strict=True)):
+            assert flat == expected, f"seed {seed}, tick {tick}"
+
+
+def test_every_control_and_decorator_of_the_library_has_a_flat_form():
+    classes = {
+        cls
+        for spec in default_registry()
+        if not spec.kind.is_leaf
+        for cls in (spec.cls, spec.skip_cls)
+        if cls is not None
+    }
+    # An old py_trees has no ForEach; the base class stands for it.
+    assert classes - {Decorator} - set(BUILDERS) == set()
+
+
+def test_the_random_trees_have_every_known_class_in_them():
+    used = {
+        type(node.behaviour)
+        for skips in (False, True)
+        for seed, binding in random_bindings(TREES, skips=skips)
+        for node in FlatStage(binding, seed).flat.nodes
+    }
+    assert set(BUILDERS) - used == set()
