@@ -6,7 +6,7 @@ from uuid import UUID
 
 from py_trees.behaviour import Behaviour
 
-from sar_compiler.compiler.arguments import Arguments, PreviewArguments
+from sar_compiler.compiler.arguments import Arguments, PreviewArguments, given
 from sar_compiler.compiler.building import Builder, PreviewBuilder
 from sar_compiler.compiler.origins import Origin, Origins
 from sar_compiler.nodes.binding import bind
@@ -17,7 +17,7 @@ from sar_compiler.nodes.main_tree import find_main_tree
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import Role, Use
 from sar_compiler.runtime.blackboard import Board
-from sar_compiler.tree.diagnostic import Diagnostic, TreeError
+from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.growing import uncollected
 from sar_compiler.tree.model import TreeFile
@@ -27,6 +27,7 @@ __all__ = [
     "Origin",
     "bind_main",
     "compile_tree",
+    "compile_with",
     "context_types",
     "preview_tree",
 ]
@@ -68,11 +69,12 @@ def bind_main(
         palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
 
     Raises:
-        TreeError: If there is none, or anything in it is wrong; carries all the findings.
+        TreeError: If there is none, or an error in it; carries all the findings.
     """
     binding = bind(forest, registry, find_main_tree(forest, tree_id), palettes)
-    if forest.findings or binding.findings:
-        raise TreeError([*forest.findings, *binding.findings])
+    findings = [*forest.findings, *binding.findings]
+    if _has_error(findings):
+        raise TreeError(findings)
     return binding
 
 
@@ -92,7 +94,7 @@ def compile_tree(
     """Compile a bound tree for a mission.
 
     Args:
-        binding: The tree, without findings.
+        binding: The tree, without errors.
         context: The objects that the mission hands to its leaves, by their type.
         parameters: The keys of the root blackboard: the node parameters of the mission.
 
@@ -101,7 +103,7 @@ def compile_tree(
             leaf needs, or if a constructor refuses its arguments.
     """
     collector = Collector()
-    return _compiled(
+    return compile_with(
         binding, Builder(binding, Arguments(context, parameters, collector), collector), parameters, collector
     )
 
@@ -113,26 +115,40 @@ def preview_tree(binding: Binding) -> CompiledTree:
     only a model describes becomes a stock behaviour of its kind.
     """
     collector = Collector()
-    return _compiled(
+    return compile_with(
         binding, PreviewBuilder(binding, PreviewArguments({}, {}, collector), collector), {}, collector
     )
 
 
-def _compiled(
+def compile_with(
     binding: Binding, builder: Builder, parameters: Mapping[str, object], collector: Collector
 ) -> CompiledTree:
-    if binding.findings or binding.main.root is None:
+    """Compile a bound tree with a builder of one's own.
+
+    Args:
+        binding: The tree, without errors.
+        builder: Makes its behaviours.
+        parameters: The keys of the root blackboard.
+        collector: What the builder tells its findings to.
+
+    Raises:
+        TreeError: If the tree has errors, or the builder has findings.
+    """
+    if _has_error(binding.findings) or binding.main.root is None:
         raise TreeError(binding.findings)
     top = expand(binding.main, collector)
     for name, value in parameters.items():
-        top.scope.resolve(name).write(value)
+        given(top.scope.resolve(name), value)
     # Everything that can be said of the arguments is said at once, before anything is made.
-    for instance in top.iterate():
-        builder.prepare(instance)
+    builder.prepare(top)
     if collector.findings:
         raise TreeError(_in_order(collector.findings))
     with uncollected():
         return CompiledTree(builder.place(top, binding.main.root), Origins(builder.makings), top)
+
+
+def _has_error(findings: Iterable[Diagnostic]) -> bool:
+    return any(finding.severity is Severity.ERROR for finding in findings)
 
 
 def _in_order(findings: list[Diagnostic]) -> list[Diagnostic]:

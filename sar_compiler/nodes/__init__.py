@@ -2,5 +2,6 @@
 
 from sar_compiler.nodes.register import register
 from sar_compiler.nodes.spec import Kind, Use
+from sar_compiler.runtime.answers import Answer
 
-__all__ = ["Kind", "Use", "register"]
+__all__ = ["Answer", "Kind", "Use", "register"]

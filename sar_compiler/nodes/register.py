@@ -3,13 +3,22 @@
 import inspect
 import re
 import typing
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from sar_compiler.errors import SarError
-from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Skips, Use
+from sar_compiler.nodes.answers import (
+    SELF,
+    STATUSES,
+    answers_of,
+    is_fact_name,
+    mistake_in,
+    placeholders,
+)
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Rule, Skips, Use
 from sar_compiler.nodes.values import ANYTHING, ValueType, is_class, value_type_of, without_none
+from sar_compiler.runtime.answers import Answer, Fact
 from sar_compiler.runtime.context import is_mission_context
 from sar_compiler.runtime.ports import InOut, Input, Output
 
@@ -51,10 +60,15 @@ class Registration:
         outcomes: The names of the statuses that a tick can return.
         effects: What it does to the world, in a few words.
         uses: What it needs outside the tree.
+        answers: What a tick can come to where there is no robot; where nothing is said, one for each outcome.
+        facts: The facts that the answers work on, with their values at the start.
+        reads: Further facts or keys of the blackboard that what it does depends on.
+        writes: Further facts or keys of the blackboard that it changes.
         defaults: Defaults for parameters that have none in the constructor.
         fixed: Parameters whose value the tag itself says.
         skips: Whether a tick can be skipped.
         skip_cls: The class that takes the place of *cls* where a child can skip.
+        skips_if: The attribute, and its value, without which no tick is skipped by the node itself.
         skip_advice: How a node is written that does the same and knows of skipped children, where there is one.
         child_count: How many children it takes, at least and at most; by default what its kind says.
         hidden: Constructor parameters that this tag does not have.
@@ -64,6 +78,8 @@ class Registration:
             file writes choose between them.
         doc: A description to take the place of the class's docstring, for classes of other libraries.
         parameter_docs: Descriptions of parameters, where `doc` is given.
+        types: What parameters take, where their annotations say less.
+        rule: Reports attributes that do not go with each other, or with the children.
     """
 
     tag: str
@@ -72,10 +88,15 @@ class Registration:
     outcomes: frozenset[str] = frozenset()
     effects: str = ""
     uses: tuple[Use, ...] = ()
+    answers: tuple[Answer, ...] = ()
+    facts: Mapping[str, Fact] = field(default_factory=dict)
+    reads: tuple[str, ...] = ()
+    writes: tuple[str, ...] = ()
     defaults: Mapping[str, object] = field(default_factory=dict)
     fixed: Mapping[str, object] = field(default_factory=dict)
     skips: Skips = Skips.NEVER
     skip_cls: type[Any] | None = None
+    skips_if: tuple[str, object] | None = None
     skip_advice: str = ""
     child_count: tuple[int, int | None] | None = None
     hidden: frozenset[str] = frozenset()
@@ -84,6 +105,8 @@ class Registration:
     variant: bool = False
     doc: str = ""
     parameter_docs: Mapping[str, str] = field(default_factory=dict)
+    types: Mapping[str, ValueType] = field(default_factory=dict)
+    rule: "Rule | None" = None
 
     def spec(self) -> NodeSpec:
         """Resolve the constructor's signature.
@@ -94,7 +117,7 @@ class Registration:
         summary, parameter_docs = _documentation(self.factory or self.cls)
         summary, parameter_docs = self.doc or summary, {**parameter_docs, **self.parameter_docs}
         try:
-            hints = typing.get_type_hints(self.factory or self.cls.__init__)
+            hints = typing.get_type_hints(self.factory or self.cls.__init__, include_extras=True)
         except Exception as error:
             message = f"<{self.tag}>: the annotations of {_name_of(self.cls)} cannot be resolved: {error}"
             raise RegistrationError(message) from error
@@ -105,6 +128,7 @@ class Registration:
         )
         parameters = {parameter.name: parameter for parameter in found}
         self._complain_unless_structured(parameters)
+        self._complain_unless_answerable(parameters)
         return NodeSpec(
             tag=self.tag,
             kind=self.kind,
@@ -114,12 +138,18 @@ class Registration:
             fixed=self.fixed,
             skips=self.skips,
             skip_cls=self.skip_cls,
+            skips_if=self.skips_if,
             skip_advice=self.skip_advice,
             child_count=self.child_count or CHILD_COUNTS[self.kind],
             outcomes=self.outcomes,
             effects=self.effects,
             uses=self.uses,
+            answers=self.answers or (answers_of(self.outcomes) if self.kind.is_leaf else ()),
+            facts=self.facts,
+            reads=self.reads,
+            writes=self.writes,
             doc=summary,
+            rule=self.rule,
         )
 
     def _parameter(self, parameter: inspect.Parameter, annotation: object, doc: str) -> Parameter:
@@ -142,7 +172,7 @@ class Registration:
             raise RegistrationError(message)
         target = without_none(annotation)
         direction = _DIRECTIONS.get(typing.get_origin(target) or target)
-        value_type = _carried_type(target) if direction else value_type_of(target)
+        value_type = self.types.get(name) or (_carried_type(target) if direction else value_type_of(target))
         if value_type is not None:
             return Parameter(name, Role.ATTRIBUTE, value_type=value_type, direction=direction, **common)
         if is_class(target) and is_mission_context(target):
@@ -175,14 +205,39 @@ class Registration:
             message = f"<{self.tag}>: the constructor of {_name_of(self.cls)} has no parameter 'name'"
             raise RegistrationError(message)
 
+    def _complain_unless_answerable(self, parameters: Mapping[str, Parameter]) -> None:
+        known = [SELF, *(p.name for p in parameters.values() if p.role is Role.REFERENCE)]
+        numbers = [p.name for p in parameters.values() if p.is_whole_number]
+        for fact in self.facts:
+            self._complain_of_placeholders(fact, known)
+        for answer in self.answers:
+            for text in (answer.when, answer.then):
+                self._complain_of_placeholders(text, [*known, *numbers])
+            mistake = mistake_in(answer, known, numbers)
+            if mistake is not None:
+                part, text, error = mistake
+                message = f"<{self.tag}>: answer '{answer.name}': {part} '{text}': {error}"
+                raise RegistrationError(message)
 
-def register(
+    def _complain_of_placeholders(self, text: str, known: Sequence[str]) -> None:
+        for placeholder in placeholders(text):
+            if placeholder not in known:
+                braced = ", ".join(f"{{{name}}}" for name in known)
+                message = f"<{self.tag}>: '{text}': nothing stands for {{{placeholder}}}; there is {braced}"
+                raise RegistrationError(message)
+
+
+def register(  # noqa: PLR0913 - all that there is to say of a leaf
     tag: str,
     *,
     kind: Kind,
     outcomes: "Iterable[py_trees.common.Status]" = (),
     effects: str = "",
     uses: Iterable[Use] = (),
+    answers: Iterable[Answer] = (),
+    facts: Mapping[str, Fact] | None = None,
+    reads: Iterable[str] = (),
+    writes: Iterable[str] = (),
 ) -> Callable[[C], C]:
     """Make a class the meaning of a tag.
 
@@ -195,6 +250,11 @@ def register(
         outcomes: The statuses that a tick can return, `runtime.skipping.SKIPPED` among them.
         effects: What it does to the world, in a few words ("drives the robot"); empty if nothing.
         uses: What it needs outside the tree before the first tick.
+        answers: For a leaf: what a tick can come to where there is no robot, the usual answer first; one for each
+            outcome where nothing is said.
+        facts: The facts that the scripts of these answers work on, with their values at the start.
+        reads: Further facts or keys of the blackboard that what it does depends on.
+        writes: Further facts or keys of the blackboard that it changes.
 
     Returns:
         A decorator that returns the class unchanged but for the mark.
@@ -213,9 +273,23 @@ def register(
     _require_kind(tag, kind)
     names = _status_names(tag, outcomes)
     needs = _uses(tag, uses)
+    said = _answers(tag, answers, names)
+    known = _facts(tag, facts or {})
+    read, written = _members(tag, "reads", reads, '["..."]'), _members(tag, "writes", writes, '["..."]')
 
     def mark(cls: C) -> C:
-        registration = Registration(tag=tag, cls=cls, kind=kind, outcomes=names, effects=effects, uses=needs)
+        registration = Registration(
+            tag=tag,
+            cls=cls,
+            kind=kind,
+            outcomes=names,
+            effects=effects,
+            uses=needs,
+            answers=said,
+            facts=known,
+            reads=read,
+            writes=written,
+        )
         setattr(cls, MARK, registration)
         return cls
 
@@ -275,6 +349,44 @@ def _uses(tag: str, uses: object) -> tuple[Use, ...]:
             )
             raise RegistrationError(message)
     return needs
+
+
+def _answers(tag: str, answers: object, outcomes: frozenset[str]) -> tuple[Answer, ...]:
+    said = _members(tag, "answers", answers, '[Answer("SUCCESS")]')
+    for answer in said:
+        if not isinstance(answer, Answer):
+            message = f'<{tag}>: answers holds {_shown(answer)}; write Answer("SUCCESS", "what it means")'
+            raise RegistrationError(message)
+        possible = sorted(outcomes) or STATUSES
+        if answer.status not in possible:
+            message = (
+                f"<{tag}>: answers holds one with the status {_shown(answer.status)}; the outcomes of this leaf are "
+                f"{', '.join(possible)}"
+            )
+            raise RegistrationError(message)
+    twice = [answer.name for index, answer in enumerate(said) if answer in said[:index]]
+    if twice:
+        message = f"<{tag}>: answers holds '{twice[0]}' twice"
+        raise RegistrationError(message)
+    return said
+
+
+def _facts(tag: str, facts: object) -> Mapping[str, Fact]:
+    if not isinstance(facts, Mapping):
+        message = (
+            f"<{tag}>: facts is {_shown(facts)}; write names and values at the start: {{'zones_left': 3}}"
+        )
+        raise RegistrationError(message)
+    for name, value in facts.items():
+        if not (isinstance(name, str) and is_fact_name(name)):
+            message = (
+                f"<{tag}>: a fact cannot be called {_shown(name)}: it is a word of letters, digits and '_'"
+            )
+            raise RegistrationError(message)
+        if not isinstance(value, (bool, int, float, str)):
+            message = f"<{tag}>: the fact '{name}' is {_shown(value)}; write a number, a text, True or False"
+            raise RegistrationError(message)
+    return dict(facts)
 
 
 def _members(tag: str, argument: str, value: object, example: str) -> tuple[Any, ...]:

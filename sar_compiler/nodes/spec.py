@@ -4,9 +4,17 @@ import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from sar_compiler.nodes.values import ValueType
+from sar_compiler.runtime.answers import Answer, Fact
+
+if TYPE_CHECKING:
+    from sar_compiler.nodes.bound import BoundNode
+    from sar_compiler.nodes.collector import Collector
+
+Rule: TypeAlias = "Callable[[BoundNode, Collector], None]"
+"""Reports what is wrong with a node though each of its attributes is right by itself."""
 
 
 class Kind(str, Enum):
@@ -117,6 +125,12 @@ class Parameter:
     doc: str = ""
     keyword: str = ""
 
+    @property
+    def is_whole_number(self) -> bool:
+        """Whether it is a whole number that is fixed when the tree is compiled."""
+        fixed = self.role is Role.ATTRIBUTE and self.direction is None
+        return fixed and self.value_type is not None and self.value_type.python is int
+
 
 @dataclass(frozen=True)
 class NodeSpec:
@@ -131,12 +145,19 @@ class NodeSpec:
         fixed: Parameters whose value the tag itself says (`ReactiveSequence`: `memory` is false).
         skips: Whether a tick can be skipped.
         skip_cls: The class that takes the place of *cls* where a child can skip.
+        skips_if: The attribute, and its value, without which no tick is skipped by the node itself; None: whatever
+            is written.
         skip_advice: How a node is written that does the same and knows of skipped children, where there is one.
         child_count: How many children it takes, at least and at most; None for any number.
         outcomes: The names of the statuses that a tick can return.
         effects: What it does to the world, in a few words; empty if nothing.
         uses: What it needs outside the tree.
+        answers: For a leaf: what a tick can come to, where there is no robot.
+        facts: The facts that these answers work on, with their values at the start.
+        reads: Further facts or keys of the blackboard that what it does depends on.
+        writes: Further facts or keys of the blackboard that it changes.
         doc: The first paragraph of the class's docstring.
+        rule: Reports attributes that do not go with each other, or with the children.
     """
 
     tag: str
@@ -146,13 +167,19 @@ class NodeSpec:
     fixed: Mapping[str, object] = field(default_factory=dict)
     skips: Skips = Skips.NEVER
     skip_cls: type[Any] | None = None
+    skips_if: tuple[str, object] | None = None
     skip_advice: str = ""
     child_count: tuple[int, int | None] = (0, None)
     outcomes: frozenset[str] = frozenset()
     effects: str = ""
     uses: tuple[Use, ...] = ()
     doc: str = ""
+    answers: tuple[Answer, ...] = ()
+    facts: Mapping[str, Fact] = field(default_factory=dict)
+    reads: tuple[str, ...] = ()
+    writes: tuple[str, ...] = ()
     factory: Callable[..., Any] | None = None
+    rule: "Rule | None" = None
 
     @functools.cached_property
     def references(self) -> list[Parameter]:
@@ -189,6 +216,16 @@ class NodeSpec:
     def is_plain(self) -> bool:
         """Whether it has no ports, and nothing from the mission."""
         return not self.ports and not self.handed_over
+
+    @functools.cached_property
+    def is_demanding(self) -> bool:
+        """Whether more is needed to make one than its values and the nodes in it."""
+        return bool(self.references or self.handed_over) or self.cls is None
+
+    @functools.cached_property
+    def structure(self) -> str:
+        """What its constructor calls the nodes in it: `child` or `children`; empty for a leaf."""
+        return {Kind.CONTROL: "children", Kind.DECORATOR: "child"}.get(self.kind, "")
 
     @functools.cached_property
     def skips_by_itself(self) -> bool:

@@ -2,9 +2,11 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import asdict
 
 from sar_compiler.nodes.spec import NodeSpec, Parameter, Role
-from sar_compiler.views.plain import plain
+from sar_compiler.runtime.answers import Answer
+from sar_compiler.views.plain import plain, value_as_script
 
 
 def nodes_as_text(specs: Sequence[NodeSpec]) -> str:
@@ -22,14 +24,36 @@ def nodes_as_json(specs: Sequence[NodeSpec]) -> str:
 
 def _in_full(spec: NodeSpec) -> str:
     lines = [f"<{spec.tag}>  {spec.kind.value.lower()}", "", spec.doc, ""]
-    if spec.outcomes:
-        lines.append(f"answers: {', '.join(sorted(spec.outcomes))}")
+    lines += _answers(spec)
     if spec.effects:
         lines.append(f"effects: {spec.effects}")
     if spec.uses:
         lines.append(f"needs:   {', '.join(f'{use.kind} {use.name}'.strip() for use in spec.uses)}")
+    if spec.facts:
+        lines.append(
+            f"facts:   {', '.join(f'{name} = {value_as_script(value)}' for name, value in spec.facts.items())}"
+        )
+    for label, names in (("reads:  ", spec.reads), ("writes: ", spec.writes)):
+        if names:
+            lines.append(f"{label} {', '.join(names)}")
     lines += ["attributes:", *(_attribute(spec, parameter) for parameter in spec.attributes)]
     return "\n".join(lines)
+
+
+def _answers(spec: NodeSpec) -> list[str]:
+    """Return what a tick can come to; each answer in a line where more is known of them than their statuses."""
+    if not any(answer.label or answer.when or answer.then for answer in spec.answers):
+        return [f"answers: {', '.join(sorted(spec.outcomes))}"] if spec.outcomes else []
+    return [
+        f"{'answers:' if not index else '':8} {_answer(answer)}" for index, answer in enumerate(spec.answers)
+    ]
+
+
+def _answer(answer: Answer) -> str:
+    label = f" '{answer.label}'" if answer.label else ""
+    when = f" when {answer.when}" if answer.when else ""
+    then = f", then {answer.then}" if answer.then else ""
+    return f"{answer.status}{label}{when}{then}"
 
 
 def _attribute(spec: NodeSpec, parameter: Parameter) -> str:
@@ -59,6 +83,10 @@ def _as_dict(spec: NodeSpec) -> dict[str, object]:
         "outcomes": sorted(spec.outcomes),
         "effects": spec.effects,
         "uses": [{"kind": use.kind, "name": use.name} for use in spec.uses],
+        "answers": [asdict(answer) for answer in spec.answers],
+        "facts": dict(spec.facts),
+        "reads": list(spec.reads),
+        "writes": list(spec.writes),
         "attributes": [_parameter(spec, parameter) for parameter in spec.attributes],
     }
 

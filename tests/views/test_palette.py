@@ -4,7 +4,8 @@ import pytest
 
 from sar_compiler.checks import check
 from sar_compiler.nodes.collector import Collector
-from sar_compiler.nodes.models import compare, read_models
+from sar_compiler.nodes.model_comparison import compare
+from sar_compiler.nodes.models import read_models
 from sar_compiler.nodes.palette import BUILT_IN
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Direction, Role

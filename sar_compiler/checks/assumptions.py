@@ -1,0 +1,129 @@
+"""What a file says of the world around a tree: `facts:` and `answers:`, in the same words wherever they stand."""
+
+from collections.abc import Mapping, Sequence
+
+from sar_compiler.checks.leaf_words import LeafWords
+from sar_compiler.checks.yaml_values import Document, Value
+from sar_compiler.compiler.rehearsal import Assumptions, Rehearsal
+from sar_compiler.errors import SarError
+from sar_compiler.nodes.answers import SELF, is_fact_name, mistake_in, placeholders
+from sar_compiler.nodes.spec import NodeSpec, Role
+from sar_compiler.nodes.values import nearest
+from sar_compiler.runtime.answers import STATUSES, Answer, Fact
+from sar_compiler.runtime.expressions import name_uses
+from sar_compiler.runtime.script import parse
+
+_ANSWER_KEYS = ("status", "label", "when", "then")
+_KINDS: Mapping[type, str] = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
+
+
+class DisputedFactError(SarError):
+    """Leaves start a fact with different values, and nobody says which counts."""
+
+
+def raise_disputes(rehearsal: Rehearsal) -> None:
+    """Raise what the leaves of a tree do not agree on.
+
+    Raises:
+        DisputedFactError: If there is anything.
+    """
+    if rehearsal.disputes:
+        raise DisputedFactError("; ".join(rehearsal.disputes.values()))
+
+
+def read_assumptions(
+    document: Document, facts: Value | None, answers: Value | None, rehearsal: Rehearsal
+) -> Assumptions:
+    """Read what a file assumes; what is wrong with it becomes findings of the document.
+
+    Args:
+        document: The file.
+        facts: The value of its `facts:`, if it has any.
+        answers: The value of its `answers:`, if it has any.
+        rehearsal: The tree, rehearsed without any of it.
+    """
+    words = LeafWords(rehearsal)
+    said = {} if answers is None else _read_answers(document, answers, words)
+    used = {use for options in said.values() for answer in options for use in _names_in(answer)}
+    values = {} if facts is None else _read_facts(document, facts, rehearsal.fact_values(), used)
+    return Assumptions(values, said)
+
+
+def _read_facts(
+    document: Document, value: Value, known: Mapping[str, Fact], used: set[str]
+) -> dict[str, Fact]:
+    facts: dict[str, Fact] = {}
+    for key, inner in document.entries(value, None, "facts"):
+        name = key.text or ""
+        fact = document.fact(inner, f"the fact '{name}'")
+        if not is_fact_name(name) or placeholders(name):
+            document.report(key, "wrong-name", "a fact is a word of letters, digits and _")
+        elif name not in known and name not in used:
+            listed = ", ".join(known) or "none"
+            message = f"no leaf of this tree knows a fact '{name}'; there is {listed}"
+            document.report(key, "unknown-fact", message, suggestion=nearest(name, known))
+        elif fact is not None:
+            kind = type(known.get(name, fact))
+            if type(fact) is kind or (kind is float and type(fact) is int):
+                facts[name] = kind(fact)
+            else:
+                message = f"the fact '{name}' is {_KINDS[kind]}, and this is {inner.kind}"
+                document.report(inner, "wrong-value", message)
+    return facts
+
+
+def _read_answers(document: Document, value: Value, words: LeafWords) -> dict[str, tuple[Answer, ...]]:
+    said: dict[str, tuple[Answer, ...]] = {}
+    for key, inner in document.entries(value, None, "answers"):
+        leaves = words.find(document, key)
+        options = [
+            _answer(document, item, [words.spec(leaf) for leaf in leaves]) for item in document.listed(inner)
+        ]
+        answers = tuple(dict.fromkeys(option for option in options if option is not None))
+        if not options:
+            message = f"'{key.text}' needs an answer; write one or several, such as SUCCESS"
+            document.report(inner, "missing-value", message)
+        if leaves and answers and key.text:
+            said[key.text] = answers
+    return said
+
+
+def _answer(document: Document, value: Value, specs: Sequence[NodeSpec]) -> Answer | None:
+    outcomes = [status for status in STATUSES if all(_can(spec, status) for spec in specs)]
+    if value.entries is None:
+        status = document.word(value, outcomes, "the status of an answer")
+        return None if status is None else Answer(status)
+    parts = document.mapping(value, _ANSWER_KEYS, "an answer")
+    if "status" not in parts:
+        document.report(value, "missing-value", "an answer has a status: write status: SUCCESS")
+        return None
+    status = document.word(parts["status"], outcomes, "the status of an answer")
+    label, when, then = (_text(document, parts.get(part), part) for part in _ANSWER_KEYS[1:])
+    answer = Answer(status or "", label, when, then)
+    usable = all(_scripts_fit(document, parts, answer, spec) for spec in specs)
+    return answer if status is not None and usable else None
+
+
+def _text(document: Document, value: Value | None, what: str) -> str:
+    return "" if value is None else document.text(value, what) or ""
+
+
+def _can(spec: NodeSpec, status: str) -> bool:
+    """Say whether a leaf can have an outcome; one that names none can have the usual ones."""
+    return status in (spec.outcomes or ("SUCCESS", "FAILURE", "RUNNING"))
+
+
+def _scripts_fit(document: Document, parts: Mapping[str, Value], answer: Answer, spec: NodeSpec) -> bool:
+    known = [SELF, *(p.name for p in spec.parameters.values() if p.role is Role.REFERENCE)]
+    numbers = [p.name for p in spec.parameters.values() if p.is_whole_number]
+    mistake = mistake_in(answer, known, numbers)
+    if mistake is not None:
+        part, _, error = mistake
+        document.report_script(parts[part], error)
+    return mistake is None
+
+
+def _names_in(answer: Answer) -> set[str]:
+    """Return the names in the scripts of an answer that could be read; those with placeholders are left out."""
+    scripts = [parse(text) for text in (answer.when, answer.then) if text and not placeholders(text)]
+    return {use.name for script in scripts for use in name_uses(script)}

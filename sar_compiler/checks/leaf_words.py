@@ -1,0 +1,124 @@
+"""How a file beside a tree speaks of leaves: their names, what they can answer, what they do."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from sar_compiler.checks.yaml_values import Document, Value
+from sar_compiler.compiler.rehearsal import Rehearsal, fits
+from sar_compiler.nodes.spec import NodeSpec
+from sar_compiler.nodes.values import nearest
+from sar_compiler.runtime.answering import ANSWERED, HALTED, STARTED, AnsweringLeaf, Event
+from sar_compiler.runtime.answers import STATUSES
+
+STARTS = "starts"
+_DEEDS = {STARTS: STARTED, HALTED: HALTED}
+
+
+@dataclass(frozen=True)
+class Deed:
+    """Something that leaves can do, as a file says it: `DetectSurvivor found`.
+
+    Attributes:
+        text: How it is written.
+        leaves: The leaves that are meant.
+        what: `STARTED`, `ANSWERED` or `HALTED`.
+        answer: For `ANSWERED`: the label or the status.
+    """
+
+    text: str
+    leaves: tuple[AnsweringLeaf, ...]
+    what: str
+    answer: str = ""
+
+    def is_done(self, event: Event) -> bool:
+        """Say whether an event is this."""
+        if event.what != self.what or event.leaf not in self.leaves:
+            return False
+        return event.answer is None or self.answer in (event.answer.label, event.answer.status)
+
+
+class LeafWords:
+    """The words for the leaves of one tree.
+
+    Args:
+        rehearsal: The tree.
+    """
+
+    def __init__(self, rehearsal: Rehearsal) -> None:
+        self.leaves = rehearsal.leaves
+        self._origins = rehearsal.compiled.origins
+
+    def spec(self, leaf: AnsweringLeaf) -> NodeSpec:
+        """Return what the registry or a model says of a leaf."""
+        return self._origins[leaf.id].bound.spec
+
+    def named(self, key: str) -> tuple[AnsweringLeaf, ...]:
+        """Return the leaves that a key names: a path, a name or a tag."""
+        return tuple(leaf for leaf in self.leaves if fits(key, leaf.path, leaf.tag))
+
+    def find(self, document: Document, value: Value) -> tuple[AnsweringLeaf, ...]:
+        """Return the leaves that a value names; reports one that names none."""
+        key = document.text(value, "the name of a leaf")
+        found = self.named(key) if key else ()
+        if key and not found:
+            self._report_unknown(document, value, key)
+        return found
+
+    def answer(self, document: Document, value: Value, leaves: Sequence[AnsweringLeaf]) -> str | None:
+        """Return a label or a status that each of some leaves can answer; reports anything else."""
+        text = document.text(value, "an answer")
+        if text is None:
+            return None
+        known = words_of(leaves)
+        if text not in known:
+            message = f"'{leaves[0].name}' never answers '{text}'; it answers {', '.join(known)}"
+            document.report(value, "unknown-answer", message, suggestion=nearest(text, known))
+            return None
+        return text
+
+    def deed(self, document: Document, value: Value) -> Deed | None:
+        """Return what leaves are said to do; reports a text that says nothing of the kind."""
+        text = document.text(value, "an event")
+        if text is None:
+            return None
+        words = text.split(" ")
+        for count in range(len(words) - 1, 0, -1):
+            key, rest = " ".join(words[:count]), " ".join(words[count:])
+            leaves = self.named(key)
+            if leaves:
+                return self._of(document, value, leaves, (text, rest))
+        known = self.named(text)
+        if known:
+            message = f"'{text}' is a leaf; an event says what it does as well"
+            example = f"write {text} {words_of(known)[0]}"
+            document.report(value, "wrong-value", message, hint=example)
+        else:
+            self._report_unknown(document, value, words[0])
+        return None
+
+    def _of(
+        self, document: Document, value: Value, leaves: tuple[AnsweringLeaf, ...], texts: tuple[str, str]
+    ) -> Deed | None:
+        text, rest = texts
+        if rest in _DEEDS:
+            return Deed(text, leaves, _DEEDS[rest])
+        known = words_of(leaves)
+        if rest in known:
+            return Deed(text, leaves, ANSWERED, rest)
+        message = f"'{leaves[0].name}' never does '{rest}'; it does {', '.join([*known, *_DEEDS])}"
+        near = nearest(rest, [*known, *_DEEDS])
+        part = (len(text) - len(rest), len(text))
+        document.report(value, "unknown-answer", message, part, suggestion=near)
+        return None
+
+    def _report_unknown(self, document: Document, value: Value, key: str) -> None:
+        names = list(dict.fromkeys(word for leaf in self.leaves for word in (leaf.name, leaf.tag)))
+        message = f"no leaf that can be scripted is called '{key}'; there is {', '.join(names) or 'none'}"
+        document.report(value, "unknown-leaf", message, suggestion=nearest(key, names))
+
+
+def words_of(leaves: Iterable[AnsweringLeaf]) -> list[str]:
+    """Return the labels of what some leaves can answer, then the statuses."""
+    labels = [answer.label for leaf in leaves for answer in leaf.answers if answer.label]
+    statuses = {answer.status for leaf in leaves for answer in leaf.answers}
+    return [*dict.fromkeys(labels), *(status for status in STATUSES if status in statuses)]

@@ -1,0 +1,175 @@
+"""Reading scenarios; every mistake in one is a finding with its place."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from sar_compiler.checks.assumptions import raise_disputes, read_assumptions
+from sar_compiler.checks.leaf_words import LeafWords
+from sar_compiler.checks.simulate.expecting import read_expectations
+from sar_compiler.checks.simulate.scenario import MAX_TICKS, PERIOD_SEC, Scenario
+from sar_compiler.checks.simulate.steps import read_scripts
+from sar_compiler.checks.yaml_values import Document, Value, raise_findings
+from sar_compiler.compiler import bind_main
+from sar_compiler.compiler.rehearsal import Assumptions, Rehearsal, rehearse
+from sar_compiler.nodes.bound import Binding
+from sar_compiler.nodes.registry import Registry
+from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.model import TreeFile
+
+_KEYS = (
+    "name",
+    "tree",
+    "period",
+    "ticks",
+    "until",
+    "parameters",
+    "facts",
+    "answers",
+    "leaves",
+    "expect",
+)
+_EMPTY_HINT = "write leaves: with what they answer, and expect: with what must come of it"
+
+
+class Stage:
+    """A tree file on which scenarios are played.
+
+    Args:
+        forest: The file and what it includes.
+        registry: What tags mean.
+        palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
+        tree_id: The tree that is played where a scenario names none; by default the one that the file executes.
+    """
+
+    def __init__(
+        self,
+        forest: Forest,
+        registry: Registry,
+        palettes: tuple[TreeFile, ...] = (),
+        tree_id: str | None = None,
+    ) -> None:
+        self.forest = forest
+        self._registry = registry
+        self._palettes = palettes
+        self._tree_id = tree_id
+        self._bindings: dict[str | None, Binding] = {}
+
+    def binding(self, tree_id: str | None = None) -> Binding:
+        """Return a tree of the file, bound.
+
+        Raises:
+            TreeError: If there is none, or anything in it is wrong.
+        """
+        wanted = tree_id or self._tree_id
+        if wanted not in self._bindings:
+            self._bindings[wanted] = bind_main(self.forest, self._registry, wanted, self._palettes)
+        return self._bindings[wanted]
+
+    def play(self) -> "Play":
+        """Return the tree without a scenario: every leaf answers what is usual.
+
+        Raises:
+            TreeError: If the tree cannot be used.
+            DisputedFactError: If its leaves start a fact with different values.
+        """
+        rehearsal = rehearse(self.binding(), {})
+        raise_disputes(rehearsal)
+        return Play(rehearsal, Scenario())
+
+
+@dataclass(frozen=True)
+class Play:
+    """A tree, rehearsed for a scenario.
+
+    Attributes:
+        rehearsal: The tree.
+        scenario: The scenario.
+    """
+
+    rehearsal: Rehearsal
+    scenario: Scenario
+
+
+def read_scenario(path: str | Path, stage: Stage) -> Play:
+    """Read a scenario.
+
+    Args:
+        path: Its file.
+        stage: The tree that it is about.
+
+    Raises:
+        UnreadableFileError: If the file is not there or cannot be read.
+        TreeError: If anything is wrong with it, or with the tree; carries all the findings.
+    """
+    return understand(Document.read(path, _EMPTY_HINT), stage)
+
+
+def understand(document: Document, stage: Stage) -> Play:
+    """Say what a scenario's file means.
+
+    Args:
+        document: The file.
+        stage: The tree that it is about.
+
+    Raises:
+        TreeError: If anything is wrong with it, or with the tree; carries all the findings.
+    """
+    parts = document.mapping(document.root, _KEYS, "a scenario")
+    binding = _binding(document, parts.get("tree"), stage)
+    parameters = _parameters(document, parts.get("parameters"))
+    rehearsal = _rehearsal(document, parts, binding, parameters)
+    words = LeafWords(rehearsal)
+    name, period, ticks = (parts.get(key) for key in ("name", "period", "ticks"))
+    path = document.source.path
+    scenario = Scenario(
+        name=(document.text(name, "the name") if name else None) or Path(path).stem,
+        path=path,
+        period_sec=(_period(document, period) if period else None) or PERIOD_SEC,
+        max_ticks=(document.whole(ticks, "ticks", 1) if ticks else None) or MAX_TICKS,
+        until=document.script(parts["until"], "until") if "until" in parts else None,
+        scripts=read_scripts(document, parts["leaves"], words) if "leaves" in parts else {},
+        expect=read_expectations(document, parts.get("expect"), rehearsal, words),
+    )
+    raise_findings([document])
+    return Play(rehearsal, scenario)
+
+
+def _binding(document: Document, tree: Value | None, stage: Stage) -> Binding:
+    """Return the tree that a scenario names."""
+    if tree is None:
+        return stage.binding()
+    trees = stage.forest.trees
+    return stage.binding(document.word(tree, trees, "the tree"))
+
+
+def _parameters(document: Document, value: Value | None) -> dict[str, object]:
+    if value is None:
+        return {}
+    given: dict[str, object] = {}
+    for key, inner in document.entries(value, None, "parameters"):
+        plain = document.fact(inner, f"the parameter '{key.text}'")
+        if plain is not None and key.text:
+            given[key.text] = plain
+    return given
+
+
+def _rehearsal(
+    document: Document, parts: Mapping[str, Value], binding: Binding, parameters: Mapping[str, object]
+) -> Rehearsal:
+    """Rehearse the tree with all that the scenario assumes."""
+    facts, answers = parts.get("facts"), parts.get("answers")
+    # What a scenario may say depends on the leaves, so the tree is looked at first.
+    plain = rehearse(binding, parameters)
+    assumed = read_assumptions(document, facts, answers, plain)
+    rehearsal = plain if assumed == Assumptions() else rehearse(binding, parameters, assumed)
+    for message in rehearsal.disputes.values():
+        document.report(facts or document.root, "missing-value", message)
+    return rehearsal
+
+
+def _period(document: Document, value: Value) -> float | None:
+    seconds = document.seconds(value, "the period")
+    if seconds == 0.0:
+        document.report(value, "wrong-value", "the period between two ticks is more than 0")
+    return seconds

@@ -1,0 +1,168 @@
+"""Ticking a tree by a scenario: the real py_trees objects, on a clock that is moved by hand."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from uuid import UUID
+
+from py_trees.behaviour import Behaviour
+
+from sar_compiler.checks.simulate.scenario import Scenario
+from sar_compiler.checks.simulate.scripted import Scripted
+from sar_compiler.checks.simulate.variables import RunVariables
+from sar_compiler.compiler.rehearsal import Rehearsal
+from sar_compiler.errors import SarError
+from sar_compiler.runtime.answering import Event
+from sar_compiler.runtime.evaluation import EvaluationError, Program
+from sar_compiler.runtime.script import parse
+from sar_compiler.runtime.skipping import was_skipped
+
+_ROOT_IS_DONE = parse("root == 'SUCCESS' || root == 'FAILURE'")
+
+
+class UntilError(SarError):
+    """The condition that ends a run cannot be evaluated."""
+
+
+@dataclass(frozen=True)
+class Tick:
+    """What one tick came to.
+
+    Attributes:
+        number: Which tick it was, from 1.
+        time_sec: When it was, seconds from the first one.
+        events: What leaves did, in order.
+        root: What the root came to; empty if the tick was not finished.
+        facts: The facts that changed, with their new values.
+        keys: The keys of the blackboard that changed, likewise; None for one that was removed.
+        statuses: What each node came to that was ticked, by its id.
+    """
+
+    number: int
+    time_sec: float
+    events: tuple[Event, ...]
+    root: str
+    facts: Mapping[str, object]
+    keys: Mapping[str, object]
+    statuses: Mapping[UUID, str]
+
+
+@dataclass
+class Run:
+    """A run, as far as it has come.
+
+    Attributes:
+        rehearsal: The tree.
+        scenario: The scenario.
+        ticks: Its ticks.
+        ended: Whether the condition for its end has come true.
+        trouble: What broke it off; empty if nothing did.
+    """
+
+    rehearsal: Rehearsal
+    scenario: Scenario
+    ticks: list[Tick] = field(default_factory=list)
+    ended: bool = False
+    trouble: str = ""
+
+    @property
+    def root(self) -> str:
+        """What the root came to in the last tick; `INVALID` before the first one."""
+        return self.ticks[-1].root if self.ticks else "INVALID"
+
+    @property
+    def time_sec(self) -> float:
+        """When the last tick was, seconds from the first one."""
+        return self.ticks[-1].time_sec if self.ticks else 0.0
+
+
+class Simulation:
+    """Ticks a tree by a scenario, tick by tick.
+
+    Args:
+        rehearsal: The tree, not ticked yet.
+        scenario: The scenario.
+
+    Attributes:
+        run: What has come of it so far.
+    """
+
+    def __init__(self, rehearsal: Rehearsal, scenario: Scenario) -> None:
+        self.run = Run(rehearsal, scenario)
+        self._rehearsal = rehearsal
+        self._start_sec = rehearsal.clock.now()
+        self._variables = RunVariables(rehearsal)
+        self._until = Program(scenario.until or _ROOT_IS_DONE)
+        self._facts: Mapping[str, object] = dict(rehearsal.fact_values())
+        self._keys = _keys(rehearsal)
+        rehearsal.chooser = Scripted(scenario.scripts, self._variables, rehearsal.clock)
+
+    def tick(self) -> Tick:
+        """Tick the tree once, a period after the last time.
+
+        Raises:
+            Exception: Whatever a node raises.
+        """
+        rehearsal, run = self._rehearsal, self.run
+        if run.ticks:
+            rehearsal.clock.advance(run.scenario.period_sec)
+        number, time_sec = len(run.ticks) + 1, round(rehearsal.clock.now() - self._start_sec, 6)
+        self._variables.now = {"root": run.root, "tick": number, "time": time_sec}
+        statuses: dict[UUID, str] = {}
+        rehearsal.events.clear()
+        root = ""
+        try:
+            for behaviour in rehearsal.root.tick():
+                statuses[behaviour.id] = _outcome(behaviour)
+            root = _outcome(rehearsal.root)
+        finally:
+            facts, keys = dict(rehearsal.fact_values()), _keys(rehearsal)
+            changed, written = _changes(self._facts, facts), _changes(self._keys, keys)
+            self._facts, self._keys = facts, keys
+            run.ticks.append(
+                Tick(number, time_sec, tuple(rehearsal.events), root, changed, written, statuses)
+            )
+        self._variables.now = {"root": root, "tick": number, "time": time_sec}
+        return run.ticks[-1]
+
+    def is_over(self) -> bool:
+        """Say whether the condition for the end is true now.
+
+        Raises:
+            UntilError: If that cannot be said.
+        """
+        try:
+            self.run.ended = self._until.holds(self._variables)
+        except EvaluationError as error:
+            message = f"until '{self._until.script.text}': {error}"
+            raise UntilError(message) from error
+        return self.run.ended
+
+    def go(self) -> Run:
+        """Tick until the end, or until the run is broken off."""
+        run = self.run
+        try:
+            while len(run.ticks) < run.scenario.max_ticks:
+                self.tick()
+                if self.is_over():
+                    break
+        except SarError as error:
+            run.trouble = f"{error}{self._rehearsal.advice_on(error)}"
+        except Exception as error:  # noqa: BLE001 - whatever a user's decorator raises ends a real run as well
+            run.trouble = f"{type(error).__name__}: {error}"
+        return run
+
+
+def _outcome(behaviour: Behaviour) -> str:
+    return "SKIPPED" if was_skipped(behaviour) else str(behaviour.status.name)
+
+
+def _keys(rehearsal: Rehearsal) -> Mapping[str, object]:
+    """Return the entries of the tree's blackboard, by their keys; those of a subtree with its path before."""
+    board = rehearsal.compiled.board
+    prefix = f"{board.prefix}/"
+    return {name.removeprefix(prefix): board.get(name) for name in board.names()}
+
+
+def _changes(before: Mapping[str, object], now: Mapping[str, object]) -> Mapping[str, object]:
+    changed = {name: value for name, value in now.items() if name not in before or before[name] != value}
+    return {**changed, **{name: None for name in before if name not in now}}

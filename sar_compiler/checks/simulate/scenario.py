@@ -1,0 +1,105 @@
+"""What a scenario says, as plain data."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from sar_compiler.checks.leaf_words import Deed
+from sar_compiler.runtime.answering import AnsweringLeaf
+from sar_compiler.runtime.answers import Fact
+from sar_compiler.runtime.expressions import Script
+
+PERIOD_SEC = 0.5
+"""The time between two ticks where nothing else is said: 2 Hz, as `sar-run` ticks."""
+MAX_TICKS = 1000
+"""After so many ticks a run is broken off where nothing else is said."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """What a leaf answers once, or as often as is said.
+
+    Attributes:
+        answer: The label or the status of the answer.
+        after_sec: For how long it runs before, seconds.
+        when: Takes the step only where this is true; None: always.
+        times: How often the step is taken; None for any number.
+        every: Takes the step only at every so manieth chance.
+    """
+
+    answer: str
+    after_sec: float = 0.0
+    when: Script | None = None
+    times: int | None = 1
+    every: int = 1
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """How often something may happen.
+
+    Attributes:
+        least: At least.
+        most: At most; None for any number.
+    """
+
+    least: int
+    most: int | None
+
+    def __str__(self) -> str:
+        if self.least == self.most:
+            return str(self.least)
+        return f"at least {self.least}" if self.most is None else f"at most {self.most}"
+
+
+@dataclass(frozen=True)
+class Expectations:
+    """What must be true of a run.
+
+    Attributes:
+        root: What the root comes to in the last tick: `SUCCESS`, `FAILURE`, `RUNNING` or `SKIPPED`.
+        ends: Whether the run ends, before it is broken off.
+        within_ticks: It ends within so many ticks.
+        within_sec: It ends within so many seconds.
+        facts: Facts at the end.
+        order: Each happens after the one before.
+        never: None of these happens.
+        counts: How often these happen.
+        trace: A file that holds the trace.
+        lines: The lines in the scenario's file, by the word there, and what stands below it: `root`, `facts at`,
+            `never NotifyBase refused`.
+    """
+
+    root: str | None = None
+    ends: bool = True
+    within_ticks: int | None = None
+    within_sec: float | None = None
+    facts: Mapping[str, Fact] = field(default_factory=dict)
+    order: tuple[Deed, ...] = ()
+    never: tuple[Deed, ...] = ()
+    counts: tuple[tuple[Deed, Bounds], ...] = ()
+    trace: Path | None = None
+    lines: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A scripted run.
+
+    Attributes:
+        name: What it is called.
+        path: Its file; empty where there is none.
+        period_sec: The time between two ticks, seconds.
+        max_ticks: After so many ticks it is broken off.
+        until: It ends when this is true; None: when the root has succeeded or failed.
+        scripts: What leaves answer; any other leaf answers what is usual.
+        expect: What must be true of it.
+    """
+
+    name: str = "as usual"
+    path: str = ""
+    period_sec: float = PERIOD_SEC
+    max_ticks: int = MAX_TICKS
+    until: Script | None = None
+    scripts: Mapping[AnsweringLeaf, tuple[Step, ...]] = field(default_factory=dict)
+    expect: Expectations = field(default_factory=Expectations)

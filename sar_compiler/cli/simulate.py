@@ -1,0 +1,183 @@
+"""`sar-compile simulate`: tick a tree by scenarios, without ROS."""
+
+import argparse
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
+from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_model, load, palettes
+from sar_compiler.errors import SarError
+
+if TYPE_CHECKING:
+    from sar_compiler.checks.simulate.coverage import Coverage
+    from sar_compiler.checks.simulate.judging import Failure
+    from sar_compiler.checks.simulate.reading import Stage
+    from sar_compiler.checks.simulate.running import Run
+    from sar_compiler.runtime.expressions import Script
+    from sar_compiler.views.junit import Played
+
+
+class ScenarioFolderError(SarError):
+    """A folder of scenarios has none."""
+
+
+def add_simulate(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `simulate`."""
+    parser.add_argument("file", metavar="FILE", help=FILE_HELP)
+    parser.add_argument(
+        "--scenario",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="S.yaml",
+        help="a scripted run, or a folder of them; may be repeated (default: every leaf answers what is usual)",
+    )
+    parser.add_argument("--tree", metavar="ID", help="the tree to tick (default: the one the file executes)")
+    parser.add_argument(
+        "--ticks", type=_ticks, metavar="N", help="break off after so many ticks; that is no failure then"
+    )
+    parser.add_argument(
+        "--until",
+        type=_script,
+        metavar="SCRIPT",
+        help="end when this is true of facts, keys, 'root', 'tick' and 'time' (default: when the root has succeeded or failed)",
+    )
+    parser.add_argument(
+        "--coverage", action="store_true", help="say which nodes and outcomes the scenarios have not shown"
+    )
+    add_model(parser)
+    add_include_path(parser)
+    parser.add_argument(
+        "--format",
+        choices=("text", "json", "junit"),
+        default="text",
+        help="for people, for scripts, or for continuous integration",
+    )
+    parser.set_defaults(run=simulate_file)
+
+
+def simulate_file(arguments: argparse.Namespace) -> int:
+    """Play the scenarios and return the exit status: 0 if all that is expected holds.
+
+    Raises:
+        UnreadableFileError: If the tree file is not there or cannot be read.
+    """
+    from sar_compiler.checks.simulate.coverage import Coverage
+    from sar_compiler.checks.simulate.reading import Stage
+    from sar_compiler.nodes.registry import load_registry
+    from sar_compiler.tree.diagnostic import TreeError
+
+    registry = load_registry(arguments.nodes)
+    try:
+        forest, described = load(arguments.file, arguments), tuple(palettes(arguments))
+        stage = Stage(forest, registry, described, arguments.tree)
+        stage.binding()
+    except TreeError as error:
+        print(error, file=sys.stderr)
+        return USAGE
+    coverage = Coverage()
+    played = [_play(path, stage, coverage, arguments) for path in _scenarios(arguments.scenario)]
+    _print(played, coverage, arguments)
+    if any(each.run is None for each in played):
+        return USAGE
+    return FINDINGS if any(each.failures for each in played) else OK
+
+
+def _scenarios(paths: "list[Path]") -> "list[Path | None]":
+    """Return the files of scenarios; None for the run without one."""
+    files: list[Path | None] = []
+    for path in paths:
+        if path.is_dir():
+            found = sorted([*path.glob("*.yaml"), *path.glob("*.yml")])
+            if not found:
+                message = f"there is no scenario in {path}: no file in it ends with .yaml"
+                raise ScenarioFolderError(message)
+            files += found
+        else:
+            files.append(path)
+    return files or [None]
+
+
+def _play(path: Path | None, stage: "Stage", coverage: "Coverage", arguments: argparse.Namespace) -> "Played":
+    """Play a scenario, and print what keeps it from being played."""
+    from sar_compiler.checks.simulate.judging import failures
+    from sar_compiler.checks.simulate.reading import read_scenario
+    from sar_compiler.checks.simulate.running import Simulation
+    from sar_compiler.tree.diagnostic import TreeError
+    from sar_compiler.views.junit import Played
+
+    try:
+        play = stage.play() if path is None else read_scenario(path, stage)
+    except SarError as error:
+        print(error if isinstance(error, TreeError) else f"sar-compile: {error}", file=sys.stderr)
+        return Played(str(path or arguments.file), problem=str(error))
+    scenario = replace(
+        play.scenario,
+        until=arguments.until or play.scenario.until,
+        max_ticks=arguments.ticks or play.scenario.max_ticks,
+    )
+    run = Simulation(play.rehearsal, scenario).go()
+    coverage.add(run)
+    missed = [*failures(run), *_trace_failure(run)]
+    if arguments.ticks is not None and not run.ended:
+        missed = [failure for failure in missed if failure.expected != "ends"]
+    return Played(scenario.name, run, tuple(missed))
+
+
+def _trace_failure(run: "Run") -> "list[Failure]":
+    """Hold the trace against the file that the scenario names, if it names one."""
+    from sar_compiler.checks.golden import difference
+    from sar_compiler.checks.simulate.judging import Failure
+    from sar_compiler.views.trace import trace
+
+    expect = run.scenario.expect
+    different = difference(expect.trace, trace(run), "the trace now") if expect.trace else None
+    return [Failure("trace", different, expect.lines.get("trace", 0))] if different else []
+
+
+def _print(played: "list[Played]", coverage: "Coverage", arguments: argparse.Namespace) -> None:
+    from sar_compiler.views.junit import junit
+    from sar_compiler.views.runs import runs_as_json
+    from sar_compiler.views.trace import coverage_text, trace, verdict
+
+    shown = coverage if arguments.coverage else None
+    if arguments.format == "json":
+        print(runs_as_json(arguments.file, played, shown))
+        return
+    if arguments.format == "junit":
+        print(junit(arguments.file, played), end="")
+        return
+    runs = [each.run for each in played if each.run is not None]
+    for note in dict.fromkeys(note for run in runs for note in run.rehearsal.notes):
+        print(note.render(), file=sys.stderr)
+    for each in played:
+        if each.run is not None:
+            print(f"{trace(each.run)}{verdict(each.run, each.failures)}\n")
+    if len(played) > 1:
+        held = sum(each.run is not None and not each.failures for each in played)
+        print(f"{held} of {len(played)} scenarios hold.")
+    if shown is not None:
+        print(coverage_text(shown))
+
+
+def _ticks(text: str) -> int:
+    """Read the argument of `--ticks`: a whole number above 0."""
+    if not text.isdecimal() or int(text) == 0:
+        message = f"'{text}' is not a whole number above 0"
+        raise argparse.ArgumentTypeError(message)
+    return int(text)
+
+
+def _script(text: str) -> "Script":
+    """Read the argument of `--until`."""
+    from sar_compiler.runtime.script import parse
+    from sar_compiler.runtime.tokens import ScriptError
+
+    try:
+        return parse(text)
+    except ScriptError as error:
+        advice = f"; did you mean '{error.suggestion}'?" if error.suggestion else ""
+        message = f"'{text}' is no condition: {error}{advice}"
+        raise argparse.ArgumentTypeError(message) from error

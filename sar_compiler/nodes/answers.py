@@ -1,0 +1,107 @@
+"""What the leaves of a tree can answer, where there is no robot: the registry's words, filled in for a node."""
+
+import re
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
+
+from sar_compiler.runtime.answers import STATUSES, Answer, Fact, nominal
+from sar_compiler.runtime.script import parse
+from sar_compiler.runtime.tokens import ScriptError
+
+__all__ = [
+    "NOBODY",
+    "SELF",
+    "STATUSES",
+    "Answer",
+    "Fact",
+    "Identifiers",
+    "answers_of",
+    "filled",
+    "filled_text",
+    "is_fact_name",
+    "mistake_in",
+    "nominal",
+    "number_text",
+    "placeholders",
+]
+
+SELF = "self"
+"""The placeholder for the node's own name."""
+NOBODY = "nobody"
+"""What stands for the name of a node that an optional reference does not name."""
+_PLACEHOLDER = re.compile(r"\{(\w+)\}")
+_FACT = re.compile(r"([A-Za-z_]|\{\w+\})([A-Za-z0-9_]|\{\w+\})*")
+_NO_WORD = re.compile(r"[^A-Za-z0-9_]")
+
+
+def answers_of(outcomes: Collection[str]) -> tuple[Answer, ...]:
+    """Return the answers of a leaf of which only the outcomes are known, or not even these."""
+    known = outcomes or ("SUCCESS", "FAILURE", "RUNNING")
+    return tuple(Answer(status) for status in STATUSES if status in known)
+
+
+def is_fact_name(text: str) -> bool:
+    """Say whether a text is the name of a fact: a variable of scripts, perhaps with placeholders."""
+    return _FACT.fullmatch(text) is not None
+
+
+def placeholders(text: str) -> list[str]:
+    """Return the names of the placeholders in a script or in the name of a fact."""
+    return _PLACEHOLDER.findall(text)
+
+
+def filled(answer: Answer, names: Mapping[str, str]) -> Answer:
+    """Return an answer with identifiers in the place of placeholders."""
+    return replace(answer, when=filled_text(answer.when, names), then=filled_text(answer.then, names))
+
+
+def filled_text(text: str, names: Mapping[str, str]) -> str:
+    """Return a text with identifiers in the place of placeholders; those that are not known stay."""
+    return _PLACEHOLDER.sub(lambda match: names.get(match[1], match[0]), text)
+
+
+def number_text(value: object) -> str:
+    """Return what takes the place of a placeholder for a whole number, also behind a minus sign."""
+    return f"({value})" if str(value).startswith("-") else str(value)
+
+
+def mistake_in(
+    answer: Answer, known: Iterable[str] = (SELF,), numbers: Iterable[str] = ()
+) -> tuple[str, str, ScriptError] | None:
+    """Return the first script of an answer that cannot be read, as the part, its text, and why.
+
+    Args:
+        answer: The answer.
+        known: The placeholders for identifiers that there are.
+        numbers: Those for whole numbers.
+    """
+    # As long as its placeholder, so that the places in the error are those in the text.
+    names = {name: f"x{name}x" for name in known}
+    names |= {name: f"({'1' * len(name)})" for name in numbers}
+    for part, text in (("when", answer.when), ("then", answer.then)):
+        if text:
+            try:
+                parse(filled_text(text, names))
+            except ScriptError as error:
+                return part, text, error
+    return None
+
+
+class Identifiers:
+    """Names of nodes as identifiers, each another one."""
+
+    def __init__(self) -> None:
+        self._taken: set[str] = set()
+
+    def take(self, name: str) -> str:
+        """Return an identifier for a node: its name, with `_` for what an identifier cannot have.
+
+        Where an earlier node has it, a number follows: `Drive`, `Drive_2`.
+        """
+        word = _NO_WORD.sub("_", name)
+        candidate, number = word, 1
+        while candidate in self._taken:
+            number += 1
+            candidate = f"{word}_{number}"
+        self._taken.add(candidate)
+        return candidate

@@ -1,0 +1,49 @@
+"""Short ways to play scenarios in tests."""
+
+from textwrap import dedent
+
+from sar_compiler.checks.simulate.judging import failures
+from sar_compiler.checks.simulate.reading import Play, Stage, understand
+from sar_compiler.checks.simulate.running import Run, Simulation
+from sar_compiler.checks.yaml_values import Document
+from sar_compiler.nodes.registry import default_registry
+from tests.trees import forest
+
+PATROL = """
+<Selector name="Mission" memory="false">
+  <Sequence name="Patrol">
+    <ZonesRemaining name="ZonesRemaining?"/>
+    <NavigateToZone/>
+    <DetectSurvivor/>
+    <AdvanceZone/>
+  </Sequence>
+  <NavigateToBase/>
+</Selector>
+"""
+
+
+def stage(body: str = PATROL) -> Stage:
+    """Return a stage with one tree on it."""
+    return Stage(forest(body), default_registry())
+
+
+def read(text: str, body: str = PATROL) -> Play:
+    """Read a scenario from its text."""
+    return understand(Document(dedent(text), "scenario.yaml", "write something"), stage(body))
+
+
+def played(text: str, body: str = PATROL) -> Run:
+    """Play a scenario to its end."""
+    play = read(text, body)
+    return Simulation(play.rehearsal, play.scenario).go()
+
+
+def missed(text: str, body: str = PATROL) -> list[tuple[str, str, int]]:
+    """Return what does not hold of a scenario: the expectation, the message and the line."""
+    return [(each.expected, each.message, each.line) for each in failures(played(text, body))]
+
+
+def answers(run: Run, leaf: str) -> list[str]:
+    """Return what a leaf answered, tick by tick; `halted` where it was halted."""
+    events = (event for tick in run.ticks for event in tick.events if event.leaf.name == leaf)
+    return [event.answer.name if event.answer else event.what for event in events if event.what != "started"]

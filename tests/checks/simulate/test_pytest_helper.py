@@ -1,0 +1,89 @@
+"""Tests of users' own trees, in three lines."""
+
+import pytest
+
+from sar_compiler.testing import RENEW, assert_scenario_holds, simulate
+from sar_compiler.tree.diagnostic import TreeError
+
+TREE = "trees/search_and_rescue.xml"
+HOME = "zones_left == 0 && at == 'base'"
+
+
+def test_a_zone_that_is_not_reached_at_once_is_tried_again():
+    home = {"answer": "arrived", "after": "5s"}
+    run = simulate(TREE, NavigateToZone=["aborted", "arrived"], NavigateToBase=home, scenario={"until": HOME})
+    run.until_end()
+    run.expect(order=["NavigateToZone aborted", "NavigateToZone arrived"], count={"AdvanceZone advanced": 3})
+
+
+def test_the_report_that_is_refused_is_lost():
+    run = simulate(
+        TREE, NotifyBase="refused", scenario={"facts": {"zones_left": 1}, "until": HOME}
+    ).until_end()
+    run.expect(order=["NotifyBase refused", "LogNoDetection logged", "AdvanceZone advanced"])
+
+
+def test_leaves_with_any_name_can_be_scripted():
+    run = simulate(
+        TREE, leaves={"ZonesRemaining?": "some left", "HandleDetection/NotifyBase": "refused"}
+    ).tick(2)
+    assert (run.root, run.facts["zones_left"]) == ("SUCCESS", 1)
+    assert "NotifyBase           refused (FAILURE)" in run.trace
+    assert len(run.run.ticks) == 2
+
+
+def test_a_run_without_an_end_fails_the_test():
+    run = simulate(TREE, NavigateToZone="RUNNING", scenario={"ticks": 5})
+    with pytest.raises(
+        AssertionError, match=r"(?s)ends: the run has not ended by tick 5 .*\n\ntick 1, 0 s: root RUNNING"
+    ):
+        run.until_end()
+
+
+def test_a_run_that_cannot_go_on_fails_the_test():
+    run = simulate(TREE, DetectSurvivor="no zone")
+    with pytest.raises(
+        AssertionError, match="run: tick 1 could not be finished: 'DetectSurvivor' cannot answer"
+    ):
+        run.until_end()
+
+
+def test_what_is_expected_and_is_not_so_fails_the_test_with_the_trace():
+    run = simulate(TREE).until_end()
+    with pytest.raises(AssertionError, match=r"(?s)^root: the root is SUCCESS.*expected FAILURE\n\ntick 1, "):
+        run.expect(root="FAILURE")
+
+
+def test_before_the_end_nothing_is_said_of_the_end_unless_it_is_asked_for():
+    run = simulate(TREE, NavigateToZone="RUNNING").tick()
+    run.expect(root="RUNNING")
+    with pytest.raises(AssertionError, match="ends: the run has not ended"):
+        run.expect(ends=True)
+
+
+def test_a_slip_in_a_test_is_explained_as_one_in_a_scenario_is():
+    with pytest.raises(TreeError, match="did you mean 'aborted'"):
+        simulate(TREE, NavigateToZone="abroted")
+    with pytest.raises(TreeError, match="did you mean 'order'"):
+        simulate(TREE).until_end().expect(ordr=["NavigateToZone arrived"])
+
+
+def test_a_trace_can_be_held_against_a_committed_file(tmp_path, monkeypatch):
+    golden = tmp_path / "trace.txt"
+    monkeypatch.setenv(RENEW, "1")
+    simulate(TREE).until_end().expect(trace=str(golden))
+    monkeypatch.delenv(RENEW)
+    simulate(TREE).until_end().expect(trace=str(golden))
+    with pytest.raises(AssertionError, match=r"(?s)trace: .*aborted"):
+        simulate(TREE, NavigateToZone="aborted").until_end().expect(trace=str(golden))
+
+
+def test_a_scenario_that_holds_passes():
+    assert_scenario_holds(TREE, "examples/scenarios/nominal.yaml")
+
+
+def test_a_scenario_that_does_not_hold_fails_the_test(tmp_path):
+    path = tmp_path / "wrong.yaml"
+    path.write_text("expect:\n  root: FAILURE\n", encoding="utf-8")
+    with pytest.raises(AssertionError, match=r"wrong.yaml:2: root: the root is SUCCESS"):
+        assert_scenario_holds(TREE, path)

@@ -1,0 +1,231 @@
+"""`sar-compile simulate` as its users and their scripts see it."""
+
+import json
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from sar_compiler.checks.golden import RENEW
+from sar_compiler.cli.compile import main
+from tests.trees import document
+
+TREE = "trees/search_and_rescue.xml"
+SCENARIOS = Path("examples/scenarios")
+
+
+def run(capsys, *arguments):
+    status = main(["simulate", *map(str, arguments)])
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+@pytest.fixture
+def scenario(tmp_path):
+    """Write a scenario's file."""
+
+    def write(text, name="scenario.yaml"):
+        path = tmp_path / name
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+@pytest.fixture
+def tree(tmp_path):
+    path = tmp_path / "tree.xml"
+    path.write_text(document("<Selector><NavigateToZone/><NavigateToBase/></Selector>"), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("path", sorted(SCENARIOS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_a_shipped_scenario_holds(capsys, path):
+    status, out, err = run(capsys, TREE, "--scenario", path)
+    assert (status, err) == (0, "")
+    assert out.endswith(" holds.\n\n")
+
+
+def test_a_folder_stands_for_all_scenarios_in_it(capsys):
+    status, out, _ = run(capsys, TREE, "--scenario", SCENARIOS, "--coverage")
+    assert status == 0
+    assert "3 of 3 scenarios hold.\ncoverage: 13 of 13 nodes ticked, " in out
+
+
+def test_a_folder_without_scenarios_is_wrong_usage(capsys, tmp_path, tree):
+    status, _, err = run(capsys, tree, "--scenario", tmp_path)
+    assert (status, err) == (
+        2,
+        f"sar-compile: there is no scenario in {tmp_path}: no file in it ends with .yaml\n",
+    )
+
+
+def test_without_a_scenario_every_leaf_answers_what_is_usual(capsys, tree):
+    status, out, _ = run(capsys, tree)
+    assert status == 0
+    assert "  NavigateToZone  arrived (SUCCESS)\n" in out
+    assert out.endswith(
+        "\nEvery leaf answered what is usual. A run ends when the root succeeds or fails; --until says when else.\n\n"
+    )
+
+
+def test_without_a_scenario_what_leaves_do_not_agree_on_is_wrong_usage(capsys, tmp_path):
+    path = tmp_path / "tree.xml"
+    path.write_text(document("<Sequence><X/><W/></Sequence>"), encoding="utf-8")
+    status, out, err = run(capsys, path, "--nodes", "tests.checks.verify.leaves")
+    assert (status, out.strip()) == (2, "")
+    assert err.startswith("sar-compile: the fact 'f' is 0 at the start for 'X', and 1 for 'W'; say which:")
+
+
+def test_a_tick_that_is_not_finished_has_come_to_nothing(capsys, tmp_path):
+    path = tmp_path / "tree.xml"
+    tree = '<Sequence><M distance="{d}"/><ScriptCondition code="d &gt; 1"/></Sequence>'
+    path.write_text(document(tree), encoding="utf-8")
+    status, out, _ = run(capsys, path, "--nodes", "tests.checks.verify.leaves")
+    assert status == 1
+    assert out.startswith("tick 1, 0 s: not finished\n  M  SUCCESS\nbroken off in tick 1 (0 s): ")
+    assert "'M' writes 'd' when it flies" in out
+
+
+def test_a_run_that_somebody_ends_is_not_explained(capsys, tree):
+    _, out, _ = run(capsys, tree, "--until", "tick == 2")
+    assert out.endswith("\nEvery leaf answered what is usual.\n\n")
+
+
+def test_an_expectation_that_does_not_hold_has_status_1(capsys, tree, scenario):
+    status, out, err = run(capsys, tree, "--scenario", scenario("expect: {root: FAILURE}"))
+    assert (status, err) == (1, "")
+    assert ":1: root: the root is SUCCESS in the last tick; expected FAILURE\n" in out
+
+
+def test_a_mistake_in_a_scenario_has_status_2_and_the_others_are_played(capsys, tree, scenario):
+    wrong, right = scenario("leaves: {NavigateToZoen: arrived}"), scenario("name: right", "right.yaml")
+    status, out, err = run(capsys, tree, "--scenario", wrong, "--scenario", right)
+    assert status == 2
+    assert err.startswith(f"{wrong}:1:10: error[unknown-leaf]: ")
+    assert "'right' holds." in out
+    assert out.endswith("1 of 2 scenarios hold.\n")
+
+
+def test_a_scenario_that_is_not_there_has_status_2(capsys, tree):
+    status, _, err = run(capsys, tree, "--scenario", "nowhere.yaml")
+    assert (status, err) == (2, "sar-compile: cannot read nowhere.yaml: No such file or directory\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"), [(None, "cannot read"), ("<root", "malformed-xml"), ("<x/>", "no-tree")]
+)
+def test_a_tree_that_cannot_be_played_has_status_2(capsys, tmp_path, text, said):
+    path = tmp_path / "tree.xml"
+    if text is not None:
+        path.write_text(text, encoding="utf-8")
+    status, out, err = run(capsys, path)
+    assert (status, out) == (2, "")
+    assert said in err
+
+
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [
+        (("--ticks", "0"), "'0' is not a whole number above 0"),
+        (("--until", "at == 'base"), "is no condition"),
+        (("--until", "root === 1"), "did you mean '=='?"),
+    ],
+)
+def test_an_option_that_cannot_be_meant_is_refused(capsys, tree, option, said):
+    with pytest.raises(SystemExit) as end:
+        run(capsys, tree, *option)
+    assert end.value.code == 2
+    assert said in capsys.readouterr().err
+
+
+def test_the_number_of_ticks_that_is_asked_for_is_no_failure(capsys, tree, scenario):
+    path = scenario("leaves: {NavigateToZone: RUNNING}")
+    status, out, _ = run(capsys, tree, "--scenario", path, "--ticks", 3)
+    assert status == 0
+    assert "broken off, without an end, after tick 3 (1 s): root RUNNING" in out
+
+
+def test_the_end_can_be_asked_for(capsys):
+    status, out, _ = run(capsys, TREE, "--until", "zones_left == 0 && at == 'base'")
+    assert status == 0
+    assert "ended after tick 4 (1.5 s): root SUCCESS" in out
+
+
+def test_a_tree_of_several_is_named_by_the_option_or_by_the_scenario(capsys, tmp_path, scenario):
+    path = tmp_path / "two.xml"
+    trees = '<BehaviorTree ID="A"><Success/></BehaviorTree><BehaviorTree ID="B"><Failure/></BehaviorTree>'
+    path.write_text(f'<root BTCPP_format="4" main_tree_to_execute="A">{trees}</root>', encoding="utf-8")
+    assert "root SUCCESS" in run(capsys, path)[1]
+    assert "root FAILURE" in run(capsys, path, "--tree", "B")[1]
+    assert "root FAILURE" in run(capsys, path, "--scenario", scenario("tree: B"))[1]
+
+
+def test_a_tree_of_nodes_that_are_only_described_can_be_played(capsys, tmp_path, scenario):
+    model = '<root BTCPP_format="4"><TreeNodesModel><Action ID="Grab"/><Decorator ID="Twice"/></TreeNodesModel></root>'
+    palette = tmp_path / "palette.xml"
+    palette.write_text(model, encoding="utf-8")
+    path = tmp_path / "grab.xml"
+    path.write_text(document("<Twice><Grab/></Twice>"), encoding="utf-8")
+    script = scenario("leaves: {Grab: [RUNNING, FAILURE]}\nexpect: {root: FAILURE}")
+    status, out, err = run(capsys, path, "--model", palette, "--scenario", script)
+    assert status == 0
+    assert "  Grab  FAILURE\n" in out
+    assert (
+        "info[only-described]: <Twice> is only described by a model; its child alone stands for it here"
+        in err
+    )
+
+
+def test_json_is_for_scripts(capsys):
+    status, out, _ = run(capsys, TREE, "--scenario", SCENARIOS, "--format", "json", "--coverage")
+    data = json.loads(out)
+    assert (status, data["file"], len(data["scenarios"])) == (0, TREE, 3)
+    assert data["coverage"]["never_ticked"] == []
+
+
+def test_junit_is_for_continuous_integration(capsys, tree, scenario):
+    paths = [scenario("expect: {root: FAILURE}", "bad.yaml"), scenario("leaf: x", "worse.yaml")]
+    arguments = [word for path in paths for word in ("--scenario", path)]
+    status, out, _ = run(capsys, tree, *arguments, "--format", "junit")
+    assert status == 2
+    assert [case[0].tag for case in ET.fromstring(out)[0]] == ["failure", "error"]  # noqa: S314 - it is ours
+
+
+def test_a_trace_is_held_against_the_file_that_the_scenario_names(capsys, tree, scenario, monkeypatch):
+    path = scenario("expect: {trace: golden/trace.txt}")
+    monkeypatch.delenv(RENEW, raising=False)
+    status, out, _ = run(capsys, tree, "--scenario", path)
+    assert status == 1
+    assert f"trace: there is no golden file {path.parent / 'golden/trace.txt'} yet: run with {RENEW}=1" in out
+    monkeypatch.setenv(RENEW, "1")
+    assert run(capsys, tree, "--scenario", path)[0] == 0
+    monkeypatch.delenv(RENEW)
+    assert run(capsys, tree, "--scenario", path)[0] == 0
+    scenario("expect: {trace: golden/trace.txt}\nleaves: {NavigateToZone: aborted}")
+    status, out, _ = run(capsys, tree, "--scenario", path)
+    assert status == 1
+    assert "-  NavigateToZone  arrived (SUCCESS)\n" in out
+    assert "+  NavigateToZone  aborted (FAILURE)\n" in out
+
+
+def test_what_a_leaf_answers_is_shown_with_its_facts(capsys):
+    assert main(["nodes", "NavigateToZone"]) == 0
+    out = capsys.readouterr().out
+    assert (
+        "answers: SUCCESS 'arrived' when zones_left > 0, then at = 'zone'\n         FAILURE 'aborted'" in out
+    )
+    assert "facts:   zones_left = 3, at = ''\n" in out
+
+
+def test_what_a_leaf_answers_is_there_for_scripts(capsys):
+    assert main(["nodes", "AdvanceZone", "--format", "json"]) == 0
+    (leaf,) = json.loads(capsys.readouterr().out)
+    assert leaf["answers"][0] == {
+        "status": "SUCCESS",
+        "label": "advanced",
+        "when": "zones_left > 0",
+        "then": "zones_left -= 1",
+    }
+    assert leaf["facts"] == {"zones_left": 3}
+    assert {"reads", "writes"} <= leaf.keys()

@@ -1,0 +1,65 @@
+"""The page about simulating does what it says, and leaves nothing out."""
+
+import argparse
+from pathlib import Path
+
+from sar_compiler.checks.simulate import expecting, reading, steps
+from sar_compiler.cli.simulate import add_simulate
+from sar_compiler.nodes.registry import load_registry
+from sar_compiler.testing import simulate
+from tests.docs.markdown import blocks, codes, tables
+from tests.docs.test_tables_and_drawings import options_of
+from tests.docs.test_worked_pages import LEAVES, follow
+from tests.trees import document
+
+PAGE = Path("docs/simulate.md").resolve()
+
+
+def test_the_page_about_simulating_does_what_it_says(tmp_path):
+    typed, otherwise = follow(PAGE, tmp_path)
+    assert typed == 5
+    assert otherwise == []
+
+
+def first_codes(heading):
+    return [codes(cells[0])[0] for title, _, cells in tables(PAGE) if title == heading and codes(cells[0])]
+
+
+def test_every_key_of_a_scenario_is_in_the_table():
+    assert first_codes("The scenario") == list(reading._KEYS)
+
+
+def test_every_expectation_is_in_the_table():
+    assert {code.split(":")[0] for code in first_codes("What is expected")} == set(expecting._KEYS)
+
+
+def test_every_key_of_a_step_is_shown():
+    shown = " ".join(first_codes("What leaves answer"))
+    assert [key for key in steps._KEYS if f"{key}:" not in shown] == []
+
+
+def test_every_option_is_in_the_table():
+    command = argparse.ArgumentParser()
+    add_simulate(command)
+    own = set(options_of(command)) - {"--model", "--include-path", "--scenario"}
+    assert {code.split()[0] for code in first_codes("The command") if code.startswith("--")} == own
+
+
+GRAB = '''
+class GrabSample(Behaviour):
+    """Grab a sample."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+'''
+
+
+def test_the_leaf_that_says_what_it_can_answer_can_be_played(tmp_path, monkeypatch):
+    (block,) = [each.text for each in blocks(LEAVES) if "GrabSample" in each.text]
+    imports = "from py_trees.behaviour import Behaviour\nfrom py_trees.common import Status\n"
+    (tmp_path / "page_of_leaves.py").write_text(f"{imports}{block.rstrip()}{GRAB}", encoding="utf-8")
+    (tmp_path / "grab.xml").write_text(document("<GrabSample/>"), encoding="utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    run = simulate(tmp_path / "grab.xml", registry=load_registry(["page_of_leaves"])).tick(3)
+    run.expect(order=["GrabSample grabbed", "GrabSample grabbed", "GrabSample nothing there"])
+    assert run.facts == {"samples_left": 0, "held_by_GrabSample": True}

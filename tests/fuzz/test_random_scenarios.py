@@ -1,0 +1,67 @@
+"""Whatever stands in a scenario, it is either played or explained."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sar_compiler.checks.simulate.judging import failures
+from sar_compiler.checks.simulate.reading import Play, Stage, understand
+from sar_compiler.checks.simulate.running import Simulation
+from sar_compiler.checks.yaml_values import Document
+from sar_compiler.nodes.registry import default_registry
+from sar_compiler.tree.diagnostic import Diagnostic, TreeError
+from sar_compiler.tree.forest import load_forest
+from sar_compiler.tree.reading import read_tree_file
+from sar_compiler.views.trace import trace
+
+SCENARIOS = [path.read_text(encoding="utf-8") for path in sorted(Path("examples/scenarios").glob("*.yaml"))]
+PIECES = [
+    *"{}[]:,-'\"#&*!|>%@`? \n",
+    "always",
+    "when",
+    "4s",
+    "SUCCESS",
+    "zones_left",
+    "NavigateToZone arrived",
+    "-1",
+]
+
+
+@pytest.fixture(scope="module")
+def stage() -> Stage:
+    return Stage(load_forest(Path("trees/search_and_rescue.xml"), read_tree_file), default_registry())
+
+
+@st.composite
+def changed(draw: st.DrawFn) -> str:
+    """Return a shipped scenario with a few stretches replaced."""
+    text = draw(st.sampled_from(SCENARIOS))
+    for _ in range(draw(st.integers(1, 4))):
+        start = draw(st.integers(0, len(text)))
+        end = min(len(text), start + draw(st.integers(0, 12)))
+        text = text[:start] + "".join(draw(st.lists(st.sampled_from(PIECES), max_size=3))) + text[end:]
+    return text
+
+
+def understood(text: str, stage: Stage) -> tuple[Play | None, tuple[Diagnostic, ...]]:
+    """Return what a scenario means, or what is wrong with it."""
+    try:
+        return understand(Document(text, "scenario.yaml", "write something"), stage), ()
+    except TreeError as error:
+        return None, error.findings
+
+
+@given(changed())
+def test_a_changed_scenario_is_played_or_has_findings_with_places(stage, text):
+    play, findings = understood(text, stage)
+    lines = text.count("\n") + text.count("\r") + 1
+    assert all(finding.render() and finding.span.line <= lines for finding in findings)
+    if play is None:
+        assert findings
+        return
+    run = Simulation(play.rehearsal, play.scenario).go()
+    assert "Error:" not in run.trouble  # nothing but what the project raises itself
+    assert trace(run)
+    assert isinstance(failures(run), list)
