@@ -63,6 +63,8 @@ soak: env
 
 bench: env
 	$(BIN)/python benchmarks/pipeline.py
+	$(BIN)/python benchmarks/ticking.py
+	$(BIN)/python benchmarks/verify.py
 
 schemas: env
 	mkdir -p schemas

@@ -1,0 +1,141 @@
+"""Conditions of properties: scripts over facts, keys of the tree, and how the last tick ended."""
+
+from collections.abc import Callable, Collection
+
+from sar_compiler.checks.verify.facts import RememberedFacts
+from sar_compiler.checks.yaml_values import Document, Value
+from sar_compiler.compiler.rehearsal import Rehearsal
+from sar_compiler.errors import SarError
+from sar_compiler.nodes.values import nearest
+from sar_compiler.runtime.answering import FactVariables
+from sar_compiler.runtime.enums import Enums
+from sar_compiler.runtime.evaluation import EvaluationError, Program
+from sar_compiler.runtime.expressions import Access, Script, name_uses
+from sar_compiler.runtime.variables import Value as ScriptValue
+
+ROOT = "root"
+"""What the root came to in the last tick."""
+IDLE = "idle"
+"""Whether every tick from now on leaves the tree as it is."""
+AFTER_A_TICK = (ROOT, IDLE)
+"""What is known when a tick is over."""
+
+
+class ConditionError(SarError):
+    """A condition of a property cannot be evaluated in a state that a run comes to."""
+
+
+class IdleUnknownError(SarError):
+    """A condition asks whether the tree idles, and nobody knows yet."""
+
+
+class Surroundings(FactVariables):
+    """What conditions read: facts, keys of the tree, and how the last tick ended.
+
+    Args:
+        rehearsal: The tree.
+        facts: Its facts.
+
+    Attributes:
+        facts: Its facts.
+    """
+
+    def __init__(self, rehearsal: Rehearsal, facts: RememberedFacts) -> None:
+        super().__init__(rehearsal.facts, rehearsal.compiled.instance.scope, Enums())
+        self.facts = facts
+        self._ended: dict[str, ScriptValue | None] = {}
+
+    def end_tick(self, root: str, *, idle: bool | None) -> None:
+        """Take how a tick has ended.
+
+        Args:
+            root: What the root came to.
+            idle: Whether every tick from now on leaves the tree as it is; None if that is not known yet.
+        """
+        self._ended[ROOT] = root
+        self._ended[IDLE] = None if idle is None else float(idle)
+
+    def read(self, name: str) -> ScriptValue:
+        """Return the value of a fact, of a key, or of what is known of the last tick.
+
+        Raises:
+            IdleUnknownError: If that is whether the tree idles, and it is not known.
+        """
+        ended = self._ended.get(name)
+        if ended is None and name in self._ended:
+            raise IdleUnknownError(name)
+        return super().read(name) if ended is None else ended
+
+
+class Condition:
+    """A condition that can be evaluated.
+
+    Args:
+        script: What it says.
+        surroundings: What it reads.
+        owner: Whose it is, for messages.
+    """
+
+    def __init__(self, script: Script, surroundings: Surroundings, owner: str) -> None:
+        self._program = Program(script)
+        self._surroundings = surroundings
+        self._owner = owner
+        self.holds: Callable[[], bool] = surroundings.facts.remembering(script, self._holds)
+        """Says whether it holds now.
+
+        Raises:
+            ConditionError: If it cannot be evaluated, because a key has no value yet or one that does not fit.
+        """
+
+    def after_tick(self, root: str, idle: bool | None) -> bool:  # noqa: FBT001 - as `rules.Condition` has it
+        """Say whether it holds when a tick is over; see `Surroundings.end_tick`.
+
+        Raises:
+            IdleUnknownError: If it asks whether the tree idles, and that is not known.
+        """
+        self._surroundings.end_tick(root, idle=idle)
+        return self.holds()
+
+    def _holds(self) -> bool:
+        try:
+            return self._program.holds(self._surroundings)
+        except EvaluationError as error:
+            hint = f"; {error.hint}" if error.hint else ""
+            message = f"{self._owner}: '{self._program.script.text}' cannot be evaluated in every state: {error}{hint}"
+            raise ConditionError(message) from error
+
+
+def read_condition(
+    document: Document, value: Value, known: Collection[str], *, after_a_tick: bool
+) -> Script | None:
+    """Read a condition; what is wrong with it is told to the document.
+
+    Args:
+        document: The file.
+        value: The text.
+        known: The names of facts and keys.
+        after_a_tick: Whether it is evaluated when a tick is over.
+
+    Returns:
+        The script; None if it cannot be used.
+    """
+    script = document.script(value, "a condition")
+    if script is None:
+        return None
+    names = [*known, *(AFTER_A_TICK if after_a_tick else ())]
+    usable = True
+    for use in name_uses(script):
+        place = (use.start, use.end)
+        if use.access is not Access.READ:
+            message = f"a condition only looks at '{use.name}' and does not change it"
+            document.report(value, "wrong-condition", message, place, hint="write == to compare")
+        elif use.name in AFTER_A_TICK and not after_a_tick:
+            message = f"'{use.name}' is known only when a tick is over; an event comes before that"
+            document.report(value, "wrong-condition", message, place, hint="end and at_end can use it")
+        elif use.name not in names:
+            message = f"'{use.name}' is neither a fact nor a key of this tree; there is {', '.join(names) or 'none'}"
+            document.report(value, "unknown-fact", message, place, suggestion=nearest(use.name, names))
+        else:
+            continue
+        usable = False
+    return script if usable else None

@@ -1,0 +1,86 @@
+"""The states of a tree and the ticks between them, in arrays: a million of them has to fit."""
+
+import bisect
+from array import array
+from collections.abc import Hashable, Iterator
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Breach:
+    """The first tick in which something went wrong; the fewest ticks lead to it.
+
+    Attributes:
+        source: The state in which the tick begins.
+        path: The choices of the tick; None if it is the state itself that is wrong.
+        error: What it raised, where it did.
+    """
+
+    source: int
+    path: tuple[int, ...] | None = None
+    error: Exception | None = None
+
+
+@dataclass
+class Graph:
+    """What was found out about the runs of a tree; states are numbered in the order of their finding.
+
+    Attributes:
+        keys: The states themselves; the first one is the beginning.
+        origins: The state from which each was found; 0 for the first.
+        offsets: Where the ticks of each state that was gone through begin in the two lists below; one more at
+            the end.
+        targets: The state that each tick leads to.
+        waits: What each tick waits for, as a number of `waiting`.
+        waiting: The sets of leaves and timers that go on being waited for in a tick, as bits.
+        ends: 1 for each state in which the run is over.
+        pending: What each state owes, as bits.
+        levels: Where the states of each distance begin: those that so many ticks lead to, and no fewer.
+        breaches: The first breach of each rule, by the rule's number.
+        error: The first tick that could not be finished; None if there is none.
+        complete: Whether every state was gone through.
+    """
+
+    keys: list[Hashable] = field(default_factory=list)
+    origins: "array[int]" = field(default_factory=lambda: array("I"))
+    offsets: "array[int]" = field(default_factory=lambda: array("I", [0]))
+    targets: "array[int]" = field(default_factory=lambda: array("I"))
+    waits: "array[int]" = field(default_factory=lambda: array("I"))
+    waiting: list[int] = field(default_factory=list)
+    ends: bytearray = field(default_factory=bytearray)
+    pending: list[int] = field(default_factory=list)
+    levels: list[int] = field(default_factory=lambda: [0])
+    breaches: dict[int, Breach] = field(default_factory=dict)
+    error: Breach | None = None
+    complete: bool = True
+
+    @property
+    def expanded(self) -> int:
+        """How many states were gone through: those before this number."""
+        return len(self.offsets) - 1
+
+    @property
+    def depth(self) -> int:
+        """How many ticks every run was followed for, at least."""
+        return len(self.levels) - 1
+
+    def edges(self, state: int) -> range:
+        """Return the numbers of the ticks of a state; none for one that was not gone through."""
+        if state >= self.expanded:
+            return range(0)
+        return range(self.offsets[state], self.offsets[state + 1])
+
+    def distance(self, state: int) -> int:
+        """Return how many ticks lead to a state, at least."""
+        return bisect.bisect_right(self.levels, state) - 1
+
+    def stem(self, state: int) -> list[int]:
+        """Return the states on a shortest way from the first one to another, both included."""
+        way = [state]
+        while way[-1]:
+            way.append(self.origins[way[-1]])
+        return way[::-1]
+
+    def successors(self, state: int) -> Iterator[int]:
+        """Yield the states that the ticks of a state lead to."""
+        return (self.targets[edge] for edge in self.edges(state))

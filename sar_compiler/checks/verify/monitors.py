@@ -1,0 +1,119 @@
+"""Watching a run for what a property forbids: one small automaton for each, and all of them as one."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Form(Enum):
+    """What a property says, in the words of the specification patterns of Dwyer, Avrunin and Corbett."""
+
+    NEVER = "never"
+    """Absence: the event does not happen."""
+    BEFORE = "before"
+    """Precedence: before the event comes another one (since a third)."""
+    AFTER = "after"
+    """Response: after the event another one comes (before a third)."""
+    AT_MOST_ONCE = "at_most_once"
+    """Bounded existence: the event happens once at most (between two of another)."""
+
+
+MAIN, OTHER, LIMIT = 1, 2, 4
+"""What an event can be in a property: the one that it is about; the one that must come; the one that bounds it."""
+
+
+@dataclass(frozen=True)
+class Monitor:
+    """One property over events.
+
+    Attributes:
+        form: What it says.
+        roles: What each event is in it, as bits; events that are nothing are left out.
+        owes: Whether what must come can come at any time, so that it is owed until it comes.
+    """
+
+    form: Form
+    roles: Mapping[int, int]
+    owes: bool = False
+
+    def after(self, flag: bool, event: int) -> tuple[bool, bool]:
+        """Return what is remembered after an event, and whether the event breaks the property.
+
+        Args:
+            flag: What is remembered: that the other event has come (`BEFORE`), that it has still to come
+                (`AFTER`), that the event has happened (`AT_MOST_ONCE`).
+            event: The event.
+        """
+        roles = self.roles.get(event)
+        if roles is None:
+            return flag, False
+        return _RULES[self.form](flag, roles)
+
+
+def _never(_: bool, roles: int) -> tuple[bool, bool]:
+    return False, bool(roles & MAIN)
+
+
+def _before(flag: bool, roles: int) -> tuple[bool, bool]:
+    broken = bool(roles & MAIN) and not flag
+    return bool(roles & OTHER) or (flag and not roles & LIMIT), broken
+
+
+def _after(flag: bool, roles: int) -> tuple[bool, bool]:
+    owed = flag and not roles & OTHER
+    broken = owed and bool(roles & LIMIT)
+    return bool(roles & MAIN) or (owed and not broken), broken
+
+
+def _at_most_once(flag: bool, roles: int) -> tuple[bool, bool]:
+    happened = flag and not roles & LIMIT
+    return happened or bool(roles & MAIN), happened and bool(roles & MAIN)
+
+
+_RULES: Mapping[Form, Callable[[bool, int], tuple[bool, bool]]] = {
+    Form.NEVER: _never,
+    Form.BEFORE: _before,
+    Form.AFTER: _after,
+    Form.AT_MOST_ONCE: _at_most_once,
+}
+
+
+class Monitors:
+    """Several monitors as one, whose state is a number: a bit for each.
+
+    Args:
+        monitors: The monitors; the first has the lowest bit.
+    """
+
+    start = 0
+
+    def __init__(self, monitors: Sequence[Monitor]) -> None:
+        self._monitors = tuple(monitors)
+        self._known: dict[tuple[int, tuple[int, ...]], tuple[int, int]] = {}
+        self._owing = sum(1 << bit for bit, monitor in enumerate(self._monitors) if monitor.owes)
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self._monitors)
+
+    def after(self, state: int, events: tuple[int, ...]) -> tuple[int, int]:
+        """Return the state after the events of a tick, and the monitors that they break, as bits."""
+        known = self._known.get((state, events))
+        if known is None:
+            known = self._known[state, events] = self._worked_out(state, events)
+        return known
+
+    def owed(self, state: int) -> int:
+        """Return the monitors that still owe something in a state, as bits."""
+        return state & self._owing
+
+    def _worked_out(self, state: int, events: tuple[int, ...]) -> tuple[int, int]:
+        following = broken = 0
+        for bit, monitor in enumerate(self._monitors):
+            flag = bool(state >> bit & 1)
+            for event in events:
+                flag, wrong = monitor.after(flag, event)
+                broken |= wrong << bit
+            following |= flag << bit
+        return following, broken

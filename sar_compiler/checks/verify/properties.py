@@ -1,0 +1,170 @@
+"""Properties in force: those of a file that a tree can keep or break, ready to be watched."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+
+from sar_compiler.checks.leaf_words import LeafWords
+from sar_compiler.checks.verify.conditions import Condition, Surroundings, read_condition
+from sar_compiler.checks.verify.known_names import names_of
+from sar_compiler.checks.verify.monitors import LIMIT, MAIN, OTHER, Form, Monitor, Monitors
+from sar_compiler.checks.verify.prepared import Prepared
+from sar_compiler.checks.verify.property_files import EventProperty, PropertyFile
+from sar_compiler.checks.verify.rules import Rules
+from sar_compiler.checks.verify.trail import Guarded
+from sar_compiler.checks.yaml_values import Document, Value, raise_findings
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A property that says nothing about a tree.
+
+    Attributes:
+        name: What it is called.
+        missing: The leaves that it speaks of and the tree does not have.
+    """
+
+    name: str
+    missing: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Properties:
+    """What is watched in the runs of a tree.
+
+    Attributes:
+        rules: The properties, as the exploration uses them.
+        names: What they are called, by the number of the rule.
+        owing: The rules that can be broken by a run that goes on for ever, with what it then owes.
+        left_out: Those that say nothing about the tree.
+    """
+
+    rules: Rules
+    names: tuple[str, ...] = ()
+    owing: tuple[int, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
+
+
+def without_properties() -> Properties:
+    """Return what is watched where no file says anything: a run is over when the root has succeeded or failed."""
+    return Properties(Rules(Monitors(()), {}, _root_is_over))
+
+
+def properties_of(file: PropertyFile, prepared: Prepared, tags: Collection[str]) -> Properties:
+    """Return what a file demands of a tree.
+
+    Args:
+        file: The file.
+        prepared: The tree.
+        tags: The tags of leaves that a tree can have.
+
+    Raises:
+        TreeError: If the file says something that makes no sense for the tree; carries the findings.
+    """
+    reading = _Reading(file.document, prepared, tags)
+    for written in file.events:
+        reading.take(written)
+    at_end = [
+        (each.name, reading.condition(each.condition, each.name, after_a_tick=True)) for each in file.ends
+    ]
+    end = None if file.end is None else reading.condition(file.end, "end", after_a_tick=True)
+    raise_findings([file.document])
+    rules = Rules(
+        Monitors(reading.monitors),
+        reading.guarded,
+        _root_is_over if end is None else end.after_tick,
+        [condition.after_tick for _, condition in at_end if condition is not None],
+    )
+    names = (*reading.names, *(name for name, _ in at_end))
+    owing = tuple(number for number, monitor in enumerate(reading.monitors) if monitor.owes)
+    return Properties(rules, names, owing, tuple(reading.left_out))
+
+
+@dataclass
+class _Events:
+    """What some texts of a property mean.
+
+    Attributes:
+        numbers: The events.
+        missing: The leaves that the tree does not have.
+    """
+
+    numbers: set[int] = field(default_factory=set)
+    missing: list[str] = field(default_factory=list)
+
+    @property
+    def cannot_happen(self) -> bool:
+        """Whether they speak of nothing but leaves that the tree does not have."""
+        return bool(self.missing) and not self.numbers
+
+
+class _Reading:
+    """Turns the properties of a file into monitors."""
+
+    def __init__(self, document: Document, prepared: Prepared, tags: Collection[str]) -> None:
+        self.monitors: list[Monitor] = []
+        self.names: list[str] = []
+        self.guarded: dict[int, list[Guarded]] = {}
+        self.left_out: list[LeftOut] = []
+        self._document = document
+        self._alphabet = prepared.alphabet
+        self._words = LeafWords(prepared.rehearsal)
+        self._tags = tags
+        self._known = names_of(prepared.rehearsal)
+        self._surroundings = Surroundings(prepared.rehearsal, prepared.facts)
+
+    def take(self, written: EventProperty) -> None:
+        """Take a property."""
+        main, other, limit = map(self._events, (written.main, written.other, written.limit))
+        condition = None
+        if written.condition is not None:
+            condition = self.condition(written.condition, written.name, after_a_tick=False)
+        if any(events.cannot_happen for events in (main, other, limit)):
+            missing = dict.fromkeys(leaf for events in (main, other, limit) for leaf in events.missing)
+            self.left_out.append(LeftOut(written.name, tuple(missing)))
+            return
+        counted = main.numbers
+        if condition is not None:
+            counted = {self._guard(main.numbers, condition, comes_first=written.form is Form.BEFORE)}
+        roles: dict[int, int] = {}
+        for numbers, role in ((counted, MAIN), (other.numbers, OTHER), (limit.numbers, LIMIT)):
+            for number in numbers:
+                roles[number] = roles.get(number, 0) | role
+        owes = written.form is Form.AFTER and not written.limit
+        self.monitors.append(Monitor(written.form, roles, owes))
+        self.names.append(written.name)
+
+    def condition(self, value: Value, owner: str, *, after_a_tick: bool) -> Condition | None:
+        """Return a condition; None if it makes no sense."""
+        script = read_condition(self._document, value, self._known, after_a_tick=after_a_tick)
+        return None if script is None else Condition(script, self._surroundings, owner)
+
+    def _events(self, values: Sequence[Value]) -> _Events:
+        events = _Events()
+        for value in values:
+            absent = self._absent(value.text or "")
+            if absent is not None:
+                events.missing.append(absent)
+                continue
+            deed = self._words.deed(self._document, value)
+            if deed is not None:
+                events.numbers |= self._alphabet.meant_by(deed)
+        return events
+
+    def _absent(self, text: str) -> str | None:
+        """Return the leaf that a text speaks of, if it is one that a tree can have and this one does not."""
+        words = text.split(" ")
+        heads = [" ".join(words[:count]) for count in range(len(words), 0, -1)]
+        if any(self._words.named(head) for head in heads):
+            return None
+        return next((head for head in heads if head in self._tags), None)
+
+    def _guard(self, numbers: set[int], condition: Condition, *, comes_first: bool) -> int:
+        """Return the number of an event that goes with others while a condition holds."""
+        companion = len(self._alphabet.events) + len(self.monitors)
+        for number in numbers:
+            self.guarded.setdefault(number, []).append(Guarded(companion, condition.holds, comes_first))
+        return companion
+
+
+def _root_is_over(root: str, _: bool | None) -> bool:  # noqa: FBT001 - as `rules.Condition` has it
+    return root in ("SUCCESS", "FAILURE")

@@ -1,0 +1,106 @@
+"""Runs as somebody can read them: the states of a way, played again tick by tick."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from sar_compiler.checks.verify.exploring import Step
+from sar_compiler.checks.verify.graph import Breach, Graph
+from sar_compiler.checks.verify.lassos import Lasso
+from sar_compiler.checks.verify.stepping import TreeStepper
+from sar_compiler.runtime.answering import Event
+
+Change = tuple[object, object]
+"""A value before and after; None where there is none."""
+
+
+@dataclass(frozen=True)
+class TraceTick:
+    """What happened in one tick.
+
+    Attributes:
+        events: What the leaves did, in order.
+        root: What the root came to; empty if the tick was not finished.
+        changes: The facts and keys that have changed.
+        error: What was raised.
+    """
+
+    events: tuple[Event, ...]
+    root: str
+    changes: Mapping[str, Change]
+    error: str = ""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A run.
+
+    Attributes:
+        ticks: Its ticks.
+        loop: How many of its last ticks come again and again for ever; 0 for a run that is told to its end.
+    """
+
+    ticks: tuple[TraceTick, ...]
+    loop: int = 0
+
+
+class Retracing:
+    """Tells the runs of a graph.
+
+    Args:
+        stepper: What the graph was made with.
+        graph: The graph.
+    """
+
+    def __init__(self, stepper: TreeStepper, graph: Graph) -> None:
+        self._stepper = stepper
+        self._graph = graph
+
+    def to(self, state: int) -> Trace:
+        """Return a shortest run to a state."""
+        return Trace(tuple(self._stem(self._graph.stem(state))))
+
+    def breach(self, breach: Breach) -> Trace:
+        """Return a shortest run to a breach."""
+        stem = self._stem(self._graph.stem(breach.source))
+        if breach.path is not None:
+            stem.append(self._tick(breach.source, lambda _: self._stepper.path == breach.path))
+        return Trace(tuple(stem))
+
+    def lasso(self, lasso: Lasso) -> Trace:
+        """Return a run into a round, and once round."""
+        ticks = self._stem(lasso.stem)
+        state = lasso.stem[-1]
+        for edge in lasso.loop:
+            ticks.append(self._edge(state, edge))
+            state = self._graph.targets[edge]
+        return Trace(tuple(ticks), len(lasso.loop))
+
+    def _stem(self, states: Sequence[int]) -> list[TraceTick]:
+        return [self._way(source, target) for source, target in pairwise(states)]
+
+    def _way(self, source: int, target: int) -> TraceTick:
+        """Tell a tick from one state to another."""
+        end = self._graph.keys[target]
+        return self._tick(source, lambda step: step.state == end)
+
+    def _edge(self, source: int, edge: int) -> TraceTick:
+        """Tell a tick of the graph."""
+        graph = self._graph
+        end, waits = graph.keys[graph.targets[edge]], graph.waiting[graph.waits[edge]]
+        return self._tick(source, lambda step: step.state == end and step.waits == waits)
+
+    def _tick(self, source: int, wanted: Callable[[Step], bool]) -> TraceTick:
+        """Play the first tick of a state that is wanted."""
+        key = self._graph.keys[source]
+        before = self._stepper.values_in(key)
+        step = next(step for step in self._stepper.steps(key) if wanted(step))
+        played = self._stepper.played()
+        after = played.values
+        changes = {
+            name: (before.get(name), after.get(name))
+            for name in {**before, **after}
+            if before.get(name) != after.get(name)
+        }
+        error = "" if step.error is None else f"{type(step.error).__name__}: {step.error}"
+        return TraceTick(played.events, played.root, changes, error)

@@ -1,0 +1,69 @@
+"""Verifying a tree: its states are gone through once, and every question is answered from them."""
+
+from collections.abc import Callable, Collection
+
+from sar_compiler.checks.verify.choices import UnsteadyError
+from sar_compiler.checks.verify.conditions import ConditionError
+from sar_compiler.checks.verify.exploring import Progress, explore, keep_quiet
+from sar_compiler.checks.verify.prepared import Prepared
+from sar_compiler.checks.verify.properties import properties_of, without_properties
+from sar_compiler.checks.verify.property_files import PropertyFile
+from sar_compiler.checks.verify.questions import Questions
+from sar_compiler.checks.verify.stepping import TreeStepper
+from sar_compiler.checks.verify.traces import Retracing
+from sar_compiler.checks.verify.verdicts import Verification
+from sar_compiler.compiler.rehearsal import Rehearsal
+from sar_compiler.errors import SarError
+from sar_compiler.runtime.flat import NotFlatError
+from sar_compiler.runtime.frozen import FrozenValueError
+
+
+class UndecidableError(SarError):
+    """The runs of a tree cannot be gone through."""
+
+
+def verify(
+    rehearsal: Rehearsal,
+    file: PropertyFile | None,
+    tags: Collection[str],
+    max_states: int,
+    report: Callable[[Progress], None] = keep_quiet,
+) -> Verification:
+    """Go through the states of a tree and answer every question.
+
+    Args:
+        rehearsal: The tree with answering leaves; it is used up.
+        file: What must hold; None for nothing but what is asked of every tree.
+        tags: The tags of leaves that a tree can have.
+        max_states: How many states to find at most.
+        report: Is told now and then how far it is.
+
+    Raises:
+        TreeError: If the file says something that makes no sense for the tree; carries the findings.
+        UndecidableError: If the tree has a node whose rules are not known, does not do the same twice, or keeps
+            values that cannot be compared; or if a condition cannot be evaluated.
+    """
+    prepared = Prepared.of(rehearsal)
+    properties = without_properties() if file is None else properties_of(file, prepared, tags)
+    try:
+        stepper = TreeStepper(prepared, properties.rules)
+        graph = explore(stepper, max_states, report)
+        questions = Questions(graph, Retracing(stepper, graph), rehearsal.advice_on)
+        verdicts = (
+            questions.no_error(),
+            questions.every_leaf([node for node in stepper.flat.nodes if not node.children], stepper.ran),
+            *questions.endings(),
+            *questions.properties(properties),
+        )
+        growing = () if graph.complete else stepper.growing(graph.keys)
+    except (NotFlatError, UnsteadyError, ConditionError, FrozenValueError) as error:
+        raise UndecidableError(str(error)) from error
+    return Verification(
+        verdicts,
+        len(graph.keys),
+        len(graph.targets),
+        graph.depth,
+        graph.complete,
+        properties.left_out,
+        growing,
+    )

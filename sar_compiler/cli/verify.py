@@ -1,0 +1,197 @@
+"""`sar-compile verify`: go through all possible runs of a tree."""
+
+import argparse
+import contextlib
+import sys
+import time
+from typing import TYPE_CHECKING
+
+from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
+from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_model, load, palettes
+
+if TYPE_CHECKING:
+    from sar_compiler.checks.verify import Progress, PropertyFile, Verification
+    from sar_compiler.compiler.rehearsal import Assumptions, Rehearsal
+    from sar_compiler.nodes.bound import Binding
+
+# A tree with these leaves is a mission with zones.
+_MISSION_LEAVES = {"ZonesRemaining", "NavigateToBase"}
+_MISSION_PROPERTIES = ("config", "mission_properties.yaml")
+_MAX_STATES = 1_000_000
+
+
+def add_verify(parser: argparse.ArgumentParser) -> None:
+    """Add what `verify` takes."""
+    parser.add_argument("file", metavar="FILE", help=FILE_HELP)
+    parser.add_argument(
+        "--properties",
+        metavar="P.yaml",
+        help="what must hold in every run (default for a mission with zones: config/mission_properties.yaml)",
+    )
+    parser.add_argument(
+        "--tree", metavar="ID", help="the tree to verify (default: the one the file executes)"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        type=_assignment,
+        metavar="FACT=VALUE",
+        help="what a fact is at the start, such as zones_left=4; may be repeated",
+    )
+    parser.add_argument(
+        "--max-states",
+        type=_count,
+        default=_MAX_STATES,
+        metavar="N",
+        help=f"go through so many states at most (default {_MAX_STATES})",
+    )
+    add_model(parser)
+    add_include_path(parser)
+    parser.add_argument(
+        "--format", choices=("text", "json"), default="text", help="for people, or for scripts"
+    )
+    parser.set_defaults(run=verify_file)
+
+
+def verify_file(arguments: argparse.Namespace) -> int:
+    """Verify the tree of a file, and say what was found out.
+
+    Returns:
+        0 if everything is proved, 1 if something does not hold or is not decided, 2 if a file is wrong.
+    """
+    from sar_compiler.checks.verify import UndecidableError
+    from sar_compiler.tree.diagnostic import TreeError
+    from sar_compiler.views.verification import verification_as_json, verification_as_text
+
+    started = time.monotonic()
+    try:
+        verification = _verify(arguments)
+    except TreeError as error:
+        print("\n".join(finding.render() for finding in error.findings), file=sys.stderr)
+        return USAGE
+    except UndecidableError as error:
+        print(f"sar-compile: nothing can be decided: {error}", file=sys.stderr)
+        return FINDINGS
+    view = verification_as_json if arguments.format == "json" else verification_as_text
+    print(view(verification, time.monotonic() - started))
+    return OK if verification.proved else FINDINGS
+
+
+def _verify(arguments: argparse.Namespace) -> "Verification":
+    from sar_compiler.checks import check
+    from sar_compiler.checks.assumptions import raise_disputes
+    from sar_compiler.checks.verify import verify
+    from sar_compiler.compiler import bind_main
+    from sar_compiler.compiler.rehearsal import Assumptions, rehearse
+    from sar_compiler.nodes.registry import load_registry
+    from sar_compiler.tree.diagnostic import Severity, TreeError
+
+    registry = load_registry(arguments.nodes)
+    forest, described = load(arguments.file, arguments), palettes(arguments)
+    errors = [each for each in check(forest, registry, described) if each.severity is Severity.ERROR]
+    if arguments.tree is not None:
+        errors = [each for each in errors if each.code != "no-main-tree"]
+    if errors:
+        raise TreeError(errors)
+    binding = bind_main(forest, registry, arguments.tree, described)
+    file = _properties(arguments, binding)
+    parameters = {} if file is None else file.parameters
+    rehearsal = rehearse(binding, parameters)
+    assumed = Assumptions() if file is None else _of_the_file(file, rehearsal)
+    if arguments.set:
+        # What the file says may be about facts of its own.
+        typed = _typed(arguments.set, rehearse(binding, parameters, assumed))
+        assumed = Assumptions({**assumed.facts, **typed.facts}, assumed.answers)
+    rehearsal = rehearse(binding, parameters, assumed)
+    raise_disputes(rehearsal)
+    for note in rehearsal.notes:
+        print(note.render(), file=sys.stderr)
+    tags = {spec.tag for spec in registry if spec.kind.is_leaf}
+    with contextlib.closing(_Shown()) as shown:
+        return verify(rehearsal, file, tags, arguments.max_states, shown.show)
+
+
+def _properties(arguments: argparse.Namespace, binding: "Binding") -> "PropertyFile | None":
+    """Return what must hold: what the user names, else the mission's own for a mission."""
+    from sar_compiler.checks.verify import read_property_file
+    from sar_compiler.resources import shipped
+
+    if arguments.properties is not None:
+        return read_property_file(arguments.properties)
+    if {bound.spec.tag for bound in binding.nodes()} >= _MISSION_LEAVES:
+        return read_property_file(shipped(*_MISSION_PROPERTIES))
+    return None
+
+
+def _of_the_file(file: "PropertyFile", rehearsal: "Rehearsal") -> "Assumptions":
+    """Return what a file of properties says of the world."""
+    from sar_compiler.checks.assumptions import read_assumptions
+    from sar_compiler.checks.yaml_values import raise_findings
+
+    said = read_assumptions(file.document, file.facts, file.answers, rehearsal)
+    raise_findings([file.document])
+    return said
+
+
+def _typed(pairs: "list[tuple[str, str]]", rehearsal: "Rehearsal") -> "Assumptions":
+    """Return what the command line says of facts."""
+    from sar_compiler.checks.assumptions import read_assumptions
+    from sar_compiler.checks.yaml_values import Document, raise_findings
+
+    # One line for each, so that what is wrong with one is shown as in a file.
+    text = "".join(f"{name}: {value}\n" for name, value in pairs)
+    document = Document(text, "--set", "write FACT=VALUE")
+    said = read_assumptions(document, document.root, None, rehearsal)
+    raise_findings([document])
+    return said
+
+
+def _assignment(text: str) -> tuple[str, str]:
+    name, sign, value = text.partition("=")
+    if not (name.strip() and sign and value.strip()):
+        message = f"'{text}' is not FACT=VALUE, such as zones_left=4"
+        raise argparse.ArgumentTypeError(message)
+    return name.strip(), value.strip()
+
+
+def _count(text: str) -> int:
+    digits = text.replace("_", "")
+    if not (digits.isdecimal() and int(digits) > 0):
+        message = f"'{text}' is not a whole number above 0"
+        raise argparse.ArgumentTypeError(message)
+    return int(digits)
+
+
+class _Shown:
+    """Progress on standard error: one line that is written over on a terminal, a line now and then elsewhere."""
+
+    _EVERY_SEC = 0.5
+    _EVERY_SEC_IN_A_LOG = 10.0
+
+    def __init__(self) -> None:
+        self._terminal = sys.stderr.isatty()
+        self._every = self._EVERY_SEC if self._terminal else self._EVERY_SEC_IN_A_LOG
+        self._started = self._last = time.monotonic()
+        self._written = False
+
+    def close(self) -> None:
+        """Take the line off a terminal."""
+        if self._terminal and self._written:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+    def show(self, progress: "Progress") -> None:
+        """Show how far it is, if it is time to."""
+        now = time.monotonic()
+        if now - self._last < self._every:
+            return
+        self._last, self._written = now, True
+        rate = progress.states / (now - self._started)
+        text = (
+            f"{progress.states:,} states, {progress.states - progress.expanded:,} of them to go through, "
+            f"{progress.depth} ticks deep, {rate:,.0f} states/s"
+        )
+        if self._terminal:
+            print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
+        else:
+            print(f"sar-compile: {text}", file=sys.stderr, flush=True)

@@ -1,0 +1,56 @@
+"""Small trees of the leaves of `leaves.py`, verified."""
+
+from sar_compiler.checks.assumptions import read_assumptions
+from sar_compiler.checks.verify import Outcome, parse_property_file, verify
+from sar_compiler.checks.yaml_values import raise_findings
+from sar_compiler.compiler import bind_main
+from sar_compiler.compiler.rehearsal import rehearse
+from sar_compiler.nodes.registry import load_registry
+from tests.trees import forest
+
+REGISTRY = load_registry(["tests.checks.verify.leaves"])
+TAGS = {spec.tag for spec in REGISTRY if spec.kind.is_leaf}
+
+
+def bound(body):
+    """Bind a tree."""
+    return bind_main(forest(body), REGISTRY)
+
+
+def rehearsed(binding, file=None):
+    """Rehearse a bound tree with what a file of properties says of the world."""
+    if file is None:
+        return rehearse(binding, {})
+    plain = rehearse(binding, file.parameters)
+    assumptions = read_assumptions(file.document, file.facts, file.answers, plain)
+    raise_findings([file.document])
+    return rehearse(binding, file.parameters, assumptions)
+
+
+def verified(body, properties=None, max_states=20_000):
+    """Verify a tree with the text of a file of properties."""
+    file = None if properties is None else parse_property_file(properties, "props.yaml")
+    return verify(rehearsed(bound(body), file), file, TAGS, max_states)
+
+
+def verdict(verification, question):
+    return next(each for each in verification.verdicts if each.question == question)
+
+
+def outcome(verification, question):
+    return verdict(verification, question).outcome
+
+
+def told(trace):
+    """Return what the leaves answered in each tick of a trace, and where it was halted, as one text a tick."""
+    return [
+        " ".join(
+            f"{event.leaf.name}:{event.answer.name if event.answer else event.what}"
+            for event in tick.events
+            if event.what != "started"
+        )
+        for tick in trace.ticks
+    ]
+
+
+PROVED, BROKEN, UNDECIDED = Outcome.PROVED, Outcome.BROKEN, Outcome.UNDECIDED

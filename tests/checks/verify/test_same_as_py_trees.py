@@ -1,0 +1,141 @@
+"""What is gone through are the runs of the tree that flies: py_trees' own ticking comes to the same states."""
+
+import contextlib
+
+import pytest
+
+from sar_compiler.checks.verify.choices import Choices
+from sar_compiler.checks.verify.exploring import explore
+from sar_compiler.checks.verify.prepared import Prepared
+from sar_compiler.checks.verify.properties import without_properties
+from sar_compiler.checks.verify.stepping import TreeStepper
+from sar_compiler.checks.verify.traces import Retracing
+from sar_compiler.runtime.answering import ANSWERED
+from sar_compiler.runtime.flat.cells import STATUSES
+from sar_compiler.tree.diagnostic import TreeError
+from tests.checks.verify.random_trees import random_tree
+from tests.checks.verify.stage import bound, rehearsed
+
+# Every run of so many ticks is played on py_trees, if there are not too many.
+_TICKS = 3
+_MOST_RUNS = 1500
+_MOST_STATES = 400
+
+
+def looked_at(rehearsal):
+    """Return all that can be seen of a tree that py_trees ticks."""
+    return (
+        tuple(node.status for node in rehearsal.root.iterate()),
+        values(rehearsal.compiled.board),
+        values(rehearsal.facts.board),
+    )
+
+
+def values(board):
+    return tuple(
+        sorted(
+            (name.removeprefix(board.prefix), board.get(name)) for name in board.names() if board.has(name)
+        )
+    )
+
+
+class Explored:
+    """The states of a tree in flat form, and what can be seen of each."""
+
+    def __init__(self, rehearsal, max_states):
+        self.stepper = TreeStepper(Prepared.of(rehearsal), without_properties().rules)
+        self.graph = explore(self.stepper, max_states)
+        self._rehearsal = rehearsal
+        # As `iterate` of py_trees goes through a tree: children before parents.
+        index = {id(node.behaviour): node.index for node in self.stepper.flat.nodes}
+        self._order = [index[id(node)] for node in rehearsal.root.iterate()]
+
+    def looked_at(self, number):
+        state = self.graph.keys[number]
+        self.stepper.values_in(state)
+        cells = list(state.cells)
+        return (
+            tuple(STATUSES[cells[index]] for index in self._order),
+            values(self._rehearsal.compiled.board),
+            values(self._rehearsal.facts.board),
+        )
+
+
+def trees(seeds):
+    """Return random trees, bound, but for those whose parts do not go together."""
+    found = []
+    for seed in seeds:
+        with contextlib.suppress(TreeError):
+            found.append(pytest.param(bound(random_tree(seed)), id=str(seed)))
+    return found
+
+
+class Choosing:
+    """Answers by the combination that is played."""
+
+    def __init__(self, choices):
+        self._choices = choices
+
+    def choose(self, leaf, options):
+        return options[self._choices.pick(len(options))]
+
+
+def tick_sequences(binding):
+    """Yield all that py_trees comes to in every run; None once there are too many."""
+    choices = Choices()
+    choices.begin()
+    for _ in range(_MOST_RUNS):
+        rehearsal = rehearsed(binding)
+        rehearsal.chooser = Choosing(choices)
+        yield looked_at(rehearsal)
+        for _ in range(_TICKS):
+            try:
+                rehearsal.root.tick_once()
+            except Exception:  # noqa: BLE001 - scripts of random trees go wrong
+                break
+            yield looked_at(rehearsal)
+        if not choices.advance():
+            return
+    yield None
+
+
+@pytest.mark.parametrize("binding", trees(range(60)))
+def test_every_state_that_py_trees_comes_to_is_found_and_no_other(binding):
+    seen = set(tick_sequences(binding))
+    if None in seen:
+        pytest.skip("too many runs")
+    explored = Explored(rehearsed(binding), 50_000)
+    graph = explored.graph
+    near = [number for number in range(len(graph.keys)) if graph.distance(number) <= _TICKS]
+    assert {explored.looked_at(number) for number in near} == seen
+
+
+class Repeating:
+    """Answers what a trace says, in its order."""
+
+    def __init__(self, trace):
+        self._answers = [
+            (event.leaf.path, event.answer)
+            for tick in trace.ticks
+            for event in tick.events
+            if event.what == ANSWERED
+        ]
+
+    def choose(self, leaf, options):
+        path, answer = self._answers.pop(0)
+        assert path == leaf.path
+        assert answer in options
+        return next(option for option in options if option == answer)
+
+
+@pytest.mark.parametrize("binding", trees(range(100, 130)))
+def test_the_run_that_is_told_leads_py_trees_to_the_same_state(binding):
+    explored = Explored(rehearsed(binding), _MOST_STATES)
+    retracing = Retracing(explored.stepper, explored.graph)
+    for number in range(0, len(explored.graph.keys), 7):
+        trace = retracing.to(number)
+        rehearsal = rehearsed(binding)
+        rehearsal.chooser = Repeating(trace)
+        for _ in trace.ticks:
+            rehearsal.root.tick_once()
+        assert looked_at(rehearsal) == explored.looked_at(number)

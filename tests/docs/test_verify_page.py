@@ -1,0 +1,50 @@
+"""The page about verifying does what it says, and leaves nothing out."""
+
+import argparse
+import re
+from pathlib import Path
+
+from sar_compiler.checks.verify import property_files, questions
+from sar_compiler.cli.verify import add_verify
+from tests.docs.markdown import codes, tables
+from tests.docs.test_tables_and_drawings import options_of
+from tests.docs.test_worked_pages import follow
+
+PAGE = Path("docs/verify.md").resolve()
+
+
+def cells(heading, column=0):
+    return [row[column] for title, _, row in tables(PAGE) if title == heading]
+
+
+def test_the_page_about_verifying_does_what_it_says(tmp_path):
+    typed, otherwise = follow(PAGE, tmp_path)
+    assert typed == 2
+    assert otherwise == [], "\n".join(otherwise)
+
+
+def test_every_question_is_in_the_table():
+    asked = [questions.NO_ERROR, questions.EVERY_LEAF, questions.AN_END, questions.NO_LIVELOCK]
+    assert cells("What is asked of every tree") == asked
+
+
+def test_every_key_of_a_property_is_in_the_table():
+    shown = {code.split(":")[0] for cell in cells("Forms") for code in codes(cell)}
+    assert shown == set(property_files._ALL_KEYS)
+
+
+def test_every_option_is_in_the_table():
+    command = argparse.ArgumentParser()
+    add_verify(command)
+    own = set(options_of(command)) - {"--model", "--include-path"}
+    shown = {code.split()[0] for cell in cells("The command") for code in codes(cell)}
+    assert {code for code in shown if code.startswith("--")} == own
+
+
+def test_every_code_of_a_finding_is_explained():
+    text = "".join(
+        path.read_text(encoding="utf-8") for path in Path("sar_compiler/checks/verify").glob("*.py")
+    )
+    written = set(re.findall(r'"([a-z]+(?:-[a-z]+)+)"', text)) - {"script-error"}
+    explained = {code for cell in cells("The command") for code in codes(cell)}
+    assert written <= explained
