@@ -14,10 +14,13 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from sar_compiler.checks import check
+from sar_compiler.checks.configuration import configuration_for
 from sar_compiler.cli.arguments import FINDINGS, OK
+from sar_compiler.cli.output import Output
 from sar_compiler.compiler import CompiledTree, bind_main, compile_tree, context_types
 from sar_compiler.errors import SarError
 from sar_compiler.mission.ending import Ending, Until, Verdict
+from sar_compiler.mission.kept_reports import KeptReports
 from sar_compiler.mission.parameter_file import sections_elsewhere
 from sar_compiler.mission.parameters import (
     MISSION_NAMES,
@@ -109,8 +112,9 @@ def fly(options: "Options", signals: StopSignals) -> int:
 
 def _checked_tree(options: "Options") -> Binding:
     path = find_tree(options.tree)
-    registry = load_registry(options.nodes)
-    forest = load_forest(path, read_tree_file, options.include_path)
+    project = configuration_for(path)
+    registry = load_registry([*options.nodes, *project.nodes])
+    forest = load_forest(path, read_tree_file, [*options.include_path, *project.include_path])
     findings = check(forest, registry)
     if any(finding.severity is Severity.ERROR for finding in findings):
         raise TreeError(findings)
@@ -234,9 +238,14 @@ class _Flight:
         self._record = MissionRecord()
         self._zones = ZoneManager(mission.zones, mission.base_station) if mission else None
         self._ending = self._make_ending()
+        self._output = Output()
         self._verdict: Verdict | None = None
         self._started = 0.0
-        self.context: dict[type, object] = {Clock: self._clock, MissionRecord: self._record}
+        self.context: dict[type, object] = {
+            Clock: self._clock,
+            MissionRecord: self._record,
+            KeptReports: KeptReports(),
+        }
         self.simulation: Simulation | None = None
         self._mission = mission
         if mission is not None:
@@ -272,7 +281,7 @@ class _Flight:
             if self._over:
                 return self._interrupted()
             if self._options.check:
-                print("Everything that the tree needs is there.")
+                self._output.say("Everything that the tree needs is there.")
                 return OK
             return self._tick(executor, tree)
         finally:
@@ -334,7 +343,7 @@ class _Flight:
     def _look(self, tree: BehaviourTree) -> None:
         """Look at the tree after a tick."""
         if self._options.view == "text":
-            print(unicode_tree(tree.root, statuses=True), flush=True)
+            self._output.show(unicode_tree(tree.root, statuses=True))
         self._verdict = self._ending.after_tick(tree.root.status, self._clock.now() - self._started)
 
     def _say_what_is_left(self, unsettled: list[str]) -> None:
@@ -343,7 +352,7 @@ class _Flight:
 
     def _conclude(self, engine: Engine, elapsed_sec: float) -> int:
         if self._zones is not None:
-            print(mission_summary(self._record, self._zones, elapsed_sec, engine.count), flush=True)
+            self._output.say(mission_summary(self._record, self._zones, elapsed_sec, engine.count))
         if engine.failure is not None:
             return self._failed("the tree was stopped, because one of its leaves failed (see above)")
         if self._verdict is None and not self._ending.complete:

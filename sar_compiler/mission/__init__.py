@@ -5,28 +5,39 @@ can be imported without ROS: rclpy and the message types are imported when a lea
 """
 
 from sar_compiler.mission.actions import (
+    AbandonZone,
     AdvanceZone,
     BroadcastSurvivorTF,
+    DeliverReports,
     DetectSurvivor,
+    KeepReport,
     LogNoDetection,
     NavigateToBase,
     NavigateToZone,
     NotifyBase,
+    PostponeZone,
 )
-from sar_compiler.mission.conditions import IsSurvivorDetected, ZonesRemaining
+from sar_compiler.mission.conditions import IsSurvivorDetected, MissionComplete, ZonesRemaining
+from sar_compiler.mission.kept_reports import KeptReports
 from sar_compiler.mission.record import MissionRecord
 from sar_compiler.mission.zone_manager import ZoneManager
 
 __all__ = [
+    "AbandonZone",
     "AdvanceZone",
     "BroadcastSurvivorTF",
+    "DeliverReports",
     "DetectSurvivor",
     "IsSurvivorDetected",
+    "KeepReport",
+    "KeptReports",
     "LogNoDetection",
+    "MissionComplete",
     "MissionRecord",
     "NavigateToBase",
     "NavigateToZone",
     "NotifyBase",
+    "PostponeZone",
     "ZoneManager",
     "ZonesRemaining",
 ]

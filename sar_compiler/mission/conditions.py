@@ -4,13 +4,24 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from sar_compiler.mission.actions.survivors import DetectSurvivor
+from sar_compiler.mission.record import MissionRecord
 from sar_compiler.mission.zone_manager import ZoneManager
-from sar_compiler.nodes import Kind, register
+from sar_compiler.nodes import Answer, Kind, register
 
 _YES_OR_NO = {Status.SUCCESS, Status.FAILURE}
+_COMPLETE = "zones_left == 0 && zones_abandoned == 0 && reports_kept == 0 && at == 'base'"
 
 
-@register("ZonesRemaining", kind=Kind.CONDITION, outcomes=_YES_OR_NO)
+@register(
+    "ZonesRemaining",
+    kind=Kind.CONDITION,
+    outcomes=_YES_OR_NO,
+    answers=[
+        Answer("SUCCESS", "some left", "zones_left > 0"),
+        Answer("FAILURE", "none left", "zones_left == 0"),
+    ],
+    facts={"zones_left": 3},
+)
 class ZonesRemaining(Behaviour):
     """Is a zone left to be visited? SUCCESS if so, else FAILURE.
 
@@ -30,7 +41,16 @@ class ZonesRemaining(Behaviour):
         return Status.SUCCESS if remaining else Status.FAILURE
 
 
-@register("IsSurvivorDetected", kind=Kind.CONDITION, outcomes=_YES_OR_NO)
+@register(
+    "IsSurvivorDetected",
+    kind=Kind.CONDITION,
+    outcomes=_YES_OR_NO,
+    answers=[
+        Answer("SUCCESS", "yes", "found_by_{detect_node}"),
+        Answer("FAILURE", "no", "!found_by_{detect_node}"),
+    ],
+    facts={"found_by_{detect_node}": False},
+)
 class IsSurvivorDetected(Behaviour):
     """Did the last search find a survivor? SUCCESS if so, else FAILURE.
 
@@ -46,3 +66,34 @@ class IsSurvivorDetected(Behaviour):
     def update(self) -> Status:
         """Look at the answer of the last search."""
         return Status.SUCCESS if self._detect_node.was_found() else Status.FAILURE
+
+
+@register(
+    "MissionComplete",
+    kind=Kind.CONDITION,
+    outcomes=_YES_OR_NO,
+    answers=[
+        Answer("SUCCESS", "complete", _COMPLETE),
+        Answer("FAILURE", "incomplete", f"!({_COMPLETE})"),
+    ],
+    facts={"zones_left": 3, "zones_abandoned": 0, "reports_kept": 0, "at": ""},
+)
+class MissionComplete(Behaviour):
+    """Is the mission complete: every zone visited, every survivor acknowledged, the robot home? SUCCESS if so.
+
+    Args:
+        name: The node's name.
+        record: What has happened in the mission.
+        zone_manager: The mission's zones.
+    """
+
+    def __init__(self, name: str, record: MissionRecord, zone_manager: ZoneManager) -> None:
+        super().__init__(name)
+        self._record = record
+        self._zones = zone_manager
+
+    def update(self) -> Status:
+        """Look at what is missing."""
+        shortfalls = self._record.shortfalls(self._zones)
+        self.feedback_message = " ".join(shortfalls)
+        return Status.FAILURE if shortfalls else Status.SUCCESS

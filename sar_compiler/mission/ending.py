@@ -103,5 +103,6 @@ class Ending:
         over = self._zones is not None and not self._zones.has_remaining() and status != Status.RUNNING
         self._idle_ticks = self._idle_ticks + 1 if over else 0
         if self._idle_ticks > 1:
-            return Verdict(achieved=False, reason=f"No zone is left, and the tree idles at {status.name}.")
+            idles = f"No zone is left, and the tree idles at {status.name}."
+            return Verdict(achieved=False, reason=" ".join([idles, *self.shortfalls()]))
         return None

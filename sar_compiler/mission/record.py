@@ -16,6 +16,7 @@ class FoundSurvivor:
         y: Position in the frame `map`, metres.
         survivor_id: The survivor's name once there is one, which is also the name of the TF frame.
         acknowledged: Whether the base station has confirmed the report.
+        kept: Whether the report is kept, to be delivered later.
     """
 
     zone_id: str
@@ -23,6 +24,7 @@ class FoundSurvivor:
     y: float
     survivor_id: str | None = None
     acknowledged: bool = False
+    kept: bool = False
 
     def __str__(self) -> str:
         name = self.survivor_id or "a survivor without a name"
@@ -44,6 +46,7 @@ class MissionRecord:
 
     def __init__(self) -> None:
         self._zones_visited: list[str] = []
+        self._attempts_on_abandoned: dict[str, int] = {}
         self._survivors: list[FoundSurvivor] = []
         self._home = False
 
@@ -51,6 +54,16 @@ class MissionRecord:
     def zones_visited(self) -> tuple[str, ...]:
         """The zones that are done, in the order of the visits."""
         return tuple(self._zones_visited)
+
+    @property
+    def zones_abandoned(self) -> tuple[str, ...]:
+        """The zones that were taken out of the plan unvisited, in the order in which that happened."""
+        return tuple(self._attempts_on_abandoned)
+
+    @property
+    def reports_kept(self) -> tuple[str, ...]:
+        """The names of the survivors whose reports are kept, in the order in which they were found."""
+        return tuple(known.survivor_id for known in self._survivors if known.kept and known.survivor_id)
 
     @property
     def survivors(self) -> tuple[FoundSurvivor, ...]:
@@ -70,6 +83,10 @@ class MissionRecord:
         """Note that a zone is done."""
         self._zones_visited.append(zone_id)
 
+    def zone_abandoned(self, zone_id: str, attempts: int) -> None:
+        """Note that a zone was taken out of the plan unvisited, after so many attempts."""
+        self._attempts_on_abandoned[zone_id] = attempts
+
     def survivor_found(self, zone_id: str, x: float, y: float) -> None:
         """Note that a survivor was found; coordinates in the frame `map`, metres."""
         found = FoundSurvivor(zone_id, x, y)
@@ -86,10 +103,12 @@ class MissionRecord:
         self._survivors.append(FoundSurvivor("", x, y, survivor_id))
 
     def survivor_acknowledged(self, survivor_id: str) -> None:
-        """Note that the base station has confirmed the report of a survivor."""
-        for index, known in enumerate(self._survivors):
-            if known.survivor_id == survivor_id:
-                self._survivors[index] = replace(known, acknowledged=True)
+        """Note that the base station has confirmed the report of a survivor, which need not be kept then."""
+        self._set(survivor_id, acknowledged=True, kept=False)
+
+    def report_kept(self, survivor_id: str) -> None:
+        """Note that the report of a survivor is kept, to be delivered later."""
+        self._set(survivor_id, acknowledged=False, kept=True)
 
     def base_reached(self) -> None:
         """Note that the robot has arrived at the base station."""
@@ -103,6 +122,10 @@ class MissionRecord:
         """Say in sentences what a complete mission still lacks; none if it is complete."""
         lacking = [f"{zone['id']} was not visited." for zone in zones.remaining_zones()]
         lacking += [
+            f"{zone_id} was abandoned after attempt {attempts}."
+            for zone_id, attempts in self._attempts_on_abandoned.items()
+        ]
+        lacking += [
             f"The base station did not acknowledge {survivor}."
             for survivor in self._survivors
             if not survivor.acknowledged
@@ -110,3 +133,8 @@ class MissionRecord:
         if not self._home:
             lacking.append("The robot did not return to the base station.")
         return lacking
+
+    def _set(self, survivor_id: str, *, acknowledged: bool, kept: bool) -> None:
+        for index, known in enumerate(self._survivors):
+            if known.survivor_id == survivor_id:
+                self._survivors[index] = replace(known, acknowledged=acknowledged, kept=kept)

@@ -1,5 +1,6 @@
 """Where the mission stands: which zone is next, where home is, how many survivors have a name."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from typing import Any, TypedDict, cast
@@ -41,6 +42,8 @@ class ZoneManager:
         self._base_station = cast("Pose", deepcopy(dict(base_station)))
         self._index = 0
         self._survivors = 0
+        self._postponed: Counter[str] = Counter()
+        self._abandoned: list[Zone] = []
 
     def current_zone(self) -> Zone:
         """Return the zone to be searched now.
@@ -66,6 +69,30 @@ class ZoneManager:
         if self.has_remaining():
             self._index += 1
 
+    def postpone(self) -> None:
+        """Put the current zone behind all others that are left; past the last one, nothing happens."""
+        if self.has_remaining():
+            zone = self._zones.pop(self._index)
+            self._zones.append(zone)
+            self._postponed[zone["id"]] += 1
+
+    def times_postponed(self) -> int:
+        """Return how often the current zone was postponed.
+
+        Raises:
+            IndexError: If every zone is visited.
+        """
+        return self._postponed[self.current_zone()["id"]]
+
+    def abandon(self) -> None:
+        """Take the current zone out of the plan, unvisited; past the last one, nothing happens."""
+        if self.has_remaining():
+            self._abandoned.append(self._zones.pop(self._index))
+
+    def abandoned_zones(self) -> list[Zone]:
+        """Return the zones that were taken out of the plan, in the order in which that happened."""
+        return deepcopy(self._abandoned)
+
     def base_pose(self) -> Pose:
         """Return the pose of the base station."""
         return deepcopy(self._base_station)
@@ -80,5 +107,5 @@ class ZoneManager:
         return self._index
 
     def total_zones(self) -> int:
-        """Return how many zones the mission has."""
-        return len(self._zones)
+        """Return how many zones the mission has, those that were taken out of the plan included."""
+        return len(self._zones) + len(self._abandoned)

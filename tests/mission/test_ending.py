@@ -39,10 +39,12 @@ def test_a_mission_that_can_no_longer_become_complete_is_over(zones, record):
     assert ending.after_tick(SUCCESS, 1.0) is None
     verdict = ending.after_tick(SUCCESS, 2.0)
     assert verdict is not None
-    assert not verdict.achieved
-    assert ending.shortfalls() == [
-        "The base station did not acknowledge a survivor without a name in a at (1.00, 2.00)."
-    ]
+    missing = "The base station did not acknowledge a survivor without a name in a at (1.00, 2.00)."
+    assert ending.shortfalls() == [missing]
+    assert (verdict.achieved, verdict.reason) == (
+        False,
+        f"No zone is left, and the tree idles at SUCCESS. {missing}",
+    )
 
 
 def test_a_tree_that_runs_again_in_between_is_not_over(zones, record):

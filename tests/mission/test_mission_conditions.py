@@ -4,7 +4,14 @@ import pytest
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler.mission import DetectSurvivor, IsSurvivorDetected, ZoneManager, ZonesRemaining
+from sar_compiler.mission import (
+    DetectSurvivor,
+    IsSurvivorDetected,
+    MissionComplete,
+    MissionRecord,
+    ZoneManager,
+    ZonesRemaining,
+)
 
 ZONES = ZoneManager([{"id": "zone_a", "x": 0, "y": 0, "yaw": 0}], {"x": 0, "y": 0, "yaw": 0})
 
@@ -30,3 +37,14 @@ def test_a_survivor_is_detected_if_the_search_found_one(
     detect = DetectSurvivor("DetectSurvivor", ZONES)
     detect._pose = pose
     assert ticked(IsSurvivorDetected("IsSurvivorDetected?", detect)) is status
+
+
+def test_a_mission_is_complete_once_nothing_is_missing() -> None:
+    zones = ZoneManager([], {"x": 0, "y": 0, "yaw": 0})
+    record = MissionRecord()
+    leaf = MissionComplete("MissionComplete?", record, zones)
+    assert ticked(leaf) is Status.FAILURE
+    assert leaf.feedback_message == "The robot did not return to the base station."
+    record.base_reached()
+    assert ticked(leaf) is Status.SUCCESS
+    assert leaf.feedback_message == ""

@@ -55,6 +55,27 @@ def test_what_is_missing_is_said_in_sentences(record: MissionRecord, zones: Zone
     ]
 
 
+def test_an_abandoned_zone_is_missing_whatever_else_is_done(
+    record: MissionRecord, zones: ZoneManager
+) -> None:
+    zones.abandon()
+    record.zone_abandoned("zone_a", 3)
+    visit_everything(record, zones)
+    record.base_reached()
+    assert record.zones_abandoned == ("zone_a",)
+    assert record.shortfalls(zones) == ["zone_a was abandoned after attempt 3."]
+
+
+def test_a_report_is_kept_until_it_is_acknowledged(record: MissionRecord) -> None:
+    record.survivor_found("zone_a", 1.0, 2.0)
+    record.survivor_named("survivor_1", 1.0, 2.0)
+    record.report_kept("survivor_1")
+    assert list(record.reports_kept) == ["survivor_1"]
+    record.survivor_acknowledged("survivor_1")
+    assert list(record.reports_kept) == []
+    assert record.survivors[0].acknowledged
+
+
 def test_leaving_for_a_zone_is_leaving_home(record: MissionRecord) -> None:
     record.base_reached()
     record.zone_started("zone_a")

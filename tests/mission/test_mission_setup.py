@@ -10,17 +10,23 @@ from py_trees.common import Status
 
 from sar_compiler.errors import SarError
 from sar_compiler.mission import (
+    AbandonZone,
     AdvanceZone,
     BroadcastSurvivorTF,
+    DeliverReports,
     DetectSurvivor,
+    KeepReport,
+    KeptReports,
     LogNoDetection,
     MissionRecord,
     NavigateToBase,
     NavigateToZone,
     NotifyBase,
+    PostponeZone,
     ZoneManager,
 )
 from sar_compiler.mission.actions.errors import MissingNodeError
+from sar_compiler.mission.kept_reports import SurvivorReport
 from sar_compiler.runtime.leaf import Settling
 
 if TYPE_CHECKING:
@@ -36,6 +42,8 @@ def one_zone() -> ZoneManager:
 def leaves_with_a_node() -> list[py_trees.behaviour.Behaviour]:
     zones = one_zone()
     detect = DetectSurvivor("DetectSurvivor", zones)
+    kept = KeptReports()
+    kept.keep(SurvivorReport("survivor_1", 1.0, 2.0))
     return [
         NavigateToZone("NavigateToZone", zones),
         NavigateToBase("NavigateToBase", zones),
@@ -43,6 +51,10 @@ def leaves_with_a_node() -> list[py_trees.behaviour.Behaviour]:
         BroadcastSurvivorTF("BroadcastSurvivorTF", detect, zones),
         NotifyBase("NotifyBase", detect),
         LogNoDetection("LogNoDetection"),
+        KeepReport("KeepReport", detect, kept),
+        DeliverReports("DeliverReports", kept),
+        PostponeZone("PostponeZone", zones),
+        AbandonZone("AbandonZone", zones),
     ]
 
 

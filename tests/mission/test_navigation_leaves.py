@@ -138,6 +138,24 @@ class TestTheLog:
         assert stage.lines.count("Mission complete.") == 1
         assert stage.lines.count("Reached base station.") == 2
 
+    def test_coming_home_without_an_abandoned_zone_names_it_and_completes_nothing(
+        self, stage: "Stage"
+    ) -> None:
+        stage.nav_server().script = ["succeed"]
+        stage.zones.abandon()
+        stage.record.zone_abandoned("zone_a", 3)
+        visit_every_zone(stage)
+        assert stage.run(drive_home(stage)) is Status.SUCCESS
+        assert "No zone is left; abandoned: zone_a. Returning to base." in stage.lines
+        assert "Mission complete." not in stage.lines
+
+    def test_coming_home_with_a_report_kept_completes_nothing(self, stage: "Stage") -> None:
+        stage.nav_server().script = ["succeed"]
+        stage.record.survivor_named("survivor_1", 1.0, 2.0)
+        stage.record.report_kept("survivor_1")
+        assert stage.run(drive_home(stage)) is Status.SUCCESS
+        assert "Mission complete." not in stage.lines
+
     def test_coming_home_with_zones_left_does_not_claim_that_all_were_visited(self, stage: "Stage") -> None:
         stage.nav_server().script = ["succeed"]
         assert stage.run(drive_home(stage)) is Status.SUCCESS

@@ -80,19 +80,70 @@ def test_advancing_past_the_end_changes_nothing(count: int, steps: int) -> None:
     assert manager.remaining_zones() == zones(count)[steps:]
 
 
+def test_a_postponed_zone_comes_after_all_others_that_are_left() -> None:
+    manager = ZoneManager(zones(3), BASE)
+    manager.advance()
+    manager.postpone()
+    assert [zone["id"] for zone in manager.remaining_zones()] == ["zone_2", "zone_1"]
+    assert manager.current_index() == 1
+
+
+def test_it_is_counted_for_each_zone_how_often_it_was_postponed() -> None:
+    manager = ZoneManager(zones(2), BASE)
+    manager.postpone()
+    assert manager.times_postponed() == 0
+    manager.postpone()
+    assert manager.current_zone()["id"] == "zone_0"
+    assert manager.times_postponed() == 1
+
+
+def test_an_abandoned_zone_does_not_remain_and_was_not_visited() -> None:
+    manager = ZoneManager(zones(2), BASE)
+    manager.abandon()
+    assert manager.current_zone()["id"] == "zone_1"
+    assert manager.current_index() == 0
+    manager.advance()
+    assert not manager.has_remaining()
+    assert (manager.current_index(), manager.total_zones()) == (1, 2)
+    assert manager.abandoned_zones() == zones(1)
+
+
+def test_past_the_end_there_is_nothing_to_postpone_or_abandon() -> None:
+    manager = ZoneManager([], BASE)
+    manager.postpone()
+    manager.abandon()
+    assert manager.abandoned_zones() == []
+    with pytest.raises(IndexError, match="no current zone"):
+        manager.times_postponed()
+
+
 class ZoneManagerInAnyOrder(RuleBasedStateMachine):
     """Whatever is called in whatever order, the plan and its place stay what they are."""
 
     def __init__(self) -> None:
         super().__init__()
         self.manager = ZoneManager(zones(4), BASE)
-        self.index = 0
+        self.left = zones(4)
+        self.visited = 0
+        self.abandoned: list[dict[str, Any]] = []
         self.names: list[str] = []
 
     @rule()
     def advance(self) -> None:
         self.manager.advance()
-        self.index = min(self.index + 1, 4)
+        self.visited += bool(self.left)
+        self.left = self.left[1:]
+
+    @rule()
+    def postpone(self) -> None:
+        self.manager.postpone()
+        self.left = self.left[1:] + self.left[:1]
+
+    @rule()
+    def abandon(self) -> None:
+        self.manager.abandon()
+        self.abandoned += self.left[:1]
+        self.left = self.left[1:]
 
     @rule()
     def name_a_survivor(self) -> None:
@@ -108,16 +159,17 @@ class ZoneManagerInAnyOrder(RuleBasedStateMachine):
 
     @invariant()
     def the_place_is_the_number_of_advances_up_to_the_end(self) -> None:
-        assert self.manager.current_index() == self.index
-        assert self.manager.has_remaining() == (self.index < 4)
+        assert self.manager.current_index() == self.visited
+        assert self.manager.has_remaining() == bool(self.left)
         assert self.manager.total_zones() == 4
 
     @invariant()
-    def the_plan_is_what_was_given(self) -> None:
-        assert self.manager.remaining_zones() == zones(4)[self.index :]
+    def the_plan_is_what_was_given_and_done(self) -> None:
+        assert self.manager.remaining_zones() == self.left
+        assert self.manager.abandoned_zones() == self.abandoned
         assert self.manager.base_pose() == BASE
         if self.manager.has_remaining():
-            assert self.manager.current_zone() == zones(4)[self.index]
+            assert self.manager.current_zone() == self.left[0]
 
     @invariant()
     def no_name_is_given_twice(self) -> None:

@@ -13,7 +13,7 @@ from sar_compiler.mission.actions.leaf import MAP_FRAME, RosLeaf
 from sar_compiler.mission.actions.nav2_errors import describe_end
 from sar_compiler.mission.record import MissionRecord
 from sar_compiler.mission.zone_manager import Pose, ZoneManager
-from sar_compiler.nodes import Kind, Use, register
+from sar_compiler.nodes import Answer, Kind, Use, register
 
 _OUTCOMES = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
 _USES = [Use.action("{action}"), Use.nav2()]
@@ -195,6 +195,13 @@ class NavigateTo(RosLeaf):
     outcomes=_OUTCOMES,
     effects="drives the robot to the current zone",
     uses=_USES,
+    answers=[
+        Answer("SUCCESS", "arrived", "zones_left > 0", "at = 'zone'"),
+        Answer("FAILURE", "aborted", "zones_left > 0"),
+        Answer("FAILURE", "no zone", "zones_left == 0"),
+        Answer("RUNNING", "driving", "zones_left > 0", "at = ''"),
+    ],
+    facts={"zones_left": 3, "at": ""},
 )
 class NavigateToZone(NavigateTo):
     """Drive to the current zone: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.
@@ -228,6 +235,12 @@ class NavigateToZone(NavigateTo):
     outcomes=_OUTCOMES,
     effects="drives the robot to the base station",
     uses=_USES,
+    answers=[
+        Answer("SUCCESS", "arrived", then="at = 'base'"),
+        Answer("FAILURE", "aborted"),
+        Answer("RUNNING", "driving", then="at = ''"),
+    ],
+    facts={"at": ""},
 )
 class NavigateToBase(NavigateTo):
     """Drive to the base station: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.
@@ -245,11 +258,16 @@ class NavigateToBase(NavigateTo):
     _mission_complete = False
 
     def _choose_target(self) -> Target:
-        headline = "" if self._zones.has_remaining() else "All zones visited. Returning to base."
+        headline = "" if self._zones.has_remaining() else f"{self._visited()} Returning to base."
         return Target(label="base station", pose=self._zones.base_pose(), headline=headline)
+
+    def _visited(self) -> str:
+        abandoned = [zone["id"] for zone in self._zones.abandoned_zones()]
+        return f"No zone is left; abandoned: {', '.join(abandoned)}." if abandoned else "All zones visited."
 
     def _on_arrival(self) -> None:
         self._record.base_reached()
-        if not self._mission_complete:
+        given_up = self._record.zones_abandoned or self._record.reports_kept
+        if not self._mission_complete and not given_up:
             self._mission_complete = True
             self.say("Mission complete.")

@@ -5,13 +5,17 @@ from typing import Any
 from py_trees.common import Status
 
 from sar_compiler.mission.actions.leaf import MAP_FRAME, RosLeaf
+from sar_compiler.mission.actions.reporting import ReportLeaf
 from sar_compiler.mission.actions.service_call import CallDeadlines, Question, ServiceLeaf
+from sar_compiler.mission.kept_reports import SurvivorReport
 from sar_compiler.mission.record import MissionRecord
 from sar_compiler.mission.static_transforms import StaticTransforms, static_transforms_of
 from sar_compiler.mission.zone_manager import ZoneManager
-from sar_compiler.nodes import Kind, Use, register
+from sar_compiler.nodes import Answer, Kind, Use, register
 
 _ANY_STATUS = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
+# What is known of the last search of a DetectSurvivor: a new one forgets it.
+_FORGOTTEN = "found_by_{self} = false; named_by_{self} = false"
 
 
 @register(
@@ -20,6 +24,15 @@ _ANY_STATUS = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
     outcomes=_ANY_STATUS,
     effects="searches the current zone for a survivor",
     uses=[Use.service("{service}")],
+    answers=[
+        Answer("SUCCESS", "found", "zones_left > 0", "found_by_{self} = true; named_by_{self} = false"),
+        Answer("SUCCESS", "nothing", "zones_left > 0", _FORGOTTEN),
+        Answer("FAILURE", "no answer", "zones_left > 0", _FORGOTTEN),
+        Answer("FAILURE", "no zone", "zones_left == 0", _FORGOTTEN),
+        Answer("RUNNING", "searching", "zones_left > 0", _FORGOTTEN),
+    ],
+    facts={"zones_left": 3, "found_by_{self}": False, "named_by_{self}": False},
+    reads=["at"],
 )
 class DetectSurvivor(ServiceLeaf):
     """Search the current zone, and keep the answer: SUCCESS whether or not a survivor was found.
@@ -97,7 +110,12 @@ class DetectSurvivor(ServiceLeaf):
     "BroadcastSurvivorTF",
     kind=Kind.ACTION,
     outcomes={Status.SUCCESS, Status.FAILURE},
-    effects="names the survivor and publishes a static frame there",
+    effects="gives the survivor a new name, with a static frame there",
+    answers=[
+        Answer("SUCCESS", "named", "found_by_{detect_node}", "named_by_{detect_node} = true"),
+        Answer("FAILURE", "nobody found", "!found_by_{detect_node}"),
+    ],
+    facts={"found_by_{detect_node}": False, "named_by_{detect_node}": False},
 )
 class BroadcastSurvivorTF(RosLeaf):
     """Give the survivor that was found a name, and publish a static frame of that name under `map`.
@@ -179,8 +197,15 @@ class BroadcastSurvivorTF(RosLeaf):
     outcomes=_ANY_STATUS,
     effects="reports the survivor to the base station",
     uses=[Use.service("{service}")],
+    answers=[
+        Answer("SUCCESS", "acknowledged", "named_by_{detect_node}"),
+        Answer("FAILURE", "refused", "named_by_{detect_node}"),
+        Answer("FAILURE", "nothing to report", "!named_by_{detect_node}"),
+        Answer("RUNNING", "reporting", "named_by_{detect_node}"),
+    ],
+    facts={"named_by_{detect_node}": False},
 )
-class NotifyBase(ServiceLeaf):
+class NotifyBase(ReportLeaf):
     """Report the survivor that was found: SUCCESS if the base station acknowledges the report.
 
     Args:
@@ -202,44 +227,22 @@ class NotifyBase(ServiceLeaf):
         server_timeout_sec: float = 10.0,
         timeout_sec: float = 5.0,
     ) -> None:
-        super().__init__(name, service, CallDeadlines(server_timeout_sec, timeout_sec))
+        super().__init__(name, record, service, CallDeadlines(server_timeout_sec, timeout_sec))
         self._detect_node = detect_node
-        self._record = record or MissionRecord()
-        self._survivor_id = ""
 
-    def _service_type(self) -> Any:
-        from sar_interfaces.srv import ReportSurvivor
-
-        return ReportSurvivor
-
-    def _ask(self) -> Question | None:
+    def _next_report(self) -> SurvivorReport | None:
         survivor_id = self._detect_node.survivor_id()
         pose = self._detect_node.survivor_pose()
         if survivor_id is None or pose is None:
             missing = "nobody was found" if pose is None else "the survivor has no name yet"
             self.complain(f"'{self.name}' has nothing to report: {missing}.")
             return None
-        self._survivor_id = survivor_id
-        request = self._service_type().Request(survivor_id=survivor_id)
-        request.location.header.frame_id = MAP_FRAME
-        request.location.header.stamp = self.node.get_clock().now().to_msg()
-        request.location.point.x, request.location.point.y = pose
-        return Question(request, f"Reporting {survivor_id} to base...")
-
-    def _is_good_news(self, answer: Any) -> bool:
-        return bool(answer.acknowledged)
-
-    def _conclude(self, answer: Any) -> Status:
-        if not answer.acknowledged:
-            self.complain(f"Base did not acknowledge {self._survivor_id}.")
-            return Status.FAILURE
-        self._record.survivor_acknowledged(self._survivor_id)
-        self.feedback_message = f"{self._survivor_id} acknowledged"
-        self.say(f"Base acknowledged {self._survivor_id}.")
-        return Status.SUCCESS
+        return SurvivorReport(survivor_id, *pose)
 
 
-@register("LogNoDetection", kind=Kind.ACTION, outcomes={Status.SUCCESS})
+@register(
+    "LogNoDetection", kind=Kind.ACTION, outcomes={Status.SUCCESS}, answers=[Answer("SUCCESS", "logged")]
+)
 class LogNoDetection(RosLeaf):
     """Say in the log that nobody was found.
 

@@ -7,12 +7,21 @@ from py_trees.common import Status
 
 from sar_compiler.mission.record import MissionRecord
 from sar_compiler.mission.zone_manager import ZoneManager
-from sar_compiler.nodes import Kind, register
+from sar_compiler.nodes import Answer, Kind, register
 from sar_compiler.runtime.leaf import Wake, stay_asleep
 
 
 @register(
-    "AdvanceZone", kind=Kind.ACTION, outcomes={Status.SUCCESS}, effects="marks the current zone as visited"
+    "AdvanceZone",
+    kind=Kind.ACTION,
+    outcomes={Status.SUCCESS},
+    effects="marks the current zone as visited",
+    answers=[
+        Answer("SUCCESS", "advanced", "zones_left > 0", "zones_left -= 1"),
+        Answer("SUCCESS", "no zone", "zones_left == 0"),
+    ],
+    facts={"zones_left": 3},
+    writes=["at"],
 )
 class AdvanceZone(Behaviour):
     """Mark the current zone as visited, so that the next one becomes the current zone.

@@ -1,0 +1,85 @@
+"""The resilient mission against what goes wrong: flown in the simulator, judged by log, summary and status."""
+
+import pytest
+
+from tests.e2e.test_search_and_rescue import MISSION_LOG
+from tests.processes import in_order
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.fixture
+def fly(start):
+    """Fly the resilient tree with faults; return the run, ended, and its exit status."""
+
+    def fly_with(*faults):
+        options = [word for fault in faults for word in ("--fault", fault)]
+        run = start("sar-run", "search_and_rescue_resilient", "--sim", "--speed", 20, *options)
+        return run, run.end(90)
+
+    return fly_with
+
+
+def zones_driven_to(run):
+    """Return where the robot set out for, in order, repeated attempts at one place once."""
+    drives = [line.split()[-1] for line in run.log if line.startswith("Navigating to")]
+    return [place for place, before in zip(drives, ["", *drives], strict=False) if place != before]
+
+
+def test_without_faults_the_mission_says_and_does_what_the_contract_has(fly):
+    run, status = fly()
+    assert status == 0, run.output
+    assert [line for line in run.log if line in set(MISSION_LOG)] == MISSION_LOG
+
+
+def test_what_fails_once_is_tried_again_where_the_robot_is(fly):
+    run, status = fly("navigate_to_pose:reject=1", "detect_survivor:drop=1", "report_survivor:refuse=1")
+    assert status == 0, run.output
+    assert zones_driven_to(run) == ["zone_a...", "zone_b...", "zone_c...", "zone_d...", "station..."]
+    for line in (
+        "Navigating to zone_a...",
+        "Calling detect_survivor for zone_a...",
+        "Reporting survivor_1 to base...",
+    ):
+        assert run.log.count(line) == 2, run.output
+    assert "No survivor found at zone_a." not in run.log
+
+
+def test_a_report_that_is_refused_too_often_is_kept_and_delivered_before_the_next_drive(fly):
+    run, status = fly("report_survivor:refuse=3")
+    assert status == 0, run.output
+    told = [
+        "The report of survivor_1 is kept until base acknowledges it.",
+        "Reporting survivor_1 to base...",
+        "Base acknowledged survivor_1.",
+        "Navigating to zone_b...",
+        "Mission complete.",
+    ]
+    assert in_order(told, run.log) is None, run.output
+    assert not any("survivor_3" in line for line in run.log)
+
+
+def test_reports_that_are_never_acknowledged_are_named_at_the_end(fly):
+    run, status = fly("report_survivor:refuse=99")
+    assert status == 1
+    assert zones_driven_to(run)[-1] == "station..."
+    for survivor in ("survivor_1 in zone_a", "survivor_2 in zone_c"):
+        assert f"missing:         The base station did not acknowledge {survivor}" in run.output
+    assert "Mission complete." not in run.log
+
+
+def test_a_zone_out_of_reach_is_come_back_to_then_abandoned_and_the_rest_is_done(fly):
+    run, status = fly("navigate_to_pose:abort=zone_b")
+    assert status == 1
+    zones = ["zone_a...", "zone_b...", "zone_c...", "zone_d...", "zone_b...", "station..."]
+    assert zones_driven_to(run) == zones, run.output
+    assert run.log.count("Navigating to zone_b...") == 6
+    assert "  zones visited:   3 of 4 (zone_a, zone_c, zone_d)" in run.output
+    assert "  back at base:    yes" in run.output
+    assert run.output.splitlines()[-1].endswith("zone_b was abandoned after attempt 3.")
+
+
+def test_a_server_that_comes_back_is_driven_with_again(fly):
+    run, status = fly("navigate_to_pose:die@zone_c,back=5")
+    assert status == 0, run.output
+    assert "Fault: bt_navigator disappears." in run.log

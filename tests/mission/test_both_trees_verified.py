@@ -1,0 +1,100 @@
+"""What `sar-compile verify` finds in the contract's tree and in the resilient one, and that the page tells it."""
+
+import re
+from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.cli.compile import main
+from tests.docs.markdown import blocks
+from tests.processes import in_order
+
+CONTRACT, RESILIENT = "trees/search_and_rescue.xml", "trees/search_and_rescue_resilient.xml"
+PAGE = Path("docs/mission.md")
+HOLDS = "proved"
+
+
+def verify(tree: str | Path, *options: str) -> tuple[int, str]:
+    """Return the exit status and what is printed."""
+    out = StringIO()
+    with redirect_stdout(out), redirect_stderr(StringIO()):
+        status = main(["verify", str(tree), *options])
+    return status, out.getvalue()
+
+
+def broken(output: str) -> set[str]:
+    """Return the questions that did not turn out well, from the table at the end."""
+    table = re.findall(r"^  (\S.*?): +(proved|does not hold|not decided).*$", output, re.MULTILINE)
+    assert table, output
+    return {question for question, outcome in table if outcome != HOLDS}
+
+
+def test_the_resilient_tree_is_proved_for_two_zones() -> None:
+    status, output = verify(RESILIENT, "--set", "zones_left=2")
+    assert (status, broken(output)) == (0, set())
+
+
+@pytest.mark.slow
+def test_the_resilient_tree_is_proved_in_as_many_states_as_the_page_says() -> None:
+    status, output = verify(RESILIENT)
+    assert (status, broken(output)) == (0, set())
+    states = int(re.findall(r"([\d,]+) states", output)[0].replace(",", ""))
+    assert f"some {round(states, -3):,}" in " ".join(PAGE.read_text(encoding="utf-8").split())
+
+
+def test_the_page_tells_the_runs_that_are_found_in_the_tree_of_the_contract() -> None:
+    status, output = verify(CONTRACT)
+    assert status == 1
+    found = [line.strip() for line in output.splitlines()]
+    told = [block.text for block in blocks(PAGE) if "does not hold" in block.text]
+    assert len(told) == 3
+    for run in told:
+        assert in_order([line.strip() for line in run.splitlines()], found) is None, output
+
+
+def without(old: str, new: str = "") -> Callable[[str], str]:
+    """Replace what stands in the tree."""
+
+    def change(text: str) -> str:
+        assert old in text
+        return text.replace(old, new)
+
+    return change
+
+
+# What makes the tree resilient, taken out, and what does not hold any more.
+NEEDED = {
+    "the oneshot": (without(' oneshot="ON_COMPLETION"'), "every run ends"),
+    "the place where a report is kept": (
+        without("<KeepReport/>", "<AlwaysFailure/>"),
+        "one id per survivor",
+    ),
+    "the branch instead of a fallback": (
+        lambda text: (
+            text.replace("<IfThenElse", "<Fallback")
+            .replace("</IfThenElse", "</Fallback")
+            .replace('<IsSurvivorDetected name="IsSurvivorDetected?"/>', "")
+            .replace("<BroadcastSurvivorTF/>", "<IsSurvivorDetected/><BroadcastSurvivorTF/>")
+            .replace("<KeepReport/>", "<AlwaysFailure/>")
+        ),
+        "'no survivor' is said only after a search that found nobody",
+    ),
+    "the last attempt on a zone": (without('num_attempts="2"', 'num_attempts="-1"'), "every run ends"),
+    "the last attempt on the way home": (without('num_attempts="5"', 'num_attempts="-1"'), "every run ends"),
+    "an end of postponing": (
+        without('<PostponeZone attempts="3"/>', "<AlwaysSuccess/>"),
+        "every run ends",
+    ),
+}
+
+
+@pytest.mark.parametrize(("change", "question"), NEEDED.values(), ids=NEEDED)
+def test_the_resilient_tree_needs(tmp_path: Path, change: Callable[[str], str], question: str) -> None:
+    tree = tmp_path / "changed.xml"
+    tree.write_text(change(Path(RESILIENT).read_text(encoding="utf-8")), encoding="utf-8")
+    status, output = verify(tree, "--set", "zones_left=1")
+    assert status == 1
+    assert question in broken(output)

@@ -1,0 +1,102 @@
+"""The resilient tree, rehearsed without a robot."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+from py_trees.common import Status
+
+from sar_compiler.compiler import bind_main
+from sar_compiler.compiler.rehearsal import Rehearsal, rehearse
+from sar_compiler.nodes.registry import default_registry
+from sar_compiler.runtime.answering import ANSWERED, AnsweringLeaf
+from sar_compiler.runtime.answers import Answer, nominal
+from sar_compiler.tree.forest import load_forest
+from sar_compiler.tree.reading import read_tree_file
+
+TREE = Path("trees/search_and_rescue_resilient.xml")
+
+
+class Always:
+    """Has leaves, by name or tag, answer the same whenever they can, and what is usual otherwise."""
+
+    def __init__(self, **answers: str) -> None:
+        self._answers = answers
+
+    def choose(self, leaf: AnsweringLeaf, options: Sequence[Answer]) -> Answer:
+        said = self._answers.get(leaf.name, self._answers.get(leaf.tag))
+        wanted = [answer for answer in options if answer.name == said]
+        return wanted[0] if wanted else nominal(options)
+
+
+def tick(rehearsal: Rehearsal) -> Status:
+    rehearsal.clock.advance(30.0)
+    rehearsal.root.tick_once()
+    return rehearsal.root.status
+
+
+def flown(**answers: str) -> Rehearsal:
+    rehearsal = rehearse(bind_main(load_forest(TREE, read_tree_file), default_registry()), {})
+    rehearsal.chooser = Always(**answers)
+    for _ in range(200):
+        if tick(rehearsal) is not Status.RUNNING:
+            return rehearsal
+    message = f"the mission did not end within 200 ticks; facts: {rehearsal.fact_values()}"
+    raise AssertionError(message)
+
+
+def answered(rehearsal: Rehearsal) -> list[str]:
+    return [
+        f"{event.leaf.name} {event.answer.name}"
+        for event in rehearsal.events
+        if event.what == ANSWERED and event.answer is not None
+    ]
+
+
+# Which leaf fails whenever it can, and what the mission comes to.
+DAYS = {
+    "nothing fails": ({}, Status.SUCCESS),
+    "every zone is out of reach": ({"NavigateToZone": "aborted"}, Status.FAILURE),
+    "nobody answers about zones": ({"DetectSurvivor": "no answer"}, Status.FAILURE),
+    "every report is refused": ({"NotifyBase": "refused", "DeliverReports": "refused"}, Status.FAILURE),
+    "base wakes up at last": ({"NotifyBase": "refused"}, Status.SUCCESS),
+    "home is out of reach": ({"NavigateToBase": "aborted"}, Status.FAILURE),
+    "every drive takes for ever": (
+        {"NavigateToZone": "driving", "NavigateToBase": "driving"},
+        Status.FAILURE,
+    ),
+}
+
+
+@pytest.mark.parametrize(("answers", "end"), DAYS.values(), ids=DAYS)
+def test_the_mission_ends_and_succeeds_only_if_nothing_is_missing(
+    answers: dict[str, str], end: Status
+) -> None:
+    assert flown(**answers).root.status is end
+
+
+@pytest.mark.parametrize(("answers", "end"), DAYS.values(), ids=DAYS)
+def test_a_mission_that_is_over_stays_over(answers: dict[str, str], end: Status) -> None:
+    rehearsal = flown(**answers)
+    rehearsal.events.clear()
+    assert [tick(rehearsal) for _ in range(3)] == [end] * 3
+    assert rehearsal.events == []
+
+
+def test_a_zone_out_of_reach_is_tried_twice_in_each_of_three_rounds() -> None:
+    said = answered(flown(NavigateToZone="aborted"))
+    assert said.count("NavigateToZone aborted") == 3 * 3 * 2
+    assert said.count("PostponeZone postponed") == 3 * 2
+    assert said.count("AbandonZone abandoned") == 3
+    assert said.count("NavigateToBase arrived") == 1
+
+
+def test_a_survivor_is_named_once_whatever_becomes_of_the_report() -> None:
+    said = answered(flown(NotifyBase="refused", DeliverReports="refused"))
+    assert said.count("BroadcastSurvivorTF named") == said.count("AdvanceZone advanced") == 3
+    assert "LogNoDetection logged" not in said
+
+
+def test_reports_are_delivered_even_if_the_robot_does_not_get_home() -> None:
+    said = answered(flown(NotifyBase="refused", DeliverOnTheWay="refused", NavigateToBase="aborted"))
+    assert said.index("NavigateToBase aborted") < said.index("DeliverReports delivered")
