@@ -1,15 +1,29 @@
 """What is wrong with a tree.
 
-A rule is a function from a file and the registry to findings; each family of rules is a module here,
-and `RULES` lists them.
+A rule is a function from a `Subject`, which is a file with all that is known of it, to findings. Each family of rules
+is a module in `rules`, and `RULES` lists them.
 """
 
+import itertools
 from collections.abc import Callable, Iterable
 
+from sar_compiler.checks.allowing import allowed
 from sar_compiler.checks.document import check_document
-from sar_compiler.checks.nodes import check_nodes
+from sar_compiler.checks.rules.keys import check_keys
+from sar_compiler.checks.rules.names import check_names
+from sar_compiler.checks.rules.needless import check_needless
+from sar_compiler.checks.rules.order import check_order
+from sar_compiler.checks.rules.parallels import check_parallels
+from sar_compiler.checks.rules.reach import check_reach
+from sar_compiler.checks.rules.reactive import check_reactive
+from sar_compiler.checks.rules.scripts import check_scripts
+from sar_compiler.checks.rules.subject import Subject
+from sar_compiler.checks.rules.subtrees import check_subtrees
+from sar_compiler.checks.rules.texts import check_texts
 from sar_compiler.checks.schema import check_schema
-from sar_compiler.nodes.models import described_specs
+from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.model_comparison import compare
+from sar_compiler.nodes.models import described_specs, read_models
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.forest import Forest
@@ -18,25 +32,56 @@ from sar_compiler.tree.model import TreeFile
 Palettes = Iterable[TreeFile]
 """Files whose `TreeNodesModel` describes nodes that are not installed."""
 
-RULES: tuple[Callable[[Forest, Registry, Palettes], Iterable[Diagnostic]], ...] = (
+
+def check_meaning(subject: Subject) -> Iterable[Diagnostic]:
+    """Return what keeps the trees of a forest, executed or not, from meaning something."""
+    return subject.bound.findings
+
+
+MOST = 1000
+"""More findings of one rule than these help nobody; the rest come when these are mended."""
+
+RULES: tuple[Callable[[Subject], Iterable[Diagnostic]], ...] = (
     check_document,
-    check_nodes,
+    check_meaning,
+    check_reactive,
+    check_reach,
+    check_needless,
+    check_parallels,
+    check_order,
+    check_keys,
+    check_scripts,
+    check_texts,
+    check_subtrees,
+    check_names,
 )
+
+
+def check_palettes(palettes: Palettes, registry: Registry) -> list[Diagnostic]:
+    """Return what is wrong with palettes themselves, whatever files they are for."""
+    collector = Collector()
+    compare(read_models(palettes, collector), registry, collector)
+    return collector.findings
 
 
 def check(forest: Forest, registry: Registry, palettes: Palettes = ()) -> list[Diagnostic]:
     """Return everything that is wrong with a file and those that it includes, file by file.
 
+    What comments in the files allow is left out.
+
     Args:
         forest: The file and what it includes.
         registry: What tags mean.
-        palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
+        palettes: Further files whose `TreeNodesModel` describes nodes that are not installed; what is wrong with
+            themselves, `check_palettes` says.
     """
     palettes = tuple(palettes)
     findings = [*forest.findings]
-    findings += (finding for rule in RULES for finding in rule(forest, registry, palettes))
+    subject = Subject(forest, registry, palettes)
+    for rule in RULES:
+        findings += itertools.islice(rule(subject), MOST)
     # The rules say it better; the schema speaks only where they found nothing.
-    described = described_specs([*forest.files, *palettes], registry)
+    described = described_specs([*palettes, *forest.files], registry)
     for tree_file in forest.files:
         findings += check_schema(tree_file, registry, described, findings)
     order = {tree_file.source.path: number for number, tree_file in enumerate(reversed(forest.files))}
@@ -44,4 +89,4 @@ def check(forest: Forest, registry: Registry, palettes: Palettes = ()) -> list[D
     def place(finding: Diagnostic) -> tuple[int, int, int, str]:
         return order.get(finding.source.path, 0), finding.span.line, finding.span.column, finding.code
 
-    return sorted(findings, key=place)
+    return sorted(allowed(forest, findings), key=place)

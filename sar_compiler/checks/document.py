@@ -1,10 +1,12 @@
 """The frame of a file: its root element, its trees and which one is executed."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
+from sar_compiler.checks.rules.subject import Subject
 from sar_compiler.nodes.attributes import NOTES
 from sar_compiler.nodes.main_tree import find_main_tree
 from sar_compiler.nodes.registry import Registry
+from sar_compiler.nodes.tree_ids import fault_of
 from sar_compiler.nodes.values import nearest
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.forest import Forest
@@ -17,18 +19,25 @@ FORMAT = "4"
 _SECTIONS = (TREE_TAG, INCLUDE_TAG, MODEL_TAG)
 
 
-def check_document(
-    forest: Forest, _registry: Registry, _palettes: Iterable[TreeFile] = ()
-) -> Iterator[Diagnostic]:
+def check_document(subject: Subject) -> Iterator[Diagnostic]:
     """Yield what is wrong outside the trees."""
+    forest, registry = subject.forest, subject.registry
     for tree_file in forest.files:
         yield from _frame(tree_file.root)
-    yield from _tree_ids(forest)
-    if forest.main.root.tag == ROOT_TAG:
+    yield from _tree_ids(forest, registry)
+    if forest.main.root.tag == ROOT_TAG and not _is_palette(forest):
         try:
             find_main_tree(forest)
         except TreeError as error:
             yield from error.findings
+
+
+def _is_palette(forest: Forest) -> bool:
+    """Say whether a file only describes nodes, for `--model` and for editors."""
+    root = forest.main.root
+    describes = any(child.tag == MODEL_TAG for child in root.children)
+    names_tree = "main_tree_to_execute" in root.attributes
+    return describes and not names_tree and not any(True for _ in forest.iterate())
 
 
 def _frame(root: Element) -> Iterator[Diagnostic]:
@@ -59,7 +68,7 @@ def _format(root: Element) -> Iterator[Diagnostic]:
         yield Diagnostic("wrong-format", message, root.source, span, suggestion=FORMAT)
 
 
-def _tree_ids(forest: Forest) -> Iterator[Diagnostic]:
+def _tree_ids(forest: Forest, registry: Registry) -> Iterator[Diagnostic]:
     first: dict[str, Element] = {}
     for tree_file in forest.files:
         for tree in tree_file.trees:
@@ -72,6 +81,9 @@ def _tree_ids(forest: Forest) -> Iterator[Diagnostic]:
                 yield Diagnostic("missing-tree-id", message, tree.source, tree.value_span("ID"))
             elif first.setdefault(tree_id, tree) is not tree:
                 yield _duplicate(tree, first[tree_id])
+            elif (fault := fault_of(tree_id, registry)) is not None:
+                message, hint = fault
+                yield Diagnostic("wrong-tree-id", message, tree.source, tree.value_span("ID"), hint=hint)
 
 
 def _nameless(tree: Element, tree_file: TreeFile) -> Iterator[Diagnostic]:

@@ -6,6 +6,7 @@ of which the rules said nothing.
 """
 
 import bisect
+import dataclasses
 import functools
 import re
 import sys
@@ -16,10 +17,14 @@ from lxml import etree
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.schema import xml_schema
 from sar_compiler.nodes.spec import NodeSpec
-from sar_compiler.tree.diagnostic import Diagnostic
+from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.model import Element, TreeFile
 from sar_compiler.tree.source import Form
+from sar_compiler.tree.xml_rest import rest_of
 from sar_compiler.tree.xml_writer import one_tag_a_line
+
+_TEXT = "Character content other than whitespace"
+"""What libxml2 says of text between elements."""
 
 
 @functools.lru_cache(maxsize=8)
@@ -77,7 +82,14 @@ def check_schema(
     errors = schema_errors(tree_file, registry, described)
     if not errors:
         return
-    spoken_of = {finding.span.line for finding in findings if finding.source is tree_file.source}
+    if tree_file.source.form is Form.XML and any(_TEXT in message for _, message in errors):
+        yield from _stray_text(tree_file)
+        errors = [(line, message) for line, message in errors if _TEXT not in message]
+    spoken_of = {
+        finding.span.line
+        for finding in findings
+        if finding.source is tree_file.source and finding.severity is Severity.ERROR
+    }
     elements = sorted(tree_file.root.iterate(), key=_place)
     for line, message in errors:
         # The last element that begins in the line or before it.
@@ -88,6 +100,14 @@ def check_schema(
             last = elements[index + 1].line - 1 if index + 1 < len(elements) else sys.maxsize
         if not any(element.line <= number <= last for number in spoken_of):
             yield Diagnostic("schema", message, tree_file.source, element.tag_span())
+
+
+def _stray_text(tree_file: TreeFile) -> Iterator[Diagnostic]:
+    """Yield the text between elements at its places, which libxml2 does not know."""
+    message = "this text stands between elements, where it means nothing"
+    for finding in rest_of(tree_file):
+        if finding.code == "stray-text":
+            yield dataclasses.replace(finding, message=message)
 
 
 def _place(element: Element) -> tuple[int, int]:

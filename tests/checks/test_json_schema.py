@@ -9,12 +9,15 @@ import yaml
 from hypothesis import given
 
 from sar_compiler.checks import RULES, check
+from sar_compiler.checks.rules.subject import Subject
 from sar_compiler.nodes.json_schema import json_schema
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.tree.conversion import convert
+from sar_compiler.tree.diagnostic import Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.source import Form
 from sar_compiler.tree.xml import parse_xml, read_xml
+from sar_compiler.tree.yaml import parse_yaml
 from tests.checks.test_mistakes import CORRECT
 from tests.checks.test_schema import ELEMENTS, written
 from tests.trees import document
@@ -80,9 +83,61 @@ def test_what_is_wrong_is_refused_at_its_place(node, place):
     assert errors(in_a_tree(node)) == [["root", "children", 0, "BehaviorTree", "children", 0, *place]]
 
 
+JUDGED_ALIKE = [
+    "Success: {children: []}",
+    "Sleep: {msec: 5, children: []}",
+    "Action: {ID: Success, children: []}",
+    "Sequence: {children: []}",
+    "Sequence: {}",
+    "Inverter: {children: []}",
+    "Control: {ID: Sequence, children: []}",
+    "Decorator: {ID: Inverter, children: []}",
+    "Decorator: {ID: Inverter, children: [Success, Failure]}",
+    "IfThenElse: {children: [Success]}",
+    "Switch2: {variable: a, case_1: b, case_2: c, children: [Success, Success]}",
+    "Action: {ID: ''}",
+    "Sequence: {_skipIf: '', children: [Success]}",
+    "Sleep: {msec: 4294967295}",
+    "Sleep: {msec: 4294967296}",
+    "Sleep: {msec: '4294967296'}",
+    "Sleep: {msec: -1}",
+    "Sleep: {msec: 1.5}",
+    "Repeat: {num_cycles: 1.5, children: [Success]}",
+]
+
+
+@pytest.mark.parametrize("node", JUDGED_ALIKE)
+def test_the_schema_and_the_rules_are_of_one_mind(node):
+    text = in_a_tree(yaml.safe_load(node))
+    findings = check(Forest.of(parse_yaml(text, "test.yaml")), default_registry())
+    refused = any(finding.severity is Severity.ERROR for finding in findings)
+    assert bool(errors(text)) == refused
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "root: {}",
+        "root: {children: []}",
+        "root: {children: [BehaviorTree: {ID: A}]}",
+        "root: {children: [BehaviorTree: {ID: A, children: []}]}",
+        "root: {children: [BehaviorTree: {ID: A, children: [Success, Success]}]}",
+    ],
+)
+def test_what_has_no_node_where_one_must_be_is_refused_by_both(text):
+    assert errors(text)
+    assert check(Forest.of(parse_yaml(text, "test.yaml")), default_registry())
+
+
+def test_an_unknown_attribute_is_named_without_a_pattern_that_nobody_reads():
+    text = in_a_tree({"Sequence": {"memroy": True, "children": ["Success"]}})
+    (error,) = VALIDATOR.iter_errors(yaml.safe_load(text))
+    assert error.message == "Additional properties are not allowed ('memroy' was unexpected)"
+
+
 @given(ELEMENTS)
 def test_the_schema_refuses_nothing_that_the_rules_let_pass(element):
     forest = Forest.of(parse_xml(document(written(element))))
-    if not [finding for rule in RULES for finding in rule(forest, default_registry(), ())]:
+    if not [finding for rule in RULES for finding in rule(Subject(forest, default_registry()))]:
         assert errors(as_yaml(document(written(element)))) == []
         assert check(forest, default_registry()) == []

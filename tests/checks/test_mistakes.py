@@ -28,6 +28,14 @@ IN_A_TREE = {
         26,
         "2",
     ),
+    "two children that interrupt each other": (
+        "<ReactiveSequence><AsyncSequence><Success/></AsyncSequence>\n<AsyncSequence><Success/></AsyncSequence></ReactiveSequence>",
+        "interrupted-child",
+        4,
+        1,
+        None,
+    ),
+    "a condition that says nothing": ('<ScriptCondition code=""/>', "script-error", 3, 24, None),
     "an unknown tag": ("<Sequnce><Success/></Sequnce>", "unknown-node", 3, 1, "Sequence"),
     "a tag in the wrong case": ("<inverter><Success/></inverter>", "unknown-node", 3, 1, "Inverter"),
     "a tag like nothing known": ("<Xyzzy/>", "unknown-node", 3, 1, None),
@@ -160,6 +168,7 @@ def test_a_mistake_in_a_tree_is_found_where_it_stands(name, registry):
 
 TREE = '<BehaviorTree ID="A"><Success/></BehaviorTree>'
 OTHER = '<BehaviorTree ID="B"><Success/></BehaviorTree>'
+USING = '<BehaviorTree ID="B"><SubTree ID="A"/></BehaviorTree>'
 
 IN_A_FILE = {
     "a prefix that is not bound": (
@@ -200,6 +209,34 @@ IN_A_FILE = {
         "duplicate-tree-id",
         2,
         19,
+        None,
+    ),
+    "an ID with a blank": (
+        '<root><BehaviorTree ID="my tree"><Success/></BehaviorTree></root>',
+        "wrong-tree-id",
+        1,
+        25,
+        None,
+    ),
+    "an ID with a dot": (
+        '<root><BehaviorTree ID="v.2"><Success/></BehaviorTree></root>',
+        "wrong-tree-id",
+        1,
+        25,
+        None,
+    ),
+    "the ID Root": (
+        '<root><BehaviorTree ID="Root"><Success/></BehaviorTree></root>',
+        "wrong-tree-id",
+        1,
+        25,
+        None,
+    ),
+    "the ID of a node": (
+        '<root><BehaviorTree ID="Sequence"><Success/></BehaviorTree></root>',
+        "wrong-tree-id",
+        1,
+        25,
         None,
     ),
     "an empty ID": (
@@ -261,13 +298,13 @@ def test_what_is_said_names_what_can_be_written_instead(registry):
 
 
 CORRECT = {
-    "lone carriage returns": "<Sequence>\r\t<Success/>\r</Sequence>",
+    "lone carriage returns": "<Sequence>\r\t<Success/>\r\t<Failure/>\r</Sequence>",
     "a leaf with nothing but a comment in it": "<Success>\n<!-- why not -->\n</Success>",
     "names that are not tags": '<Success name="Is it fine? / yes!"/>',
     "a key of the blackboard": '<Timeout duration="{@patience}"><Running/></Timeout>',
-    "a reactive node that says so twice": '<ReactiveSequence memory="false"><Success/></ReactiveSequence>',
-    "a oneshot on any node": '<Sequence oneshot="ON_SUCCESSFUL_COMPLETION"><Success oneshot="ON_COMPLETION"/></Sequence>',
-    "a reference found by itself": "<Sequence><NotifyBase/><DetectSurvivor/></Sequence>",
+    "a reactive node that says so twice": '<ReactiveSequence memory="false"><Success/><Failure/></ReactiveSequence>',
+    "a oneshot on any node": '<Sequence oneshot="ON_SUCCESSFUL_COMPLETION"><Success oneshot="ON_COMPLETION"/><Failure/></Sequence>',
+    "a reference found by itself": "<Sequence><DetectSurvivor/><NotifyBase/></Sequence>",
     "a reference by name to one of two": (
         '<Sequence><DetectSurvivor name="a"/><DetectSurvivor/><NotifyBase detect_node="a"/></Sequence>'
     ),
@@ -283,7 +320,7 @@ def test_nothing_is_said_of_a_correct_tree(name, registry):
     "text",
     [
         f"<root>{TREE}</root>",
-        f'<root main_tree_to_execute="B">{TREE}{OTHER}</root>',
+        f'<root main_tree_to_execute="B">{TREE}{USING}</root>',
         "<root><BehaviorTree><Success/></BehaviorTree></root>",
         f'<root xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xsi:noNamespaceSchemaLocation="a.xsd">{TREE}</root>',
         f'<root>{TREE}<TreeNodesModel><Action ID="X"><input_port name="y"/></Action></TreeNodesModel></root>',

@@ -1,0 +1,252 @@
+"""Who does what with each entry of the blackboard, once all subtrees are in their places."""
+
+import functools
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+from sar_compiler.checks.rules.mentions import Deed, Mention, Mentions, Moment, is_of_root, mentions_of
+from sar_compiler.checks.rules.natures import PARALLELS, SELECTORS, SEQUENCES
+from sar_compiler.nodes.bound import BoundNode, BoundTree
+from sar_compiler.nodes.instances import Instance
+from sar_compiler.runtime.blackboard import Scope
+
+Step = tuple[Instance, BoundNode]
+_PASSING = frozenset(
+    {
+        "SubTree",
+        "Inverter",
+        "ForceSuccess",
+        "FailureIsSuccess",
+        "PassThrough",
+        "Count",
+        "Timeout",
+        "StatusToBlackboard",
+    }
+)
+_READS = (Deed.READ, Deed.LOOK, Deed.BOTH, Deed.FIXED)
+
+
+@dataclass(eq=False)
+class Use:
+    """What a node of one instance of a tree does with an entry."""
+
+    instance: Instance
+    mention: Mention
+    way: "Ways"
+
+    @functools.cached_property
+    def path(self) -> tuple[Step, ...]:
+        """The nodes around it and itself, from the root of the main tree."""
+        return self.way.to(self.instance, self.mention.bound)
+
+    @property
+    def bound(self) -> BoundNode:
+        """The node."""
+        return self.mention.bound
+
+
+@dataclass(eq=False)
+class EntryUses:
+    """Everything that is done with an entry, in the order of the tree.
+
+    Attributes:
+        scope: Whose key it is.
+        key: The key there.
+        uses: What nodes do with it.
+        given: The `SubTree` nodes that give a constant for it.
+        is_parameter: Whether somebody takes it for a parameter of the mission.
+    """
+
+    scope: Scope
+    key: str
+    uses: list[Use] = field(default_factory=list)
+    given: list[BoundNode] = field(default_factory=list)
+    is_parameter: bool = False
+
+    def of(self, *deeds: Deed) -> list[Use]:
+        """Return those uses that do one of some things."""
+        return [use for use in self.uses if use.mention.deed in deeds]
+
+    @property
+    def writers(self) -> list[Use]:
+        """Whoever may write it first; a script's `=` may do so where a port has the key."""
+        has_port = any(use.mention.place is None for use in self.uses)
+        return self.of(Deed.WRITE, Deed.BOTH, *((Deed.CHANGE,) if has_port else ()))
+
+    @property
+    def is_made(self) -> bool:
+        """Whether anybody may write it."""
+        return bool(self.given or self.writers)
+
+    @property
+    def readers(self) -> list[Use]:
+        """Whoever may read it."""
+        return self.of(*_READS)
+
+
+class Ways:
+    """The way from the root to each node of a tree with its subtrees in place."""
+
+    def __init__(self) -> None:
+        self._parents: dict[BoundTree, dict[BoundNode, BoundNode]] = {}
+
+    def to(self, instance: Instance, bound: BoundNode) -> tuple[Step, ...]:
+        """Return the nodes around a node and itself, each with its instance, from the outside in."""
+        steps: list[Step] = []
+        here: Instance | None = instance
+        node: BoundNode | None = bound
+        while here is not None:
+            parents = self._of(here.tree)
+            while node is not None:
+                steps.append((here, node))
+                node = parents.get(node)
+            node, here = here.place, here.around
+        return tuple(reversed(steps))
+
+    def _of(self, tree: BoundTree) -> dict[BoundNode, BoundNode]:
+        if tree not in self._parents:
+            self._parents[tree] = {child: node for node in tree.parents for child in node.children}
+        return self._parents[tree]
+
+
+@dataclass(frozen=True)
+class Board:
+    """All entries of a tree with its subtrees in place.
+
+    Attributes:
+        top: The tree.
+        entries: The entries, in the order in which the tree names them.
+        is_open: Whether some node may do with any key what the file does not say.
+        is_foreign: Whether some node is only described: it runs elsewhere, where others may write as well.
+    """
+
+    top: Instance
+    entries: Sequence[EntryUses]
+    is_open: bool
+    is_foreign: bool
+
+
+def board_of(top: Instance, known: dict[BoundTree, Mentions]) -> Board:
+    """Gather what is done with each entry.
+
+    Args:
+        top: A tree with its subtrees in place.
+        known: What is known of trees already; is added to.
+    """
+    entries: dict[tuple[Scope, str], EntryUses] = {}
+    ways, is_open, is_foreign = Ways(), False, False
+    for instance in top.iterate():
+        if instance.tree not in known:
+            known[instance.tree] = mentions_of(instance.tree)
+        of_tree = known[instance.tree]
+        is_open = is_open or of_tree.is_open
+        is_foreign = is_foreign or any(bound.spec.cls is None for bound in instance.tree.demanding)
+        for mention in of_tree.mentions:
+            entry = _entry(entries, instance.scope, mention.key)
+            entry.uses.append(Use(instance, mention, ways))
+            at_root = instance.around is None and mention.deed is Deed.FIXED
+            entry.is_parameter = entry.is_parameter or at_root or is_of_root(mention.key)
+        for place, inner in instance.inner.items():
+            for key in place.remapping.constants:
+                _entry(entries, inner.scope, key).given.append(place)
+            for key in place.remapping.keys.values():
+                if is_of_root(key):
+                    _entry(entries, instance.scope, key).is_parameter = True
+    return Board(top, tuple(entries.values()), is_open, is_foreign)
+
+
+def _entry(entries: dict[tuple[Scope, str], EntryUses], scope: Scope, key: str) -> EntryUses:
+    owner = scope.owner(key)
+    if owner not in entries:
+        entries[owner] = EntryUses(*owner)
+    return entries[owner]
+
+
+def parting(first: Use, second: Use) -> int:
+    """Return how many steps from the root two uses have in common."""
+    together = 0
+    for mine, theirs in zip(first.path, second.path, strict=False):
+        if mine != theirs:
+            break
+        together += 1
+    return together
+
+
+def comes_first(first: Use, second: Use) -> bool:
+    """Say whether, when second is done for the first time, first has certainly been done."""
+    if not first.mention.is_certain:
+        return False
+    if first.path == second.path:
+        return _comes_first_in_node(first.mention, second.mention)
+    together = parting(first, second)
+    if together == len(second.path):
+        return second.mention.moment is Moment.AFTER and _is_straight(first, together - 1)
+    if not _is_straight(first, together):
+        return False
+    return (
+        first.mention.moment is Moment.BEFORE
+        if together == len(first.path)
+        else _precedes(first, second, together)
+    )
+
+
+def _comes_first_in_node(first: Mention, second: Mention) -> bool:
+    if first.attribute == second.attribute and first.place and second.place:
+        # `x := x + 1` writes last what stands first.
+        return first.deed is Deed.READ and (first.place[0] > second.place[0] or second.deed is not Deed.WRITE)
+    return first.moment < second.moment
+
+
+def _precedes(first: Use, second: Use, together: int) -> bool:
+    """Say whether a use comes before another in a node around both."""
+    around = first.path[together - 1][1]
+    if _place(first, together, around) >= _place(second, together, around):
+        return False
+    if around.spec.tag in SEQUENCES:
+        return True
+    return around.spec.tag in SELECTORS | PARALLELS and _is_first(first, together)
+
+
+def _place(use: Use, together: int, around: BoundNode) -> int:
+    child = use.path[together][1]
+    return next((index for index, each in enumerate(around.children) if each is child), 0)
+
+
+def _is_straight(use: Use, together: int) -> bool:
+    """Say whether what is around a use, below a common node, goes on only after it has been done."""
+    inner = [bound for _, bound in use.path[together:]]
+    for number, bound in enumerate(inner):
+        if bound.oneshot is not None or (bound.conditions and not (bound is inner[-1] and _asks(use))):
+            return False
+        if bound is inner[-1] or bound.spec.tag in SEQUENCES or bound.spec.tag in _PASSING:
+            continue
+        # Of a selector, only what comes first in its first child is certain.
+        return (
+            bound.spec.tag in SELECTORS
+            and _is_first(use, together + number)
+            and _is_straight(use, together + number + 1)
+        )
+    return True
+
+
+def _asks(use: Use) -> bool:
+    """Say whether a use stands in the first script that its node runs."""
+    return use.mention.attribute == next(iter(use.bound.conditions), None)
+
+
+def _is_first(use: Use, together: int) -> bool:
+    """Say whether a use is the first thing done in what is around it, below a common node."""
+    steps = use.path[together:]
+    return all(
+        not outer.children or outer.children[0] is inner
+        for (_, outer), (_, inner) in itertools.pairwise(steps)
+    )
+
+
+def between(first: Use, second: Use) -> Iterator[BoundNode]:
+    """Yield the nodes that stand between two uses in the same sequence, that of the first use with them."""
+    together = parting(first, second)
+    around = first.path[together - 1][1]
+    start, end = _place(first, together, around), _place(second, together, around)
+    yield from around.children[start:end]

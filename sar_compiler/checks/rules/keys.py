@@ -1,0 +1,262 @@
+"""Keys of the blackboard that are read and never written, read too early, written for nothing."""
+
+import difflib
+import itertools
+from collections.abc import Iterator
+
+from sar_compiler.checks.rules.entries import Board, EntryUses, Use, between, board_of, comes_first, parting
+from sar_compiler.checks.rules.mentions import Deed, Mentions, Moment, mentions_of
+from sar_compiler.checks.rules.natures import PARALLELS, SEQUENCES, Natures
+from sar_compiler.checks.rules.outcomes import K, S
+from sar_compiler.checks.rules.scripts import is_condition
+from sar_compiler.checks.rules.subject import Subject
+from sar_compiler.nodes.attributes import closed
+from sar_compiler.nodes.bound import BoundNode, BoundTree
+from sar_compiler.nodes.collector import file_of
+from sar_compiler.nodes.values import nearest
+from sar_compiler.tree.diagnostic import Diagnostic, Severity
+
+_LIKE, _CLOSE = 0.7, 0.75
+"""How much two keys must be alike so that one may be meant by the other, and so that nothing else can be."""
+_WRITERS = frozenset({"Script", "SetBlackboard", "SetBlackboardVariable"})
+"""Nodes that are there for nothing else than to write."""
+
+
+def check_keys(subject: Subject) -> Iterator[Diagnostic]:
+    """Yield what goes wrong between those who write keys and those who read them."""
+    if not subject.sound:
+        return  # a mistake elsewhere may be what keeps a key from being written
+    main = subject.forest.main_tree()
+    known: dict[BoundTree, Mentions] = {}
+    reported: set[tuple[str, int, int]] = set()
+    for top in subject.bound.tops:
+        board = board_of(top, known)
+        model = subject.bound.models.subtrees.get(top.tree.name)
+        ports = model.ports if model is not None else {}
+        for entry in board.entries if ports else ():
+            # Whoever uses the tree gives it what its model says.
+            entry.is_parameter = entry.is_parameter or (entry.scope is top.scope and entry.key in ports)
+        for finding in _of_board(board, subject, is_main=top.tree.element is main):
+            place = (finding.source.path, finding.span.line, finding.span.column)
+            if place not in reported:
+                reported.add(place)
+                yield finding
+
+
+def _of_board(board: Board, subject: Subject, *, is_main: bool) -> Iterator[Diagnostic]:
+    for entry in board.entries:
+        if entry.given or entry.is_parameter:
+            continue
+        if not entry.is_made:
+            yield from _unwritten(entry, board, is_main=is_main)
+            continue
+        if not board.is_foreign:
+            yield from _too_early(entry)
+        yield from _overwritten(entry, subject)
+        if not board.is_foreign:
+            yield from _side_by_side(entry)
+        if is_main and not board.is_open and not board.is_foreign:
+            yield from _unread(entry, board)
+
+
+def _unwritten(entry: EntryUses, board: Board, *, is_main: bool) -> Iterator[Diagnostic]:
+    readers = entry.of(Deed.READ, Deed.LOOK, Deed.CHANGE)
+    if not readers:
+        return
+    use = readers[0]
+    if use.mention.deed is Deed.CHANGE and is_condition(use.bound, use.mention.attribute):
+        return  # `check_scripts` asks whether == is meant
+    if _is_given_another(use):
+        return  # `check_subtrees` finds the attribute that means nothing
+    written = [other.key for other in board.entries if other.scope is entry.scope and other.is_made]
+    near = _nearest(entry.key, written)
+    if near is not None and (board.is_foreign or not is_main) and not _is_slip(entry, near):
+        near = None
+    is_open = board.is_open and not _is_name_of_key(use)
+    if near is None and (is_open or board.is_foreign or not is_main or _may_be_enumeration(use)):
+        return
+    yield _unwritten_finding(use, entry, near)
+
+
+def _unwritten_finding(use: Use, entry: EntryUses, near: str | None) -> Diagnostic:
+    mention, key = use.mention, use.mention.key
+    suggestion, hint = None, _how_to_give(use, key)
+    if near is not None and key == entry.key:
+        suggestion = near if mention.place else f"{{{near}}}" if mention.attribute in use.bound.keys else near
+    if mention.deed is Deed.CHANGE:
+        message = (
+            f"{mention.attribute}: nothing makes '{key}', and = and its like need a variable that exists"
+        )
+        hint = f"write {key} := ... where it is to be made"
+    else:
+        message = f"{mention.attribute}: '{key}' is read here, and nothing ever writes it"
+    return _warning("unwritten-key", message, use, suggestion=suggestion, hint=hint)
+
+
+def _how_to_give(use: Use, key: str) -> str:
+    if _is_name_of_key(use):
+        return f'output_key takes the name itself: write output_key="{key}"'
+    if use.instance.around is not None:
+        return f'give it to the subtree, <SubTree ID="{use.instance.tree.name}" {key}="..."/>, or let a node write it'
+    shown = f"@{key}" if use.mention.place else f"{{@{key}}}"
+    return f"let a node before it write it; a parameter of the mission is {shown}"
+
+
+def _is_slip(entry: EntryUses, near: str) -> bool:
+    """Say whether a key is written only once, and so much like another one that it can be nothing else."""
+    plural = {entry.key, near} in ({entry.key, f"{entry.key}s"}, {near, f"{near}s"})
+    numbered = entry.key.rstrip("0123456789") == near.rstrip("0123456789")
+    close = _likeness(entry.key, near) >= _CLOSE
+    return len(entry.uses) == 1 and close and not plural and not numbered
+
+
+def _is_given_another(use: Use) -> bool:
+    """Say whether the tree of a use is given a key that it does nothing with."""
+    place = use.instance.place
+    if place is None:
+        return False
+    given = {*place.remapping.keys, *place.remapping.constants}
+    return bool(given - {mention.key for mention in mentions_of(use.instance.tree).mentions})
+
+
+def _is_name_of_key(use: Use) -> bool:
+    """Say whether a port takes the name of a key, which with braces is that of a key that holds the name."""
+    return use.bound.spec.tag == "SetBlackboard" and use.mention.attribute == "output_key"
+
+
+def _nearest(key: str, others: list[str]) -> str | None:
+    near = nearest(key.strip(), others)
+    return near if near is not None and _likeness(key.strip(), near) >= _LIKE else None
+
+
+def _likeness(word: str, other: str) -> float:
+    return difflib.SequenceMatcher(None, word, other).ratio()
+
+
+def _may_be_enumeration(use: Use) -> bool:
+    """Say whether a name of a script may be that of an enumeration, which only the program knows."""
+    return use.mention.place is not None and use.mention.key[0].isupper() and use.mention.deed is Deed.READ
+
+
+def _too_early(entry: EntryUses) -> Iterator[Diagnostic]:
+    for use in entry.of(Deed.READ):
+        if all(comes_first(use, writer) for writer in entry.writers):
+            writer = entry.writers[0]
+            message = (
+                f"{use.mention.attribute}: '{use.mention.key}' is read here before it can have been written: "
+                f"'{writer.bound.name}' (line {writer.bound.element.line}"
+                f"{file_of(writer.bound.element, use.bound.element)}), which writes it, comes later"
+            )
+            hint = "write it before, or read it later"
+            yield _warning("read-before-write", message, use, hint=hint)
+            return
+
+
+def _overwritten(entry: EntryUses, subject: Subject) -> Iterator[Diagnostic]:
+    writers = entry.of(Deed.WRITE)
+    if entry.of(Deed.BOTH, Deed.CHANGE):
+        return
+    for first, second in itertools.pairwise(writers):
+        if not _follow_each_other(first, second):
+            continue
+        lost = _only_read_after(entry, second) or all(
+            _just_succeeds(node, subject.natures) for node in between(first, second)
+        )
+        if lost and not any(_lies_between(use, first, second) for use in entry.readers):
+            message = (
+                f"{second.mention.attribute}: '{second.mention.key}' is written again here, before anybody can have "
+                f"read what '{first.bound.name}' (line {first.bound.element.line}) wrote"
+            )
+            yield _warning("overwritten-key", message, second, hint="use two keys, or delete one of the two")
+
+
+def _side_by_side(entry: EntryUses) -> Iterator[Diagnostic]:
+    for first, second in itertools.pairwise(entry.of(Deed.WRITE)):
+        together = parting(first, second)
+        if 0 < together < min(len(first.path), len(second.path)):
+            around = first.path[together - 1][1]
+            # What is read in there as well is a signal from one to the other.
+            is_signal = any(parting(use, first) >= together for use in entry.readers)
+            if around.spec.tag in PARALLELS and not is_signal:
+                message = (
+                    f"{second.mention.attribute}: '{second.mention.key}' is written here and by '{first.bound.name}' "
+                    f"(line {first.bound.element.line}), side by side in '{around.name}': which one stays is left to "
+                    "their timing"
+                )
+                yield _warning("shared-key", message, second, hint="use two keys")
+                return
+
+
+def _follow_each_other(first: Use, second: Use) -> bool:
+    if first.bound is second.bound or first.instance is not second.instance:
+        return False
+    if not second.mention.is_certain or second.mention.moment is Moment.AFTER:
+        return False
+    if first.bound.spec.cls is None or second.bound.spec.cls is None:
+        return False
+    together = parting(first, second)
+    within = together and together < min(len(first.path), len(second.path))
+    return bool(within) and first.path[together - 1][1].spec.tag in SEQUENCES and comes_first(first, second)
+
+
+def _only_read_after(entry: EntryUses, second: Use) -> bool:
+    """Say whether everybody who reads an entry comes after a write, in the same sequence."""
+    return bool(entry.readers) and all(comes_first(second, use) for use in entry.readers)
+
+
+def _lies_between(use: Use, first: Use, second: Use) -> bool:
+    """Say whether a use may come between two writes that follow each other in a sequence."""
+    together = parting(first, second)
+    if use.bound is second.bound:
+        return True
+    if parting(use, first) < together:
+        return False
+    around = first.path[together - 1][1]
+    order = list(around.children)
+    mine = use.path[together][1] if len(use.path) > together else around
+    if mine not in order:
+        return True
+    start, end = (order.index(each.path[together][1]) for each in (first, second))
+    return start <= order.index(mine) <= end
+
+
+def _just_succeeds(bound: BoundNode, natures: Natures) -> bool:
+    return natures.may(bound) & ~K == S
+
+
+def _unread(entry: EntryUses, board: Board) -> Iterator[Diagnostic]:
+    if entry.readers or entry.of(Deed.CHANGE):
+        return
+    wanting = [other.key for other in board.entries if other.scope is entry.scope and not other.is_made]
+    if _nearest(entry.key, wanting) is not None:
+        return  # the one that is misspelt is reported where it is read
+    for use in entry.writers:
+        if _is_meant_elsewhere(use):
+            return  # `check_texts` finds the brace that is missing
+        if use.bound.spec.tag in _WRITERS and use.mention.attribute not in use.bound.conditions:
+            message = (
+                f"{use.mention.attribute}: '{use.mention.key}' is written here, and nothing ever reads it"
+            )
+            yield Diagnostic(
+                "unread-key",
+                message,
+                use.bound.element.source,
+                use.mention.span(),
+                hint="delete it, unless somebody looks at the blackboard from outside",
+                severity=Severity.INFO,
+            )
+            return
+
+
+def _is_meant_elsewhere(use: Use) -> bool:
+    """Say whether a text in the same tree is the key of a use but for a brace."""
+    meant = f"{{{use.mention.key}}}"
+    texts = (text for bound in use.instance.tree.nodes for text in bound.element.attributes.values())
+    return any(closed(text) == meant for text in texts)
+
+
+def _warning(
+    code: str, message: str, use: Use, *, suggestion: str | None = None, hint: str | None = None
+) -> Diagnostic:
+    source, span = use.bound.element.source, use.mention.span()
+    return Diagnostic(code, message, source, span, suggestion, hint, Severity.WARNING)

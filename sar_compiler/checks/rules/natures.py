@@ -1,0 +1,275 @@
+"""What each bound node can answer, whether that can take time, and what is done again when it is ticked anew.
+
+Worked out once for all rules, from the inside out: what leaves declare, and what controls and decorators make of it
+(`outcomes`). Of a node that only a model describes, or that declares nothing, nothing is concluded: it may answer
+anything, and is known to be able to answer nothing.
+"""
+
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from sar_compiler.checks.rules.outcomes import ALL, BITS, OF, F, K, R, S
+from sar_compiler.nodes.bound import BoundNode, BoundTree
+from sar_compiler.nodes.spec import Kind, NodeSpec
+
+SEQUENCES = frozenset({"Sequence", "ReactiveSequence", "AsyncSequence", "SequenceWithMemory"})
+SELECTORS = frozenset({"Selector", "Fallback", "ReactiveFallback", "AsyncFallback"})
+ORDERED = SEQUENCES | SELECTORS
+PARALLELS = frozenset({"Parallel", "ParallelAll"})
+# Decorators that tick their child whenever they are ticked.
+_PASSING = frozenset(
+    {
+        "Inverter", "ForceSuccess", "FailureIsSuccess", "ForceFailure", "SuccessIsFailure", "KeepRunningUntilFailure",
+        "SuccessIsRunning", "FailureIsRunning", "RunningIsSuccess", "RunningIsFailure", "Repeat", "Retry",
+        "RetryUntilSuccessful", "Timeout", "Delay", "Count", "PassThrough", "StatusToBlackboard", "Condition",
+    }
+)  # fmt: skip
+# Leaves that do not begin again when they are started again: they wait for something, or go on where they were.
+_GOING_ON = frozenset(
+    {
+        "WaitForBlackboardVariable", "WaitForBlackboardVariableValue", "BlackboardToStatus", "Periodic", "StatusQueue",
+        "ProbabilisticBehaviour",
+    }
+)  # fmt: skip
+_BLACKBOARD = "blackboard"
+_YES_OR_NO: tuple[frozenset[str], ...] = (frozenset(), frozenset({"SUCCESS", "FAILURE"}))
+_SHIFT = 4
+_UNKNOWN = ALL
+_POSSIBLE = {"_failureIf": F, "_successIf": S, "_skipIf": K, "_while": K}
+"""What conditions add."""
+
+Nature = int
+"""What a node may answer, in the lower bits, and what it is known to be able to answer, above them."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """A leaf that was looked for.
+
+    Attributes:
+        leaf: The leaf.
+        place: Where it stands in the tree that was searched: the leaf itself, or the `SubTree` that has it.
+    """
+
+    leaf: BoundNode
+    place: BoundNode
+
+    @property
+    def name(self) -> str:
+        """What to call it: the leaf's name, with the subtree where that is another tree."""
+        inside = (
+            "" if self.leaf is self.place else f" in the tree '{self.place.element.attributes.get('ID')}'"
+        )
+        return f"'{self.leaf.name}'{inside}"
+
+
+class Natures:
+    """The natures of all nodes of some trees.
+
+    Args:
+        trees: The trees, the inner ones first.
+        broken: Nodes of which nothing is to be concluded.
+
+    Attributes:
+        blocked: The sequences and selectors in which no tick comes to the end.
+        running: Those in which something is known to take time.
+    """
+
+    def __init__(self, trees: Iterable[BoundTree], broken: Collection[BoundNode] = ()) -> None:
+        self._broken = broken
+        self._leaves: dict[int, Nature] = {}
+        self._known: dict[BoundNode, Nature] = {}
+        self._alike: dict[object, tuple[Nature, bool, bool]] = {}
+        self.blocked: list[BoundNode] = []
+        self.running: list[BoundNode] = []
+        for tree in trees:
+            self._look_at(tree)
+
+    def may(self, bound: BoundNode) -> int:
+        """Return everything that a tick of a node could answer."""
+        return self._of(bound) & ALL
+
+    def can(self, bound: BoundNode) -> int:
+        """Return what a tick of a node is known to be able to answer."""
+        return self._of(bound) >> _SHIFT
+
+    def takes_time(self, bound: BoundNode) -> bool:
+        """Say whether a node is known to run for more than a tick."""
+        return bool(self.can(bound) & R)
+
+    def begun_again(self, bound: BoundNode, wanted: Callable[[BoundNode], bool]) -> Found | None:
+        """Return the first leaf that is begun again whenever a node is, if one is as wanted.
+
+        What depends on an answer is passed over: what stands behind the first child of a selector, in a branch, or
+        under a condition. So is what is done once.
+        """
+        if bound.oneshot is not None or bound.conditions or bound in self._broken:
+            return None
+        if bound.subtree is not None:
+            inner = self.begun_again(bound.subtree.root, wanted) if bound.subtree.root else None
+            return None if inner is None else Found(inner.leaf, bound)
+        if not bound.children:
+            return Found(bound, bound) if bound.spec.kind.is_leaf and wanted(bound) else None
+        tag = bound.spec.tag
+        first = bound.children if tag in SEQUENCES else bound.children[:1]
+        if tag not in SEQUENCES and tag not in SELECTORS and tag not in _PASSING:
+            return None
+        return next((found for child in first if (found := self.begun_again(child, wanted))), None)
+
+    def anywhere(self, bound: BoundNode, wanted: Callable[[BoundNode], bool]) -> Found | None:
+        """Return the first leaf in a node that is as wanted."""
+        if bound.subtree is not None:
+            inner = self.anywhere(bound.subtree.root, wanted) if bound.subtree.root else None
+            return None if inner is None else Found(inner.leaf, bound)
+        if bound.spec.kind.is_leaf:
+            return Found(bound, bound) if wanted(bound) else None
+        return next((found for child in bound.children if (found := self.anywhere(child, wanted))), None)
+
+    def acts_at_once(self, leaf: BoundNode) -> bool:
+        """Say whether a leaf does something to the world, and is done with it in the same tick."""
+        return acts(leaf) and not self.takes_time(leaf)
+
+    def works(self, leaf: BoundNode) -> bool:
+        """Say whether a leaf takes time from its beginning whenever it is started."""
+        return self.takes_time(leaf) and leaf.spec.kind is Kind.ACTION and leaf.spec.tag not in _GOING_ON
+
+    def is_work(self, leaf: BoundNode) -> bool:
+        """Say whether a leaf does something to the world, and takes time for it."""
+        return acts(leaf) and self.works(leaf)
+
+    def _of(self, bound: BoundNode) -> Nature:
+        return self._known.get(bound) or self._leaves.get(id(bound.spec)) or self._leaf(bound)
+
+    def _look_at(self, tree: BoundTree) -> None:
+        if tree.wrappers or self._broken:
+            for node in tree.nodes:
+                if not node.children and (node.conditions or node in self._broken):
+                    self._known[node] = self._conditioned(node, self._leaf(node))
+        for use in tree.uses:
+            root = use.subtree.root if use.subtree is not None else None
+            self._known[use] = self._conditioned(use, _UNKNOWN if root is None else self._of(root))
+        # Inlined: a large tree has little else that costs time here.
+        known, leaves, leaf = self._known.get, self._leaves.get, self._leaf
+        for parent in tree.parents:
+            children = tuple(
+                [known(child) or leaves(id(child.spec)) or leaf(child) for child in parent.children]
+            )
+            if len(children) != len(parent.element.children):
+                self._known[parent] = _UNKNOWN
+                continue
+            if parent.spec.tag in ORDERED:
+                nature = self._ordered(parent, children)
+            else:
+                nature = _made_of(parent, children)
+            if parent.conditions or parent in self._broken:
+                nature = self._conditioned(parent, nature)
+            self._known[parent] = nature
+
+    def _ordered(self, bound: BoundNode, children: tuple[Nature, ...]) -> Nature:
+        """Return the nature of a sequence or selector, which depends on its children alone."""
+        key = (id(bound.spec), children)
+        known = self._alike.get(key)
+        if known is None:
+            passing = (S if bound.spec.tag in SEQUENCES else F) | K
+            known = self._alike[key] = (
+                _made_of(bound, children),
+                any(not child & passing for child in children[:-1]),
+                any(child >> _SHIFT & R for child in children),
+            )
+        nature, is_blocked, is_running = known
+        if is_blocked:
+            self.blocked.append(bound)
+        if is_running:
+            self.running.append(bound)
+        return nature
+
+    def _leaf(self, bound: BoundNode) -> Nature:
+        """Return the nature of a leaf without conditions; nodes without the children that they need are unknown."""
+        spec = bound.spec
+        if not spec.kind.is_leaf:
+            return _UNKNOWN
+        answers = _WRITTEN[spec.tag](bound) if spec.tag in _WRITTEN else spec.outcomes
+        possible = sum(BITS[answer] for answer in answers)
+        nature = possible | possible << _SHIFT if possible and spec.cls is not None else _UNKNOWN
+        if spec.tag not in _WRITTEN:
+            self._leaves[id(spec)] = nature
+        return nature
+
+    def _conditioned(self, bound: BoundNode, nature: Nature) -> Nature:
+        if bound in self._broken:
+            return _UNKNOWN
+        for condition in bound.conditions:
+            nature |= _POSSIBLE.get(condition, 0)
+        return nature
+
+
+def is_telling(spec: NodeSpec) -> bool:
+    """Say whether anything may follow from a node: of one that says yes or no at once, or nothing, nothing does."""
+    if not spec.kind.is_leaf:
+        return spec.tag not in ORDERED
+    outcomes = spec.outcomes if spec.cls is not None else frozenset()
+    return bool(spec.effects or spec.uses) or outcomes not in _YES_OR_NO
+
+
+def acts(leaf: BoundNode) -> bool:
+    """Say whether a leaf is known to do something to the world; the blackboard is none of it."""
+    spec = leaf.spec
+    if spec.cls is None:
+        return False
+    return (bool(spec.effects) and _BLACKBOARD not in spec.effects) or _drives(spec)
+
+
+def is_question(leaf: BoundNode) -> bool:
+    """Say whether a leaf only asks something."""
+    return leaf.spec.kind is Kind.CONDITION and leaf.spec.cls is not None
+
+
+def consequence(leaf: BoundNode) -> str:
+    """Return what it would mean to begin a leaf again in every tick: "would be sent a new goal in every tick"."""
+    if _drives(leaf.spec):
+        return "would be sent a new goal in every tick"
+    verb, _, rest = leaf.spec.effects.partition(" ")
+    if not verb.endswith("s") or not rest:
+        return "would be started again in every tick"
+    return f"would {_infinitive(verb)} {rest} in every tick"
+
+
+def _infinitive(verb: str) -> str:
+    """Return the first word of what a leaf does as it stands behind "would": drive, search, carry."""
+    if verb.endswith("ies"):
+        return f"{verb[:-3]}y"
+    return verb[:-2] if verb.endswith(("ches", "shes", "sses", "xes", "oes")) else verb[:-1]
+
+
+def _drives(spec: NodeSpec) -> bool:
+    return any(use.kind == "action" for use in spec.uses)
+
+
+def _made_of(bound: BoundNode, children: Sequence[Nature]) -> Nature:
+    outcomes = OF.get(bound.spec.tag)
+    if outcomes is None:
+        # Somebody's own: it may do anything with its children.
+        possible = sum(BITS[answer] for answer in bound.spec.outcomes)
+        return possible | possible << _SHIFT if possible and bound.spec.cls is not None else _UNKNOWN
+    may = outcomes(bound, [child & ALL for child in children], ALL)
+    return may | outcomes(bound, [child >> _SHIFT for child in children], 0) << _SHIFT
+
+
+def _queue(bound: BoundNode) -> Iterable[str]:
+    queue = bound.values.get("queue")
+    eventually = bound.values.get("eventually")
+    if not isinstance(queue, list) or "eventually" in bound.keys:
+        return ()
+    return {str(answer) for answer in (*queue, *((eventually,) if eventually else ()))}
+
+
+def _counted(bound: BoundNode) -> Iterable[str]:
+    end = bound.values.get("completion_status")
+    return {"RUNNING", str(end)} if end else ()
+
+
+_WRITTEN: Mapping[str, Callable[[BoundNode], Iterable[str]]] = {
+    "StatusQueue": _queue,
+    "TickCounter": _counted,
+}
+"""Leaves whose answers are written in the file."""

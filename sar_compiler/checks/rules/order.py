@@ -1,0 +1,197 @@
+"""Leaves that come before what they need has been done, by the facts that their registrations declare."""
+
+import functools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from sar_compiler.checks.rules.entries import Use, Ways, comes_first, parting
+from sar_compiler.checks.rules.mentions import Deed, Mention
+from sar_compiler.checks.rules.natures import SEQUENCES
+from sar_compiler.checks.rules.subject import Subject, warning
+from sar_compiler.nodes.answers import SELF, filled_text, number_text
+from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.nodes.instances import Instance
+from sar_compiler.nodes.spec import NodeSpec
+from sar_compiler.runtime.answers import Fact
+from sar_compiler.runtime.evaluation import EvaluationError, Program
+from sar_compiler.runtime.expressions import Access, Script, name_uses
+from sar_compiler.runtime.script import parse
+from sar_compiler.runtime.variables import UnknownVariableError, Value
+from sar_compiler.tree.diagnostic import Diagnostic
+
+
+def check_order(subject: Subject) -> Iterator[Diagnostic]:
+    """Yield leaves that can only fail where they stand, and those that work with what was undone before them."""
+    if not subject.sound:
+        return
+    reported: set[BoundNode] = set()
+    for top in subject.bound.tops:
+        leaves = list(_leaves(top))
+        changing: dict[str, list[_Leaf]] = {}
+        for leaf in leaves:
+            for fact in leaf.words.changes:
+                changing.setdefault(fact, []).append(leaf)
+        for leaf in leaves:
+            finding = _too_early(leaf, changing) or _undone(leaf, changing, leaves)
+            if finding is not None and leaf.use.bound not in reported:
+                reported.add(leaf.use.bound)
+                yield finding
+
+
+class _Words:
+    """What the registration of a leaf says about facts, with names in the place of placeholders.
+
+    Args:
+        spec: What the leaf is.
+        names: What stands for each placeholder.
+    """
+
+    def __init__(self, spec: NodeSpec, names: Mapping[str, str]) -> None:
+        def filled(text: str) -> str:
+            return filled_text(text, names)
+
+        self.facts = {filled(name): value for name, value in spec.facts.items()}
+        self.results = [filled(answer.then) for answer in spec.answers if answer.then]
+        self.reads = frozenset(map(filled, spec.reads))
+        self.writes = frozenset(map(filled, spec.writes))
+        self.conditions = [filled(answer.when) for answer in spec.answers if answer.status != "FAILURE"]
+        if any(not script or _holds(script, _Facts(self.facts)) for script in self.conditions):
+            self.conditions = []  # it may do something from the start
+        self.needs = frozenset(use.name for script in self.conditions for use in name_uses(_parsed(script)))
+        uses = (use for script in self.results for use in name_uses(_parsed(script)))
+        self.changes = self.writes | {use.name for use in uses if use.access is not Access.READ}
+
+    def enables(self, other: "_Words") -> bool:
+        """Say whether something that the leaf does lets another leaf do anything but fail, as things are at first."""
+        for script in self.results:
+            facts = _Facts({**self.facts, **other.facts})
+            if _run(script, facts) and any(_holds(condition, facts) for condition in other.conditions):
+                return True
+        return False
+
+
+@dataclass(frozen=True, eq=False)
+class _Leaf:
+    """A leaf with facts, in one instance of its tree."""
+
+    use: Use
+    words: _Words
+
+
+def _leaves(top: Instance) -> Iterator[_Leaf]:
+    numbers: dict[tuple[Instance, BoundNode], str] = {}
+    known: dict[tuple[object, ...], _Words] = {}
+
+    def identifier(instance: Instance, bound: BoundNode) -> str:
+        return numbers.setdefault((instance, bound), f"node{len(numbers)}")
+
+    ways = Ways()
+    for instance in top.iterate():
+        for bound in instance.tree.demanding:
+            spec = bound.spec
+            if not (spec.facts or spec.reads or spec.writes):
+                continue
+            own = any(f"{{{SELF}}}" in fact for fact in (*spec.facts, *spec.reads, *spec.writes))
+            names = {SELF: identifier(instance, bound)} if own else {}
+            for parameter in spec.references:
+                referred = instance.referred(bound, parameter.name)
+                if referred is not None:
+                    names[parameter.name] = identifier(*referred)
+            for parameter in spec.plain:
+                if parameter.is_whole_number:
+                    # What a key holds is not known here: that is a name that no script can work out.
+                    written = bound.values.get(parameter.name, parameter.default)
+                    names[parameter.name] = "unknown" if parameter.name in bound.keys else number_text(written)
+            key = (id(spec), *names.items())
+            if key not in known:
+                known[key] = _Words(spec, names)
+            words = known[key]
+            if words.needs or words.reads or words.changes:
+                yield _Leaf(Use(instance, Mention(bound, "", "", Deed.READ), ways), words)
+
+
+class _Facts:
+    """Facts as the variables of scripts.
+
+    Args:
+        facts: Their values at first.
+    """
+
+    def __init__(self, facts: Mapping[str, Fact]) -> None:
+        self._values: dict[str, Value] = {
+            name: float(value) if isinstance(value, bool) else value for name, value in facts.items()
+        }
+
+    def read(self, name: str) -> Value:
+        if name not in self._values:
+            raise UnknownVariableError(name)
+        return self._values[name]
+
+    def create(self, name: str, value: Value) -> Value:
+        self._values[name] = value
+        return value
+
+    assign = create
+
+
+@functools.lru_cache(maxsize=256)
+def _parsed(script: str) -> Script:
+    return parse(script)
+
+
+def _holds(script: str, facts: _Facts) -> bool:
+    """Say whether a script over facts is true, or cannot be worked out."""
+    try:
+        return Program(_parsed(script)).holds(facts)
+    except EvaluationError:
+        return True
+
+
+def _run(script: str, facts: _Facts) -> bool:
+    """Let a script change facts; return whether it could be worked out."""
+    try:
+        Program(_parsed(script)).run(facts)
+    except EvaluationError:
+        return False
+    return True
+
+
+def _too_early(leaf: _Leaf, changing: Mapping[str, list[_Leaf]]) -> Diagnostic | None:
+    others = {other: None for fact in leaf.words.needs for other in changing.get(fact, ())}
+    givers = [other for other in others if other is not leaf and other.words.enables(leaf.words)]
+    if not givers or not all(comes_first(leaf.use, giver.use) for giver in givers):
+        return None
+    giver = givers[0].use.bound
+    message = (
+        f"'{leaf.use.bound.name}' can only fail here: it needs what '{giver.name}' (line {giver.element.line}) does, "
+        "which comes after it"
+    )
+    return warning("wrong-order", message, leaf.use.bound, hint=f"put it behind '{giver.name}'")
+
+
+def _undone(leaf: _Leaf, changing: Mapping[str, list[_Leaf]], leaves: Sequence[_Leaf]) -> Diagnostic | None:
+    """Return a finding about a leaf in a sequence that works with what one before it did and another one undid."""
+    others = {other: None for fact in leaf.words.reads for other in changing.get(fact, ())}
+    before = [other for other in others if _leads_to(other, leaf)]
+    if len(before) < len(("doing", "undoing")):
+        return None
+    doing, undoing = before[-2], before[-1]
+    facts = doing.words.changes & undoing.words.changes & leaf.words.reads
+    between = (other for other in leaves if other.words.reads & facts and _leads_to(doing, other))
+    if not facts or not undoing.words.writes or any(_leads_to(other, undoing) for other in between):
+        return None
+    name, other = leaf.use.bound.name, undoing.use.bound
+    message = (
+        f"'{name}' works with what '{doing.use.bound.name}' did, and '{other.name}' (line {other.element.line}), which "
+        "comes between them, undoes it"
+    )
+    return warning("wrong-order", message, leaf.use.bound, hint=f"put it before '{other.name}'")
+
+
+def _leads_to(first: _Leaf, second: _Leaf) -> bool:
+    """Say whether two leaves stand in one sequence, the first before the second."""
+    together = parting(first.use, second.use)
+    inside = 0 < together < min(len(first.use.path), len(second.use.path))
+    if not inside or first.use.path[together - 1][1].spec.tag not in SEQUENCES:
+        return False
+    return comes_first(first.use, second.use)

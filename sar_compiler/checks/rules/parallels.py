@@ -1,0 +1,102 @@
+"""Children of a Parallel that stand in each other's way."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from sar_compiler.checks.rules.natures import PARALLELS, Found, Natures, acts
+from sar_compiler.checks.rules.subject import Subject, warning
+from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.nodes.spec import Use
+from sar_compiler.tree.diagnostic import Diagnostic, Severity
+
+
+def check_parallels(subject: Subject) -> Iterator[Diagnostic]:
+    """Yield what one child of a Parallel does to another."""
+    for tree in subject.trees:
+        for bound in tree.parents:
+            if bound.spec.tag in PARALLELS and len(bound.children) > 1 and bound not in subject.broken:
+                yield from _cancelled(bound, subject.natures)
+                yield from _out_of_step(bound, subject.natures)
+                yield from _shared_actions(bound)
+
+
+def _cancelled(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
+    if bound.values.get("policy") != "SuccessOnOne" and bound.values.get("success_count") != 1:
+        return
+    work = [found for child in bound.children if (found := natures.anywhere(child, natures.is_work))]
+    if len(work) > 1:
+        message = (
+            f"in '{bound.name}' the first success interrupts the others: {work[1].name} stops half done when "
+            f"{work[0].name} succeeds, and the other way round"
+        )
+        attribute = "policy" if "policy" in bound.element.attributes else "success_count"
+        span = bound.element.value_span(attribute)
+        hint = "let all succeed, or put what only watches beside one that works"
+        yield Diagnostic(
+            "cancelled-branch", message, bound.element.source, span, hint=hint, severity=Severity.WARNING
+        )
+
+
+def _out_of_step(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
+    if bound.values.get("policy") != "SuccessOnAll" or bound.values.get("synchronise") is not False:
+        return
+    running = [child for child in bound.children if natures.takes_time(child)]
+    for child in bound.children:
+        others = [other for other in running if other is not child]
+        if others and (child in running or natures.anywhere(child, acts)):
+            message = (
+                f"'{child.name}' is started again whenever it has succeeded and '{others[0].name}' still runs: "
+                f"'{bound.name}' succeeds only in a tick in which all its children do"
+            )
+            span = bound.element.value_span("synchronise")
+            source = bound.element.source
+            yield Diagnostic("out-of-step", message, source, span, "true", severity=Severity.WARNING)
+            return
+
+
+@dataclass(frozen=True)
+class _Action:
+    name: str
+    found: Found
+
+
+def _shared_actions(bound: BoundNode) -> Iterator[Diagnostic]:
+    """Yield the second child that drives by the same action server as another one."""
+    first: dict[str, _Action] = {}
+    for child in bound.children:
+        actions = list(_actions(child, None))
+        for action in actions:
+            other = first.get(action.name)
+            if other is not None:
+                message = (
+                    f"{action.found.name} sends its goals to '{action.name}' while {other.found.name} does: a new goal "
+                    "takes the place of the one under way"
+                )
+                hint = f"put one after the other, in a <Sequence> instead of '{bound.name}'"
+                yield warning("shared-action", message, action.found.place, hint=hint)
+                return
+        for action in actions:
+            first.setdefault(action.name, action)
+
+
+def _actions(bound: BoundNode, place: BoundNode | None) -> Iterator[_Action]:
+    if bound.subtree is not None and bound.subtree.root is not None:
+        yield from _actions(bound.subtree.root, place or bound)
+    for use in bound.spec.uses:
+        name = _name(use, bound)
+        if use.kind == "action" and name:
+            yield _Action(name, Found(bound, place or bound))
+    for child in bound.children:
+        yield from _actions(child, place)
+
+
+def _name(use: Use, bound: BoundNode) -> str:
+    """Return the name of what a leaf uses; empty where a key has a part of it."""
+    name = use.name
+    for parameter in bound.spec.parameters.values():
+        placeholder = f"{{{parameter.name}}}"
+        if placeholder in name:
+            if parameter.name in bound.keys:
+                return ""
+            name = name.replace(placeholder, str(bound.values.get(parameter.name, parameter.default)))
+    return name

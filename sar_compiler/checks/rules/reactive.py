@@ -1,0 +1,157 @@
+"""What goes wrong where a control looks at every child again in every tick."""
+
+from collections.abc import Iterator
+
+from sar_compiler.checks.rules.natures import (
+    SELECTORS,
+    SEQUENCES,
+    Found,
+    Natures,
+    acts,
+    consequence,
+    is_question,
+)
+from sar_compiler.checks.rules.outcomes import F, R, S
+from sar_compiler.checks.rules.subject import Subject, information, warning
+from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.tree.diagnostic import Diagnostic
+
+_TRANSPARENT = frozenset(
+    {"SubTree", "Inverter", "PassThrough", "Count", "ForceSuccess", "FailureIsSuccess", "Timeout"}
+)
+"""Decorators whose child is ticked again whenever they are."""
+
+
+def check_reactive(subject: Subject) -> Iterator[Diagnostic]:
+    """Yield what is done, or interrupted, in every tick because of a control without memory."""
+    if not subject.is_telling:
+        return
+    natures = subject.natures
+    for bound in natures.running:
+        if is_reactive(bound) and bound not in subject.broken:
+            yield from (_sequence if bound.spec.tag in SEQUENCES else _selector)(bound, natures)
+    main = subject.forest.main_tree()
+    for top in subject.bound.tops:
+        if top.tree.element is main and top.tree.root is not None:
+            yield from _finished(top.tree.root, natures)
+
+
+def is_reactive(bound: BoundNode) -> bool:
+    """Say whether a sequence or selector looks at every child again in every tick."""
+    return bound.spec.fixed.get("memory", bound.values.get("memory")) is False
+
+
+def _sequence(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
+    running = [index for index, child in enumerate(bound.children) if natures.takes_time(child)]
+    for index in range(running[-1] if running else 0):
+        child = bound.children[index]
+        later = next(bound.children[number] for number in running if number > index)
+        if not natures.may(child) & S:
+            return  # what stands behind it is never reached
+        found = natures.begun_again(child, natures.works)
+        if found is not None and natures.can(child) & S:
+            yield _restarted(found, later, bound, f"while '{later.name}' runs")
+            return
+        found = natures.begun_again(child, natures.acts_at_once)
+        if found is not None:
+            message = (
+                f"{found.name} {consequence(found.leaf)} while '{later.name}' runs: "
+                f"'{bound.name}' looks at every child again"
+            )
+            yield warning("repeated-effect", message, found.place, hint=_remember(bound))
+
+
+def _selector(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
+    for index, child in enumerate(bound.children[:-1]):
+        later = next((each for each in bound.children[index + 1 :] if natures.takes_time(each)), None)
+        if later is None:
+            return
+        found = natures.begun_again(_beginning(child), natures.works)
+        if found is not None and natures.can(found.leaf) & F and natures.can(child) & F:
+            place = Found(found.leaf, child) if child.subtree is not None else found
+            yield _restarted(place, later, bound, "after it has failed")
+            return
+    yield from _lost_progress(bound, natures)
+
+
+def _beginning(bound: BoundNode) -> BoundNode:
+    """Return the first node in sequences, in which what comes later may depend on it."""
+    while bound.children and bound.spec.tag in SEQUENCES and not bound.conditions and bound.oneshot is None:
+        bound = bound.children[0]
+    return bound
+
+
+def _restarted(found: Found, later: BoundNode, bound: BoundNode, when: str) -> Diagnostic:
+    message = (
+        f"{found.name} is started again in the next tick {when}, and interrupts '{later.name}' before it can end: "
+        f"'{bound.name}' looks at every child again"
+    )
+    return warning("endless-restart", message, found.place, hint=_remember(bound))
+
+
+def _lost_progress(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
+    for index, child in enumerate(bound.children):
+        before = [each for each in bound.children[:index] if natures.can(each) & (S | R)]
+        if not before or child.spec.tag != "Sequence" or is_reactive(child) or child.oneshot is not None:
+            continue
+        steps = [found for step in child.children if (found := natures.begun_again(step, natures.is_work))]
+        if len(steps) > 1:
+            message = (
+                f"'{child.name}' begins again with {steps[0].name} whenever '{before[-1].name}' has interrupted it: "
+                "memory lasts only while it runs"
+            )
+            hint = 'what must not be done twice takes oneshot="ON_SUCCESSFUL_COMPLETION"'
+            yield information("lost-progress", message, child, hint=hint)
+
+
+def _finished(root: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
+    """Yield work under the root that is started again once it is done, since nothing before it has changed."""
+    waiting = [root]
+    while waiting:
+        bound = waiting.pop()
+        if bound.conditions or bound.oneshot is not None:
+            continue
+        if bound.subtree is not None and bound.subtree.root is not None:
+            waiting.append(bound.subtree.root)
+        elif bound.spec.tag in _TRANSPARENT:
+            waiting.extend(bound.children)
+        elif bound.spec.tag in SELECTORS and is_reactive(bound):
+            yield from _done_again(bound, natures)
+            waiting.extend(bound.children)
+
+
+def _done_again(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
+    for index, child in enumerate(bound.children):
+        # What begins with a question asks for itself whether there is anything to do.
+        if not natures.can(child) & S or is_question(_beginning(child)):
+            continue
+        # A question before it may be whether it is done; a plan that gives up at once is none.
+        if not index or not all(_gives_up(earlier, natures) for earlier in bound.children[:index]):
+            continue
+        found = natures.begun_again(child, acts)
+        if found is not None:
+            what = "it" if found.place is child else f"'{child.name}'"
+            message = (
+                f"{found.name} {consequence(found.leaf)}: once {what} has succeeded, '{bound.name}' looks at every "
+                f"child again and comes back to {what}"
+            )
+            yield warning("repeated-effect", message, found.place, hint=_once(child, found))
+
+
+def _once(child: BoundNode, found: Found) -> str:
+    what = "it" if found.place is child else f"'{child.name}'"
+    return f'wrap {what} in OneShot: write oneshot="ON_COMPLETION"'
+
+
+def _gives_up(bound: BoundNode, natures: Natures) -> bool:
+    """Say whether a node does something, and is known to fail in its first tick by a question that it begins with."""
+    first = _beginning(bound)
+    asks = is_question(first) and natures.can(first) & F and first is not bound
+    return bool(asks) and natures.anywhere(bound, acts) is not None
+
+
+def _remember(bound: BoundNode) -> str:
+    if "memory" in bound.element.attributes:
+        return f"write memory=\"true\" in '{bound.name}'"
+    plain = "Sequence" if bound.spec.tag in SEQUENCES else "Fallback"
+    return f"write <{plain}> instead of <{bound.spec.tag}>"

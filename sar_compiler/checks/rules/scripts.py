@@ -1,0 +1,42 @@
+"""Scripts that can be read, and say something else than is meant."""
+
+from collections.abc import Iterator
+
+from sar_compiler.checks.rules.subject import Subject
+from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.runtime.expressions import Script
+from sar_compiler.tree.diagnostic import Diagnostic, Severity
+
+_CONDITIONS = frozenset({"_failureIf", "_successIf", "_skipIf", "_while"})
+_CONDITIONS_OF = {"ScriptCondition": "code", "Precondition": "if", "EternalGuard": "condition"}
+
+
+def check_scripts(subject: Subject) -> Iterator[Diagnostic]:
+    """Yield conditions that give a variable a value instead of comparing it."""
+    for tree in subject.trees:
+        scripted = tree.nodes if tree.wrappers else tree.demanding
+        for bound in scripted:
+            for attribute, script in (*bound.conditions.items(), *bound.values.items()):
+                if isinstance(script, Script) and is_condition(bound, attribute):
+                    yield from _assigning(bound, attribute, script)
+
+
+def is_condition(bound: BoundNode, attribute: str) -> bool:
+    """Say whether an attribute's script is asked for being true."""
+    return attribute in _CONDITIONS or _CONDITIONS_OF.get(bound.spec.tag) == attribute
+
+
+def _assigning(bound: BoundNode, attribute: str, script: Script) -> Iterator[Diagnostic]:
+    assignment = script.closing_assignment
+    if assignment is None:
+        return
+    operator, target = assignment.operator, assignment.target
+    start = script.text.index(operator, target.end)
+    span = bound.element.within_value(attribute, start, start + len(operator))
+    message = f"{attribute}: '{operator}' gives '{target.name}' a value, where a condition is wanted"
+    suggestion = "==" if operator == "=" else None
+    hint = "compare with ==, and change variables in _onSuccess, _onFailure or a <Script>"
+    source = bound.element.source
+    yield Diagnostic(
+        "assignment-as-condition", message, source, span, suggestion, hint, severity=Severity.WARNING
+    )

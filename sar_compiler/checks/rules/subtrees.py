@@ -1,0 +1,92 @@
+"""Trees that nobody uses, and what subtrees are given and never look at."""
+
+from collections.abc import Iterator
+
+from sar_compiler.checks.rules.mentions import mentions_of
+from sar_compiler.checks.rules.subject import Subject
+from sar_compiler.nodes.bound import BoundNode, BoundTree
+from sar_compiler.nodes.nesting import trees_in
+from sar_compiler.nodes.values import nearest
+from sar_compiler.tree.diagnostic import Diagnostic, Severity
+
+
+def check_subtrees(subject: Subject) -> Iterator[Diagnostic]:
+    """Yield trees that are in no other, and attributes of `SubTree` that mean nothing in the tree."""
+    if not subject.sound:
+        return  # a mistake in a tree may be what keeps it from using a key, or another tree
+    yield from _unused_trees(subject)
+    wanted = _Wanted()
+    for tree in subject.trees:
+        for use in tree.subtrees():
+            yield from _unused_arguments(use, subject, wanted)
+
+
+def _unused_trees(subject: Subject) -> Iterator[Diagnostic]:
+    main = subject.forest.main_tree()
+    mains = [tree for tree in subject.bound.trees if tree.element is main]
+    if not mains or subject.forest.main.main_tree_name is None:
+        return
+    used = set(trees_in(mains[0]))
+    # Others may use them: what stands in each other is one finding, that of the outermost one.
+    inner = {node.subtree for tree in subject.bound.trees for node in tree.subtrees()}
+    for tree in subject.bound.trees:
+        element = tree.element
+        is_own = element.source is subject.forest.main.source
+        if (
+            is_own
+            and tree not in used
+            and tree not in inner
+            and subject.forest.trees.get(tree.name) is element
+        ):
+            message = f"the tree '{tree.name}' is never ticked: it stands neither in '{mains[0].name}' nor in any other"
+            hint = f'put it somewhere, <SubTree ID="{tree.name}"/>, or delete it'
+            span = element.value_span("ID")
+            yield Diagnostic(
+                "unused-tree", message, element.source, span, hint=hint, severity=Severity.WARNING
+            )
+
+
+class _Wanted:
+    """The keys that each tree does something with."""
+
+    def __init__(self) -> None:
+        self._known: dict[BoundTree, frozenset[str] | None] = {}
+
+    def by(self, tree: BoundTree) -> frozenset[str] | None:
+        """Return the keys; None where a node may do something with any."""
+        if tree not in self._known:
+            self._known[tree] = self._keys(tree)
+        return self._known[tree]
+
+    def _keys(self, tree: BoundTree) -> frozenset[str] | None:
+        mentions = mentions_of(tree)
+        if mentions.is_open:
+            return None
+        keys = {mention.key for mention in mentions.mentions}
+        for use in tree.subtrees():
+            keys.update(use.remapping.keys.values())
+            inner = (
+                self.by(use.subtree) if use.subtree is not None and use.remapping.autoremap else frozenset()
+            )
+            if inner is None:
+                return None
+            keys.update(inner)
+        return frozenset(keys)
+
+
+def _unused_arguments(use: BoundNode, subject: Subject, wanted: _Wanted) -> Iterator[Diagnostic]:
+    tree = use.subtree
+    keys = wanted.by(tree) if tree is not None else None
+    if tree is None or keys is None:
+        return
+    model = subject.bound.models.subtrees.get(tree.name)
+    declared = model.ports if model is not None else ()
+    given = {*use.remapping.keys, *use.remapping.constants}
+    for name in use.element.attributes:
+        if name in given and name not in keys and name not in declared:
+            missing = sorted(key for key in keys if key not in given and not key.startswith("@"))
+            message = f"{name}: the tree '{tree.name}' does nothing with this key"
+            hint = f"it uses {', '.join(missing)}" if missing else "delete it"
+            near = nearest(name, missing)
+            source, span = use.element.source, use.element.name_span(name)
+            yield Diagnostic("unused-argument", message, source, span, near, hint, severity=Severity.WARNING)

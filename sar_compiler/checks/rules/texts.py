@@ -1,0 +1,41 @@
+"""Texts that were meant as keys."""
+
+from collections.abc import Iterator
+
+from sar_compiler.checks.rules.subject import Subject
+from sar_compiler.nodes.attributes import closed
+from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.nodes.spec import NodeSpec, Role
+from sar_compiler.tree.diagnostic import Diagnostic, Severity
+
+
+def check_texts(subject: Subject) -> Iterator[Diagnostic]:
+    """Yield texts that begin or end as a key does."""
+    texts = {id(spec): names for spec in subject.bound.specs if (names := _texts(spec))}
+    for tree in subject.trees:
+        for bound in tree.nodes if texts else ():
+            names = texts.get(id(bound.spec), [])
+            if names and bound.values:
+                yield from _unclosed(bound, names)
+        for use in tree.uses:
+            yield from _unclosed(
+                use, [name for name in use.remapping.constants if name in use.element.attributes]
+            )
+
+
+def _texts(spec: NodeSpec) -> list[str]:
+    """Return the attributes of a node that take any text."""
+    types = ((p.name, p.value_type) for p in spec.parameters.values() if p.role is Role.ATTRIBUTE)
+    return [name for name, value_type in types if value_type is not None and value_type.python in (str, None)]
+
+
+def _unclosed(bound: BoundNode, names: list[str]) -> Iterator[Diagnostic]:
+    element = bound.element
+    for name in names:
+        suggestion = closed(element.attributes.get(name, ""))
+        if suggestion is not None:
+            message = f"{name}: '{element.attributes[name]}' is a text; a key of the blackboard stands between two braces"
+            span = element.value_span(name)
+            yield Diagnostic(
+                "unclosed-key", message, element.source, span, suggestion, severity=Severity.WARNING
+            )

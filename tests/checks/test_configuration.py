@@ -1,0 +1,98 @@
+"""What a project decides in its file, and what is said of mistakes in that."""
+
+import pytest
+
+from sar_compiler.checks.configuration import NOTHING_DECIDED, configuration_for
+from sar_compiler.tree.diagnostic import Severity, TreeError
+
+
+@pytest.fixture
+def tree(tmp_path, monkeypatch):
+    folder = tmp_path / "project" / "trees"
+    folder.mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "project")
+    return folder / "tree.xml"
+
+
+def write(path, text):
+    path.write_text(text, encoding="utf-8")
+
+
+def mistakes(tree):
+    with pytest.raises(TreeError) as caught:
+        configuration_for(tree)
+    return [
+        (each.source.path, each.code, each.span.line, each.span.column, each.suggestion)
+        for each in caught.value.findings
+    ]
+
+
+def test_without_a_file_nothing_is_decided(tree):
+    assert configuration_for(tree) is NOTHING_DECIDED
+
+
+def test_the_file_is_looked_for_from_the_tree_upwards(tree):
+    write(tree.parents[1] / "sar.toml", 'nodes = ["a.b"]\nmodels = ["m.xml"]\ninclude-path = ["../x"]\n')
+    found = configuration_for(tree)
+    project = tree.parents[1]
+    assert (found.nodes, found.models, found.include_path) == (
+        ("a.b",),
+        (project / "m.xml",),
+        (project / "../x",),
+    )
+
+
+def test_the_nearest_file_counts_alone(tree):
+    write(tree.parents[1] / "sar.toml", '[findings]\nsame-name = "off"\n')
+    write(tree.parent / "pyproject.toml", '[tool.sar.findings]\nunread-key = "error"\n')
+    assert configuration_for(tree).severities == {"unread-key": Severity.ERROR}
+
+
+def test_of_two_in_one_folder_sar_toml_counts(tree):
+    write(tree.parent / "sar.toml", '[findings]\nsame-name = "off"\n')
+    write(tree.parent / "pyproject.toml", '[tool.sar.findings]\nsame-name = "error"\n')
+    assert configuration_for(tree).severities == {"same-name": None}
+
+
+def test_a_pyproject_file_without_the_table_is_passed_over(tree):
+    write(tree.parents[1] / "sar.toml", 'nodes = ["a"]\n')
+    write(tree.parent / "pyproject.toml", '[project]\nname = "sar"\n[tool.other]\nx = 1\n')
+    assert configuration_for(tree).nodes == ("a",)
+
+
+def test_a_pyproject_file_that_never_speaks_of_it_need_not_be_toml(tree):
+    write(tree.parent / "pyproject.toml", "nothing = of the kind, sar-compile\n")
+    assert configuration_for(tree) is NOTHING_DECIDED
+
+
+MISTAKES = {
+    "an unknown setting": ('model = ["a"]', "unknown-setting", 1, 1, "models"),
+    "a text where a list belongs": ('\nnodes = "a"', "wrong-setting", 2, 1, None),
+    "a list of numbers": ("include-path = [1]", "wrong-setting", 1, 1, None),
+    "findings that are no table": ('findings = "off"', "wrong-setting", 1, 1, None),
+    "an unknown kind of finding": ('[findings]\nsame-nam = "off"', "unknown-setting", 2, 1, "same-name"),
+    "an unknown severity": ('[findings]\nsame-name = "of"', "wrong-setting", 2, 14, "off"),
+    "a severity that is no text": ("[findings]\nsame-name = 1", "wrong-setting", 2, 13, None),
+    "an error that is turned off": ('[findings]\nunknown-node = "off"', "wrong-setting", 2, 1, None),
+    "an error that is made less": ('[findings]\nunknown-node = "warning"', "wrong-setting", 2, 1, None),
+    "what is not TOML": ("nodes = [\n", "malformed-toml", 1, 10, None),
+    "what is not TOML in a line": ("a = 1\nnodes = a\n", "malformed-toml", 2, 9, None),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_is_found_where_it_stands(tree, name):
+    text, *expected = MISTAKES[name]
+    write(tree.parents[1] / "sar.toml", text)
+    assert mistakes(tree) == [("sar.toml", *expected)]
+
+
+def test_a_mistake_in_pyproject_toml_is_found_in_its_own_table(tree):
+    text = '[tool.other.findings]\nsame-nam = 1\n[tool.sar.findings]\nsame-nam = "off"\n'
+    write(tree.parents[1] / "pyproject.toml", text)
+    assert mistakes(tree) == [("pyproject.toml", "unknown-setting", 4, 1, "same-name")]
+
+
+def test_an_error_may_be_said_to_be_one(tree):
+    write(tree.parent / "sar.toml", '[findings]\nunknown-node = "error"\n')
+    assert configuration_for(tree).severities == {"unknown-node": Severity.ERROR}

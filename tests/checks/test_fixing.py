@@ -1,0 +1,174 @@
+"""What `--fix` mends, what it leaves to people, and that it changes nothing else."""
+
+import pytest
+
+from sar_compiler.checks.fixing import is_slip
+from sar_compiler.cli.compile import main
+from tests.trees import document
+
+MENDED = {
+    "a special attribute in the wrong case": (
+        '<NavigateToZone _skipif="true"/>',
+        '<NavigateToZone _skipIf="true"/>',
+    ),
+    "an attribute of every control": (
+        '<Sequence memroy="true"><ZonesRemaining/><LogNoDetection/></Sequence>',
+        '<Sequence memory="true"><ZonesRemaining/><LogNoDetection/></Sequence>',
+    ),
+    "a leaf's attribute in the wrong case": (
+        '<Retry NUM_failures="2"><NavigateToZone/></Retry>',
+        '<Retry num_failures="2"><NavigateToZone/></Retry>',
+    ),
+    "true with a slip": (
+        '<Sequence memory="ture"><ZonesRemaining/><LogNoDetection/></Sequence>',
+        '<Sequence memory="true"><ZonesRemaining/><LogNoDetection/></Sequence>',
+    ),
+    "a policy in the wrong case": (
+        '<NavigateToZone oneshot="on_completion"/>',
+        '<NavigateToZone oneshot="ON_COMPLETION"/>',
+    ),
+    "a key with one brace": (
+        '<Timeout duration="{@patience"><NavigateToZone/></Timeout>',
+        '<Timeout duration="{@patience}"><NavigateToZone/></Timeout>',
+    ),
+    "operators of other languages": (
+        '<ScriptCondition code="@a === 1 and @b &lt;&gt; 2"/>',
+        '<ScriptCondition code="@a == 1 &amp;&amp; @b != 2"/>',
+    ),
+    "quotation marks within others": (
+        "<ScriptCondition code='@a == \"x\"'/>",
+        "<ScriptCondition code='@a == &apos;x&apos;'/>",
+    ),
+}
+LEFT = {
+    "a tag": "<NavigateToZne/>",
+    "a leaf's attribute that is only near": '<Retry num_failure="2"><NavigateToZone/></Retry>',
+    "a number with a unit": '<Timeout duration="60s"><NavigateToZone/></Timeout>',
+    "a reference": '<Sequence><DetectSurvivor/><NotifyBase detect_node="DetectSurvivr"/></Sequence>',
+    "a word that binds differently": '<ScriptCondition code="not @a == 1"/>',
+    "an operator that has two readings": '<Script code="@a =+ 1"/>',
+}
+
+
+def fix(path):
+    return main(["validate", "--fix", str(path)])
+
+
+@pytest.mark.parametrize("name", MENDED)
+def test_a_plain_slip_is_mended(name, tmp_path, capsys):
+    wrong, right = MENDED[name]
+    path = tmp_path / "tree.xml"
+    path.write_text(document(wrong), encoding="utf-8")
+    assert fix(path) == 0
+    assert path.read_text(encoding="utf-8") == document(right)
+    assert "fixed[" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", LEFT)
+def test_what_could_be_something_else_is_left_to_people(name, tmp_path, capsys):
+    path = tmp_path / "tree.xml"
+    path.write_text(document(LEFT[name]), encoding="utf-8")
+    assert fix(path) == 1
+    assert path.read_text(encoding="utf-8") == document(LEFT[name])
+    assert "fixed[" not in capsys.readouterr().out
+
+
+def test_what_was_mended_is_said_with_its_place(tmp_path, capsys):
+    path = tmp_path / "tree.xml"
+    path.write_text(document('<NavigateToZone _skipif="true"/>'), encoding="utf-8")
+    fix(path)
+    assert capsys.readouterr().out == (
+        f"{path}:3:17: fixed[unknown-attribute]: _skipif -> _skipIf\n{path}: no findings\n"
+    )
+
+
+def test_fixing_twice_changes_nothing_more(tmp_path, capsys):
+    path = tmp_path / "tree.xml"
+    path.write_text(
+        document('<Sequence memroy="ture"><Xyzzy/><LogNoDetection/></Sequence>'), encoding="utf-8"
+    )
+    fix(path)
+    once = path.read_bytes()
+    capsys.readouterr()
+    fix(path)
+    assert path.read_bytes() == once
+    assert "fixed[" not in capsys.readouterr().out
+
+
+YAML = (
+    "# ends with CRLF\r\nroot:\r\n  BTCPP_format: 4\r\n  children:\r\n    - BehaviorTree:\r\n        ID: Main\r\n"
+    "        children:\r\n          - {}  # why\r\n"
+)
+IN_YAML = {
+    "a plain value": ("Sequence: {memory: ture, children: [ZonesRemaining, LogNoDetection]}", "ture", "true"),
+    "a script in single quotes": (
+        "ScriptCondition: {code: '@a == 1 and @b == ''x'''}",
+        "and",
+        "&&",
+    ),
+    "a script in double quotes": ('ScriptCondition: {code: "@a == 1 and @b"}', "and", "&&"),
+    "a key without its quotes": (
+        "Timeout: {duration: {patience}, children: [NavigateToBase]}",
+        "{patience}",
+        "'{patience}'",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", IN_YAML)
+def test_yaml_is_mended_where_it_stands(name, tmp_path):
+    node, wrong, right = IN_YAML[name]
+    path = tmp_path / "tree.yaml"
+    path.write_bytes(YAML.format(node).encode())
+    fix(path)
+    assert path.read_bytes().decode() == YAML.format(node.replace(wrong, right, 1))
+
+
+def test_a_plain_text_that_would_be_something_else_gets_quotes(tmp_path):
+    node = "Timeout:\r\n              duration: {}\r\n              children: [NavigateToBase]"
+    path = tmp_path / "tree.yaml"
+    path.write_bytes(YAML.format(node.format("patience}")).encode())
+    fix(path)
+    assert path.read_bytes().decode() == YAML.format(node.format("'{patience}'"))
+
+
+@pytest.mark.parametrize(
+    ("encoding", "declared", "mark"),
+    [("utf-8", "", b"\xef\xbb\xbf"), ("utf-16-le", "", b"\xff\xfe"), ("iso-8859-1", "ISO-8859-1", b"")],
+)
+def test_encoding_mark_and_line_ends_stay(encoding, declared, mark, tmp_path):
+    head = f'<?xml version="1.0" encoding="{declared}"?>' if declared else ""
+    text = head + document('<!-- Straße -->\r\n<NavigateToZone\t_skipif = "true" />').replace("\n", "\r\n")
+    path = tmp_path / "tree.xml"
+    path.write_bytes(mark + text.encode(encoding))
+    assert fix(path) == 0
+    assert path.read_bytes() == mark + text.replace("skipif", "skipIf").encode(encoding)
+
+
+def test_an_included_file_that_is_not_named_is_not_touched(tmp_path, capsys):
+    inner = document('<NavigateToZone _skipif="true"/>', main="Inner")
+    (tmp_path / "inner.xml").write_text(inner, encoding="utf-8")
+    outer = document('<SubTree ID="Inner"/>').replace("<Beh", '<include path="inner.xml"/><Beh')
+    (tmp_path / "outer.xml").write_text(outer, encoding="utf-8")
+    assert fix(tmp_path / "outer.xml") == 1
+    assert (tmp_path / "inner.xml").read_text(encoding="utf-8") == inner
+
+
+@pytest.mark.parametrize(
+    ("written", "meant", "slip"),
+    [
+        ("_skipif", "_skipIf", True),
+        ("memroy", "memory", True),
+        ("memry", "memory", True),
+        ("memoryy", "memory", True),
+        ("memary", "memory", True),
+        ("flase", "false", True),
+        ("memo", "memory", False),
+        ("zone1", "zone2", False),
+        ("yes", "true", False),
+        ("id", "ID", True),
+        ("if", "ID", False),
+    ],
+)
+def test_a_slip_is_one_letter_or_two_that_are_swapped(written, meant, slip):
+    assert is_slip(written, meant) is slip

@@ -1,0 +1,187 @@
+"""The mistakes that the language has room for, in XML, in YAML and in files that are included."""
+
+import pytest
+
+from sar_compiler.checks import check
+from sar_compiler.nodes.registry import default_registry
+from sar_compiler.tree.diagnostic import TreeError
+from sar_compiler.tree.forest import Forest, load_forest
+from sar_compiler.tree.reading import read_tree_file
+from sar_compiler.tree.yaml import parse_yaml
+from tests.trees import document, forest_of
+
+
+def places(findings):
+    return [(f.code, f.span.line, f.span.column, f.suggestion) for f in findings]
+
+
+# Each: what is written in the tree (its first line is line 3), then code, line, column and suggestion.
+IN_XML = {
+    "a misspelt special attribute": ('<Success _skipif="true"/>', ("unknown-attribute", 3, 10, "_skipIf")),
+    "an unknown special attribute": ('<Success _colour="red"/>', ("unknown-attribute", 3, 10, None)),
+    "a misspelt status": (
+        '<Precondition if="1 == 1" else="FAILED"><Success/></Precondition>',
+        ("wrong-value", 3, 33, "FAILURE"),
+    ),
+    "a misspelt policy": (
+        '<Parallel policy="SuccessOnAl"><Success/><Failure/></Parallel>',
+        ("wrong-value", 3, 19, "SuccessOnAll"),
+    ),
+    "a selected child that is not there": (
+        '<Parallel policy="SuccessOnSelected" selected="lift"><Success name="left"/><Failure/></Parallel>',
+        ("wrong-value", 3, 48, "left"),
+    ),
+    "a number with something left over": (
+        '<Delay delay_msec="12abc"><Success/></Delay>',
+        ("wrong-value", 3, 20, "12"),
+    ),
+    "too few children": (
+        '<Switch2 variable="a" case_1="b" case_2="c"><Success/></Switch2>',
+        ("missing-child", 3, 1, None),
+    ),
+    "more failures than children": (
+        '<ParallelAll max_failures="3"><Success/><Failure/></ParallelAll>',
+        ("out-of-reach", 3, 28, "2"),
+    ),
+    "a tree in itself": ('<SubTree ID="Main"/>', ("recursive-tree", 3, 14, None)),
+    "a tree that is not there": ('<SubTree ID="Mian"/>', ("unknown-tree", 3, 14, "Main")),
+    "a kind that the node is not": ('<Decorator ID="AlwaysSuccess"/>', ("wrong-kind", 3, 1, "Action")),
+    "an operator of another language": (
+        '<Success _skipIf="true and false"/>',
+        ("script-error", 3, 24, "&&"),
+    ),
+    "text between nodes": ("<Sequence>\n<Success/>\nnow <Failure/></Sequence>", ("stray-text", 5, 1, None)),
+    "text between nodes, beside something worth knowing": (
+        "<Sequence>\nnow <Failure/></Sequence>",
+        ("stray-text", 4, 1, None),
+    ),
+    "an output that is given a value": (
+        '<LoopInt queue="1;2" value="3"><Success/></LoopInt>',
+        ("wrong-value", 3, 29, None),
+    ),
+    "a duration that is none": (
+        '<Timeout duration="soon"><Running/></Timeout>',
+        ("wrong-value", 3, 20, None),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", IN_XML)
+def test_a_mistake_in_the_language_is_found_where_it_stands(name):
+    body, expected = IN_XML[name]
+    errors = [f for f in check(forest_of(document(body)), default_registry()) if f.severity.value == "error"]
+    assert places(errors) == [expected]
+
+
+# The tree's own lines begin in line 6.
+HEAD = "root:\n  children:\n  - BehaviorTree:\n      ID: Main\n      children:\n"
+IN_YAML = {
+    "a node that is not there": (
+        "      - Sequnce:\n          children: [Success, Failure]\n",
+        ("unknown-node", 6, 9, "Sequence"),
+    ),
+    "a flag that is neither": (
+        "      - Sequence:\n          memory: ture\n          children: [Success, Failure]\n",
+        ("wrong-value", 7, 19, "true"),
+    ),
+    "a child that is never ticked": (
+        "      - Selector:\n          children:\n          - Success\n          - Failure\n",
+        ("unreachable-node", 9, 13, None),
+    ),
+    "a goal that is sent again": (
+        (
+            "      - Selector:\n          memory: false\n          children:\n          - Sequence:\n"
+            "              children: [ZonesRemaining, NavigateToZone]\n          - NavigateToBase\n"
+        ),
+        ("repeated-effect", 11, 13, None),
+    ),
+    "a variable that nobody makes": (
+        "      - ScriptCondition:\n          code: battery < 20\n",
+        ("unwritten-key", 7, 17, None),
+    ),
+    "an assignment in a condition": (
+        (
+            "      - Sequence:\n          children:\n          - Script:\n              code: a := 1\n"
+            "          - Failure:\n              _skipIf: a = 1\n"
+        ),
+        ("assignment-as-condition", 11, 26, "=="),
+    ),
+    "a key without its closing brace": (
+        "      - Delay:\n          delay_msec: '{wait'\n          children: [Success]\n",
+        ("wrong-value", 7, 24, "{wait}"),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", IN_YAML)
+def test_a_mistake_in_yaml_is_found_where_it_stands(name):
+    text, expected = IN_YAML[name]
+    try:
+        findings = check(Forest.of(parse_yaml(HEAD + text, "test.yaml")), default_registry())
+    except TreeError as error:
+        findings = list(error.findings)
+    assert places(findings) == [expected]
+
+
+MAIN = (
+    '<root BTCPP_format="4" main_tree_to_execute="Main">\n<include path="parts.{form}"/>\n'
+    '<BehaviorTree ID="Main"><SubTree ID="Part"/></BehaviorTree>\n</root>\n'
+)
+PARTS = {
+    "xml": '<root BTCPP_format="4">\n<BehaviorTree ID="Part">\n{body}\n</BehaviorTree>\n</root>\n',
+    "yaml": "root:\n  children:\n  - BehaviorTree:\n      ID: Part\n      children:\n{body}\n",
+}
+IN_AN_INCLUDED_FILE = {
+    "an unknown node": ("xml", "<Sucess/>", ("unknown-node", 3, 1, "Success")),
+    "a child that is never ticked": (
+        "xml",
+        "<Sequence>\n<Failure/>\n<Success/>\n</Sequence>",
+        ("unreachable-node", 5, 1, None),
+    ),
+    "an action that is repeated": (
+        "xml",
+        '<Sequence memory="false">\n<AdvanceZone/>\n<NavigateToZone/>\n</Sequence>',
+        ("repeated-effect", 4, 1, None),
+    ),
+    "a key that it is not given": (
+        "xml",
+        '<ScriptCondition code="far &gt; 1"/>',
+        ("unwritten-key", 3, 24, None),
+    ),
+    "a child in YAML": (
+        "yaml",
+        "      - Sequence:\n          children:\n          - Failure\n          - Success",
+        ("unreachable-node", 9, 13, None),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", IN_AN_INCLUDED_FILE)
+def test_a_mistake_in_an_included_file_names_that_file(name, tmp_path):
+    form, body, expected = IN_AN_INCLUDED_FILE[name]
+    (tmp_path / "main.xml").write_text(MAIN.format(form=form))
+    (tmp_path / f"parts.{form}").write_text(PARTS[form].format(body=body))
+    (finding,) = check(load_forest(tmp_path / "main.xml", read_tree_file), default_registry())
+    assert finding.source.path.endswith(f"parts.{form}")
+    assert places([finding]) == [expected]
+
+
+def test_files_that_include_each_other_are_found(tmp_path):
+    for one, other in (("a", "b"), ("b", "a")):
+        (tmp_path / f"{one}.xml").write_text(
+            f'<root BTCPP_format="4" main_tree_to_execute="a">\n<include path="{other}.xml"/>\n'
+            f'<BehaviorTree ID="{one}"><Success/></BehaviorTree></root>'
+        )
+    findings = check(load_forest(tmp_path / "a.xml", read_tree_file), default_registry())
+    assert [f.code for f in findings] == ["include-cycle"]
+
+
+def test_trees_of_an_included_file_need_not_be_used(tmp_path):
+    (tmp_path / "main.xml").write_text(MAIN.format(form="xml"))
+    text = (
+        PARTS["xml"]
+        .format(body="<Success/>")
+        .replace("</root>", '<BehaviorTree ID="Other"><Success/></BehaviorTree></root>')
+    )
+    (tmp_path / "parts.xml").write_text(text)
+    assert check(load_forest(tmp_path / "main.xml", read_tree_file), default_registry()) == []

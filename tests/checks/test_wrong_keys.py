@@ -1,0 +1,263 @@
+"""Keys, scripts and subtrees that are well-formed and wrong: each mistake gets one finding, where it stands."""
+
+import pytest
+from py_trees.behaviour import Behaviour
+
+from sar_compiler.checks import check
+from sar_compiler.nodes import Kind
+from sar_compiler.nodes.register import Registration
+from sar_compiler.nodes.registry import Registry, default_registry
+from sar_compiler.runtime.blackboard import Scope
+from sar_compiler.runtime.ports import InOut, Input, Output
+from sar_compiler.tree.diagnostic import Severity
+from tests.trees import document, forest_of
+
+
+class Say(Behaviour):
+    def __init__(self, name: str, text: Input[str]) -> None:
+        super().__init__(name)
+        self.text = text
+
+
+class Find(Behaviour):
+    def __init__(self, name: str, at: Output[str]) -> None:
+        super().__init__(name)
+        self.at = at
+
+
+class Count(Behaviour):
+    def __init__(self, name: str, times: InOut[int]) -> None:
+        super().__init__(name)
+        self.times = times
+
+
+class Meddle(Behaviour):
+    def __init__(self, name: str, scope: Scope) -> None:
+        super().__init__(name)
+        self.scope = scope
+
+
+ENDS = frozenset({"SUCCESS", "FAILURE"})
+LEAVES = [Registration(cls.__name__, cls, Kind.ACTION, ENDS) for cls in (Say, Find, Meddle)]
+REGISTRY = Registry(
+    [*default_registry().registrations(), *LEAVES, Registration("CountUp", Count, Kind.ACTION, ENDS)]
+)
+
+
+def found(text):
+    return [(f.code, f.span.line, f.span.column, f.suggestion) for f in check(forest_of(text), REGISTRY)]
+
+
+MISTAKES = {
+    "a key that nobody writes": (
+        '<Say text="{greeting}"/>',
+        ("unwritten-key", 3, 12, None),
+        "'greeting' is read here, and nothing ever writes it",
+    ),
+    "a misspelt key": (
+        '<Sequence>\n<Find at="{place}"/>\n<Say text="{plaice}"/>\n</Sequence>',
+        ("unwritten-key", 5, 12, "{place}"),
+        "'plaice' is read here",
+    ),
+    "blanks that belong to a key": (
+        '<Sequence>\n<Find at="{place}"/>\n<Say text="{ place }"/>\n</Sequence>',
+        ("unwritten-key", 5, 12, "{place}"),
+        "' place ' is read here",
+    ),
+    "a variable that nobody makes": (
+        '<ScriptCondition code="ready &amp;&amp; true"/>',
+        ("unwritten-key", 3, 24, None),
+        "'ready' is read here",
+    ),
+    "a misspelt variable": (
+        '<Sequence>\n<Script code="level := 1"/>\n<ScriptCondition code="1 &lt; lvel"/>\n</Sequence>',
+        ("unwritten-key", 5, 31, "level"),
+        "'lvel' is read here",
+    ),
+    "a variable that is changed before anything makes it": (
+        '<Script code="count = 1"/>',
+        ("unwritten-key", 3, 15, None),
+        "= and its like need a variable that exists",
+    ),
+    "a variable in a condition": (
+        '<Success _skipIf="done"/>',
+        ("unwritten-key", 3, 19, None),
+        "_skipIf: 'done' is read here",
+    ),
+    "a key with braces where its name is wanted": (
+        '<Sequence>\n<SetBlackboard value="1" output_key="{speed}"/>\n<Success/>\n</Sequence>',
+        ("unwritten-key", 4, 38, None),
+        "'speed' is read here",
+    ),
+    "a key that is read before it is written": (
+        '<Sequence>\n<Say text="{place}"/>\n<Find at="{place}"/>\n</Sequence>',
+        ("read-before-write", 4, 12, None),
+        "'Find' (line 5), which writes it, comes later",
+    ),
+    "a key that is read before it is written, by a condition around both": (
+        '<Sequence _skipIf="place &gt; 1">\n<Find at="{place}"/>\n<Success/>\n</Sequence>',
+        ("read-before-write", 3, 20, None),
+        "'Find' (line 4)",
+    ),
+    "a variable that is made of itself": (
+        '<Sequence>\n<Script code="n := n + 1"/>\n<ScriptCondition code="n &gt; 1"/>\n</Sequence>',
+        ("read-before-write", 4, 20, None),
+        "'n' is read here before it can have been written",
+    ),
+    "a key that is written twice": (
+        '<Sequence>\n<Script code="a := 1"/>\n<Script code="a := 2"/>\n<ScriptCondition code="a == 2"/>\n</Sequence>',
+        ("overwritten-key", 5, 15, None),
+        "before anybody can have read what 'Script' (line 4) wrote",
+    ),
+    "a key that two leaves write before the one who reads it": (
+        '<Sequence>\n<Find name="Left" at="{place}"/>\n<Find name="Right" at="{place}"/>\n<Say text="{place}"/>\n</Sequence>',
+        ("overwritten-key", 5, 24, None),
+        "what 'Left' (line 4) wrote",
+    ),
+    "a key that two write side by side": (
+        (
+            '<Sequence>\n<ParallelAll>\n<Find at="{p}"/>\n<Find name="Other" at="{p}"/>\n</ParallelAll>\n<Say text="{p}"/>\n'
+            "</Sequence>"
+        ),
+        ("shared-key", 6, 24, None),
+        "side by side in 'ParallelAll'",
+    ),
+    "a key that is written for nobody": (
+        '<Sequence>\n<Script code="a := 1"/>\n<Success/>\n</Sequence>',
+        ("unread-key", 4, 15, None),
+        "'a' is written here, and nothing ever reads it",
+    ),
+    "an assignment in a condition": (
+        '<Sequence>\n<Script code="a := 1"/>\n<Success _skipIf="a = 2"/>\n</Sequence>',
+        ("assignment-as-condition", 5, 21, "=="),
+        "'=' gives 'a' a value, where a condition is wanted",
+    ),
+    "an assignment to a variable that nobody makes, in a condition": (
+        '<Precondition if="1 &lt; 2; a = 2"><Success/></Precondition>',
+        ("assignment-as-condition", 3, 31, "=="),
+        "'=' gives 'a' a value",
+    ),
+    "an assignment in a ScriptCondition": (
+        '<ScriptCondition code="a := 2"/>',
+        ("assignment-as-condition", 3, 26, None),
+        "':=' gives 'a' a value",
+    ),
+    "a key without its closing brace": (
+        '<Say text="{greeting"/>',
+        ("unclosed-key", 3, 12, "{greeting}"),
+        "stands between two braces",
+    ),
+    "a key without its opening brace": (
+        '<Say text="greeting}"/>',
+        ("unclosed-key", 3, 12, "{greeting}"),
+        "'greeting}' is a text",
+    ),
+    "a number's key without its closing brace": (
+        '<Delay delay_msec="{wait"><Say text="hi"/></Delay>',
+        ("wrong-value", 3, 20, "{wait}"),
+        "a key stands between two braces",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_key_that_is_used_wrongly_gets_one_finding(name):
+    body, expected, words = MISTAKES[name]
+    (finding,) = check(forest_of(document(body)), REGISTRY)
+    span = finding.span
+    assert (finding.code, span.line, span.column, finding.suggestion) == expected
+    assert words in finding.message
+    assert finding.suggestion or finding.hint
+
+
+def trees(main, *others):
+    inner = "".join(f'\n<BehaviorTree ID="{name}">{body}</BehaviorTree>' for name, body in others)
+    return f'<root main_tree_to_execute="Main">\n<BehaviorTree ID="Main">{main}</BehaviorTree>{inner}</root>'
+
+
+def test_a_tree_that_is_in_no_other_is_found():
+    assert found(trees("<Success/>", ("B", "<Success/>"))) == [("unused-tree", 3, 19, None)]
+
+
+def test_of_trees_that_only_use_each_other_the_outermost_is_found():
+    text = trees("<Success/>", ("B", '<SubTree ID="C"/>'), ("C", "<Success/>"))
+    assert found(text) == [("unused-tree", 3, 19, None)]
+
+
+def test_what_a_subtree_is_given_and_does_not_look_at_is_found_with_the_nearest_key():
+    text = trees(
+        '<SubTree ID="B" at="hi" texxt="hi"/>',
+        ("B", '<Sequence><Say text="{text}"/><Say text="{at}"/></Sequence>'),
+    )
+    assert found(text) == [("unused-argument", 2, 49, "text")]
+
+
+def test_a_key_that_a_subtree_is_not_given_is_found_where_it_is_read():
+    (finding,) = check(forest_of(trees('<SubTree ID="B"/>', ("B", '<Say text="{text}"/>'))), REGISTRY)
+    assert (finding.code, finding.span.line, finding.span.column) == ("unwritten-key", 3, 33)
+    assert finding.hint == 'give it to the subtree, <SubTree ID="B" text="..."/>, or let a node write it'
+
+
+def test_a_key_that_comes_by_way_of_a_subtree_is_followed_to_where_it_is_read_too_early():
+    text = trees(
+        '<Sequence>\n<SubTree ID="B" text="{place}"/>\n<Find at="{place}"/></Sequence>',
+        ("B", '<Say text="{text}"/>'),
+    )
+    assert found(text) == [("read-before-write", 5, 33, None)]
+
+
+def test_a_mistake_elsewhere_may_be_why_a_key_is_not_written():
+    body = '<Sequence>\n<Script code="a :="/>\n<ScriptCondition code="a"/></Sequence>'
+    assert [code for code, *_ in found(document(body))] == ["script-error"]
+
+
+RIGHT = {
+    "a parameter of the mission": '<Say text="{@greeting}"/>',
+    "a parameter in a script": '<Success _skipIf="@battery &lt; 20"/>',
+    "a parameter that an attribute takes as well": '<Sequence><Timeout duration="{wait}"><Sleep msec="9"/></Timeout><Say text="{wait}"/></Sequence>',
+    "a port that is both": '<CountUp times="{n}"/>',
+    "a name of an enumeration": '<Sequence><Script code="s := 1"/><ScriptCondition code="s == RED"/></Sequence>',
+    "a key that is asked for first": (
+        '<Selector><CheckBlackboardVariableExists variable_name="place"/><Find at="{place}"/></Selector>'
+    ),
+    "a read that a guard keeps from coming first": (
+        '<Selector><Sequence><WasEntryUpdated entry="{p}"/><Say text="{p}"/></Sequence><Find at="{p}"/></Selector>'
+    ),
+    "a phase that others look at while something runs": (
+        '<Sequence><Script code="phase := 0"/><Parallel><Sequence><Sleep msec="9"/><Say text="{phase}"/></Sequence>'
+        '<Sequence><Script code="phase := 1"/><Sleep msec="9"/><Script code="phase := 2"/></Sequence></Parallel></Sequence>'
+    ),
+    "a signal from one branch to the other": (
+        '<Parallel><Script code="stop := 1"/><Sequence _while="stop == 0"><Script code="stop := 0"/><Success/></Sequence>'
+        "</Parallel>"
+    ),
+    "a leaf that may write any key": '<Sequence><Meddle/><Say text="{greeting}"/></Sequence>',
+    "a script that may write any key": (
+        '<Sequence><SetBlackboard value="a:=1" output_key="s"/><Script code="{s}"/><ScriptCondition code="a"/></Sequence>'
+    ),
+    "a key in the middle of a text": '<Say text="hello {name}, good morning"/>',
+    "what one branch or another writes": (
+        '<Sequence><Fallback><Find at="{p}"/><Find at="{p}"/></Fallback><Say text="{p}"/></Sequence>'
+    ),
+    "an entry that a port has named": '<Sequence><Script code="p = 1"/><Say text="{p}"/></Sequence>',
+}
+
+
+@pytest.mark.parametrize("name", RIGHT)
+def test_nothing_is_said_of_keys_that_are_used_rightly(name):
+    findings = [f.render() for f in check(forest_of(document(RIGHT[name])), REGISTRY)]
+    assert findings == []
+
+
+def test_a_key_that_is_written_for_nobody_is_only_worth_knowing():
+    body = '<Sequence><Script code="a := 1"/><Success/></Sequence>'
+    (finding,) = check(forest_of(document(body)), REGISTRY)
+    assert finding.severity is Severity.INFO
+
+
+def test_a_tree_for_others_may_read_what_its_model_says_it_is_given():
+    text = document('<Say text="{greeting}"/>').replace(
+        "</root>",
+        '<TreeNodesModel><SubTree ID="Main"><input_port name="greeting"/></SubTree></TreeNodesModel></root>',
+    )
+    assert found(text) == []

@@ -1,0 +1,244 @@
+"""Trees that are well-formed and wrong: each mistake gets one finding, where it stands."""
+
+import pytest
+from py_trees.behaviour import Behaviour
+
+from sar_compiler.checks import check
+from sar_compiler.nodes import Kind
+from sar_compiler.nodes.register import Registration
+from sar_compiler.nodes.registry import Registry, default_registry
+from sar_compiler.nodes.spec import Use
+from sar_compiler.tree.diagnostic import Severity
+from tests.trees import document, forest_of
+
+
+def leaf(tag, outcomes, kind=Kind.ACTION, effects="", uses=()):
+    """Register a leaf of which nothing matters but what it declares."""
+
+    def init(self, name: str) -> None:
+        Behaviour.__init__(self, name)
+
+    cls = type(tag, (Behaviour,), {"__init__": init})
+    return Registration(tag, cls, kind, frozenset(outcomes), effects, uses)
+
+
+WORKING = {"SUCCESS", "FAILURE", "RUNNING"}
+LEAVES = [
+    leaf("Ready", {"SUCCESS", "FAILURE"}, Kind.CONDITION),
+    leaf("Beep", {"SUCCESS"}, effects="publishes a tone"),
+    leaf("Drive", WORKING, effects="drives the robot", uses=(Use.action("go"),)),
+    leaf("Look", WORKING, effects="searches the room"),
+    leaf("Wait", {"SUCCESS", "RUNNING"}),
+    leaf("Unknown", ()),
+]
+REGISTRY = Registry([*default_registry().registrations(), *LEAVES])
+
+
+def found(text):
+    return [(f.code, f.span.line, f.span.column) for f in check(forest_of(text), REGISTRY)]
+
+
+# Each: what is written in the tree (its first line is line 3), then code, line, column and a part of the message.
+MISTAKES = {
+    # done again, interrupted again
+    "an action before one that takes time, without memory": (
+        '<Sequence name="S" memory="false">\n<Ready/>\n<Beep/>\n<Drive/>\n</Sequence>',
+        ("repeated-effect", 5, 1, "'Beep' would publish a tone in every tick while 'Drive' runs"),
+    ),
+    "the same in a ReactiveSequence": (
+        "<ReactiveSequence>\n<Beep/>\n<Wait/>\n</ReactiveSequence>",
+        ("repeated-effect", 4, 1, "'ReactiveSequence' looks at every child again"),
+    ),
+    "two actions that take time, without memory": (
+        '<Sequence memory="false">\n<Ready/>\n<Look/>\n<Drive/>\n</Sequence>',
+        ("endless-restart", 5, 1, "interrupts 'Drive' before it can end"),
+    ),
+    "an action that is tried again before another one can end": (
+        "<ReactiveFallback>\n<Look/>\n<Drive/>\n</ReactiveFallback>",
+        ("endless-restart", 4, 1, "after it has failed, and interrupts 'Drive'"),
+    ),
+    "work that is done and started again": (
+        '<Selector name="S" memory="false">\n<Sequence><Ready/><Look/></Sequence>\n<Drive/>\n</Selector>',
+        ("repeated-effect", 5, 1, "'Drive' would be sent a new goal in every tick"),
+    ),
+    "steps that are lost when they are interrupted": (
+        (
+            '<Selector memory="false">\n<Sequence><Ready/><Wait/></Sequence>\n'
+            '<Sequence name="Steps">\n<Look/><Drive/></Sequence>\n</Selector>'
+        ),
+        ("lost-progress", 5, 1, "'Steps' begins again with 'Look'"),
+    ),
+    # never ticked, never ended
+    "a child behind one that cannot fail": (
+        "<Selector>\n<Ready/>\n<Beep/>\n<Drive/>\n</Selector>",
+        ("unreachable-node", 6, 1, "'Drive' is never ticked: 'Beep' before it never fails"),
+    ),
+    "a child behind one that cannot succeed": (
+        "<Sequence>\n<SuccessIsFailure><Ready/></SuccessIsFailure>\n<Drive/>\n</Sequence>",
+        ("unreachable-node", 5, 1, "'SuccessIsFailure' before it never succeeds"),
+    ),
+    "a child behind a selector that cannot fail": (
+        "<Selector>\n<Selector><Ready/><Beep/></Selector>\n<Drive/>\n</Selector>",
+        ("unreachable-node", 5, 1, "'Selector' before it never fails"),
+    ),
+    "a child behind a placeholder that runs for ever": (
+        "<Sequence>\n<Running/>\n<Drive/>\n</Sequence>",
+        ("unreachable-node", 5, 1, "'Running' before it never succeeds"),
+    ),
+    "a branch for a condition that cannot be false": (
+        "<IfThenElse>\n<Beep/>\n<Drive/>\n<Look/>\n</IfThenElse>",
+        ("unreachable-node", 6, 1, "'Beep' never fails"),
+    ),
+    "a catch where nothing can fail": (
+        "<TryCatch>\n<Beep/>\n<Look/>\n</TryCatch>",
+        ("unreachable-node", 5, 1, "what is tried before it never fails"),
+    ),
+    "no rounds at all": (
+        '<Repeat num_cycles="0">\n<Drive/>\n</Repeat>',
+        ("unreachable-node", 4, 1, "'Repeat' ticks it 0 times"),
+    ),
+    "rounds without an end": (
+        '<Repeat num_cycles="-1">\n<Beep/>\n</Repeat>',
+        ("never-ends", 3, 1, "'Repeat' never ends: 'Beep' never fails"),
+    ),
+    "py_trees' rounds without an end": (
+        '<Repeat num_success="0">\n<Beep/>\n</Repeat>',
+        ("never-ends", 3, 1, "'Beep' never fails"),
+    ),
+    "a constant that is taken for running": (
+        "<SuccessIsRunning>\n<Beep/>\n</SuccessIsRunning>",
+        ("never-ends", 3, 1, "'SuccessIsRunning' never ends"),
+    ),
+    "waiting for a status that never comes": (
+        '<Condition status="FAILURE">\n<Beep/>\n</Condition>',
+        ("never-ends", 3, 1, "'Beep' never answers FAILURE"),
+    ),
+    "waiting in the middle for what never comes": (
+        '<Sequence>\n<Condition status="FAILURE"><Beep/></Condition>\n<Drive/>\n</Sequence>',
+        ("never-ends", 4, 1, "'Beep' never answers FAILURE"),
+    ),
+    # no effect, or not the one that is meant
+    "trying again what cannot fail": (
+        '<Retry num_failures="3">\n<Beep/>\n</Retry>',
+        ("without-effect", 3, 1, "'Retry' has no effect: 'Beep' never fails"),
+    ),
+    "a time limit for what ends at once": (
+        '<Timeout duration="5">\n<Ready/>\n</Timeout>',
+        ("without-effect", 3, 1, "'Ready' always ends in its first tick"),
+    ),
+    "a time limit of none": (
+        '<Timeout msec="0">\n<Drive/>\n</Timeout>',
+        ("without-effect", 3, 1, 'msec="0" is no limit'),
+    ),
+    "a time limit longer than the one around it": (
+        (
+            '<Timeout name="Outer" duration="5">\n<Sequence>\n<Look/>\n<Timeout msec="8000"><Drive/></Timeout>\n'
+            "</Sequence>\n</Timeout>"
+        ),
+        ("without-effect", 6, 1, "its 8 s are never over before the 5 s of 'Outer'"),
+    ),
+    "a time limit of a tick": (
+        '<Timeout duration="0.2">\n<Drive/>\n</Timeout>',
+        ("short-timeout", 3, 1, "hardly more than one tick"),
+    ),
+    "running taken for failure": (
+        "<RunningIsFailure>\n<Drive/>\n</RunningIsFailure>",
+        ("interrupted-action", 3, 1, "'Drive' is interrupted in every tick in which it runs"),
+    ),
+    "running taken for success": (
+        "<RunningIsSuccess>\n<Drive/>\n</RunningIsSuccess>",
+        ("interrupted-action", 3, 1, "'RunningIsSuccess' ends"),
+    ),
+    "trying again what is done only once": (
+        '<RetryUntilSuccessful num_attempts="3">\n<Drive oneshot="ON_COMPLETION"/>\n</RetryUntilSuccessful>',
+        ("without-effect", 3, 1, "'Drive' is done once in the whole run"),
+    ),
+    "repeating what is done only once": (
+        '<Repeat num_success="3">\n<OneShot policy="ON_SUCCESSFUL_COMPLETION"><Drive/></OneShot>\n</Repeat>',
+        ("without-effect", 3, 1, "'OneShot' is done once"),
+    ),
+    # not needed
+    "a control of one": (
+        "<Sequence>\n<Drive/>\n</Sequence>",
+        ("needless-node", 3, 1, "there is only 'Drive' in it"),
+    ),
+    "a single attempt": (
+        '<Retry num_failures="1">\n<Drive/>\n</Retry>',
+        ("needless-node", 3, 1, "a single time"),
+    ),
+    "a single round": (
+        '<Repeat num_cycles="1">\n<Drive/>\n</Repeat>',
+        ("needless-node", 3, 1, "a single time"),
+    ),
+    "an inverter of an inverter": (
+        "<Inverter>\n<Inverter>\n<Ready/>\n</Inverter>\n</Inverter>",
+        ("needless-node", 3, 1, "takes back what 'Inverter' does"),
+    ),
+    # side by side
+    "a race of two that work": (
+        '<Parallel policy="SuccessOnOne">\n<Drive/>\n<Look/>\n</Parallel>',
+        ("cancelled-branch", 3, 19, "'Look' stops half done when 'Drive' succeeds"),
+    ),
+    "children that must succeed in the same tick": (
+        '<Parallel policy="SuccessOnAll" synchronise="false">\n<Wait/>\n<Look/>\n</Parallel>',
+        ("out-of-step", 3, 46, "'Wait' is started again whenever it has succeeded"),
+    ),
+    "two that drive the robot at the same time": (
+        "<ParallelAll>\n<Drive/>\n<Sequence><Ready/><Drive/></Sequence>\n</ParallelAll>",
+        ("shared-action", 5, 19, "'Drive' sends its goals to 'go' while 'Drive' does"),
+    ),
+    "two nodes beside each other with one name": (
+        '<Sequence>\n<Look name="Work"/>\n<Drive name="Work"/>\n</Sequence>',
+        ("same-name", 5, 14, "also the name of the node in line 4"),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_tree_that_does_something_else_than_is_meant_gets_one_finding(name):
+    body, (code, line, column, words) = MISTAKES[name]
+    (finding,) = check(forest_of(document(body)), REGISTRY)
+    assert (finding.code, finding.span.line, finding.span.column) == (code, line, column)
+    assert words in finding.message
+    assert finding.suggestion or finding.hint
+    assert finding.severity is not Severity.ERROR
+
+
+def test_a_mistake_in_one_node_does_not_hide_what_is_wrong_with_another():
+    body = '<Sequence memory="false">\n<Beep/>\n<Drive colour="red"/>\n<Look/>\n</Sequence>'
+    assert found(document(body)) == [("repeated-effect", 4, 1), ("unknown-attribute", 5, 8)]
+
+
+def test_nothing_is_concluded_of_a_node_with_a_mistake():
+    assert [code for code, *_ in found(document('<Retry num_failures="three">\n<Beep/></Retry>'))] == [
+        "wrong-value"
+    ]
+
+
+TREES = (
+    '<BehaviorTree ID="Main"><Sequence name="S" memory="false">\n<SubTree ID="Greet"/>\n<Drive/></Sequence></BehaviorTree>'
+    '<BehaviorTree ID="Greet"><Sequence>\n<Ready/>\n<Beep/></Sequence></BehaviorTree>'
+)
+
+
+def test_what_a_subtree_does_again_is_found_where_the_subtree_stands():
+    (finding,) = check(forest_of(f'<root main_tree_to_execute="Main">{TREES}</root>'), REGISTRY)
+    assert (finding.code, finding.span.line) == ("repeated-effect", 2)
+    assert finding.message.startswith("'Beep' in the tree 'Greet' would publish a tone")
+
+
+def test_a_mistake_in_a_tree_that_is_used_twice_is_one_finding():
+    text = (
+        '<root main_tree_to_execute="Main"><BehaviorTree ID="Main"><Sequence>\n<SubTree ID="B"/><SubTree ID="B"/></Sequence>'
+        '</BehaviorTree>\n<BehaviorTree ID="B"><Retry num_failures="3"><Beep/></Retry></BehaviorTree></root>'
+    )
+    assert found(text) == [("without-effect", 3, 22)]
+
+
+def test_work_at_the_root_that_begins_again_is_found_in_a_subtree():
+    text = (
+        '<root main_tree_to_execute="Main"><BehaviorTree ID="Main"><SubTree ID="B"/></BehaviorTree>\n'
+        '<BehaviorTree ID="B"><Selector memory="false">\n<Sequence><Ready/><Look/></Sequence>\n<Drive/></Selector>'
+        "</BehaviorTree></root>"
+    )
+    assert found(text) == [("repeated-effect", 4, 1)]
