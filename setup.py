@@ -6,7 +6,7 @@ from setuptools import setup
 
 SHARE = "share/sar_compiler"
 # These stand below share/sar_compiler as they stand here, folder by folder.
-SHIPPED = ("config", "examples", "launch", "maps", "rviz", "schemas", "trees", "worlds")
+SHIPPED = ("config", "docs/findings", "examples", "launch", "maps", "rviz", "schemas", "trees", "worlds")
 
 
 def data_files() -> "list[tuple[str, list[str]]]":

@@ -81,6 +81,8 @@ def test_ros_is_imported_only_at_the_edge():
         "from sar_compiler.cli.compile import main; main(['diff', *['trees/search_and_rescue.xml'] * 2])",
         "from sar_compiler.cli.compile import main; main(['nodes', '--format', 'groot2'])",
         "from sar_compiler.cli.compile import main; main(['convert', 'trees/search_and_rescue.xml', '--to', 'yaml'])",
+        "from sar_compiler.cli.compile import main; main(['simulate', 'trees/search_and_rescue.xml'])",
+        "from sar_compiler.cli.compile import main; main(['verify', 'trees/search_and_rescue.xml'])",
         "import sar_compiler.cli.run",
         "import sar_compiler.cli.sim",
     ],

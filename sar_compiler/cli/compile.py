@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE, Parser, run
 from sar_compiler.cli.convert import convert_file
 from sar_compiler.cli.diff import diff_files
+from sar_compiler.cli.explain import add_explain
 from sar_compiler.cli.format import format_files
-from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_model, load, palettes
+from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_model, configured, load, palettes
+from sar_compiler.cli.simulate import add_simulate
+from sar_compiler.cli.validate import add_validate
+from sar_compiler.cli.verify import add_verify
 
 if TYPE_CHECKING:
     from sar_compiler.nodes.registry import Registry
-    from sar_compiler.tree.diagnostic import Diagnostic
 
 PROG = "sar-compile"
 
@@ -22,7 +25,7 @@ PROG = "sar-compile"
 def main(argv: Sequence[str] | None = None) -> int:
     """Run `sar-compile` and return its exit status."""
     arguments = _parser().parse_args(argv)
-    return run(lambda: int(arguments.run(arguments)), PROG)
+    return run(lambda: int(arguments.run(configured(arguments))), PROG)
 
 
 def _parser() -> Parser:
@@ -44,15 +47,7 @@ def _parser() -> Parser:
             name, help=help_text, description=help_text, parents=[shared], allow_abbrev=False
         )
 
-    validate = command("validate", "Say everything that is wrong with tree files.")
-    validate.add_argument("files", nargs="+", metavar="FILE", help=FILE_HELP)
-    add_model(validate)
-    add_include_path(validate)
-    validate.add_argument("--strict", action="store_true", help="count warnings as errors")
-    validate.add_argument(
-        "--format", choices=("text", "json"), default="text", help="for people, or for scripts"
-    )
-    validate.set_defaults(run=_validate)
+    add_validate(command("validate", "Say everything that is wrong with tree files."))
 
     show = command("show", "Show the compiled tree.")
     show.add_argument("file", metavar="FILE", help=FILE_HELP)
@@ -91,6 +86,14 @@ def _parser() -> Parser:
     diff.add_argument("new", metavar="B", help=FILE_HELP)
     diff.set_defaults(run=diff_files)
 
+    add_simulate(
+        command("simulate", "Tick the tree without ROS: scripted runs, and whether they went as expected.")
+    )
+
+    add_verify(command("verify", "Go through all possible runs of a tree; prove what holds in every one."))
+
+    add_explain(command("explain", "Say what a finding means, with an example."))
+
     nodes = command("nodes", "Say what can be written in a tree file.")
     nodes.add_argument("tag", nargs="?", metavar="TAG", help="describe this one with its attributes")
     nodes.add_argument(
@@ -109,57 +112,25 @@ def _parser() -> Parser:
     return parser
 
 
-def _validate(arguments: argparse.Namespace) -> int:
-    from sar_compiler.tree.diagnostic import Severity, UnreadableFileError
-    from sar_compiler.views.findings import findings_as_json
-
-    registry = _registry(arguments)
-    findings: list[Diagnostic] = []
-    unreadable = 0
-    for path in arguments.files:
-        try:
-            found = _findings_of(path, registry, arguments)
-        except UnreadableFileError as error:
-            unreadable += 1
-            print(f"{PROG}: {error}", file=sys.stderr)
-            continue
-        findings += found
-        if arguments.format == "text":
-            print("\n".join([finding.render() for finding in found] or [f"{path}: no findings"]))
-    if arguments.format == "json":
-        print(findings_as_json(findings))
-    counted = (Severity.ERROR, Severity.WARNING) if arguments.strict else (Severity.ERROR,)
-    if unreadable:
-        return USAGE
-    return FINDINGS if any(finding.severity in counted for finding in findings) else OK
-
-
-def _findings_of(path: str, registry: "Registry", arguments: argparse.Namespace) -> "list[Diagnostic]":
-    from sar_compiler.checks import check
-    from sar_compiler.tree.diagnostic import TreeError
-
-    try:
-        return check(load(path, arguments), registry, palettes(arguments))
-    except TreeError as error:
-        return list(error.findings)
-
-
 def _show(arguments: argparse.Namespace) -> int:
-    from sar_compiler.checks import check
+    from sar_compiler.checks import check, check_palettes
     from sar_compiler.compiler import bind_main, preview_tree
-    from sar_compiler.tree.diagnostic import TreeError
+    from sar_compiler.tree.diagnostic import Severity, TreeError
     from sar_compiler.views.outline import outline
     from sar_compiler.views.text import ascii_tree, unicode_tree
 
     registry = _registry(arguments)
     try:
         forest, described = load(arguments.file, arguments), palettes(arguments)
+        findings = check_palettes(described, registry)
         # Which tree is the main one does not matter where one is asked for.
-        findings = [
+        findings += [
             finding
             for finding in check(forest, registry, described)
             if arguments.tree is None or finding.code != "no-main-tree"
         ]
+        # Of what may be meant so, `validate` warns.
+        findings = [finding for finding in findings if finding.severity is Severity.ERROR]
         tree = None if findings else preview_tree(bind_main(forest, registry, arguments.tree, described))
     except TreeError as error:
         findings, tree = list(error.findings), None

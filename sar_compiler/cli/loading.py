@@ -35,6 +35,30 @@ def add_model(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def configured(arguments: argparse.Namespace) -> argparse.Namespace:
+    """Return the arguments of a command on one tree file, with what the file's project adds to them.
+
+    Raises:
+        TreeError: If the project's configuration has mistakes.
+        UnreadableFileError: If that, or the tree file, cannot be read.
+    """
+    if "file" not in arguments:
+        return arguments
+    from sar_compiler.checks.configuration import configuration_for
+    from sar_compiler.tree.shipped import find_tree
+
+    configuration = configuration_for(find_tree(arguments.file))
+    added = {
+        "nodes": configuration.nodes,
+        "model": configuration.models,
+        "include_path": configuration.include_path,
+    }
+    for name, values in added.items():
+        if name in arguments:
+            setattr(arguments, name, [*getattr(arguments, name), *values])
+    return arguments
+
+
 def load(name: str, arguments: argparse.Namespace) -> "Forest":
     """Read a tree file that a user means, and everything that it includes.
 

@@ -19,7 +19,12 @@ def same_file(one: Path, other: Path) -> bool:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file in UTF-8, in one step; its permissions stay, and a link stays a link.
+    """Write a file in UTF-8, as `write_bytes` does."""
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file in one step; its permissions stay, and a link stays a link.
 
     Raises:
         WriteError: If that is not possible; the file is then as it was.
@@ -27,9 +32,9 @@ def write_text(path: Path, text: str) -> None:
     target = path.resolve()
     try:
         if target.exists() and not target.is_file():
-            target.write_bytes(text.encode())  # a device or a pipe cannot be replaced
+            target.write_bytes(data)  # a device or a pipe cannot be replaced
         else:
-            _replace(target, text.encode())
+            _replace(target, data)
     except OSError as error:
         message = f"cannot write {path}: {error.strerror or error}"
         raise WriteError(message) from error

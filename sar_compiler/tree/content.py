@@ -13,6 +13,7 @@ MAX_DEPTH = 200
 """Deeper nesting is refused: py_trees stops a tree by recursion, two frames for each level."""
 
 _START = Span(1, 1, 1, 1)
+_MARK = "\ufeff"
 _BYTE_ORDER_MARKS = [
     (codecs.BOM_UTF8, "utf-8"),
     (codecs.BOM_UTF16_LE, "utf-16-le"),
@@ -51,16 +52,30 @@ def source_of(data: bytes | str, path: str, spans: Spans, declared: str | None, 
     if len(data) > MAX_BYTES:
         message = f"the file is larger than {MAX_BYTES // 2**20} MiB"
         raise TreeError([Diagnostic("file-too-large", message, Source(path, "", spans), _START)])
-    text = data if isinstance(data, str) else _decode(data, path, spans, declared)
-    source = Source(path, text.removeprefix("\ufeff"), spans)
+    encoding = _encoding_of(data, declared) if isinstance(data, bytes) else "utf-8"
+    text = data if isinstance(data, str) else _decode(data, path, spans, encoding)
+    mark = _MARK if text.startswith(_MARK) else ""
+    source = Source(path, text.removeprefix(_MARK), spans, encoding, mark)
     if not source.text.strip():
         raise TreeError([Diagnostic("empty-file", "the file is empty", source, _START, hint=empty_hint)])
     return source
 
 
-def _decode(data: bytes, path: str, spans: Spans, declared: str | None) -> str:
+def bytes_of(source: Source, text: str) -> bytes:
+    """Return what a file contains when it says something else, in the encoding that it has.
+
+    Raises:
+        UnicodeEncodeError: If the encoding cannot have it.
+    """
+    return (source.mark + text).encode(source.encoding)
+
+
+def _encoding_of(data: bytes, declared: str | None) -> str:
     marked = next((name for mark, name in _BYTE_ORDER_MARKS if data.startswith(mark)), None)
-    encoding = marked or declared or "utf-8"
+    return marked or declared or "utf-8"
+
+
+def _decode(data: bytes, path: str, spans: Spans, encoding: str) -> str:
     try:
         text = data.decode(encoding)
     except UnicodeDecodeError as error:

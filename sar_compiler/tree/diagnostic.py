@@ -41,12 +41,17 @@ class Diagnostic:
     hint: str | None = None
     severity: Severity = Severity.ERROR
 
+    @property
+    def advice(self) -> str:
+        """What to write or do instead; empty where nothing can be said."""
+        return f"did you mean '{self.suggestion}'?" if self.suggestion else self.hint or ""
+
     def render(self) -> str:
         """Return the finding as text: place, message, the line itself with carets, the suggestion."""
         span = self.span
         head = f"{self.source.path}:{span.line}:{span.column}: {self.severity.value}[{self.code}]: {self.message}"
         line = self.source.line(span.line)
-        advice = f"did you mean '{self.suggestion}'?" if self.suggestion else self.hint or ""
+        advice = self.advice
         if not line.strip():
             return f"{head}\n      | {advice}" if advice else head
         start = span.column - 1

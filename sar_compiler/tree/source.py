@@ -83,11 +83,15 @@ class Source:
         path: The file's path, as its user wrote it.
         text: The whole text.
         spans: Finds parts of elements in it.
+        encoding: How the text is encoded in the file.
+        mark: The byte order mark before it; empty where there is none.
     """
 
     path: str
     text: str = field(repr=False)
     spans: Spans = field(repr=False)
+    encoding: str = "utf-8"
+    mark: str = field(default="", repr=False)
 
     @property
     def form(self) -> Form:

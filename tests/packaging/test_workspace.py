@@ -9,7 +9,7 @@ from tests.packaging.workspace import Workspace
 
 pytestmark = pytest.mark.ros
 
-SHIPPED = ("config", "examples", "launch", "maps", "rviz", "schemas", "trees", "worlds")
+SHIPPED = ("config", "docs/findings", "examples", "launch", "maps", "rviz", "schemas", "trees", "worlds")
 
 
 def files_below(folder, tops=SHIPPED):

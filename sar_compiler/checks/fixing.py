@@ -1,0 +1,200 @@
+"""Mending what can be nothing but a slip: which findings, and the text that is there afterwards.
+
+A suggestion is a guess, and most guesses are for people to take. What is mended without asking is what is left when
+the reader would have to make an effort to think of anything else; `SAFE` says what, and why.
+"""
+
+import bisect
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from sar_compiler.nodes.attributes import CONDITIONS, ONESHOT, closed
+from sar_compiler.tree.diagnostic import Diagnostic
+from sar_compiler.tree.model import Element, TreeFile
+from sar_compiler.tree.source import Form, Source
+from sar_compiler.tree.yaml_writer import scalar
+
+_COMMON = frozenset({"ID", "name", "memory", "BTCPP_format", "main_tree_to_execute", ONESHOT, *CONDITIONS})
+"""Attributes whose meaning does not depend on the leaf."""
+_TRUTHS = ("true", "false")
+_OTHERWISE_IN_SCRIPTS = frozenset({"not", "=+", "=*", "=/", "=>"})
+"""What means something else in the languages where it exists: `not a == b` there is `!(a == b)`."""
+_BLOCK = re.compile(r"[|>][+\-0-9]*[ \t]*(#[^\r\n]*)?(\r\n|\r|\n)[\s]*$")
+_SLIP_LENGTH = 3
+"""In shorter words one letter is too much of the whole."""
+
+
+def _attribute(written: str, suggestion: str) -> bool:
+    """Attributes that any node may have, with one slip; others in the wrong case."""
+    return _same_but_case(written, suggestion) or (suggestion in _COMMON and is_slip(written, suggestion))
+
+
+def _value(written: str, suggestion: str) -> bool:
+    """Blanks around a value, its case, a key's missing brace, true and false with one slip."""
+    return (
+        written.strip() == suggestion
+        or _same_but_case(written.strip(), suggestion)
+        or closed(written) == suggestion
+        or (suggestion in _TRUTHS and is_slip(written, suggestion))
+    )
+
+
+def _script(written: str, _suggestion: str) -> bool:
+    """Operators, quotation marks and numbers of other languages that have one translation."""
+    return written not in _OTHERWISE_IN_SCRIPTS
+
+
+def _shape(written: str, suggestion: str) -> bool:
+    """A reference that lacks the quotation marks which YAML wants around its braces."""
+    return suggestion == f"'{written}'"
+
+
+SAFE: Mapping[str, Callable[[str, str], bool]] = {
+    "unknown-attribute": _attribute,
+    "wrong-value": _value,
+    "script-error": _script,
+    "wrong-shape": _shape,
+}
+"""For each kind of finding of which some are mended: whether a text in a file may become what is suggested.
+
+Not tags, trees, keys and references: what is near may be another node, and a tag stands in two places.
+"""
+
+
+@dataclass(frozen=True)
+class Fix:
+    """One piece of text in place of another.
+
+    Attributes:
+        finding: What it mends.
+        start: The offset of the first character that goes.
+        end: The offset behind the last one.
+        text: What stands there afterwards.
+    """
+
+    finding: Diagnostic
+    start: int
+    end: int
+    text: str
+
+    def describe(self) -> str:
+        """Return a line that says what was done, and where."""
+        finding = self.finding
+        source, span = finding.source, finding.span
+        place = f"{source.path}:{span.line}:{span.column}"
+        return f"{place}: fixed[{finding.code}]: {_written(finding)} -> {finding.suggestion}"
+
+
+def fixes(source: Source, tree_file: TreeFile | None, findings: Iterable[Diagnostic]) -> list[Fix]:
+    """Return the fixes for what is safe to mend in a file, in its order; none touches another.
+
+    Args:
+        source: The file.
+        tree_file: What it says; None if it could not be read.
+        findings: What was found in it, and in others.
+    """
+    found: list[Fix] = []
+    elements = list(tree_file.root.iterate()) if tree_file is not None else []
+    for finding in sorted(findings, key=lambda each: (each.span.line, each.span.column)):
+        if finding.source is not source or not _is_safe(finding):
+            continue
+        fix = _fix(finding, elements)
+        if fix is not None and (not found or found[-1].end <= fix.start):
+            found.append(fix)
+    return found
+
+
+def fixed(text: str, chosen: Iterable[Fix]) -> str:
+    """Return a text after fixes that do not touch each other; the rest of it is as it was."""
+    parts, done = [], 0
+    for fix in chosen:
+        parts += [text[done : fix.start], fix.text]
+        done = fix.end
+    return "".join([*parts, text[done:]])
+
+
+def is_slip(written: str, meant: str) -> bool:
+    """Say whether a word is another one with a slip: letters in the wrong case, or one too many, too few, wrong, or two swapped."""
+    one, other = written.lower(), meant.lower()
+    if one == other:
+        return True
+    if min(len(one), len(other)) < _SLIP_LENGTH or any(each.isdigit() for each in one + other):
+        return False
+    before = 0
+    while one[before : before + 1] == other[before : before + 1] != "":
+        before += 1
+    one, other = one[before:], other[before:]
+    return (
+        one[1:] == other[1:]
+        or one[1:] == other
+        or one == other[1:]
+        or (one[:2] == other[1::-1] and one[2:] == other[2:])
+    )
+
+
+def _same_but_case(written: str, suggestion: str) -> bool:
+    return written.lower() == suggestion.lower()
+
+
+def _is_safe(finding: Diagnostic) -> bool:
+    decide = SAFE.get(finding.code)
+    return (
+        decide is not None
+        and finding.suggestion is not None
+        and decide(_written(finding), finding.suggestion)
+    )
+
+
+def _written(finding: Diagnostic) -> str:
+    start, end = _offsets(finding)
+    return finding.source.text[start:end]
+
+
+def _offsets(finding: Diagnostic) -> tuple[int, int]:
+    source, span = finding.source, finding.span
+    return source.offset(span.line, span.column), source.offset(span.end_line, span.end_column)
+
+
+def _fix(finding: Diagnostic, elements: Sequence[Element]) -> Fix | None:
+    """Return a finding's suggestion as it is written there; None if it cannot be without more ado."""
+    start, end = _offsets(finding)
+    text = finding.suggestion or ""
+    stretch = _value_around(finding, elements)
+    if stretch is None:  # a name, or what could not be read
+        return Fix(finding, start, end, text)
+    source, (first, last) = finding.source, stretch
+    escapes = _escapes_in(source, first)
+    if escapes is not None:
+        return Fix(finding, start, end, "".join(escapes.get(each, each) for each in text))
+    # A plain text of YAML may need quotation marks afterwards.
+    whole = source.text[first:start] + text + source.text[end:last]
+    return None if "\n" in whole or "\r" in whole else Fix(finding, first, last, scalar(whole))
+
+
+def _escapes_in(source: Source, start: int) -> Mapping[str, str] | None:
+    """Return how characters are written in the value that begins at an offset; None for a plain text of YAML."""
+    quote = source.text[start - 1]
+    if source.form is Form.XML:
+        return {"&": "&amp;", "<": "&lt;", quote: "&quot;" if quote == '"' else "&apos;"}
+    if quote == "'":
+        return {"'": "''"}
+    if quote == '"':
+        return {"\\": "\\\\", '"': '\\"'}
+    return {} if _BLOCK.search(source.text[:start]) else None
+
+
+def _value_around(finding: Diagnostic, elements: Sequence[Element]) -> tuple[int, int] | None:
+    """Return from where to where the value goes in which a finding stands; None if it stands in none."""
+    place = (finding.span.line, finding.span.column)
+    index = bisect.bisect_right(elements, place, key=lambda each: (each.line, each.column))
+    if not index:
+        return None
+    element, (start, end) = elements[index - 1], _offsets(finding)
+    for name in element.attributes:
+        span = element.value_span(name)
+        first = finding.source.offset(span.line, span.column)
+        last = finding.source.offset(span.end_line, span.end_column)
+        if first <= start and end <= last and last > first:
+            return first, last
+    return None

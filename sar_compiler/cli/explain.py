@@ -1,0 +1,30 @@
+"""`sar-compile explain`: what a kind of finding means."""
+
+import argparse
+import sys
+
+from sar_compiler.cli.arguments import OK, USAGE
+
+
+def add_explain(parser: argparse.ArgumentParser) -> None:
+    """Add what `explain` takes."""
+    parser.add_argument("code", metavar="CODE", help="what stands in brackets behind error, warning or info")
+    parser.set_defaults(run=explain_code)
+
+
+def explain_code(arguments: argparse.Namespace) -> int:
+    """Print the page about a kind of finding, and return the exit status.
+
+    Raises:
+        ResourceError: If the pages are not installed.
+    """
+    from sar_compiler.checks.kinds import KINDS, page_of
+    from sar_compiler.nodes.values import nearest
+
+    if arguments.code not in KINDS:
+        near = nearest(arguments.code, KINDS)
+        advice = f"; did you mean '{near}'?" if near else ""
+        print(f"sar-compile: no finding is called '{arguments.code}'{advice}", file=sys.stderr)
+        return USAGE
+    print(page_of(arguments.code), end="")
+    return OK

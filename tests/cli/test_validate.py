@@ -1,0 +1,212 @@
+"""What `validate` prints for tools, and what a project's configuration changes in it."""
+
+import json
+from pathlib import Path
+
+import jsonschema
+import pytest
+import yaml
+
+from sar_compiler.cli.compile import main
+from tests.trees import document
+
+NEEDLESS = document("<Sequence><ZonesRemaining/></Sequence>")
+# What the standard demands of what is used of it (SARIF 2.1.0, section 3); columns and lines are from 1.
+_REGION = {
+    "type": "object",
+    "properties": {
+        name: {"type": "integer", "minimum": 1}
+        for name in ("startLine", "startColumn", "endLine", "endColumn")
+    },
+    "additionalProperties": False,
+}
+_MESSAGE = {
+    "type": "object",
+    "required": ["text"],
+    "properties": {"text": {"type": "string", "minLength": 1}},
+}
+_LEVEL = {"enum": ["none", "note", "warning", "error"]}
+_ARTIFACT = {
+    "type": "object",
+    "required": ["uri"],
+    "properties": {"uri": {"type": "string", "pattern": r"^[\w.%/:~-]+$"}, "uriBaseId": {"type": "string"}},
+    "additionalProperties": False,
+}
+_PHYSICAL = {"type": "object", "properties": {"artifactLocation": _ARTIFACT, "region": _REGION}}
+_RESULT = {
+    "type": "object",
+    "required": ["message", "ruleId"],
+    "properties": {
+        "level": _LEVEL,
+        "message": _MESSAGE,
+        "ruleIndex": {"type": "integer", "minimum": 0},
+        "locations": {
+            "type": "array",
+            "items": {"type": "object", "properties": {"physicalLocation": _PHYSICAL}},
+        },
+    },
+}
+_RULE = {
+    "type": "object",
+    "required": ["id"],
+    "properties": {
+        "shortDescription": _MESSAGE,
+        "help": _MESSAGE,
+        "defaultConfiguration": {"type": "object", "properties": {"level": _LEVEL}},
+    },
+}
+_DRIVER = {
+    "type": "object",
+    "required": ["name"],
+    "properties": {"rules": {"type": "array", "items": _RULE, "uniqueItems": True}},
+}
+_RUN = {
+    "type": "object",
+    "required": ["tool", "results"],
+    "properties": {
+        "tool": {"type": "object", "required": ["driver"], "properties": {"driver": _DRIVER}},
+        "columnKind": {"enum": ["utf16CodeUnits", "unicodeCodePoints"]},
+        "newlineSequences": {"type": "array", "minItems": 1, "uniqueItems": True},
+        "results": {"type": "array", "items": _RESULT},
+    },
+}
+SARIF = {
+    "type": "object",
+    "required": ["version", "runs"],
+    "properties": {"version": {"const": "2.1.0"}, "runs": {"type": "array", "items": _RUN}},
+}
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def run(capsys, *arguments):
+    status = main(["validate", *arguments])
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+def test_sarif_has_what_the_standard_demands(folder, capsys):
+    (folder / "a tree.xml").write_text(document('<!-- 😀 --><Sequnce a="😀"/>'), encoding="utf-8")
+    status, out, _ = run(capsys, "--format", "sarif", "a tree.xml")
+    log = json.loads(out)
+    jsonschema.validate(log, SARIF)
+    assert status == 1
+    (result,) = log["runs"][0]["results"]
+    rule = log["runs"][0]["tool"]["driver"]["rules"][result["ruleIndex"]]
+    assert (result["ruleId"], rule["id"], result["level"]) == ("unknown-node", "unknown-node", "error")
+    assert rule["help"]["markdown"].startswith("# `unknown-node`")
+    assert "did you mean 'Sequence'?" in result["message"]["text"]
+
+
+def test_sarif_counts_columns_in_units_of_utf_16(folder, capsys):
+    (folder / "a tree.xml").write_text(document("<!-- 😀 --><Sequnce/>"), encoding="utf-8")
+    _, out, _ = run(capsys, "--format", "sarif", "a tree.xml")
+    location = json.loads(out)["runs"][0]["results"][0]["locations"][0]["physicalLocation"]
+    assert location["artifactLocation"] == {"uri": "a%20tree.xml", "uriBaseId": "%SRCROOT%"}
+    assert location["region"] == {"startLine": 3, "startColumn": 12, "endLine": 3, "endColumn": 20}
+
+
+def test_sarif_of_a_correct_tree_has_no_results(folder, capsys):
+    (folder / "tree.xml").write_text(document("<NavigateToBase/>"), encoding="utf-8")
+    status, out, _ = run(capsys, "--format", "sarif", str(folder / "tree.xml"))
+    assert (status, json.loads(out)["runs"][0]["results"]) == (0, [])
+
+
+def test_github_gets_an_annotation_for_each_finding(folder, capsys):
+    (folder / "a,b.xml").write_text(
+        document('<Sequence memory="50%&#10;"><Sequnce/></Sequence>'), encoding="utf-8"
+    )
+    status, out, _ = run(capsys, "--format", "github", "a,b.xml")
+    assert status == 1
+    first, second = out.splitlines()
+    assert first.startswith(
+        "::error file=a%2Cb.xml,line=3,col=19,endLine=3,endColumn=26,title=wrong-value::memory: '50%25%0A'"
+    )
+    assert second == (
+        "::error file=a%2Cb.xml,line=3,col=29,endLine=3,endColumn=36,title=unknown-node::"
+        "no node is called 'Sequnce'%0Adid you mean 'Sequence'?"
+    )
+
+
+def test_infos_are_notices_for_github(folder, capsys):
+    (folder / "tree.xml").write_text(NEEDLESS, encoding="utf-8")
+    status, out, _ = run(capsys, "--format", "github", "tree.xml")
+    assert (status, out.split()[0]) == (0, "::notice")
+
+
+def test_a_finding_that_a_project_turns_off_is_not_reported(folder, capsys):
+    (folder / "tree.xml").write_text(NEEDLESS, encoding="utf-8")
+    (folder / "sar.toml").write_text('[findings]\nneedless-node = "off"\n', encoding="utf-8")
+    assert run(capsys, "tree.xml") == (0, "tree.xml: no findings\n", "")
+
+
+def test_a_finding_that_a_project_makes_an_error_counts_as_one(folder, capsys):
+    (folder / "tree.xml").write_text(NEEDLESS, encoding="utf-8")
+    (folder / "sar.toml").write_text('[findings]\nneedless-node = "error"\n', encoding="utf-8")
+    status, out, _ = run(capsys, "tree.xml")
+    assert status == 1
+    assert "error[needless-node]" in out
+
+
+def test_a_mistake_in_the_configuration_is_said_once_and_no_tree_is_looked_at(folder, capsys):
+    (folder / "tree.xml").write_text("<root", encoding="utf-8")
+    (folder / "sar.toml").write_text("[finding]\n", encoding="utf-8")
+    status, out, _ = run(capsys, "tree.xml", "tree.xml")
+    assert status == 1
+    assert out.startswith("sar.toml:1:2: error[unknown-setting]: there is no setting 'finding'")
+    assert out.count("error[") == 1
+
+
+PALETTE = '<root><TreeNodesModel><Action ID="OpenDoor"/></TreeNodesModel></root>'
+
+
+@pytest.mark.parametrize("command", ["validate", "show", "simulate"])
+def test_the_palettes_of_a_project_serve_every_command(folder, capsys, command):
+    (folder / "tree.xml").write_text(document("<OpenDoor/>"), encoding="utf-8")
+    (folder / "nodes.xml").write_text(PALETTE, encoding="utf-8")
+    (folder / "sar.toml").write_text('models = ["nodes.xml"]\n', encoding="utf-8")
+    assert main([command, "tree.xml"]) == 0
+
+
+def test_each_file_is_looked_at_with_its_own_projects_palettes(folder, capsys):
+    for name in ("one", "two"):
+        (folder / name).mkdir()
+        (folder / name / "tree.xml").write_text(document("<OpenDoor/>"), encoding="utf-8")
+    (folder / "nodes.xml").write_text(PALETTE, encoding="utf-8")
+    (folder / "one" / "sar.toml").write_text('models = ["../nodes.xml"]\n', encoding="utf-8")
+    status, out, _ = run(capsys, "one/tree.xml", "two/tree.xml")
+    assert status == 1
+    assert out.splitlines()[0] == "one/tree.xml: no findings"
+    assert out.splitlines()[1].startswith("two/tree.xml:3:1: error[unknown-node]")
+
+
+def test_the_include_path_of_a_project_is_allowed(folder, capsys):
+    (folder / "shared").mkdir()
+    (folder / "trees").mkdir()
+    (folder / "shared" / "b.xml").write_text(document("<NavigateToBase/>", main="B"), encoding="utf-8")
+    text = document('<SubTree ID="B"/>').replace("<Beh", '<include path="../shared/b.xml"/><Beh')
+    (folder / "trees" / "a.xml").write_text(
+        text.replace("<root", '<root main_tree_to_execute="Main"'), encoding="utf-8"
+    )
+    (folder / "trees" / "sar.toml").write_text('include-path = ["../shared"]\n', encoding="utf-8")
+    assert run(capsys, "trees/a.xml") == (0, "trees/a.xml: no findings\n", "")
+
+
+def test_in_json_what_was_fixed_is_said_on_standard_error(folder, capsys):
+    (folder / "tree.xml").write_text(document('<NavigateToZone _skipif="true"/>'), encoding="utf-8")
+    status, out, error = run(capsys, "--fix", "--format", "json", "tree.xml")
+    assert (status, json.loads(out)) == (0, [])
+    assert error == "tree.xml:3:17: fixed[unknown-attribute]: _skipif -> _skipIf\n"
+
+
+def test_the_hooks_of_pre_commit_call_commands_that_there_are():
+    hooks = {hook["id"]: hook for hook in yaml.safe_load(Path(".pre-commit-hooks.yaml").read_text("utf-8"))}
+    assert {name: hook["entry"] for name, hook in hooks.items()} == {
+        "sar-validate": "sar-compile validate",
+        "sar-format": "sar-compile format",
+    }
+    assert {hook["language"] for hook in hooks.values()} == {"python"}

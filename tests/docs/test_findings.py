@@ -1,0 +1,193 @@
+"""Every kind of finding has a page whose example brings that finding, and whose better example does not."""
+
+import ast
+import os
+import re
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.checks.kinds import KINDS
+from sar_compiler.cli.compile import main
+from tests.docs.markdown import Block, blocks, codes, tables
+from tests.processes import BIN
+
+PAGES = Path("docs/findings")
+TABLE = PAGES / "README.md"
+CODES = sorted(KINDS)
+_SECTIONS = ["Bad", "Finding", "Good"]
+_PLACE = re.compile(r"(?<![\w.])\S+:\d+:\d+: (error|warning|info)\[([a-z-]+)\]: ")
+# Calls that make findings, by the function's name.
+_MAKERS = {
+    *("Diagnostic", "at", "tag", "value", "name", "report", "warning", "information"),
+    *("_add", "_finding", "_refuse", "_report", "_warning"),
+}
+_CODE = re.compile(r"[a-z]+(-[a-z]+)*")
+# A command may have to start ROS first.
+_TIMEOUT_SEC = 120.0
+
+
+@dataclass
+class Page:
+    """A page, as it is worked through."""
+
+    text: str
+    sections: dict[str, list[Block]]
+
+    def commands(self, section: str) -> str | None:
+        """Return the commands of a section; None where the file is simply validated."""
+        return next((block.text for block in self.sections[section] if block.language == "sh"), None)
+
+    def shown(self) -> str:
+        """Return what the page shows of the output."""
+        return next(block.text for block in self.sections["Finding"] if block.language == "text")
+
+
+def page_of(code):
+    path = PAGES / f"{code}.md"
+    text = path.read_text(encoding="utf-8")
+    starts = [text[: match.start()].count("\n") for match in re.finditer(r"^## ", text, re.MULTILINE)]
+    assert re.findall(r"^## (.*)$", text, re.MULTILINE) == _SECTIONS
+    sections = {name: [] for name in _SECTIONS}
+    for block in blocks(path):
+        index = sum(start < block.line for start in starts) - 1
+        sections[_SECTIONS[index]].append(block)
+    return Page(text, sections)
+
+
+def write(files, folder, default):
+    """Write the files of a section; return the name of the tree file among them that has no other name."""
+    written = default
+    for block in files:
+        if block.language in {"sh", "text"}:
+            continue
+        name = block.file or f"{default}.{block.language}"
+        if Path(name).stem == default:
+            written = name
+        (folder / name).write_text(block.text, encoding="utf-8")
+    return written
+
+
+def seen(commands, name, folder, capsys, monkeypatch):
+    """Do what a section says, in a process of its own only where it types commands."""
+    if commands is None:
+        monkeypatch.chdir(folder)
+        main(["validate", name])
+        captured = capsys.readouterr()
+        return captured.out + captured.err
+    environment = {**os.environ, "PATH": f"{BIN}:{os.environ['PATH']}"}
+    done = subprocess.run(
+        ["/bin/bash", "-c", commands],
+        cwd=folder,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+        timeout=_TIMEOUT_SEC,
+    )
+    return done.stdout
+
+
+def flies(code):
+    return "sar-run" in (PAGES / f"{code}.md").read_text(encoding="utf-8")
+
+
+EACH = [pytest.param(code, marks=[pytest.mark.ros] if flies(code) else []) for code in CODES]
+
+
+@pytest.mark.parametrize("code", EACH)
+def test_the_bad_example_of_a_page_brings_the_finding_that_it_shows(code, tmp_path, capsys, monkeypatch):
+    page = page_of(code)
+    name = write(page.sections["Bad"], tmp_path, "bad")
+    output = seen(page.commands("Finding"), name, tmp_path, capsys, monkeypatch)
+    assert plain(output) == plain(page.shown())
+    assert {found for _, found in _PLACE.findall(output)} == {code}
+
+
+@pytest.mark.parametrize("code", EACH)
+def test_the_good_example_of_a_page_has_no_findings(code, tmp_path, capsys, monkeypatch):
+    page = page_of(code)
+    write(page.sections["Bad"], tmp_path, "bad")
+    name = write(page.sections["Good"], tmp_path, "good")
+    output = seen(page.commands("Good"), name, tmp_path, capsys, monkeypatch)
+    assert _PLACE.findall(output) == []
+    if page.commands("Good") is None:
+        assert output == f"{name}: no findings\n"
+
+
+def plain(output):
+    """Return what a command printed without the log of ROS, which has the time in it."""
+    kept = (f"{line.rstrip()}\n" for line in output.splitlines() if not line.startswith("[INFO]"))
+    return "".join(kept).rstrip("\n")
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_a_page_says_how_bad_its_finding_is(code):
+    page = page_of(code)
+    assert page.text.startswith(f"# `{code}`\n\n*{KINDS[code].severity.value}*\n")
+    assert {(KINDS[code].severity.value, code)} == set(_PLACE.findall(page.shown()))
+
+
+def test_every_page_is_of_a_kind_of_finding():
+    assert sorted(path.stem for path in PAGES.glob("*.md") if path != TABLE) == CODES
+
+
+def constants(node):
+    """Yield the texts that an expression may be."""
+    if isinstance(node, ast.IfExp):
+        yield from (*constants(node.body), *constants(node.orelse))
+    elif isinstance(node, ast.Constant) and isinstance(node.value, str) and _CODE.fullmatch(node.value):
+        yield node.value
+
+
+def codes_in(path):
+    """Yield the codes that a module makes findings with: first texts of such a call, and what `code` is set to."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call):
+            called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+            if called in _MAKERS and len(node.args) > 1:
+                for argument in node.args[: 1 if called == "Diagnostic" else 3]:
+                    yield from (code for code in constants(argument) if "-" in code or code in KINDS)
+        elif isinstance(node, ast.Assign):
+            targets = node.targets[0].elts if isinstance(node.targets[0], ast.Tuple) else node.targets
+            values = node.value.elts if isinstance(node.value, ast.Tuple) else [node.value]
+            for target, value in zip(targets, values, strict=False):
+                if isinstance(target, ast.Name) and target.id == "code":
+                    yield from constants(value)
+
+
+def test_every_code_in_the_sources_is_a_known_kind():
+    rooms = ("tree", "nodes", "compiler", "checks")
+    files = [path for room in rooms for path in Path("sar_compiler", room).rglob("*.py")]
+    made = {code for path in files for code in codes_in(path)}
+    assert sorted(made - KINDS.keys()) == []
+    assert sorted(KINDS.keys() - made) == []
+
+
+def test_the_table_lists_every_kind_as_it_is():
+    listed = [(codes(cells[0])[0], cells[1], cells[2]) for _, _, cells in tables(TABLE)]
+    assert listed == [(code, KINDS[code].severity.value, KINDS[code].summary) for code in CODES]
+
+
+def test_the_test_that_the_table_names_for_a_kind_looks_for_it():
+    wrong = []
+    for _, _, cells in tables(TABLE):
+        code, path = codes(cells[0])[0], Path(codes(cells[3])[0])
+        if not path.is_file() or not re.search(rf'["\[]{code}["\]]', path.read_text(encoding="utf-8")):
+            wrong.append((code, str(path)))
+    assert wrong == []
+
+
+@pytest.mark.parametrize("code", CODES[:1])
+def test_explain_prints_the_page(code, capsys):
+    assert main(["explain", code]) == 0
+    assert capsys.readouterr().out == (PAGES / f"{code}.md").read_text(encoding="utf-8")
+
+
+def test_explain_of_an_unknown_code_suggests_the_nearest(capsys):
+    assert main(["explain", "unknown-nod"]) == 2
+    error = "sar-compile: no finding is called 'unknown-nod'; did you mean 'unknown-node'?\n"
+    assert capsys.readouterr().err == error
