@@ -34,13 +34,13 @@ def _resuming_sequence(part: Part) -> tuple[Tick, Stop]:
             status = cells[cell]
             if status != SUCCESS:
                 break
-        if status == INVALID:
+        if status == INVALID and not _IS_2_3:
             stop(cells, times)
             return SKIPPED
         if status != RUNNING:
             cells[position] = 0
         cells[at] = status
-        return status
+        return status or SKIPPED
 
     def stop(cells: Cells, times: Times) -> None:
         _stop_composite(part, cells, times)
@@ -63,11 +63,11 @@ def _reactive_sequence(part: Part) -> tuple[Tick, Stop]:
             if status != SUCCESS:
                 _stop_all(children[index + 1 :], cells, times)
                 break
-        if status == INVALID:
+        if status == INVALID and not _IS_2_3:
             stop(cells, times)
             return SKIPPED
         cells[at] = status
-        return status
+        return status or SKIPPED
 
     def stop(cells: Cells, times: Times) -> None:
         _stop_composite(part, cells, times)
