@@ -1,10 +1,13 @@
 """What validating the shipped tree from a shell costs, against importing lxml alone.
 
-Run it with the interpreter of an environment that has lxml, PyYAML, py_trees, jsonschema and this project, and not the
-ROS packages from PyPI: these do something whenever an interpreter starts, which would count for both. Each figure is
+Run it with the interpreter of an environment that has this project, and not the ROS
+packages from PyPI: these do something whenever an interpreter starts, which would count for both. Each figure is
 the median of many runs; what is compared runs in turn, so that both have the same share of a busy machine.
 
-    python -m venv /tmp/startup && /tmp/startup/bin/pip install . && /tmp/startup/bin/python benchmarks/startup.py
+    python3 -m venv build/startup && build/startup/bin/pip install .
+    cd build && startup/bin/python ../benchmarks/startup.py
+
+An installation has its modules compiled; in a checkout Python may have to do that first (PYTHONDONTWRITEBYTECODE).
 """
 
 import statistics

@@ -27,13 +27,14 @@ _TEXT = "Character content other than whitespace"
 """What libxml2 says of text between elements."""
 
 
-@functools.lru_cache(maxsize=8)
-def _schema_of(registry: Registry) -> etree.XMLSchema:
-    return _schema(registry, ())
+@functools.lru_cache(maxsize=32)
+def _schema_of(registry: Registry, tags: frozenset[str]) -> etree.XMLSchema:
+    return _schema(registry, tags, ())
 
 
-def _schema(registry: Registry, described: Iterable[NodeSpec]) -> etree.XMLSchema:
-    return etree.XMLSchema(etree.fromstring(xml_schema(registry, described).encode()))
+def _schema(registry: Registry, tags: frozenset[str], described: Iterable[NodeSpec]) -> etree.XMLSchema:
+    """Return the schema as far as some tags need it: to make all of it takes longer than to read most files."""
+    return etree.XMLSchema(etree.fromstring(xml_schema(registry, described, tags).encode()))
 
 
 def schema_errors(
@@ -50,7 +51,8 @@ def schema_errors(
         document = etree.fromstring(text.encode(), parser)
     except etree.XMLSyntaxError as error:  # what expat lets pass, such as a prefix that is not bound
         return [(lines[(error.lineno or 1) - 1], f"not well-formed XML: {error.msg}")]
-    schema = _schema(registry, described) if described else _schema_of(registry)
+    tags = frozenset(element.tag for element in tree_file.root.iterate())
+    schema = _schema(registry, tags, described) if described else _schema_of(registry, tags)
     if schema.validate(document):
         return []
     # The log grows over the life of the schema object; the last validation's errors are those of now.

@@ -105,8 +105,6 @@ def _verify(arguments: argparse.Namespace) -> "Verification":
         assumed = Assumptions({**assumed.facts, **typed.facts}, assumed.answers)
     rehearsal = rehearse(binding, parameters, assumed)
     raise_disputes(rehearsal)
-    for note in rehearsal.notes:
-        print(note.render(), file=sys.stderr)
     tags = {spec.tag for spec in registry if spec.kind.is_leaf}
     with contextlib.closing(_Shown()) as shown:
         return verify(rehearsal, file, tags, arguments.max_states, shown.show)

@@ -15,7 +15,16 @@ from sar_compiler.compiler import CompiledTree, compile_with
 from sar_compiler.compiler.arguments import Arguments
 from sar_compiler.compiler.building import Builder
 from sar_compiler.nodes import leaves as language
-from sar_compiler.nodes.answers import NOBODY, SELF, Answer, Fact, Identifiers, filled, filled_text, number_text
+from sar_compiler.nodes.answers import (
+    NOBODY,
+    SELF,
+    Answer,
+    Fact,
+    Identifiers,
+    filled,
+    filled_text,
+    number_text,
+)
 from sar_compiler.nodes.bound import Binding, BoundNode
 from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.instances import Instance
@@ -153,13 +162,18 @@ class RehearsalArguments(Arguments):
     parameter_advice = "give it a value: parameters: {{{name}: ...}}"
 
     def of(self, instance: Instance, bound: BoundNode) -> dict[str, Any]:
-        """Return the arguments of a node, by its parameters' names; of a leaf that answers, those of its ports."""
-        if not is_answered(bound.spec):
+        """Return the arguments of a node, by its parameters' names.
+
+        What stands for a leaf that answers is given its ports, what stands for a control or decorator that is
+        only described nothing but its name.
+        """
+        answered = is_answered(bound.spec)
+        if not answered and bound.spec.cls is not None:
             return super().of(instance, bound)
         ports: dict[str, Any] = {}
         for parameter in bound.spec.ports:
             self._port(instance, bound, parameter, ports)
-        return ports
+        return ports if answered else {"name": bound.name}
 
     def _handed_over(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:
         target = parameter.target
@@ -196,6 +210,8 @@ class RehearsalBuilder(Builder):
         self._places = Places(binding)
         self._identifiers = Identifiers()
         self._names: dict[tuple[Instance, BoundNode], str] = {}
+        self._said: dict[tuple[Instance, BoundNode], tuple[Answer, ...]] = {}
+        self._numbers: dict[tuple[Instance, BoundNode], dict[str, str]] = {}
         self._start: dict[str, tuple[Fact, str]] = {}
 
     def prepare(self, instance: Instance) -> None:
@@ -203,7 +219,20 @@ class RehearsalBuilder(Builder):
         for bound in instance.tree.nodes:
             if bound.spec.kind.is_leaf:
                 self._names[instance, bound] = self._identifiers.take(bound.name)
+            if is_answered(bound.spec):
+                path = self._places.path(instance, bound)
+                said = self._said[instance, bound] = answers_for(self._assumptions.answers, path, bound.spec)
+                self._numbers[instance, bound] = self._numbers_in(said, instance, bound)
         super().prepare(instance)
+
+    def _numbers_in(self, said: Sequence[Answer], instance: Instance, bound: BoundNode) -> dict[str, str]:
+        """Return the whole numbers that the scripts of some answers speak of, by their placeholders."""
+        scripts = [script for answer in said for script in (answer.when, answer.then)]
+        return {
+            parameter.name: number_text(self._source.fixed(instance, bound, parameter))
+            for parameter in bound.spec.parameters.values()
+            if parameter.is_whole_number and any(f"{{{parameter.name}}}" in script for script in scripts)
+        }
 
     def only_described(self, bound: BoundNode) -> None:
         """Note what stands for a control or a decorator that is only described."""
@@ -233,18 +262,14 @@ class RehearsalBuilder(Builder):
     def _make(self, instance: Instance, bound: BoundNode) -> Behaviour:
         if not is_answered(bound.spec):
             return super()._make(instance, bound)
-        names = {SELF: self._names[instance, bound]}
+        names = {SELF: self._names[instance, bound], **self._numbers[instance, bound]}
         for parameter in bound.spec.references:
             target = instance.referred(bound, parameter.name)
             names[parameter.name] = NOBODY if target is None else self._names.get(target, NOBODY)
         for fact, value in bound.spec.facts.items():
             self._add_fact(filled_text(fact, names), value, bound.name)
         path = self._places.path(instance, bound)
-        said = answers_for(self._assumptions.answers, path, bound.spec)
-        scripts = [script for answer in said for script in (answer.when, answer.then)]
-        for parameter in bound.spec.parameters.values():
-            if parameter.is_whole_number and any(f"{{{parameter.name}}}" in script for script in scripts):
-                names[parameter.name] = number_text(self._source.fixed(instance, bound, parameter))
+        said = self._said[instance, bound]
         enums = self._source.enums
         variables = FactVariables(self.facts, instance.scope, enums)
         for parameter in bound.spec.ports:

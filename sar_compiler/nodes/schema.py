@@ -1,7 +1,7 @@
 """The XML schema of tree files, made from the registry."""
 
-from collections.abc import Iterable
-from xml.sax.saxutils import escape, quoteattr
+from collections.abc import Collection, Iterable
+from html import escape
 
 from sar_compiler.nodes.attributes import CONDITIONS, NOTES, ONESHOT, ONESHOT_TYPE
 from sar_compiler.nodes.registry import Registry
@@ -71,16 +71,24 @@ _HEAD = """\
 _EXPLICIT = frozenset(kind.value for kind in Kind)
 
 
-def xml_schema(registry: Registry, described: Iterable[NodeSpec] = ()) -> str:
+def xml_schema(
+    registry: Registry, described: Iterable[NodeSpec] = (), only: Collection[str] | None = None
+) -> str:
     """Return the schema (XSD 1.0) of the files that may be written with a registry.
 
     Args:
         registry: What tags mean.
         described: Nodes that only a model describes.
+        only: The tags to leave it at, for a file in which no others are; None for all.
     """
-    tags = registry.by_tag()
+    tags = (
+        registry.by_tag()
+        if only is None
+        else {tag: registry.variants(tag) for tag in only if tag in registry}
+    )
     for spec in described:
-        tags.setdefault(spec.tag, [spec])
+        if only is None or spec.tag in only:
+            tags.setdefault(spec.tag, [spec])
     types = {
         parameter.value_type.name: parameter.value_type
         for specs in tags.values()
@@ -172,7 +180,7 @@ def _value_type(value_type: ValueType) -> list[str]:
     if value_type.choices:
         literal = _enumeration(value_type.choices)
     elif value_type.pattern:
-        literal = [f"<xs:pattern value={quoteattr(value_type.pattern)}/>"]
+        literal = [f'<xs:pattern value="{escape(value_type.pattern)}"/>']
     else:
         return _named_type(value_type.name, [])
     union = ['<xs:union memberTypes="key">', *_simple_type("  ", "", literal), "</xs:union>"]
@@ -194,7 +202,7 @@ def _simple_type(indent: str, name: str, facets: list[str]) -> list[str]:
 
 
 def _enumeration(texts: Iterable[str]) -> list[str]:
-    return [f"<xs:enumeration value={quoteattr(text)}/>" for text in texts]
+    return [f'<xs:enumeration value="{escape(text)}"/>' for text in texts]
 
 
 def _documentation(text: str, indent: str) -> list[str]:
@@ -202,6 +210,6 @@ def _documentation(text: str, indent: str) -> list[str]:
         return []
     return [
         f"{indent}<xs:annotation>",
-        f"{indent}  <xs:documentation>{escape(text)}</xs:documentation>",
+        f"{indent}  <xs:documentation>{escape(text, quote=False)}</xs:documentation>",
         f"{indent}</xs:annotation>",
     ]

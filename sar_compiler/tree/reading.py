@@ -1,16 +1,12 @@
 """Reading tree files in whatever form they are."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 from sar_compiler.tree.content import read_bytes
 from sar_compiler.tree.model import TreeFile
 from sar_compiler.tree.source import Form
-from sar_compiler.tree.xml import parse_xml
-from sar_compiler.tree.yaml import parse_yaml
 
 _FORMS = {".xml": Form.XML, ".yaml": Form.YAML, ".yml": Form.YAML}
-_PARSERS: dict[Form, Callable[[bytes, str], TreeFile]] = {Form.XML: parse_xml, Form.YAML: parse_yaml}
 
 
 def read_tree_file(path: str | Path) -> TreeFile:
@@ -29,7 +25,14 @@ def read_tree_file(path: str | Path) -> TreeFile:
         TreeError: If it cannot be understood at all.
     """
     data = read_bytes(path)
-    return _PARSERS[_form_of(Path(path), data)](data, str(path))
+    # Each form brings its own library along; most runs need one of them.
+    if _form_of(Path(path), data) is Form.XML:
+        from sar_compiler.tree.xml import parse_xml
+
+        return parse_xml(data, str(path))
+    from sar_compiler.tree.yaml import parse_yaml
+
+    return parse_yaml(data, str(path))
 
 
 def _form_of(path: Path, data: bytes) -> Form:

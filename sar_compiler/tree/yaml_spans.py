@@ -57,18 +57,14 @@ class YamlSpans:
         """Return where an attribute's name stands."""
         places = self._attribute(source, element, name)
         return (
-            source.span(*unquoted(source.text, places[0], places[1]))
-            if places
-            else self.tag(source, element)
+            source.span(*unquoted(source.text, places[0], places[1])) if places else self.tag(source, element)
         )
 
     def attribute_value(self, source: Source, element: Element, name: str) -> Span:
         """Return where an attribute's value stands: without quotes, and without the header of a block."""
         places = self._attribute(source, element, name)
         return (
-            source.span(*unquoted(source.text, places[2], places[3]))
-            if places
-            else self.tag(source, element)
+            source.span(*unquoted(source.text, places[2], places[3])) if places else self.tag(source, element)
         )
 
     def within_value(self, source: Source, element: Element, name: str, start: int, end: int) -> Span:

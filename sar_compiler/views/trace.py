@@ -45,7 +45,9 @@ def verdict(run: Run, failures: Sequence[Failure]) -> str:
     if not (scenario.path or failures):
         said = "Every leaf answered what is usual."
         by_root = run.ended and scenario.until is None
-        return f"{said} A run ends when the root succeeds or fails; --until says when else." if by_root else said
+        return (
+            f"{said} A run ends when the root succeeds or fails; --until says when else." if by_root else said
+        )
     title = f"{scenario.path}: '{scenario.name}'" if scenario.path else f"'{scenario.name}'"
     if not failures:
         return f"{title} holds."

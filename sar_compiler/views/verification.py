@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping
 
 from sar_compiler.checks.verify.traces import Change, Trace, TraceTick
 from sar_compiler.checks.verify.verdicts import Verdict, Verification
-from sar_compiler.runtime.answering import ANSWERED, HALTED, Event
+from sar_compiler.runtime.answering import ANSWERED, HALTED, AnsweringLeaf, Event
 from sar_compiler.views.plain import plain
+from sar_compiler.views.trace import leaf_labels
 
 _WIDTH = 110
 
@@ -19,8 +20,12 @@ def verification_as_text(verification: Verification, seconds: float) -> str:
         verification: What was found out.
         seconds: How long that took.
     """
+    labels = leaf_labels(verification.leaves)
     told = [
-        line for verdict in verification.verdicts if verdict.trace for line in _told(verdict, verdict.trace)
+        line
+        for verdict in verification.verdicts
+        if verdict.trace
+        for line in _told(verdict, verdict.trace, labels)
     ]
     return "\n".join([*told, *_summary(verification, seconds)])
 
@@ -42,30 +47,27 @@ def verification_as_json(verification: Verification, seconds: float) -> str:
     return json.dumps(data, indent=2, ensure_ascii=False)
 
 
-def _told(verdict: Verdict, trace: Trace) -> Iterator[str]:
+def _told(verdict: Verdict, trace: Trace, labels: Mapping[AnsweringLeaf, str]) -> Iterator[str]:
     yield f"{verdict.question}: {verdict.outcome.value}"
     yield f"  {verdict.reason}:"
     first = len(trace.ticks) - trace.loop
     for number, tick in enumerate(trace.ticks):
         if number == first:
             yield "  from here on for ever:"
-        yield from _tick_lines(number + 1, tick)
+        yield from _tick_lines(number + 1, tick, labels)
     yield ""
 
 
-def _tick_lines(number: int, tick: TraceTick) -> Iterator[str]:
+def _tick_lines(number: int, tick: TraceTick, labels: Mapping[AnsweringLeaf, str]) -> Iterator[str]:
     label = f"{number:5}  "
-    done = [_done(event) for event in tick.events if event.what in (ANSWERED, HALTED)]
+    seen = [event for event in tick.events if event.what in (ANSWERED, HALTED)]
+    done = [f"{labels[e.leaf]} {e.what if e.answer is None else e.answer.name}" for e in seen]
     came_to = [f"root {tick.root}"] if tick.root else []
     changes = [f"{name}: {_change(change)}" for name, change in tick.changes.items()]
     for line in (", ".join(done), "; ".join([*came_to, *changes]), tick.error):
         if line:
             yield from textwrap.wrap(line, _WIDTH, initial_indent=label, subsequent_indent=" " * len(label))
             label = " " * len(label)
-
-
-def _done(event: Event) -> str:
-    return f"{event.leaf.name} {event.what if event.answer is None else event.answer.name}"
 
 
 def _change(change: Change) -> str:

@@ -116,4 +116,12 @@ def test_a_slip_in_the_mission_is_one_finding_that_names_the_leaf_and_what_to_wr
 
 def test_both_flags_of_the_steps_gone_are_two_findings():
     text = changed(('memory="true"', 'memory="false"'))
-    assert [f.code for f in check(forest_of(text), default_registry())] == ["endless-restart", "repeated-effect"]
+    assert [f.code for f in check(forest_of(text), default_registry())] == [
+        "endless-restart",
+        "repeated-effect",
+    ]
+
+
+def test_a_number_that_only_the_mission_knows_keeps_nothing_from_being_checked():
+    text = '<root BTCPP_format="4"><BehaviorTree ID="Main"><PostponeZone attempts="{@tries}"/></BehaviorTree></root>'
+    assert check(forest_of(text), default_registry()) == []

@@ -65,6 +65,23 @@ def test_a_key_that_only_the_robot_would_write_is_named_with_the_leaf_that_write
     assert advice + 'answers: {M: [{status: SUCCESS, then: "d := ..."}]}' in out
 
 
+def test_a_control_that_is_only_described_is_nothing_to_prove_anything_with(run):
+    model = '<TreeNodesModel><Control ID="Recover"/></TreeNodesModel></root>'
+    tree = document("<Recover><AlwaysSuccess/></Recover>").replace("</root>", model)
+    status, out, err = run(tree)
+    assert (status, out) == (1, "")
+    assert "<Recover> is only described by a model, and when it ticks its children is not known; load" in err
+
+
+def test_leaves_of_one_name_are_told_apart_by_what_is_around_them(run):
+    tree = document(
+        '<Sequence><Inverter name="Not"><NavigateToBase/></Inverter><NavigateToBase name="NavigateToBase"/></Sequence>'
+    )
+    properties = "properties: {p: {at_end: root == 'SUCCESS'}}"
+    out = run(tree, "--properties", "{folder}/p.yaml", p=properties)[1]
+    assert "1  Not/NavigateToBase aborted, Sequence/NavigateToBase aborted" in out
+
+
 def test_the_shipped_mission_is_held_against_the_shipped_properties(capsys):
     assert main(["verify", "search_and_rescue", "--set", "zones_left=1"]) == 1
     assert "home only when no zone remains:" in capsys.readouterr().out
@@ -184,14 +201,6 @@ def test_a_condition_that_cannot_be_evaluated_everywhere_is_named(run):
     status, _, err = run(tree, "--properties", "{folder}/p.yaml", p=properties)
     assert status == 1
     assert "counted: 'n == 1' cannot be evaluated in every state: there is no variable 'n'" in err
-
-
-def test_a_control_that_is_only_described_is_stood_for_and_that_is_said(run):
-    model = '<TreeNodesModel><Control ID="Careful"/></TreeNodesModel>'
-    tree = document("<Careful><AdvanceZone/></Careful>").replace("</root>", f"{model}</root>")
-    status, _, err = run(tree)
-    assert status == 0
-    assert "a Sequence with memory stands for it here" in err
 
 
 class Terminal:

@@ -173,6 +173,20 @@ def test_what_stands_for_a_described_control_or_decorator_is_said():
     ]
 
 
+def test_ports_of_a_described_control_or_decorator_are_none_of_what_stands_for_it():
+    model = (
+        '<Control ID="Recover"><input_port name="tries" type="int"/></Control>'
+        '<Decorator ID="Rate"><input_port name="hz" type="double"/><output_port name="code"/></Decorator>'
+    )
+    tree = '<Recover tries="2"><Rate hz="{speed}" code="{code}"><Success/></Rate></Recover>'
+    rehearsal = rehearsed_file(
+        f'<root BTCPP_format="4"><BehaviorTree ID="Main">{tree}</BehaviorTree>'
+        f"<TreeNodesModel>{model}</TreeNodesModel></root>"
+    )
+    rehearsal.root.tick_once()
+    assert rehearsal.root.status == Status.SUCCESS
+
+
 def test_a_parameter_that_is_missing_says_where_a_value_is_given():
     with pytest.raises(TreeError, match=r"the mission has no parameter 'patience'") as error:
         rehearsed('<Timeout duration="{@patience}"><NavigateToZone/></Timeout>')
@@ -242,11 +256,27 @@ def test_leaves_that_start_a_fact_differently_are_a_dispute_until_somebody_settl
 
 @pytest.mark.parametrize(
     ("written", "possible"),
-    [("", "postponed"), (' attempts="1"', "tried often enough"), (' attempts="{@tries}"', "tried often enough")],
+    [
+        ("", "postponed"),
+        (' attempts="1"', "tried often enough"),
+        (' attempts="{@tries}"', "tried often enough"),
+    ],
 )
 def test_a_placeholder_for_a_whole_number_has_the_value_that_is_written(written, possible):
     rehearsal = rehearsed(f"<PostponeZone{written}/>", {"tries": 1})
     assert [answer.label for answer in rehearsal.leaves[0].options()] == [possible]
+
+
+def test_a_number_that_is_a_constant_of_the_subtree_takes_the_place_of_its_placeholder():
+    inner = '<BehaviorTree ID="Inner"><PostponeZone attempts="{tries}"/></BehaviorTree>'
+    outer = '<BehaviorTree ID="Outer"><SubTree ID="Inner" tries="1"/></BehaviorTree>'
+    text = f'<root BTCPP_format="4" main_tree_to_execute="Outer">{outer}{inner}</root>'
+    assert [answer.label for answer in rehearsed_file(text).leaves[0].options()] == ["tried often enough"]
+
+
+def test_a_parameter_for_a_placeholder_that_nobody_gives_is_a_finding():
+    with pytest.raises(TreeError, match="attempts: the mission has no parameter 'tries'"):
+        rehearsed('<PostponeZone attempts="{@tries}"/>')
 
 
 def test_a_tree_that_can_skip_is_made_of_nodes_that_know_it():

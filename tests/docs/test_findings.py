@@ -16,6 +16,7 @@ from tests.processes import BIN
 
 PAGES = Path("docs/findings")
 TABLE = PAGES / "README.md"
+OWN = Path("tests/docs/test_findings.py")
 CODES = sorted(KINDS)
 _SECTIONS = ["Bad", "Finding", "Good"]
 _PLACE = re.compile(r"(?<![\w.])\S+:\d+:\d+: (error|warning|info)\[([a-z-]+)\]: ")
@@ -50,7 +51,7 @@ def page_of(code):
     text = path.read_text(encoding="utf-8")
     starts = [text[: match.start()].count("\n") for match in re.finditer(r"^## ", text, re.MULTILINE)]
     assert re.findall(r"^## (.*)$", text, re.MULTILINE) == _SECTIONS
-    sections = {name: [] for name in _SECTIONS}
+    sections: dict[str, list[Block]] = {name: [] for name in _SECTIONS}
     for block in blocks(path):
         index = sum(start < block.line for start in starts) - 1
         sections[_SECTIONS[index]].append(block)
@@ -176,7 +177,8 @@ def test_the_test_that_the_table_names_for_a_kind_looks_for_it():
     wrong = []
     for _, _, cells in tables(TABLE):
         code, path = codes(cells[0])[0], Path(codes(cells[3])[0])
-        if not path.is_file() or not re.search(rf'["\[]{code}["\]]', path.read_text(encoding="utf-8")):
+        # Every page is tested here.
+        if path != OWN and not re.search(rf'["\[]{code}["\]\\]', path.read_text(encoding="utf-8")):
             wrong.append((code, str(path)))
     assert wrong == []
 

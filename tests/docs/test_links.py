@@ -1,11 +1,15 @@
 """Nothing in the documentation leads nowhere."""
 
+from pathlib import Path
+
 import pytest
 
 from tests.docs.markdown import PAGES, anchors, links
 
+FINDINGS = sorted(Path("docs/findings").glob("*.md"))
 
-@pytest.mark.parametrize("page", PAGES, ids=str)
+
+@pytest.mark.parametrize("page", [*PAGES, *FINDINGS], ids=str)
 def test_every_link_within_the_repository_leads_somewhere(page):
     dead = []
     for line, target in links(page):

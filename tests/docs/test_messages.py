@@ -136,16 +136,3 @@ def flat(parameters, prefix=""):
         for key, value in parameters.items()
     ]
     return dict(pair for each in pairs for pair in each)
-
-
-def test_every_code_of_a_finding_is_explained():
-    explained = {
-        code for heading, _, cells in tables(TREES) if heading == "Findings" for code in codes(cells[0])
-    }
-    rooms = ("tree", "nodes", "compiler", "checks")
-    places = [path for room in rooms for path in Path("sar_compiler", room).glob("*.py")]
-    # Kebab-case words are nothing else there; the schema's own code is a single one.
-    written = {
-        text for path in places for text in TEXTS[str(path)] if re.fullmatch(r"[a-z]+(-[a-z]+)+", text)
-    }
-    assert explained - {"schema"} == written - {"utf-8"}

@@ -19,6 +19,8 @@ from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.variables import UnknownVariableError, Value
 from sar_compiler.tree.diagnostic import Diagnostic
 
+_UNKNOWN = "unknown"
+
 
 def check_order(subject: Subject) -> Iterator[Diagnostic]:
     """Yield leaves that can only fail where they stand, and those that work with what was undone before them."""
@@ -92,22 +94,29 @@ def _leaves(top: Instance) -> Iterator[_Leaf]:
             if not (spec.facts or spec.reads or spec.writes):
                 continue
             own = any(f"{{{SELF}}}" in fact for fact in (*spec.facts, *spec.reads, *spec.writes))
-            names = {SELF: identifier(instance, bound)} if own else {}
+            names = {**({SELF: identifier(instance, bound)} if own else {}), **_numbers(bound)}
             for parameter in spec.references:
                 referred = instance.referred(bound, parameter.name)
                 if referred is not None:
                     names[parameter.name] = identifier(*referred)
-            for parameter in spec.plain:
-                if parameter.is_whole_number:
-                    # What a key holds is not known here: that is a name that no script can work out.
-                    written = bound.values.get(parameter.name, parameter.default)
-                    names[parameter.name] = "unknown" if parameter.name in bound.keys else number_text(written)
             key = (id(spec), *names.items())
             if key not in known:
                 known[key] = _Words(spec, names)
             words = known[key]
             if words.needs or words.reads or words.changes:
                 yield _Leaf(Use(instance, Mention(bound, "", "", Deed.READ), ways), words)
+
+
+def _numbers(bound: BoundNode) -> dict[str, str]:
+    """Return what stands for the whole numbers that are written for a leaf, by their attributes' names."""
+    numbers = (parameter for parameter in bound.spec.plain if parameter.is_whole_number)
+    return {
+        # What a key holds is not known here: that is a name that no script can work out.
+        each.name: _UNKNOWN
+        if each.name in bound.keys
+        else number_text(bound.values.get(each.name, each.default))
+        for each in numbers
+    }
 
 
 class _Facts:

@@ -87,7 +87,7 @@ class Condition:
             ConditionError: If it cannot be evaluated, because a key has no value yet or one that does not fit.
         """
 
-    def after_tick(self, root: str, idle: bool | None) -> bool:  # noqa: FBT001 - as `rules.Condition` has it
+    def after_tick(self, root: str, idle: bool | None) -> bool:
         """Say whether it holds when a tick is over; see `Surroundings.end_tick`.
 
         Raises:

@@ -13,7 +13,7 @@ def names_of(rehearsal: Rehearsal) -> list[str]:
     given = (name.removeprefix(prefix) for name in instance.scope.board.names())
     keys = [name for name in given if _FOLDER not in name]
     for bound in instance.tree.nodes:
-        keys += bound.keys.values()
+        keys += [*bound.keys.values(), *bound.remapping.keys.values()]
         scripts = [
             value
             for value in (*bound.values.values(), *bound.conditions.values())

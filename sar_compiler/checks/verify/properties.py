@@ -166,5 +166,5 @@ class _Reading:
         return companion
 
 
-def _root_is_over(root: str, _: bool | None) -> bool:  # noqa: FBT001 - as `rules.Condition` has it
+def _root_is_over(root: str, _: bool | None) -> bool:
     return root in ("SUCCESS", "FAILURE")

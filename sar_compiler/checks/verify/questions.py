@@ -25,9 +25,7 @@ class Questions:
         advice_on: Says what to do about what a tick raises, as the end of a sentence.
     """
 
-    def __init__(
-        self, graph: Graph, retracing: Retracing, advice_on: Callable[[BaseException], str]
-    ) -> None:
+    def __init__(self, graph: Graph, retracing: Retracing, advice_on: Callable[[BaseException], str]) -> None:
         self._graph = graph
         self._retracing = retracing
         self._advice_on = advice_on

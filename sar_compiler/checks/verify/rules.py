@@ -40,16 +40,21 @@ class Rules:
         owed = self.monitors.owed(watched)
         if not root:
             return Judgement(pending=owed)
-        try:
-            if not self.ends(root, idle):
-                return Judgement(pending=owed)
-        except IdleUnknownError:
-            return Judgement(pending=owed, is_open=True)
+        ends = _answer(self.ends, root, idle=idle)
+        if not ends:
+            return Judgement(pending=owed, is_open=ends is None)
         broken, is_open = owed, False
         for place, condition in enumerate(self.at_end):
-            try:
-                if not condition(root, idle):
-                    broken |= 1 << (self.monitors.count + place)
-            except IdleUnknownError:
-                is_open = True
+            holds = _answer(condition, root, idle=idle)
+            is_open = is_open or holds is None
+            if holds is False:
+                broken |= 1 << (self.monitors.count + place)
         return Judgement(ends=True, broken=broken, pending=owed, is_open=is_open)
+
+
+def _answer(condition: Condition, root: str, *, idle: bool | None) -> bool | None:
+    """Say whether a condition holds; None if that depends on what is not known yet."""
+    try:
+        return condition(root, idle)
+    except IdleUnknownError:
+        return None

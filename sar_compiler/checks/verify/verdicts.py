@@ -5,6 +5,7 @@ from enum import Enum
 
 from sar_compiler.checks.verify.properties import LeftOut
 from sar_compiler.checks.verify.traces import Trace
+from sar_compiler.runtime.answering import AnsweringLeaf
 
 
 class Outcome(str, Enum):
@@ -45,6 +46,7 @@ class Verification:
         complete: Whether every state was gone through.
         left_out: The properties that say nothing about this tree.
         growing: What had most values where not every state was gone through, with their number.
+        leaves: The leaves that the runs speak of.
     """
 
     verdicts: tuple[Verdict, ...]
@@ -54,6 +56,7 @@ class Verification:
     complete: bool
     left_out: tuple[LeftOut, ...] = ()
     growing: tuple[tuple[str, int], ...] = ()
+    leaves: tuple[AnsweringLeaf, ...] = ()
 
     @property
     def proved(self) -> bool:

@@ -40,9 +40,11 @@ def verify(
 
     Raises:
         TreeError: If the file says something that makes no sense for the tree; carries the findings.
-        UndecidableError: If the tree has a node whose rules are not known, does not do the same twice, or keeps
+        UndecidableError: If the tree has a node whose rules are not known or that is only described, does not do the same twice, or keeps
             values that cannot be compared; or if a condition cannot be evaluated.
     """
+    if rehearsal.notes:
+        raise UndecidableError(_unknown_nodes(rehearsal))
     prepared = Prepared.of(rehearsal)
     properties = without_properties() if file is None else properties_of(file, prepared, tags)
     try:
@@ -66,4 +68,14 @@ def verify(
         graph.complete,
         properties.left_out,
         growing,
+        rehearsal.leaves,
+    )
+
+
+def _unknown_nodes(rehearsal: Rehearsal) -> str:
+    """Say which nodes nobody knows the rules of; what stands for them in a simulation would prove nothing."""
+    described = ", ".join(dict.fromkeys(note.message.partition(";")[0] for note in rehearsal.notes))
+    return (
+        f"{described}, and when it ticks its children is not known; load the module that has it "
+        "(--nodes PKG.MOD), or put nodes of the library in its place"
     )

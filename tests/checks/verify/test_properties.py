@@ -2,8 +2,21 @@
 
 import pytest
 
+from sar_compiler.checks.verify import parse_property_file, verify
+from sar_compiler.compiler import bind_main
 from sar_compiler.tree.diagnostic import TreeError
-from tests.checks.verify.stage import BROKEN, PROVED, outcome, told, verdict, verified
+from tests.checks.verify.stage import (
+    BROKEN,
+    PROVED,
+    REGISTRY,
+    TAGS,
+    outcome,
+    rehearsed,
+    told,
+    verdict,
+    verified,
+)
+from tests.trees import forest_of
 
 TWO = "<Sequence><A/><B/></Sequence>"
 ANY = "<Fallback><A/><B/></Fallback>"
@@ -60,7 +73,7 @@ def test_an_event_under_a_condition_may_bound_its_own_property():
     tree = '<Sequence><Script code="n := 0" oneshot="ON_COMPLETION"/><A/>{}<Script code="n = 1"/></Sequence>'
     answers = "answers: {A: [SUCCESS], B: [SUCCESS]}"
     assert answer(tree.format("<B/>"), alternating, answers).outcome is PROVED
-    assert answer(tree.format(""), alternating, answers).outcome is BROKEN
+    assert answer(tree.format('<B _skipIf="n == 0"/>'), alternating, answers).outcome is BROKEN
 
 
 def test_a_condition_reads_keys_of_the_tree():
@@ -90,6 +103,16 @@ def test_whether_an_end_idles_is_asked_once_all_its_ticks_are_known():
     assert answer("<A/>", "{at_end: idle}").outcome is BROKEN
     assert answer("<A/>", "{at_end: '!idle'}").outcome is PROVED
     assert answer('<A oneshot="ON_COMPLETION"/>', "{at_end: '!idle'}").outcome is BROKEN
+
+
+def test_a_condition_reads_a_key_that_the_main_tree_only_passes_on():
+    main = '<BehaviorTree ID="Main"><SubTree ID="Inner" n="{shared}"/></BehaviorTree>'
+    inner = '<BehaviorTree ID="Inner"><Script code="n := 1"/></BehaviorTree>'
+    binding = bind_main(
+        forest_of(f'<root BTCPP_format="4" main_tree_to_execute="Main">{main}{inner}</root>'), REGISTRY
+    )
+    file = parse_property_file("properties: {p: {at_end: shared == 1}}")
+    assert outcome(verify(rehearsed(binding, file), file, TAGS, 100), "p") is PROVED
 
 
 def test_there_may_be_more_properties_than_a_word_has_bits():
