@@ -68,7 +68,7 @@ def test_a_run_that_does_not_end_says_so():
 
 def test_a_run_that_cannot_go_on_says_why():
     text = trace(played("name: x", '<Script code="a = 1"/>'))
-    assert text.startswith("tick 1, 0 s: root ")
+    assert text.startswith("tick 1, 0 s: not finished\n")
     assert "broken off in tick 1 (0 s): 'Script'" in text
 
 
