@@ -214,6 +214,29 @@ class TestCommands:
         assert time.monotonic() - began < 2.0
         assert "Traceback" not in server.output
 
+    def test_leaves_a_node_that_does_not_let_itself_be_taken_down(self) -> None:
+        hangs = (
+            "from rclpy.node import Node\n"
+            "from sar_compiler.ros import serving\n"
+            "class Stuck(Node):\n"
+            "    def destroy_node(self):\n"
+            "        while True: pass\n"
+            "def make(context, arguments):\n"
+            "    print('ready', flush=True)\n"
+            "    return Stuck('stuck', context=context)\n"
+            "serving._TAKING_DOWN_SEC = 0.5\n"
+            "serving.serve(make, 'stuck', 'Hangs.', [])\n"
+        )
+        server = subprocess.Popen(
+            [sys.executable, "-c", hangs], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        assert server.stdout is not None
+        assert server.stdout.readline() == "ready\n"
+        server.terminate()
+        _, said = server.communicate(timeout=20.0)
+        assert server.returncode == 1
+        assert "in destroy_node" in said
+
     def test_answers_another_process_in_a_namespace(self, ros: Ros, start: Callable[..., Process]) -> None:
         server = start(
             DETECT,
