@@ -35,7 +35,9 @@ Palettes = Iterable[TreeFile]
 
 def check_meaning(subject: Subject) -> Iterable[Diagnostic]:
     """Return what keeps the trees of a forest, executed or not, from meaning something."""
-    return subject.bound.findings
+    findings = subject.bound.findings
+    # A tree that is not there may be in a file that could not be read.
+    return findings if subject.is_whole else [each for each in findings if each.code != "unknown-tree"]
 
 
 MOST = 1000

@@ -10,13 +10,12 @@ from sar_compiler.nodes.tree_ids import fault_of
 from sar_compiler.nodes.values import nearest
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, ROOT_TAG, TREE_TAG, Element, TreeFile
+from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, ROOT_TAG, SECTIONS, TREE_TAG, Element, TreeFile
 
 ROOT_ATTRIBUTES = ("BTCPP_format", "main_tree_to_execute")
 TREE_ATTRIBUTES = ("ID", *NOTES)
 INCLUDE_ATTRIBUTES = ("path", "ros_pkg")
 FORMAT = "4"
-_SECTIONS = (TREE_TAG, INCLUDE_TAG, MODEL_TAG)
 
 
 def check_document(subject: Subject) -> Iterator[Diagnostic]:
@@ -25,7 +24,7 @@ def check_document(subject: Subject) -> Iterator[Diagnostic]:
     for tree_file in forest.files:
         yield from _frame(tree_file.root)
     yield from _tree_ids(forest, registry)
-    if forest.main.root.tag == ROOT_TAG and not _is_palette(forest):
+    if forest.main.root.tag == ROOT_TAG and subject.is_whole and not _is_palette(forest):
         try:
             find_main_tree(forest)
         except TreeError as error:
@@ -44,17 +43,17 @@ def _frame(root: Element) -> Iterator[Diagnostic]:
     if root.tag != ROOT_TAG:
         message = f"the outermost element is <{root.tag}>; a tree file has <{ROOT_TAG}> there"
         hint = f'put everything in <{ROOT_TAG} BTCPP_format="{FORMAT}">'
-        yield _finding(root, "wrong-root", message, hint=hint)
+        yield _finding(root, "wrong-root", message, suggestion=nearest(root.tag, [ROOT_TAG]), hint=hint)
         return
     yield from _unknown_attributes(root, ROOT_ATTRIBUTES)
     yield from _format(root)
     for child in root.children:
-        if child.tag not in _SECTIONS:
+        if child.tag not in SECTIONS:
             message = f"<{child.tag}> cannot stand directly in <{ROOT_TAG}>"
-            near = nearest(child.tag, _SECTIONS)
+            near = nearest(child.tag, SECTIONS)
             hint = f"nodes stand in a <{TREE_TAG}>"
             yield _finding(child, "unknown-element", message, suggestion=near, hint=hint)
-        elif child.tag == INCLUDE_TAG:
+        elif child.tag == INCLUDE_TAG and "path" in child.attributes:  # the forest speaks of one without
             yield from _unknown_attributes(child, INCLUDE_ATTRIBUTES)
     for extra in [child for child in root.children if child.tag == MODEL_TAG][1:]:
         yield _finding(extra, "duplicate-model", f"a file has one <{MODEL_TAG}>; this is another")

@@ -68,6 +68,7 @@ class AttributeBinder:
         """
         parameters = bound.spec.parameters
         meant: set[str | None] = set()
+        unknown: list[str] = []
         for name, text in bound.element.attributes.items():
             parameter = parameters.get(name)
             role = parameter and parameter.role
@@ -79,7 +80,9 @@ class AttributeBinder:
             elif role is _REFERENCE:
                 pass  # resolved when all nodes are known
             elif not self.common(bound, name) and not (name == "ID" and bound.element.tag != bound.spec.tag):
-                meant.add(self._unknown(bound, name, other_variants))
+                unknown.append(name)
+        for name in unknown:
+            meant.add(self._unknown(bound, name, other_variants, is_only=len(unknown) == 1))
         for parameter in bound.spec.required:
             # One that is misspelt is not missing as well.
             if parameter.name not in meant:
@@ -151,8 +154,11 @@ class AttributeBinder:
             return
         if parameter.direction is _OUTPUT:
             message = f"{name}: an output is written to the blackboard, and '{text}' is no key of it"
-            hint = f'write {name}="{{{text if text.isidentifier() else "key"}}}"'
-            self._collector.value(bound.element, name, "wrong-value", message, hint=hint)
+            suggestion = f"{{{text}}}" if text.isidentifier() else None
+            hint = f'write {name}="{{key}}"'
+            self._collector.value(
+                bound.element, name, "wrong-value", message, suggestion=suggestion, hint=hint
+            )
             return
         value = self.convert(bound.element, name, parameter.value_type)
         fixed = bound.spec.fixed.get(name, value)
@@ -175,7 +181,9 @@ class AttributeBinder:
             message += "".join(f" or '{other}'" for other in others)
         self._collector.tag(element, "missing-attribute", message, hint=f'write {name}="..." ({label})')
 
-    def _unknown(self, bound: BoundNode, name: str, other_variants: Sequence[NodeSpec]) -> str | None:
+    def _unknown(
+        self, bound: BoundNode, name: str, other_variants: Sequence[NodeSpec], *, is_only: bool
+    ) -> str | None:
         """Report an attribute that the node does not have; return the one that was probably meant."""
         element, spec = bound.element, bound.spec
         if any(name in (parameter.name for parameter in other.attributes) for other in other_variants):
@@ -186,9 +194,24 @@ class AttributeBinder:
         known = [parameter.name for parameter in spec.attributes] + [ONESHOT]
         message = f"<{bound.spec.tag}> has no attribute '{name}'; it has {', '.join(known)}"
         candidates = [*known, *CONDITIONS] if name.startswith("_") else known
-        near = nearest(name, [other for other in candidates if other not in element.attributes])
-        self._collector.name(element, name, "unknown-attribute", message, suggestion=near)
-        return near
+        near = nearest(
+            name, [other for other in candidates if other not in element.attributes]
+        ) or underscored(name)
+        missing = [p.name for p in spec.required if p.name not in element.attributes]
+        if near is not None or not is_only or len(missing) != 1:
+            self._collector.name(element, name, "unknown-attribute", message, suggestion=near)
+            return near
+        # The one that is strange was meant for the one that is missing, or for that of another meaning of the tag.
+        others = [p.name for other in other_variants for p in other.attributes if p.required]
+        suggestion = None if others else missing[0]
+        hint = f"write {' or '.join([*missing, *others])} instead"
+        self._collector.name(element, name, "unknown-attribute", message, suggestion=suggestion, hint=hint)
+        return missing[0]
+
+
+def underscored(name: str) -> str | None:
+    """Return the condition that was written without its underscore; None if a name is none."""
+    return next((known for known in CONDITIONS if known[1:].lower() == name.lower()), None)
 
 
 def closed(text: str) -> str | None:

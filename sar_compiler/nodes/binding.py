@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from sar_compiler.nodes.attributes import CONDITIONS, ONESHOT, AttributeBinder
 from sar_compiler.nodes.bound import Binding, BoundNode, BoundTree, Remapping
 from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.former_names import FORMER_ATTRIBUTES, FORMER_TAGS
 from sar_compiler.nodes.instances import Instance, expand, report_shared_keys
 from sar_compiler.nodes.model_comparison import compare
 from sar_compiler.nodes.models import Model, Models, read_models
@@ -243,20 +244,19 @@ class Binder:
     def _unknown(self, element: Element, tag: str) -> BoundNode | None:
         """Report a tag that means nothing, and go on with what was probably meant."""
         self._current.unknown_names.add(element.attributes.get("name", tag))
-        near = self._nearest(tag)
+        near = self._meant_by(element, tag)
         if element.tag == TREE_TAG:
             self._collector.tag(element, "unknown-node", f"a <{TREE_TAG}> cannot stand inside another")
         elif element.tag in _KIND_TAGS and not element.attributes.get("ID"):
-            message = f"<{element.tag}> does not say which node it is"
-            span = element.value_span("ID") if "ID" in element.attributes else element.tag_span()
-            hint = 'write the node\'s name: ID="..."'
-            self._collector.at(element, span, "missing-attribute", message, hint=hint)
+            self._without_id(element, f"<{element.tag}> does not say which node it is", "the node's name")
         else:
             message = f"no node is called '{tag}'"
             hint = "sar-compile nodes lists them; --nodes adds a module of leaves, --model a palette"
             span = element.tag_span() if tag == element.tag else element.value_span("ID")
             self._collector.at(element, span, "unknown-node", message, suggestion=near, hint=hint)
-        variants = self._variants(near or "")
+        variants = self._variants(
+            element.attributes["ID"] if near in _KIND_TAGS and "ID" in element.attributes else near or ""
+        )
         if not variants:
             for child in element.children:
                 self._node(child)
@@ -267,6 +267,24 @@ class Binder:
         bound = BoundNode(element, variants[0], name)
         self._take_in(bound)
         return bound
+
+    def _without_id(self, element: Element, message: str, what: str) -> None:
+        """Report an element that must name something and does not; in the wrong case it is no ID."""
+        written = [name for name in element.attributes if name.upper() == "ID"]
+        if written and written != ["ID"]:
+            message = f"<{element.tag}> has no attribute '{written[0]}'; {what} stands in its ID"
+            self._collector.name(element, written[0], "unknown-attribute", message, suggestion="ID")
+            return
+        span = element.value_span("ID") if written else element.tag_span()
+        self._collector.at(element, span, "missing-attribute", message, hint=f'write {what}: ID="..."')
+
+    def _meant_by(self, element: Element, tag: str) -> str | None:
+        """Return what an unknown tag was probably meant to be."""
+        if "ID" in element.attributes and tag == element.tag and tag not in _KIND_TAGS:
+            explicit = nearest(tag, sorted(_KIND_TAGS))
+            if explicit is not None:
+                return explicit
+        return FORMER_TAGS.get(tag) or self._nearest(tag)
 
     def _nearest(self, tag: str) -> str | None:
         if tag not in self._meant and len(self._meant) < _MOST_GUESSES:
@@ -311,9 +329,7 @@ class Binder:
             message = f"<{SUBTREE_TAG}> names a tree; its nodes stand in that <{TREE_TAG}>"
             self._collector.tag(child, "child-of-leaf", message)
         if not tree_id:
-            self._collector.tag(
-                element, "missing-attribute", f"this <{SUBTREE_TAG}> names no tree", hint='write ID="..."'
-            )
+            self._without_id(element, f"this <{SUBTREE_TAG}> names no tree", "the tree's name")
             return bound
         target = self._forest.trees.get(tree_id)
         bound.remapping = self._remapping(bound, self._models.subtrees.get(tree_id))
@@ -358,17 +374,21 @@ class Binder:
     def _unknown_of_subtree(self, element: Element, name: str) -> None:
         known = ["_autoremap", *CONDITIONS]
         message = f"<{SUBTREE_TAG}> has no attribute '{name}'; keys do not begin with _"
-        self._collector.name(
-            element, name, "unknown-attribute", message, suggestion=nearest(name, [*known, ONESHOT])
-        )
+        near = FORMER_ATTRIBUTES.get(name) or nearest(name, [*known, ONESHOT])
+        self._collector.name(element, name, "unknown-attribute", message, suggestion=near)
 
 
 def _best(variants: list[NodeSpec], element: Element) -> NodeSpec:
-    """Return the meaning of a tag that knows the most of the attributes written, or names the most like them."""
+    """Return the meaning of a tag that knows the most of the attributes written, or names the most like them.
 
-    def strangeness(spec: NodeSpec) -> tuple[int, int]:
-        unknown = [name for name in element.attributes if name not in spec.parameters]
-        return len(unknown), sum(nearest(name, spec.parameters) is None for name in unknown)
+    Where two know as many, the attribute that was written first counts.
+    """
+    written = list(element.attributes)
+
+    def strangeness(spec: NodeSpec) -> tuple[int, int, int]:
+        unknown = [name for name in written if name not in spec.parameters]
+        strangers = sum(nearest(name, spec.parameters) is None for name in unknown)
+        return len(unknown), strangers, -written.index(unknown[0]) if unknown else 0
 
     return min(variants, key=strangeness)
 

@@ -73,8 +73,15 @@ def _check_default(port: Port, value_type: ValueType, collector: Collector) -> N
         return
     if port.direction is Direction.OUTPUT:
         message = f"default: an output is written to the blackboard, and '{text}' is no key of it"
-        hint = f'write default="{{{text if text.isidentifier() else "key"}}}"'
-        collector.value(port.element, "default", "wrong-value", message, hint=hint)
+        suggestion = f"{{{text}}}" if text.isidentifier() else None
+        collector.value(
+            port.element,
+            "default",
+            "wrong-value",
+            message,
+            suggestion=suggestion,
+            hint='write default="{key}"',
+        )
         return
     try:
         value_type.convert(text)

@@ -39,10 +39,6 @@ _HEAD = """\
       <xs:field xpath="@ID"/>
     </xs:unique>
   </xs:element>
-  <xs:complexType name="tree">
-    <xs:group ref="node"/>
-    <xs:attribute name="ID" type="name"/>
-  </xs:complexType>
   <xs:complexType name="subtree" mixed="true">
     <xs:attribute name="ID" type="name" use="required"/>
     <xs:anyAttribute processContents="skip"/>
@@ -97,13 +93,22 @@ def xml_schema(
         if parameter.value_type is not None
     }
     types[CONDITION.name] = CONDITION
-    lines = [_HEAD.rstrip("\n"), *_group(tags), *_common()]
+    lines = [_HEAD.rstrip("\n"), *_tree_type(), *_group(tags), *_common()]
     for name in sorted(types):
         lines += _value_type(types[name])
     lines += _named_type(ONESHOT, _enumeration(ONESHOT_TYPE.choices))
     for tag, specs in tags.items():
         lines += _node_type(tag, specs)
     return "\n".join([*lines, "</xs:schema>", ""])
+
+
+def _tree_type() -> list[str]:
+    lines = ['    <xs:group ref="node"/>', '    <xs:attribute name="ID" type="name"/>', *_notes()]
+    return ['  <xs:complexType name="tree">', *lines, "  </xs:complexType>"]
+
+
+def _notes() -> list[str]:
+    return [f'    <xs:attribute name="{name}" type="xs:string"/>' for name in NOTES]
 
 
 def _group(tags: Iterable[str]) -> list[str]:
@@ -119,7 +124,7 @@ def _group(tags: Iterable[str]) -> list[str]:
 
 def _common() -> list[str]:
     attributes = [f'    <xs:attribute name="{name}" type="{CONDITION.name}.value"/>' for name in CONDITIONS]
-    attributes += [f'    <xs:attribute name="{name}" type="xs:string"/>' for name in NOTES]
+    attributes += _notes()
     oneshot = f'    <xs:attribute name="{ONESHOT}" type="{ONESHOT}.value"/>'
     return ['  <xs:attributeGroup name="common">', oneshot, *attributes, "  </xs:attributeGroup>"]
 

@@ -167,9 +167,16 @@ def _odd(value: object, wanted: type) -> bool:
 def nearest(word: str, known: Iterable[str]) -> str | None:
     """Return the known word that was probably meant, or None."""
     candidates = list(known)
-    by_case = [candidate for candidate in candidates if candidate.lower() == word.lower()]
-    found = by_case or difflib.get_close_matches(word, candidates, n=1, cutoff=0.6)
+    found = (
+        [candidate for candidate in candidates if candidate.lower() == word.lower()]
+        or [candidate for candidate in candidates if _folded(candidate) == _folded(word)]
+        or difflib.get_close_matches(word, candidates, n=1, cutoff=0.6)
+    )
     return found[0] if found else None
+
+
+def _folded(word: str) -> str:
+    return word.replace("_", "").lower()
 
 
 def blackboard_key(text: str, port: str = "") -> str | None:

@@ -1,5 +1,6 @@
 """All trees that a file can name: its own, and those of the files that it includes."""
 
+import difflib
 import functools
 import os
 from collections.abc import Callable, Iterable, Iterator
@@ -15,6 +16,8 @@ MAX_FILES = 1000
 
 MAX_INCLUDE_DEPTH = 50
 """An include in an include, and so on, ends here."""
+
+_ENDINGS = frozenset((".xml", ".yaml", ".yml"))
 
 Read = Callable[[Path], TreeFile]
 """Reads one file."""
@@ -133,7 +136,7 @@ class _Loader:
         try:
             tree_file = self.read(_as_written(target))
         except UnreadableFileError as error:
-            self._report(element, "unreadable-include", str(error))
+            self._report(element, "unreadable-include", str(error), suggestion=_near(element, target))
         except TreeError as error:
             self.findings.extend(error.findings)
         else:
@@ -145,8 +148,7 @@ class _Loader:
         """Return the file that an include means, or None after a finding."""
         written = element.attributes.get("path")
         if not written:
-            hint = 'write path="other.xml"'
-            self._report(element, "missing-attribute", "<include> needs the attribute 'path'", hint=hint)
+            self._report_pathless(element)
             return None
         package = element.attributes.get("ros_pkg")
         if package is None or Path(written).is_absolute():
@@ -185,11 +187,32 @@ class _Loader:
         self._report(element, "include-outside", message, hint=hint)
         return False
 
+    def _report_pathless(self, element: Element) -> None:
+        """Report an include without a path; a single strange attribute was meant for it."""
+        strange = [name for name in element.attributes if name not in ("path", "ros_pkg")]
+        if len(strange) == 1:
+            message = f"<{INCLUDE_TAG}> has no attribute '{strange[0]}'; it has path, ros_pkg"
+            span = element.name_span(strange[0])
+            finding = Diagnostic("unknown-attribute", message, element.source, span, suggestion="path")
+            self.findings.append(finding)
+            return
+        hint = 'write path="other.xml"'
+        self._report(element, "missing-attribute", "<include> needs the attribute 'path'", hint=hint)
+
     def _report(
-        self, element: Element, code: str, message: str, attribute: str = "path", hint: str | None = None
+        self, element: Element, code: str, message: str, attribute: str = "path", **advice: str | None
     ) -> None:
         span = element.value_span(attribute) if attribute in element.attributes else element.tag_span()
-        self.findings.append(Diagnostic(code, message, element.source, span, hint=hint))
+        self.findings.append(Diagnostic(code, message, element.source, span, **advice))  # type: ignore[arg-type]
+
+
+def _near(element: Element, target: Path) -> str | None:
+    """Return the path of an include with the name of the tree file beside it that was probably meant."""
+    written, beside = element.attributes["path"], []
+    with suppress(OSError):
+        beside = [path.name for path in target.parent.iterdir() if path.suffix in _ENDINGS]
+    near = difflib.get_close_matches(target.name, sorted(beside), n=1)
+    return written.removesuffix(target.name) + near[0] if near and written.endswith(target.name) else None
 
 
 def _may_never_end(path: Path) -> bool:

@@ -12,6 +12,8 @@ TREE_TAG = "BehaviorTree"
 MODEL_TAG = "TreeNodesModel"
 INCLUDE_TAG = "include"
 SUBTREE_TAG = "SubTree"
+SECTIONS = (TREE_TAG, INCLUDE_TAG, MODEL_TAG)
+"""What stands directly in the root element."""
 
 
 CHILDREN_KEY = "children"

@@ -16,6 +16,7 @@ from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.growing import uncollected
 from sar_compiler.tree.model import MODEL_TAG, Comment, Element, TreeFile, new_element
 from sar_compiler.tree.source import Form, Source, Span
+from sar_compiler.tree.xml_slips import slip_at
 
 _DECLARED_ENCODING = re.compile(rb"""^<\?xml\b[^>]*?\bencoding\s*=\s*["']([A-Za-z0-9._\-]+)["']""")
 _NAME = re.compile(r"<[^\s/>]+")
@@ -103,7 +104,6 @@ _SPANS = _XmlSpans()
 _NOTHING: tuple[str, tuple[Comment, ...]] = ("", ())
 _EMPTY_HINT = 'write <root BTCPP_format="4"> with a <BehaviorTree ID="..."> in it'
 _HINTS = {
-    expat.errors.XML_ERROR_UNDEFINED_ENTITY: "write &amp; for an ampersand",
     expat.errors.XML_ERROR_JUNK_AFTER_DOC_ELEMENT: "a tree file has one <root> with everything in it",
     expat.errors.XML_ERROR_SYNTAX: "a tree file begins with <root>",
 }
@@ -202,17 +202,24 @@ class _Reader:
         start = self._source.offset(error.lineno, error.offset + 1)
         words = expat.errors.messages.get(error.code, str(error))
         hint = _HINTS.get(words)
+        found = slip_at(self._source.text, start, words)
+        if found is not None:
+            where = self._source.span(found.start, found.end)
+            return Diagnostic(
+                "malformed-xml",
+                f"not well-formed XML: {found.message}",
+                self._source,
+                where,
+                found.suggestion,
+            )
         if words == expat.errors.XML_ERROR_TAG_MISMATCH and self._open:
+            start -= len("</")  # expat speaks of the name behind it
             tag, _, opened, *_ = self._open[-1]
             words = f"the end tag does not close <{tag}>, which was opened in line {opened}"
             hint = f"</{tag}> is expected here"
         elif words == expat.errors.XML_ERROR_NO_ELEMENTS and self._open:
             tag, _, opened, *_ = self._open[-1]
             words = f"the file ends before <{tag}>, opened in line {opened}, is closed"
-        elif words == expat.errors.XML_ERROR_INVALID_TOKEN and self._source.text[:start].rstrip().endswith(
-            "="
-        ):
-            words = "the value of an attribute must stand in quotes"
         span = self._source.span(start, start + 1)
         return Diagnostic("malformed-xml", f"not well-formed XML: {words}", self._source, span, hint=hint)
 

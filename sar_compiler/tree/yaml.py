@@ -231,7 +231,7 @@ class _Reader:
         events = self._events
         value = events.next
         if not isinstance(value, yaml.ScalarEvent):
-            self._not_a_text(key)
+            self._not_a_text(parts, key)
             return
         events.take()
         for said in (beside, _header_comment(self._source.text, value), events.beside):
@@ -253,7 +253,7 @@ class _Reader:
             message = f"'{TEXT_KEY}' stands only in the ports of a {MODEL_TAG}"
             self._report("wrong-shape", message, *_place(key), hint="write a comment instead")
 
-    def _not_a_text(self, key: Any) -> None:
+    def _not_a_text(self, parts: _Parts, key: Any) -> None:
         """Say of a list or a mapping that it cannot be the value of an attribute."""
         value = self._events.next
         start, end = _place(value)[0], self._events.skip()
@@ -267,7 +267,9 @@ class _Reader:
         what = "a list" if isinstance(value, yaml.SequenceStartEvent) else "a mapping"
         message = f"'{key.value}' is an attribute, and its value is {what}, not a text"
         hint = f"nodes stand under '{CHILDREN_KEY}'; a text that begins with {{ or [ stands in quotes"
-        self._report("wrong-shape", message, *_place(key), hint=hint)
+        block = isinstance(value, yaml.SequenceStartEvent) and not value.flow_style
+        meant = CHILDREN_KEY if block and CHILDREN_KEY not in parts.seen else None
+        self._report("wrong-shape", message, *_place(key), suggestion=meant, hint=hint)
 
     def _children(self, parts: _Parts, key: Any) -> None:
         events = self._events

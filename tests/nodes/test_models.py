@@ -77,7 +77,7 @@ def test_a_port_has_the_type_that_it_is_said_to_have(name):
 def test_an_output_of_a_described_node_must_be_a_key():
     model = palette('<Action ID="Do"><output_port name="x"/></Action>')
     assert found(document('<Do x="{x}"/>'), model) == []
-    assert found(document('<Do x="x"/>'), model) == [("wrong-value", "test.xml", 3, None)]
+    assert found(document('<Do x="x"/>'), model) == [("wrong-value", "test.xml", 3, "{x}")]
 
 
 MISTAKES = {
@@ -174,7 +174,7 @@ def test_a_default_that_the_port_does_not_take_is_a_finding_at_the_default(which
 def test_the_default_of_an_output_must_be_a_key():
     model = '<Action ID="Do"><output_port name="x" default="{}"/></Action>'
     assert found(palette(model.format("{y}"), trees=TREE)) == []
-    assert found(palette(model.format("y"), trees=TREE)) == [("wrong-value", "test.xml", 2, None)]
+    assert found(palette(model.format("y"), trees=TREE)) == [("wrong-value", "test.xml", 2, "{y}")]
 
 
 def test_a_port_that_is_described_twice_is_a_finding():

@@ -246,9 +246,9 @@ def test_any_value_fits_a_type_or_is_refused_in_words(annotation, value):
 
 
 def test_an_output_must_be_a_key():
-    assert found('<Write to="goal"/>') == [("wrong-value", 3, 12, None)]
-    (finding,) = errors(forest('<Write to="goal"/>'), REGISTRY)
-    assert finding.hint == 'write to="{goal}"'
+    assert found('<Write to="goal"/>') == [("wrong-value", 3, 12, "{goal}")]
+    (finding,) = errors(forest('<Write to="1 m"/>'), REGISTRY)
+    assert (finding.suggestion, finding.hint) == (None, 'write to="{key}"')
 
 
 def test_an_inout_port_may_be_a_constant_which_cannot_be_written():

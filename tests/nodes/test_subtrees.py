@@ -64,7 +64,8 @@ def test_a_tree_that_is_not_there_is_a_finding_with_the_nearest_name():
 @pytest.mark.parametrize("attributes", ["", ' ID=""'])
 def test_a_subtree_that_names_no_tree_is_a_finding(attributes):
     line = tree("Main", f"<SubTree{attributes}/>")
-    assert found(line) == [("missing-attribute", 2, column(line, "<SubTree"), None)]
+    place = '"/>' if attributes else "<SubTree"
+    assert found(line) == [("missing-attribute", 2, column(line, place), None)]
 
 
 def test_nodes_in_a_subtree_element_are_a_finding():

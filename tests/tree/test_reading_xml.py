@@ -95,7 +95,7 @@ def test_a_file_is_read_in_the_encoding_it_declares(encoding):
         (b" \n\t", ("empty-file", 1, 1)),
         (b"hello", ("malformed-xml", 1, 1)),
         (b"<root>\n  <A>\n", ("malformed-xml", 3, 1)),
-        (b"<root>\n  <A></B>\n</root>", ("malformed-xml", 2, 8)),
+        (b"<root>\n  <A></B>\n</root>", ("malformed-xml", 2, 6)),
         (b"<root a=1/>", ("malformed-xml", 1, 9)),
         (b'<root a="1" a="2"/>', ("malformed-xml", 1, 13)),
         (b"<root/>\n<root/>", ("malformed-xml", 2, 1)),

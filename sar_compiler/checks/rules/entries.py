@@ -163,6 +163,21 @@ def _entry(entries: dict[tuple[Scope, str], EntryUses], scope: Scope, key: str) 
     return entries[owner]
 
 
+def argument_of(use: Use, entry: EntryUses) -> tuple[BoundNode, str] | None:
+    """Return the outermost `SubTree` that gives an entry to the tree of a use, and the attribute by which it does.
+
+    None if the use stands in the tree that the entry belongs to, or no attribute is written for it.
+    """
+    found = None
+    instance, key = use.instance, use.mention.key
+    while instance.scope is not entry.scope and instance.place is not None and instance.around is not None:
+        place = instance.place
+        if key in place.remapping.keys and key in place.element.attributes:
+            found = place, key
+        key, instance = place.remapping.keys.get(key, key), instance.around
+    return found
+
+
 def parting(first: Use, second: Use) -> int:
     """Return how many steps from the root two uses have in common."""
     together = 0

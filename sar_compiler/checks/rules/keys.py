@@ -4,7 +4,16 @@ import difflib
 import itertools
 from collections.abc import Iterator
 
-from sar_compiler.checks.rules.entries import Board, EntryUses, Use, between, board_of, comes_first, parting
+from sar_compiler.checks.rules.entries import (
+    Board,
+    EntryUses,
+    Use,
+    argument_of,
+    between,
+    board_of,
+    comes_first,
+    parting,
+)
 from sar_compiler.checks.rules.mentions import Deed, Mentions, Moment, mentions_of
 from sar_compiler.checks.rules.natures import PARALLELS, SEQUENCES, Natures
 from sar_compiler.checks.rules.outcomes import K, S
@@ -79,6 +88,9 @@ def _unwritten(entry: EntryUses, board: Board, *, is_main: bool) -> Iterator[Dia
 
 
 def _unwritten_finding(use: Use, entry: EntryUses, near: str | None) -> Diagnostic:
+    argument = argument_of(use, entry)
+    if argument is not None:
+        return _unwritten_argument(*argument, entry, near)
     mention, key = use.mention, use.mention.key
     suggestion, hint = None, _how_to_give(use, key)
     if near is not None and key == entry.key:
@@ -91,6 +103,15 @@ def _unwritten_finding(use: Use, entry: EntryUses, near: str | None) -> Diagnost
     else:
         message = f"{mention.attribute}: '{key}' is read here, and nothing ever writes it"
     return _warning("unwritten-key", message, use, suggestion=suggestion, hint=hint)
+
+
+def _unwritten_argument(place: BoundNode, attribute: str, entry: EntryUses, near: str | None) -> Diagnostic:
+    """Say of a key that a subtree is given and reads, where it is given to it."""
+    message = f"{attribute}: '{entry.key}' is read in '{place.name}', and nothing ever writes it"
+    suggestion = f"{{{near}}}" if near is not None else None
+    hint = f"let a node before it write it; a parameter of the mission is {{@{entry.key}}}"
+    source, span = place.element.source, place.element.value_span(attribute)
+    return Diagnostic("unwritten-key", message, source, span, suggestion, hint, Severity.WARNING)
 
 
 def _how_to_give(use: Use, key: str) -> str:
@@ -230,6 +251,8 @@ def _unread(entry: EntryUses, board: Board) -> Iterator[Diagnostic]:
     wanting = [other.key for other in board.entries if other.scope is entry.scope and not other.is_made]
     if _nearest(entry.key, wanting) is not None:
         return  # the one that is misspelt is reported where it is read
+    if _is_given_for_nothing(entry, board):
+        return  # `check_subtrees` finds the attribute that means nothing
     for use in entry.writers:
         if _is_meant_elsewhere(use):
             return  # `check_texts` finds the brace that is missing
@@ -246,6 +269,18 @@ def _unread(entry: EntryUses, board: Board) -> Iterator[Diagnostic]:
                 severity=Severity.INFO,
             )
             return
+
+
+def _is_given_for_nothing(entry: EntryUses, board: Board) -> bool:
+    """Say whether a subtree is given an entry by a key with which it does nothing."""
+    owner = (entry.scope, entry.key)
+    return any(
+        instance.scope.owner(key) == owner
+        and name not in {mention.key for mention in mentions_of(inner.tree).mentions}
+        for instance in board.top.iterate()
+        for place, inner in instance.inner.items()
+        for name, key in place.remapping.keys.items()
+    )
 
 
 def _is_meant_elsewhere(use: Use) -> bool:

@@ -12,7 +12,7 @@ from sar_compiler.nodes.nesting import trees_in
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.model import TreeFile
+from sar_compiler.tree.model import SECTIONS, TreeFile
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,14 @@ class Subject:
     def bound(self) -> BoundForest:
         """Every tree, bound."""
         return bind_all(self.forest, self.registry, self.palettes)
+
+    @functools.cached_property
+    def is_whole(self) -> bool:
+        """Whether every tree is there: each include was read, and nothing beside the trees may have been meant for one."""
+        roots = (tree_file.root for tree_file in self.forest.files)
+        return not self.forest.findings and all(
+            child.tag in SECTIONS for root in roots for child in root.children
+        )
 
     @functools.cached_property
     def trees(self) -> tuple[BoundTree, ...]:

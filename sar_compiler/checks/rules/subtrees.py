@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from sar_compiler.checks.rules.mentions import mentions_of
 from sar_compiler.checks.rules.subject import Subject
+from sar_compiler.nodes.attributes import underscored
 from sar_compiler.nodes.bound import BoundNode, BoundTree
 from sar_compiler.nodes.nesting import trees_in
 from sar_compiler.nodes.values import nearest
@@ -87,6 +88,6 @@ def _unused_arguments(use: BoundNode, subject: Subject, wanted: _Wanted) -> Iter
             missing = sorted(key for key in keys if key not in given and not key.startswith("@"))
             message = f"{name}: the tree '{tree.name}' does nothing with this key"
             hint = f"it uses {', '.join(missing)}" if missing else "delete it"
-            near = nearest(name, missing)
+            near = "_autoremap" if name == "autoremap" else underscored(name) or nearest(name, missing)
             source, span = use.element.source, use.element.name_span(name)
             yield Diagnostic("unused-argument", message, source, span, near, hint, severity=Severity.WARNING)

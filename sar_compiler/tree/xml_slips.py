@@ -1,0 +1,86 @@
+"""Characters that XML does not take where they stand, in words that say what to write instead."""
+
+import re
+from dataclasses import dataclass
+from xml.parsers import expat
+
+_AMPERSANDS = re.compile(r"(&+)[^&;<>\"'\s]*\Z")
+_ENTITY = re.compile(r"&([^#&;\s][^&;\s]*);")
+_BUILT_IN = frozenset(("amp", "lt", "gt", "apos", "quot"))
+_OPEN_VALUE = re.compile(r"=\s*(\"[^\"<]*|'[^'<]*)\Z")
+
+
+@dataclass(frozen=True)
+class Slip:
+    """What is written wrong in a file that is not well-formed.
+
+    Attributes:
+        message: What is wrong.
+        start: The offset of the first character that is.
+        end: The offset behind the last one.
+        suggestion: What to write there.
+    """
+
+    message: str
+    start: int
+    end: int
+    suggestion: str | None = None
+
+
+def slip_at(text: str, place: int, words: str) -> Slip | None:
+    """Return what was probably meant where expat gave up.
+
+    Args:
+        text: The file.
+        place: Where expat gave up.
+        words: What it says.
+
+    Returns:
+        None if expat's words are all there is to say.
+    """
+    if words == expat.errors.XML_ERROR_UNDEFINED_ENTITY:
+        return _undefined(text, place)
+    if words != expat.errors.XML_ERROR_INVALID_TOKEN:
+        return None
+    if text.rfind("<!--", 0, place) > text.rfind("-->", 0, place):
+        return _in_comment(text, place)
+    return _in_tag(text, place)
+
+
+def _in_comment(text: str, place: int) -> Slip:
+    start = text.rfind("--", 0, place)
+    return Slip("-- cannot stand in a comment of XML", start, start + len("--"), "- -")
+
+
+def _in_tag(text: str, place: int) -> Slip | None:
+    tag = max(text.rfind("<", 0, place), 0)
+    before = text[tag:place]
+    ampersands = _AMPERSANDS.search(before)
+    if ampersands is not None:
+        start = tag + ampersands.start()
+        end = start + len(ampersands[1])
+        end += text[end : end + 1] == "&"
+        return Slip("an & is written &amp; in XML", start, end, "&amp;" * (end - start))
+    value = _OPEN_VALUE.search(before)
+    if text[place : place + 1] == "<" and value is not None:
+        return _in_value(text, place, tag + value.start(1))
+    if before.rstrip().endswith("="):
+        return Slip("the value of an attribute must stand in quotes", place, place + 1)
+    return None
+
+
+def _in_value(text: str, place: int, quote: int) -> Slip:
+    """Say whether a < is part of a value, or the value has no end."""
+    if text[quote:place].rstrip().endswith((">", "/")):
+        return Slip("the value that begins here has no closing quotation mark", quote, quote + 1)
+    return Slip("a < in a value is written &lt; in XML", place, place + 1, "&lt;")
+
+
+def _undefined(text: str, place: int) -> Slip | None:
+    for entity in _ENTITY.finditer(text, place):
+        if entity[1] not in _BUILT_IN:
+            message = (
+                f"XML does not know '{entity[0]}'; an & is written &amp;, other characters as themselves"
+            )
+            return Slip(message, entity.start(), entity.end())
+    return None

@@ -1,0 +1,201 @@
+"""One mistake gives one finding, which names what was probably meant."""
+
+import pytest
+
+from sar_compiler.checks import check
+from sar_compiler.nodes.registry import default_registry
+from sar_compiler.tree.diagnostic import TreeError
+from sar_compiler.tree.forest import Forest, load_forest
+from sar_compiler.tree.reading import read_tree_file
+from sar_compiler.tree.xml import parse_xml
+from sar_compiler.tree.yaml import parse_yaml
+from tests.trees import document, forest_of
+
+
+def places(findings):
+    return [(f.code, f.span.line, f.span.column, f.suggestion) for f in findings]
+
+
+def found(text):
+    return places(check(forest_of(text), default_registry()))
+
+
+# Each: what is written in the tree (its first line is line 3), then code, line, column and suggestion.
+IN_A_TREE = {
+    "a node's name of BehaviorTree.CPP 3": (
+        "<SequenceStar><LogNoDetection/><NavigateToBase/></SequenceStar>",
+        ("unknown-node", 3, 1, "SequenceWithMemory"),
+    ),
+    "a misspelt explicit form": (
+        '<Decorater ID="Inverter"><NavigateToBase/></Decorater>',
+        ("unknown-node", 3, 1, "Decorator"),
+    ),
+    "an explicit form in the wrong case": (
+        '<action ID="NavigateToBase"/>',
+        ("unknown-node", 3, 1, "Action"),
+    ),
+    "an ID in the wrong case": ('<Action Id="NavigateToBase"/>', ("unknown-attribute", 3, 9, "ID")),
+    "an ID of a subtree in the wrong case": ('<SubTree id="Main"/>', ("unknown-attribute", 3, 10, "ID")),
+    "a condition without its underscore": (
+        '<NavigateToBase skipIf="true"/>',
+        ("unknown-attribute", 3, 17, "_skipIf"),
+    ),
+    "a condition in words with underscores": (
+        '<NavigateToBase _skip_if="true"/>',
+        ("unknown-attribute", 3, 17, "_skipIf"),
+    ),
+    "an attribute of the other library": (
+        '<Retry num_attempts="3"><NavigateToBase/></Retry>',
+        ("unknown-attribute", 3, 8, "num_failures"),
+    ),
+    "an attribute of a like node": (
+        '<Delay msec="100"><NavigateToBase/></Delay>',
+        ("unknown-attribute", 3, 8, "delay_msec"),
+    ),
+    "an attribute that may be one of two": (
+        '<Timeout seconds="5"><NavigateToBase/></Timeout>',
+        ("unknown-attribute", 3, 10, None),
+    ),
+    "two attributes that do not go together": (
+        '<Timeout duration="3" msec="3000"><NavigateToBase/></Timeout>',
+        ("conflicting-attributes", 3, 23, None),
+    ),
+    "an output without braces": (
+        '<LoopInt queue="1;2" value="each"><NavigateToBase/></LoopInt>',
+        ("wrong-value", 3, 29, "{each}"),
+    ),
+    "a policy as an enumeration is written": (
+        '<Parallel policy="SUCCESS_ON_ALL"><Sleep msec="500"/><NavigateToBase/></Parallel>',
+        ("wrong-value", 3, 19, "SuccessOnAll"),
+    ),
+    "a sharing of the blackboard of BehaviorTree.CPP 3": (
+        '<SubTree ID="Main" __shared_blackboard="true"/>',
+        ("unknown-attribute", 3, 20, "_autoremap"),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", IN_A_TREE)
+def test_what_was_meant_is_named(name):
+    body, expected = IN_A_TREE[name]
+    findings = [f for f in found(document(body)) if f[0] != "recursive-tree"]
+    assert findings == [expected]
+
+
+def test_a_root_in_the_wrong_case_is_one():
+    text = '<Root BTCPP_format="4"><BehaviorTree ID="Main"><NavigateToBase/></BehaviorTree></Root>'
+    assert found(text) == [("wrong-root", 1, 1, "root")]
+
+
+def test_a_misspelt_tree_is_not_missing_as_well():
+    text = '<root BTCPP_format="4">\n<BehaviourTree ID="Main"><NavigateToBase/></BehaviourTree></root>'
+    assert found(text) == [("unknown-element", 2, 1, "BehaviorTree")]
+
+
+def test_a_misspelt_tree_is_not_missing_where_it_is_used():
+    text = document('<SubTree ID="Side"/>').replace(
+        "</root>", '<Behaviortree ID="Side"><NavigateToBase/></Behaviortree></root>'
+    )
+    assert [code for code, *_ in found(text)] == ["unknown-element"]
+
+
+SUBTREE = (
+    '<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main">\n{main}\n</BehaviorTree>'
+    '<BehaviorTree ID="Rest">\n{rest}\n</BehaviorTree></root>'
+)
+
+
+@pytest.mark.parametrize(
+    ("written", "meant"), [("autoremap", "_autoremap"), ("skipIf", "_skipIf"), ("onsuccess", "_onSuccess")]
+)
+def test_an_attribute_of_a_subtree_without_its_underscore_is_named_with_it(written, meant):
+    text = SUBTREE.format(main=f'<SubTree ID="Rest" {written}="true"/>', rest="<NavigateToBase/>")
+    assert found(text) == [("unused-argument", 2, 20, meant)]
+
+
+def test_a_key_that_a_subtree_is_given_and_nobody_writes_is_found_where_it_is_given():
+    main = '<Sequence><Script code="pause := 5"/>\n<SubTree ID="Rest" time="{puase}"/><ScriptCondition code="pause == 5"/></Sequence>'
+    text = SUBTREE.format(main=main, rest='<Sleep msec="{time}"/>')
+    assert found(text) == [("unwritten-key", 3, 26, "{pause}")]
+
+
+def test_a_key_that_is_given_by_a_misspelt_name_is_not_unread_as_well():
+    main = '<Sequence><Script code="pause := 5"/>\n<SubTree ID="Rest" tiem="{pause}"/></Sequence>'
+    text = SUBTREE.format(main=main, rest='<Sleep msec="{time}"/>')
+    assert found(text) == [("unused-argument", 3, 20, "time")]
+
+
+INCLUDING = (
+    '<root BTCPP_format="4" main_tree_to_execute="Main">\n<include {include}/>\n'
+    '<BehaviorTree ID="Main"><SubTree ID="Part"/></BehaviorTree></root>'
+)
+PART = '<root BTCPP_format="4">\n<BehaviorTree ID="Part"><NavigateToBase/></BehaviorTree>{end}'
+
+
+def included(folder, include, end="</root>"):
+    (folder / "main.xml").write_text(INCLUDING.format(include=include))
+    (folder / "parts.xml").write_text(PART.format(end=end))
+    findings = check(load_forest(folder / "main.xml", read_tree_file), default_registry())
+    return [
+        (f.source.path.rpartition("/")[2], *place)
+        for f, place in zip(findings, places(findings), strict=True)
+    ]
+
+
+def test_an_included_file_that_is_not_there_is_named_as_the_one_beside_it(tmp_path):
+    assert included(tmp_path, 'path="./part.xml"') == [
+        ("main.xml", "unreadable-include", 2, 16, "./parts.xml")
+    ]
+
+
+def test_a_path_by_another_name_is_one(tmp_path):
+    assert included(tmp_path, 'file="parts.xml"') == [("main.xml", "unknown-attribute", 2, 10, "path")]
+
+
+def test_trees_of_a_malformed_file_are_not_missing_as_well(tmp_path):
+    findings = included(tmp_path, 'path="parts.xml"', end="")
+    assert [(file, code) for file, code, *_ in findings] == [("parts.xml", "malformed-xml")]
+
+
+def malformed(body):
+    with pytest.raises(TreeError) as caught:
+        parse_xml(f"<root>\n{body}\n</root>")
+    (finding,) = caught.value.findings
+    return finding.span.line, finding.span.column, finding.suggestion, finding.message.partition(": ")[2]
+
+
+MALFORMED = {
+    "ampersands of a script": ('<A code="a && b"/>', 2, 12, "&amp;&amp;", "&amp;"),
+    "an ampersand in a text": ('<A name="a & b"/>', 2, 12, "&amp;", "&amp;"),
+    "an ampersand before a word": ('<A name="a &b"/>', 2, 12, "&amp;", "&amp;"),
+    "a comparison in a script": ('<A code="a > 1; a < 3"/>', 2, 19, "&lt;", "&lt;"),
+    "a value without an end": ('<A name="x>\n<B/></A>', 2, 9, None, "no closing quotation mark"),
+    "a value without quotes": ("<A name=x/>", 2, 9, None, "must stand in quotes"),
+    "an entity of HTML": ('<A code="a &lt; b" name="a&nbsp;b"/>', 2, 27, None, "'&nbsp;'"),
+    "two hyphens in a comment": ("<!-- a -- b -->", 2, 8, "- -", "comment"),
+}
+
+
+@pytest.mark.parametrize("name", MALFORMED)
+def test_what_xml_does_not_take_is_found_with_what_to_write(name):
+    body, line, column, suggestion, words = MALFORMED[name]
+    *place, message = malformed(body)
+    assert place == [line, column, suggestion]
+    assert words in message
+
+
+@pytest.mark.parametrize("name", ["child", "nodes"])
+def test_a_list_of_nodes_in_yaml_by_another_name_is_the_children(name):
+    text = (
+        "root:\n  children:\n  - BehaviorTree:\n      children:\n      - Sequence:\n"
+        f"          {name}:\n          - LogNoDetection\n          - NavigateToBase\n"
+    )
+    with pytest.raises(TreeError) as caught:
+        check(Forest.of(parse_yaml(text, "test.yaml")), default_registry())
+    assert places(caught.value.findings) == [("wrong-shape", 6, 11, "children")]
+
+
+def test_notes_of_an_editor_are_taken_wherever_it_writes_them():
+    notes = '_description="the way" _uid="1" _fullpath="Main"'
+    text = document(f"<Sequence {notes}><LogNoDetection/><NavigateToBase/></Sequence>")
+    assert found(text.replace('ID="Main"', f'ID="Main" {notes}')) == []
