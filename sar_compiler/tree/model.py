@@ -85,9 +85,12 @@ class Element:
 
     def iterate(self) -> Iterator["Element"]:
         """Yield it and everything in it, in the order of the file."""
-        yield self
-        for child in self.children:
-            yield from child.iterate()
+        waiting = [self]
+        while waiting:
+            element = waiting.pop()
+            yield element
+            if element.children:
+                waiting.extend(reversed(element.children))
 
 
 class _Unfrozen:

@@ -68,7 +68,8 @@ class EntryUses:
         """Return those uses that do one of some things."""
         return [use for use in self.uses if use.mention.deed in deeds]
 
-    @property
+    # An entry may have as many uses as its tree has nodes, so these are put together once, when all uses are there.
+    @functools.cached_property
     def writers(self) -> list[Use]:
         """Whoever may write it first; a script's `=` may do so where a port has the key."""
         has_port = any(use.mention.place is None for use in self.uses)
@@ -79,7 +80,7 @@ class EntryUses:
         """Whether anybody may write it."""
         return bool(self.given or self.writers)
 
-    @property
+    @functools.cached_property
     def readers(self) -> list[Use]:
         """Whoever may read it."""
         return self.of(*_READS)
