@@ -86,6 +86,10 @@ class Questions:
 
     def _unbroken(self, question: str) -> Verdict:
         graph = self._graph
+        if graph.error is not None:
+            return Verdict(
+                question, Outcome.UNDECIDED, "a run that raises an error was not followed beyond it"
+            )
         if graph.complete:
             return Verdict(question, Outcome.PROVED)
         seen = {0: "what was seen of the first tick", 1: "the first tick of every run"}

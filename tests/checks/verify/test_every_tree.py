@@ -31,6 +31,16 @@ def test_a_script_that_reads_what_may_not_be_written_is_an_error_with_its_run():
     assert "there is no variable 'x'" in found.trace.ticks[-1].error
 
 
+def test_nothing_is_proved_of_runs_that_break_off_with_an_error():
+    verification = verified('<Sequence><Script code="y := x"/><A/></Sequence>')
+    found = verdict(verification, NO_LIVELOCK)
+    assert (found.outcome, found.reason) == (
+        UNDECIDED,
+        "a run that raises an error was not followed beyond it",
+    )
+    assert outcome(verification, AN_END) is UNDECIDED
+
+
 def test_a_leaf_that_runs_for_ever_keeps_the_run_from_its_end():
     verification = verified("<Sequence><A/><Running/></Sequence>")
     assert outcome(verification, AN_END) is BROKEN
