@@ -134,6 +134,7 @@ _INFOS = {
     "only-described": "what stands in a simulated run for a node that only a model describes",
     "reference": "a reference, which is only a text to BehaviorTree.CPP",
     "same-name": "two nodes of one name side by side",
+    "separator-in-name": "a name with a sign in it that separates names",
     "short-timeout": "a timeout hardly longer than a tick",
     "unread-key": "a key that is written and never read",
 }

@@ -191,6 +191,14 @@ MISTAKES = {
         '<Sequence>\n<Look name="Work"/>\n<Drive name="Work"/>\n</Sequence>',
         ("same-name", 5, 14, "also the name of the node in line 4"),
     ),
+    "a name that reads as a path": (
+        '<Sequence>\n<Look name="left/right"/>\n<Drive/>\n</Sequence>',
+        ("separator-in-name", 4, 13, "separates the names of a path"),
+    ),
+    "a name that reads as an attribute of a key": (
+        '<Sequence>\n<Look/>\n<Drive name="v1.2"/>\n</Sequence>',
+        ("separator-in-name", 5, 14, "separates a key from its attributes"),
+    ),
 }
 
 

@@ -1,19 +1,40 @@
-"""Names that do not tell nodes apart."""
+"""Names that do not tell nodes apart, or that stand for something else."""
 
+import re
 from collections.abc import Iterator, Sequence
 
 from sar_compiler.checks.rules.subject import Subject
 from sar_compiler.nodes.bound import BoundNode
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
+# One with a blank beside it is punctuation.
+_SEPARATOR = re.compile(r"(?<=\S)[/.](?=\S)")
+_SEPARATES = {
+    "/": "separates the names of a path: scenarios, properties and py_trees' blackboard take it for two names",
+    ".": "separates a key from its attributes on py_trees' blackboard, whose tools take it for two names",
+}
+
 
 def check_names(subject: Subject) -> Iterator[Diagnostic]:
-    """Yield nodes beside each other to which their author has given one name."""
+    """Yield nodes beside each other to which their author has given one name, and names that read as a path."""
     for tree in subject.trees if subject.sound and not subject.is_foreign else ():
+        yield from _separated(tree.nodes)
         for bound in tree.parents:
             children = bound.children
             if len(children) > 1 and len({child.name for child in children}) < len(children):
                 yield from _same(children)
+
+
+def _separated(nodes: Sequence[BoundNode]) -> Iterator[Diagnostic]:
+    for bound in nodes:
+        found = _SEPARATOR.search(bound.name)
+        if found is None or "name" not in bound.element.attributes:
+            continue
+        sign = found[0]
+        message = f"'{bound.name}' has a '{sign}', which {_SEPARATES[sign]}"
+        source, span = bound.element.source, bound.element.value_span("name")
+        hint = f"write '_' instead of '{sign}'"
+        yield Diagnostic("separator-in-name", message, source, span, hint=hint, severity=Severity.INFO)
 
 
 def _same(children: Sequence[BoundNode]) -> Iterator[Diagnostic]:
