@@ -19,10 +19,10 @@ from sar_compiler.cli.arguments import FINDINGS, OK
 from sar_compiler.cli.output import Output
 from sar_compiler.compiler import CompiledTree, bind_main, compile_tree, context_types
 from sar_compiler.errors import SarError
-from sar_compiler.mission.ending import Ending, Until, Verdict
-from sar_compiler.mission.kept_reports import KeptReports
-from sar_compiler.mission.parameter_file import sections_elsewhere
-from sar_compiler.mission.parameters import (
+from sar_compiler.missions.search_and_rescue.ending import Ending, Until, Verdict
+from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports
+from sar_compiler.missions.search_and_rescue.parameter_file import sections_elsewhere
+from sar_compiler.missions.search_and_rescue.parameters import (
     MISSION_NAMES,
     MissionParameters,
     RunParameters,
@@ -30,8 +30,8 @@ from sar_compiler.mission.parameters import (
     read_mission,
     read_run,
 )
-from sar_compiler.mission.record import MissionRecord
-from sar_compiler.mission.zone_manager import ZoneManager
+from sar_compiler.missions.search_and_rescue.record import MissionRecord
+from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.nodes.bound import Binding
 from sar_compiler.nodes.registry import load_registry
 from sar_compiler.resources import shipped

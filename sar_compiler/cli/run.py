@@ -8,7 +8,7 @@ from pathlib import Path
 
 from sar_compiler.cli.arguments import USAGE, Parser, run, speed
 from sar_compiler.cli.loading import FILE_HELP, add_include_path
-from sar_compiler.mission.ending import Until
+from sar_compiler.missions.search_and_rescue.ending import Until
 from sar_compiler.resources import find
 from sar_compiler.ros.arguments import split_arguments
 from sar_compiler.ros.faults import Fault, FaultError, parse_fault

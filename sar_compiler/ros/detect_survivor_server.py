@@ -7,7 +7,7 @@ from typing import Any
 from rclpy.context import Context
 from sar_interfaces.srv import DetectSurvivor
 
-from sar_compiler.mission.parameters import lookalikes, read_survivors
+from sar_compiler.missions.search_and_rescue.parameters import lookalikes, read_survivors
 from sar_compiler.ros.faults import ServiceFaults, create_service
 from sar_compiler.ros.parameters import DataNode, flat_parameters
 from sar_compiler.ros.serving import serve

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from sar_compiler.mission.record import MissionRecord
-from sar_compiler.mission.zone_manager import ZoneManager
+from sar_compiler.missions.search_and_rescue.record import MissionRecord
+from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 
 
 def mission_summary(record: MissionRecord, zones: ZoneManager, elapsed_sec: float, ticks: int) -> str:

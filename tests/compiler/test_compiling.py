@@ -6,8 +6,8 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import OneShotPolicy, Status
 
 from sar_compiler.compiler import bind_main, compile_tree, context_types, preview_tree
-from sar_compiler.mission.record import MissionRecord
-from sar_compiler.mission.zone_manager import ZoneManager
+from sar_compiler.missions.search_and_rescue.record import MissionRecord
+from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.nodes.register import Registration
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Kind, Use
@@ -230,7 +230,7 @@ def test_the_shipped_tree_compiles_to_stock_classes_and_the_nine_leaves():
         "py_trees.composites.Selector",
         "py_trees.decorators.OneShot",
     }
-    assert len([name for name in classes if name.startswith("sar_compiler.mission.")]) == 9
+    assert len([name for name in classes if name.startswith("sar_compiler.missions.search_and_rescue.")]) == 9
 
 
 def test_all_leaves_of_a_tree_hold_the_same_zone_manager():

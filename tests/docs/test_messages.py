@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from sar_compiler.mission.parameter_file import check_parameter_file
-from sar_compiler.mission.parameters import read_mission
+from sar_compiler.missions.search_and_rescue.parameter_file import check_parameter_file
+from sar_compiler.missions.search_and_rescue.parameters import read_mission
 from tests.docs.markdown import blocks, codes, tables
 from tests.processes import BIN
 

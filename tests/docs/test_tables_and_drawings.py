@@ -11,7 +11,7 @@ from sar_compiler.checks import check
 from sar_compiler.cli import compile as sar_compile
 from sar_compiler.cli import run as sar_run
 from sar_compiler.cli import sim as sar_sim
-from sar_compiler.mission.parameters import RunParameters
+from sar_compiler.missions.search_and_rescue.parameters import RunParameters
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.testing import compiled
@@ -99,7 +99,7 @@ def test_every_leaf_of_the_mission_is_in_the_table_of_leaves():
     leaves = {
         spec.tag: "condition" if spec.kind is Kind.CONDITION else "action"
         for spec in default_registry()
-        if spec.cls.__module__.startswith("sar_compiler.mission")
+        if spec.cls.__module__.startswith("sar_compiler.missions.search_and_rescue")
     }
     assert explained == leaves
 

@@ -6,8 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from sar_compiler.mission.parameter_file import ParameterFileError, check_parameter_file, rcl_kind
-from sar_compiler.mission.parameters import read_mission
+from sar_compiler.missions.search_and_rescue.parameter_file import (
+    ParameterFileError,
+    check_parameter_file,
+    rcl_kind,
+)
+from sar_compiler.missions.search_and_rescue.parameters import read_mission
 from sar_compiler.resources import shipped_root
 
 if TYPE_CHECKING:

@@ -93,7 +93,7 @@ class TestDetecting:
         assert not caller.detect("zone_a").found
 
     def test_refuses_a_table_that_is_none(self, ros: Ros) -> None:
-        from sar_compiler.mission.parameters import ParameterError
+        from sar_compiler.missions.search_and_rescue.parameters import ParameterError
 
         with pytest.raises(ParameterError, match=r"survivors\.zone_b\.y: is missing"):
             self.serve(ros, "survivors.zone_b.x:=1")

@@ -1,7 +1,7 @@
 """The summary says what a mission came to."""
 
-from sar_compiler.mission.record import MissionRecord
-from sar_compiler.mission.zone_manager import ZoneManager
+from sar_compiler.missions.search_and_rescue.record import MissionRecord
+from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.views.summary import mission_summary
 
 POSE = {"x": 0.0, "y": 0.0, "yaw": 0.0}

@@ -1,0 +1,1 @@
+"""The missions that ship with the package, each a plug-in like anybody's."""

@@ -1,0 +1,128 @@
+"""Reports that did not get through: kept, and delivered when the base station answers again."""
+
+from typing import Any
+
+from py_trees.common import Status
+
+from sar_compiler.missions.search_and_rescue.actions.reporting import ReportLeaf
+from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor
+from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports, SurvivorReport
+from sar_compiler.missions.search_and_rescue.record import MissionRecord
+from sar_compiler.nodes import Answer, Kind, Use, register
+from sar_compiler.ros.leaves.leaf import RosLeaf
+from sar_compiler.ros.leaves.service_call import CallDeadlines
+
+_FACTS = {"reports_kept": 0}
+
+
+@register(
+    "KeepReport",
+    kind=Kind.ACTION,
+    outcomes={Status.SUCCESS, Status.FAILURE},
+    effects="keeps the report of the survivor for later",
+    answers=[
+        Answer("SUCCESS", "kept", "named_by_{detect_node}", "reports_kept += 1"),
+        Answer("FAILURE", "nothing to keep", "!named_by_{detect_node}"),
+    ],
+    facts={**_FACTS, "named_by_{detect_node}": False},
+)
+class KeepReport(RosLeaf):
+    """Keep the report of the survivor that was found, for `DeliverReports`; FAILURE if there is none with a name.
+
+    Args:
+        name: The node's name.
+        detect_node: The search that found the survivor.
+        kept_reports: Where the report is kept.
+        record: Where it is noted that the report is kept.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        detect_node: DetectSurvivor,
+        kept_reports: KeptReports,
+        *,
+        record: MissionRecord | None = None,
+    ) -> None:
+        super().__init__(name)
+        self._detect_node = detect_node
+        self._kept = kept_reports
+        self._record = record or MissionRecord()
+
+    def update(self) -> Status:
+        """Keep it; to keep it again changes nothing."""
+        survivor_id, pose = self._detect_node.survivor_id(), self._detect_node.survivor_pose()
+        if survivor_id is None or pose is None:
+            missing = "nobody was found" if pose is None else "the survivor has no name yet"
+            self.complain(f"'{self.name}' has no report to keep: {missing}.")
+            return Status.FAILURE
+        self._kept.keep(SurvivorReport(survivor_id, *pose))
+        self._record.report_kept(survivor_id)
+        self.complain(f"The report of {survivor_id} is kept until base acknowledges it.")
+        return Status.SUCCESS
+
+
+@register(
+    "DeliverReports",
+    kind=Kind.ACTION,
+    outcomes={Status.SUCCESS, Status.FAILURE, Status.RUNNING},
+    effects="reports the survivors whose reports were kept",
+    uses=[Use.service("{service}")],
+    answers=[
+        Answer("SUCCESS", "nothing kept", "reports_kept == 0"),
+        Answer("SUCCESS", "delivered", "reports_kept > 0", "reports_kept = 0"),
+        Answer("FAILURE", "refused", "reports_kept > 0"),
+        Answer("FAILURE", "all but one delivered", "reports_kept > 1", "reports_kept = 1"),
+        Answer("RUNNING", "reporting", "reports_kept > 0"),
+    ],
+    facts=_FACTS,
+)
+class DeliverReports(ReportLeaf):
+    """Report each survivor whose report was kept: SUCCESS if none is left, at once if there was none.
+
+    FAILURE if a report was refused, after all others were tried; or as soon as the base station gives no answer.
+
+    Args:
+        name: The node's name.
+        kept_reports: Where the reports are kept.
+        record: Where acknowledgements are noted.
+        service: The service's name.
+        server_timeout_sec: How long to wait for a server, seconds.
+        timeout_sec: How long to wait for each answer, seconds.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        kept_reports: KeptReports,
+        *,
+        record: MissionRecord | None = None,
+        service: str = "report_survivor",
+        server_timeout_sec: float = 10.0,
+        timeout_sec: float = 5.0,
+    ) -> None:
+        super().__init__(name, record, service, CallDeadlines(server_timeout_sec, timeout_sec))
+        self._kept = kept_reports
+        self._untried: list[SurvivorReport] = []
+
+    def initialise(self) -> None:
+        """Begin with the oldest report."""
+        self._untried = list(self._kept)
+        super().initialise()
+        if not self._kept:
+            self.feedback_message = "no report is kept"
+            self._verdict = Status.SUCCESS
+
+    def _next_report(self) -> SurvivorReport | None:
+        return self._untried.pop(0) if self._untried else None
+
+    def _conclude(self, answer: Any) -> Status:
+        if super()._conclude(answer) is Status.SUCCESS:
+            self._kept.delivered(self._survivor_id)
+        # One that is refused must not hold up the others.
+        question = self._ask()
+        if question is None:
+            return Status.FAILURE if self._kept else Status.SUCCESS
+        self._call = self._make_call(question)
+        self._call.advance()
+        return Status.RUNNING

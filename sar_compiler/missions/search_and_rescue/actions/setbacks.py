@@ -1,0 +1,106 @@
+"""Zones that cannot be searched now: put behind the others, and abandoned in the end."""
+
+from typing import Annotated
+
+from py_trees.common import Status
+
+from sar_compiler.missions.search_and_rescue.record import MissionRecord
+from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+from sar_compiler.nodes import Answer, Kind, register
+from sar_compiler.nodes.values import at_least
+from sar_compiler.ros.leaves.leaf import RosLeaf
+
+Attempts = Annotated[int, at_least(1)]
+
+# Zones are postponed in rounds: whoever is behind all others comes again when all others have been tried. So
+# how often the current zone was tried is the number of the round; a round is over when all zones that are left
+# have been postponed in it.
+_FACTS = {"zones_left": 3, "round": 1, "postponed_in_round": 0}
+_ROUND_IS_OVER = "postponed_in_round >= zones_left"
+
+
+@register(
+    "PostponeZone",
+    kind=Kind.ACTION,
+    outcomes={Status.SUCCESS, Status.FAILURE},
+    effects="puts the current zone behind all others",
+    answers=[
+        Answer(
+            "SUCCESS",
+            "postponed",
+            when=f"zones_left > 0 && ({_ROUND_IS_OVER} ? round + 1 : round) < {{attempts}}",
+            then=f"round += {_ROUND_IS_OVER} ? 1 : 0; "
+            f"postponed_in_round = {_ROUND_IS_OVER} ? 1 : postponed_in_round + 1",
+        ),
+        Answer(
+            "FAILURE",
+            "tried often enough",
+            when=f"zones_left == 0 || ({_ROUND_IS_OVER} ? round + 1 : round) >= {{attempts}}",
+        ),
+    ],
+    facts=_FACTS,
+)
+class PostponeZone(RosLeaf):
+    """Put the current zone behind all others, to come back to it; FAILURE once it was tried often enough.
+
+    Args:
+        name: The node's name.
+        zone_manager: The mission's zones.
+        attempts: How often a zone is tried, 1 or more; with the last attempt it is postponed no more.
+    """
+
+    def __init__(self, name: str, zone_manager: ZoneManager, *, attempts: Attempts = 3) -> None:
+        super().__init__(name)
+        if attempts < 1:
+            message = f"attempts is {attempts}; a zone is tried at least once: write 1 or more"
+            raise ValueError(message)
+        self._zones = zone_manager
+        self._attempts = attempts
+
+    def update(self) -> Status:
+        """Postpone it, if it may be."""
+        if not self._zones.has_remaining():
+            self.complain(f"'{self.name}' has no zone to postpone: none is left.")
+            return Status.FAILURE
+        zone_id, attempt = self._zones.current_zone()["id"], self._zones.times_postponed() + 1
+        if attempt >= self._attempts:
+            self.feedback_message = f"attempt {attempt} on {zone_id} was the last one"
+            return Status.FAILURE
+        self._zones.postpone()
+        self.complain(f"{zone_id} is postponed after attempt {attempt} of {self._attempts}.")
+        return Status.SUCCESS
+
+
+@register(
+    "AbandonZone",
+    kind=Kind.ACTION,
+    outcomes={Status.SUCCESS},
+    effects="takes the current zone out of the plan, unvisited",
+    answers=[
+        Answer("SUCCESS", "abandoned", "zones_left > 0", "zones_left -= 1; zones_abandoned += 1"),
+        Answer("SUCCESS", "no zone", "zones_left == 0"),
+    ],
+    facts={"zones_left": 3, "zones_abandoned": 0},
+)
+class AbandonZone(RosLeaf):
+    """Take the current zone out of the plan, unvisited; the mission can then no longer be complete.
+
+    Args:
+        name: The node's name.
+        zone_manager: The mission's zones.
+        record: Where it is noted.
+    """
+
+    def __init__(self, name: str, zone_manager: ZoneManager, *, record: MissionRecord | None = None) -> None:
+        super().__init__(name)
+        self._zones = zone_manager
+        self._record = record or MissionRecord()
+
+    def update(self) -> Status:
+        """Abandon it; past the last zone there is nothing to do."""
+        if self._zones.has_remaining():
+            zone_id, attempts = self._zones.current_zone()["id"], self._zones.times_postponed() + 1
+            self._zones.abandon()
+            self._record.zone_abandoned(zone_id, attempts)
+            self.complain(f"{zone_id} is abandoned after attempt {attempts}.")
+        return Status.SUCCESS

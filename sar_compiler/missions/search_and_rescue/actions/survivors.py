@@ -1,0 +1,265 @@
+"""Searching for survivors, giving them a frame, and reporting them."""
+
+from typing import Any
+
+from py_trees.common import Status
+
+from sar_compiler.missions.search_and_rescue.actions.reporting import ReportLeaf
+from sar_compiler.missions.search_and_rescue.frames import MAP_FRAME
+from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
+from sar_compiler.missions.search_and_rescue.record import MissionRecord
+from sar_compiler.missions.search_and_rescue.static_transforms import StaticTransforms, static_transforms_of
+from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+from sar_compiler.nodes import Answer, Kind, Use, register
+from sar_compiler.ros.leaves.leaf import RosLeaf
+from sar_compiler.ros.leaves.service_call import CallDeadlines, Question, ServiceLeaf
+
+_ANY_STATUS = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
+# What is known of the last search of a DetectSurvivor: a new one forgets it.
+_FORGOTTEN = "found_by_{self} = false; named_by_{self} = false"
+
+
+@register(
+    "DetectSurvivor",
+    kind=Kind.ACTION,
+    outcomes=_ANY_STATUS,
+    effects="searches the current zone for a survivor",
+    uses=[Use.service("{service}")],
+    answers=[
+        Answer("SUCCESS", "found", "zones_left > 0", "found_by_{self} = true; named_by_{self} = false"),
+        Answer("SUCCESS", "nothing", "zones_left > 0", _FORGOTTEN),
+        Answer("FAILURE", "no answer", "zones_left > 0", _FORGOTTEN),
+        Answer("FAILURE", "no zone", "zones_left == 0", _FORGOTTEN),
+        Answer("RUNNING", "searching", "zones_left > 0", _FORGOTTEN),
+    ],
+    facts={"zones_left": 3, "found_by_{self}": False, "named_by_{self}": False},
+    reads=["at"],
+)
+class DetectSurvivor(ServiceLeaf):
+    """Search the current zone, and keep the answer: SUCCESS whether or not a survivor was found.
+
+    FAILURE means that nobody answered.
+
+    Args:
+        name: The node's name.
+        zone_manager: The mission's zones.
+        record: Where a find is noted.
+        service: The service's name.
+        server_timeout_sec: How long to wait for a server, seconds.
+        timeout_sec: How long to wait for the answer, seconds.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        zone_manager: ZoneManager,
+        *,
+        record: MissionRecord | None = None,
+        service: str = "detect_survivor",
+        server_timeout_sec: float = 10.0,
+        timeout_sec: float = 5.0,
+    ) -> None:
+        super().__init__(name, service, CallDeadlines(server_timeout_sec, timeout_sec))
+        self._zones = zone_manager
+        self._record = record or MissionRecord()
+        self._zone_id = ""
+        self._pose: tuple[float, float] | None = None
+        self._survivor_id: str | None = None
+
+    def was_found(self) -> bool:
+        """Say whether the last search found a survivor."""
+        return self._pose is not None
+
+    def survivor_pose(self) -> tuple[float, float] | None:
+        """Return the survivor's x and y in the frame `map` (metres), or None if none was found."""
+        return self._pose
+
+    def survivor_id(self) -> str | None:
+        """Return the name that the survivor was given, or None."""
+        return self._survivor_id
+
+    def set_survivor_id(self, survivor_id: str) -> None:
+        """Keep the name that the survivor was given."""
+        self._survivor_id = survivor_id
+
+    def _service_type(self) -> Any:
+        from sar_interfaces.srv import DetectSurvivor as Service
+
+        return Service
+
+    def _ask(self) -> Question | None:
+        self._pose = None
+        self._survivor_id = None
+        if not self._zones.has_remaining():
+            self.complain(f"'{self.name}' has no zone to search: every zone is visited.")
+            return None
+        self._zone_id = self._zones.current_zone()["id"]
+        request = self._service_type().Request(zone_id=self._zone_id)
+        return Question(request, f"Calling {self._service} for {self._zone_id}...")
+
+    def _conclude(self, answer: Any) -> Status:
+        self.feedback_message = f"nobody in {self._zone_id}"
+        if answer.found:
+            self._pose = (answer.survivor_x, answer.survivor_y)
+            self._record.survivor_found(self._zone_id, *self._pose)
+            self.feedback_message = f"survivor in {self._zone_id}"
+            self.say(f"Survivor detected at {self._zone_id}!")
+        return Status.SUCCESS
+
+
+@register(
+    "BroadcastSurvivorTF",
+    kind=Kind.ACTION,
+    outcomes={Status.SUCCESS, Status.FAILURE},
+    effects="gives the survivor a new name, with a static frame there",
+    answers=[
+        Answer("SUCCESS", "named", "found_by_{detect_node}", "named_by_{detect_node} = true"),
+        Answer("FAILURE", "nobody found", "!found_by_{detect_node}"),
+    ],
+    facts={"found_by_{detect_node}": False, "named_by_{detect_node}": False},
+)
+class BroadcastSurvivorTF(RosLeaf):
+    """Give the survivor that was found a name, and publish a static frame of that name under `map`.
+
+    FAILURE if none was found.
+
+    Args:
+        name: The node's name.
+        detect_node: The search that found the survivor; is told the name.
+        zone_manager: Gives out the names.
+        record: Where the name is noted.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        detect_node: DetectSurvivor,
+        zone_manager: ZoneManager,
+        *,
+        record: MissionRecord | None = None,
+    ) -> None:
+        super().__init__(name)
+        self._detect_node = detect_node
+        self._zones = zone_manager
+        self._record = record or MissionRecord()
+        self._transforms: StaticTransforms | None = None
+        self._verdict = Status.INVALID
+
+    def setup(self, **kwargs: Any) -> None:
+        """Make the publisher, or share the one that the node has already.
+
+        Args:
+            **kwargs: `node` and optionally `wake`, see `RosLeaf`.
+        """
+        super().setup(**kwargs)
+        self._transforms = static_transforms_of(self.node)
+
+    def initialise(self) -> None:
+        """Forget the last activation's verdict."""
+        self._verdict = Status.RUNNING
+
+    def update(self) -> Status:
+        """Publish once in each activation, so that each takes one name."""
+        if self._verdict is Status.RUNNING:
+            self._verdict = self._broadcast()
+        return self._verdict
+
+    def _broadcast(self) -> Status:
+        pose = self._detect_node.survivor_pose()
+        if pose is None:
+            self.complain(f"'{self.name}' has no frame to broadcast: nobody was found.")
+            return Status.FAILURE
+        survivor_id = self._zones.next_survivor_id()
+        self._publish(survivor_id, *pose)
+        self._detect_node.set_survivor_id(survivor_id)
+        self._record.survivor_named(survivor_id, *pose)
+        self.feedback_message = f"{survivor_id} at ({pose[0]:.2f}, {pose[1]:.2f})"
+        self.say(f"Broadcasting TF frame: {self.feedback_message} in {MAP_FRAME} frame.")
+        return Status.SUCCESS
+
+    def _publish(self, survivor_id: str, x: float, y: float) -> None:
+        from geometry_msgs.msg import TransformStamped
+
+        frame = TransformStamped()
+        frame.header.stamp = self.node.get_clock().now().to_msg()
+        frame.header.frame_id = MAP_FRAME
+        frame.child_frame_id = survivor_id
+        frame.transform.translation.x = x
+        frame.transform.translation.y = y
+        # A position is known, not an attitude.
+        frame.transform.rotation.w = 1.0
+        transforms = self._transforms or static_transforms_of(self.node)
+        transforms.put(frame)
+
+
+@register(
+    "NotifyBase",
+    kind=Kind.ACTION,
+    outcomes=_ANY_STATUS,
+    effects="reports the survivor to the base station",
+    uses=[Use.service("{service}")],
+    answers=[
+        Answer("SUCCESS", "acknowledged", "named_by_{detect_node}"),
+        Answer("FAILURE", "refused", "named_by_{detect_node}"),
+        Answer("FAILURE", "nothing to report", "!named_by_{detect_node}"),
+        Answer("RUNNING", "reporting", "named_by_{detect_node}"),
+    ],
+    facts={"named_by_{detect_node}": False},
+)
+class NotifyBase(ReportLeaf):
+    """Report the survivor that was found: SUCCESS if the base station acknowledges the report.
+
+    Args:
+        name: The node's name.
+        detect_node: The search that found the survivor.
+        record: Where the acknowledgement is noted.
+        service: The service's name.
+        server_timeout_sec: How long to wait for a server, seconds.
+        timeout_sec: How long to wait for the answer, seconds.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        detect_node: DetectSurvivor,
+        *,
+        record: MissionRecord | None = None,
+        service: str = "report_survivor",
+        server_timeout_sec: float = 10.0,
+        timeout_sec: float = 5.0,
+    ) -> None:
+        super().__init__(name, record, service, CallDeadlines(server_timeout_sec, timeout_sec))
+        self._detect_node = detect_node
+
+    def _next_report(self) -> SurvivorReport | None:
+        survivor_id = self._detect_node.survivor_id()
+        pose = self._detect_node.survivor_pose()
+        if survivor_id is None or pose is None:
+            missing = "nobody was found" if pose is None else "the survivor has no name yet"
+            self.complain(f"'{self.name}' has nothing to report: {missing}.")
+            return None
+        return SurvivorReport(survivor_id, *pose)
+
+
+@register(
+    "LogNoDetection", kind=Kind.ACTION, outcomes={Status.SUCCESS}, answers=[Answer("SUCCESS", "logged")]
+)
+class LogNoDetection(RosLeaf):
+    """Say in the log that nobody was found.
+
+    Args:
+        name: The node's name.
+        zone_manager: Tells the zone, if it is to be named.
+    """
+
+    def __init__(self, name: str, zone_manager: ZoneManager | None = None) -> None:
+        super().__init__(name)
+        self._zones = zone_manager
+
+    def update(self) -> Status:
+        """Say it."""
+        named = self._zones is not None and self._zones.has_remaining()
+        place = f" at {self._zones.current_zone()['id']}" if self._zones is not None and named else ""
+        self.feedback_message = f"nobody found{place}"
+        self.say(f"No survivor found{place}.")
+        return Status.SUCCESS

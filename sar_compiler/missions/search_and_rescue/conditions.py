@@ -1,0 +1,99 @@
+"""What the mission asks before it acts; answered at once, never RUNNING."""
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor
+from sar_compiler.missions.search_and_rescue.record import MissionRecord
+from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+from sar_compiler.nodes import Answer, Kind, register
+
+_YES_OR_NO = {Status.SUCCESS, Status.FAILURE}
+_COMPLETE = "zones_left == 0 && zones_abandoned == 0 && reports_kept == 0 && at == 'base'"
+
+
+@register(
+    "ZonesRemaining",
+    kind=Kind.CONDITION,
+    outcomes=_YES_OR_NO,
+    answers=[
+        Answer("SUCCESS", "some left", "zones_left > 0"),
+        Answer("FAILURE", "none left", "zones_left == 0"),
+    ],
+    facts={"zones_left": 3},
+)
+class ZonesRemaining(Behaviour):
+    """Is a zone left to be visited? SUCCESS if so, else FAILURE.
+
+    Args:
+        name: The node's name.
+        zone_manager: The mission's zones.
+    """
+
+    def __init__(self, name: str, zone_manager: ZoneManager) -> None:
+        super().__init__(name)
+        self._zones = zone_manager
+
+    def update(self) -> Status:
+        """Look at the mission's zones."""
+        remaining = self._zones.has_remaining()
+        self.feedback_message = f"{self._zones.current_index()} of {self._zones.total_zones()} zones visited"
+        return Status.SUCCESS if remaining else Status.FAILURE
+
+
+@register(
+    "IsSurvivorDetected",
+    kind=Kind.CONDITION,
+    outcomes=_YES_OR_NO,
+    answers=[
+        Answer("SUCCESS", "yes", "found_by_{detect_node}"),
+        Answer("FAILURE", "no", "!found_by_{detect_node}"),
+    ],
+    facts={"found_by_{detect_node}": False},
+)
+class IsSurvivorDetected(Behaviour):
+    """Did the last search find a survivor? SUCCESS if so, else FAILURE.
+
+    Args:
+        name: The node's name.
+        detect_node: The search whose answer counts.
+    """
+
+    def __init__(self, name: str, detect_node: DetectSurvivor) -> None:
+        super().__init__(name)
+        self._detect_node = detect_node
+
+    def update(self) -> Status:
+        """Look at the answer of the last search."""
+        return Status.SUCCESS if self._detect_node.was_found() else Status.FAILURE
+
+
+@register(
+    "MissionComplete",
+    kind=Kind.CONDITION,
+    outcomes=_YES_OR_NO,
+    answers=[
+        Answer("SUCCESS", "complete", _COMPLETE),
+        Answer("FAILURE", "incomplete", f"!({_COMPLETE})"),
+    ],
+    facts={"zones_left": 3, "zones_abandoned": 0, "reports_kept": 0, "at": ""},
+)
+class MissionComplete(Behaviour):
+    """Is the mission complete: every zone visited, every survivor acknowledged, the robot home? SUCCESS if so.
+
+    Args:
+        name: The node's name.
+        record: What has happened in the mission.
+        zone_manager: The mission's zones.
+    """
+
+    def __init__(self, name: str, record: MissionRecord, zone_manager: ZoneManager) -> None:
+        super().__init__(name)
+        self._record = record
+        self._zones = zone_manager
+
+    def update(self) -> Status:
+        """Look at what is missing."""
+        shortfalls = self._record.shortfalls(self._zones)
+        self.feedback_message = " ".join(shortfalls)
+        return Status.FAILURE if shortfalls else Status.SUCCESS

@@ -1,0 +1,25 @@
+"""What leaves that work with ROS raise."""
+
+from sar_compiler.errors import SarError
+
+
+class MissingNodeError(SarError, KeyError):
+    """A leaf that needs a ROS node was set up without one, or ticked while it is not set up.
+
+    It is also a `KeyError`, which is what py_trees' own ROS leaves raise.
+
+    Args:
+        leaf_name: The leaf's name in the tree.
+        leaf_class: The name of its class.
+    """
+
+    def __init__(self, leaf_name: str, leaf_class: str) -> None:
+        self.leaf_name = leaf_name
+        self.leaf_class = leaf_class
+        super().__init__(leaf_name, leaf_class)
+
+    def __str__(self) -> str:
+        return (
+            f"'{self.leaf_name}' ({self.leaf_class}) works with ROS and has no node: "
+            "pass an rclpy node to the tree's setup, as in setup(node=my_node)"
+        )

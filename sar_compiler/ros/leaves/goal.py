@@ -1,0 +1,279 @@
+"""One goal of a ROS action, from the wish to its end, without ever waiting.
+
+The leaf that wants the goal calls `advance` at every tick and looks at `end`. What comes from the server comes
+through callbacks, each bound to its own goal: the answer to an old goal cannot touch a new one.
+"""
+
+import uuid
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+from weakref import WeakMethod
+
+from sar_compiler.ros.leaves.deadline import Deadline
+from sar_compiler.ros.leaves.leaf import alive
+from sar_compiler.runtime.leaf import Wake
+
+if TYPE_CHECKING:
+    from rclpy.action.client import ClientGoalHandle
+    from rclpy.node import Node
+    from rclpy.task import Future
+
+SUCCEEDED = 4
+"""`action_msgs/msg/GoalStatus.STATUS_SUCCEEDED`."""
+
+
+class ActionPort:
+    """A node's access to one action.
+
+    Args:
+        node: The rclpy node.
+        action_type: The action's Python type.
+        name: The action's (relative) name.
+    """
+
+    def __init__(self, node: "Node", action_type: Any, name: str) -> None:
+        from action_msgs.srv import CancelGoal
+        from rclpy.action import ActionClient
+
+        self.name = name
+        self._node = node
+        self.client = ActionClient(node, action_type, name)
+        # rclpy's action client cancels only goals whose acceptance it has seen.
+        self.canceller = node.create_client(CancelGoal, f"{name}/_action/cancel_goal")
+
+    @property
+    def server_is_ready(self) -> bool:
+        """Whether a server is there; no while ROS is shut down."""
+        return self.usable and self.client.server_is_ready()
+
+    @property
+    def usable(self) -> bool:
+        """Whether messages can be sent at all: the node is alive and ROS is not shut down."""
+        return alive(self._node)
+
+    def warn(self, text: str) -> None:
+        """Write a warning to the node's log."""
+        self._node.get_logger().warning(text)
+
+    def release(self) -> None:
+        """Destroy the clients; does nothing where the node, which owned them, is gone."""
+        if alive(self._node):
+            self.client.destroy()
+            self._node.destroy_client(self.canceller)
+
+
+@dataclass(frozen=True)
+class GoalDeadlines:
+    """How long a goal may take over what, in seconds of the machine's steady clock.
+
+    Attributes:
+        server_sec: Until there is a server.
+        acceptance_sec: From sending to acceptance or rejection.
+        feedback_sec: Between two feedback messages, once there was one; and without a server in the graph.
+    """
+
+    server_sec: float
+    acceptance_sec: float
+    feedback_sec: float
+
+
+@dataclass(frozen=True)
+class GoalEnd:
+    """How a goal ended.
+
+    Attributes:
+        status: The status that the server gave (a constant of `action_msgs/msg/GoalStatus`), or None if the
+            goal ended for another reason.
+        result: The result that came with the status.
+        trouble: The other reason.
+    """
+
+    status: int | None = None
+    result: Any = None
+    trouble: str = ""
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether the server reported success."""
+        return self.status == SUCCEEDED
+
+
+class ActionGoal:
+    """One goal, sent at most once.
+
+    Args:
+        port: The action.
+        message: The goal to send.
+        deadlines: The limits to keep.
+        wake: Called when the goal is accepted and when it has succeeded.
+    """
+
+    def __init__(self, port: ActionPort, message: Any, deadlines: GoalDeadlines, wake: Wake) -> None:
+        from unique_identifier_msgs.msg import UUID
+
+        self.end: GoalEnd | None = None
+        self.sent = False
+        self.feedback: Any = None
+        self._port = port
+        self._message = message
+        self._deadlines = deadlines
+        self._wake = wake
+        # Its own id, so that it can be cancelled before the server has said anything.
+        self._id = UUID(uuid=list(uuid.uuid4().bytes))
+        self._deadline = Deadline(deadlines.server_sec)
+        self._handle: ClientGoalHandle | None = None
+        self._answered = False
+        self._abandoned = False
+        self._silence: Deadline | None = None
+        self._doubt: Deadline | None = None
+        self._absence: Deadline | None = None
+        self._cancels_under_way = 0
+
+    @property
+    def in_flight(self) -> bool:
+        """Whether the server has the goal, or may have it, and nobody has given it up."""
+        return self.sent and self.end is None and not self._abandoned
+
+    @property
+    def settled(self) -> bool:
+        """Whether no cancel is unanswered, nor an acceptance that would have to be cancelled."""
+        return self._cancels_under_way == 0 and not (self._abandoned and self.sent and not self._answered)
+
+    def advance(self) -> None:
+        """Do what can be done now: send the goal, or see whether a deadline has passed."""
+        if self.end is not None or self._abandoned:
+            return
+        if not self.sent:
+            self._send_or_wait()
+        elif self._handle is None:
+            if self._deadline.passed:
+                self._give_up(
+                    f"no answer to the goal within {self._deadlines.acceptance_sec:g} s; "
+                    f"is the server of '{self._port.name}' alive and not overloaded?"
+                )
+        else:
+            self._watch()
+
+    def abandon(self) -> None:
+        """Give the goal up; cancels it if it was sent and has not ended."""
+        if self.end is not None or self._abandoned:
+            return
+        self._abandoned = True
+        if self._handle is not None:
+            self._cancel_accepted()
+        elif self.sent:
+            self._cancel_unaccepted()
+
+    def _send_or_wait(self) -> None:
+        if self._port.server_is_ready:
+            # Sent to nobody, a goal would be lost: it is not delivered to a server that appears later.
+            self.sent = True
+            self._deadline = Deadline(self._deadlines.acceptance_sec)
+            answer = self._port.client.send_goal_async(self._message, self._weak_on_feedback(), self._id)
+            answer.add_done_callback(self._on_answer)
+        elif self._deadline.passed:
+            self._give_up(
+                f"no server for the action '{self._port.name}' within {self._deadlines.server_sec:g} s; "
+                "is it running, and in this namespace?"
+            )
+
+    def _watch(self) -> None:
+        # The graph alone does not do: it believes in a killed server for some 20 s. Feedback alone does not do
+        # either: not every server sends any.
+        if self._silence is not None and self._silence.passed:
+            self._give_up(f"the server has sent no feedback for {self._deadlines.feedback_sec:g} s")
+        elif self._silence is None and self._doubt is not None and self._doubt.passed:
+            # It may never send any, or have been replaced before anybody saw it go: ask who is there.
+            self._doubt = Deadline(self._deadlines.feedback_sec)
+            self._request_result()
+        elif self._port.server_is_ready:
+            if self._absence is not None:
+                # Perhaps another server than before: one that does not know the goal answers at once.
+                self._absence = None
+                self._request_result()
+        elif self._absence is None:
+            self._absence = Deadline(self._deadlines.feedback_sec)
+        elif self._absence.passed:
+            self._give_up(f"the server has been gone for {self._deadlines.feedback_sec:g} s")
+
+    def _give_up(self, trouble: str) -> None:
+        self.abandon()
+        self.end = GoalEnd(trouble=trouble)
+
+    def _on_answer(self, answer: "Future") -> None:
+        self._answered = True
+        handle: ClientGoalHandle = answer.result()
+        if not handle.accepted:
+            if not self._abandoned:
+                self.end = GoalEnd(
+                    trouble="the server rejected the goal; is it active (its lifecycle state)?"
+                )
+            return
+        self._handle = handle
+        self._doubt = Deadline(self._deadlines.feedback_sec)
+        self._request_result()
+        if self._abandoned:
+            self._cancel_accepted()
+        else:
+            self._wake()
+
+    def _request_result(self) -> None:
+        # At once, since a server forgets results; and of every goal, since rclpy keeps what it knows of a goal
+        # until the result has come.
+        if self._handle is not None:
+            self._handle.get_result_async().add_done_callback(self._on_result)
+
+    def _weak_on_feedback(self) -> Callable[[Any], None]:
+        # rclpy never lets go of the callback of a goal that is rejected; the goal need not stay with it.
+        method = WeakMethod(self._on_feedback)
+
+        def on_feedback(message: Any) -> None:
+            listener = method()
+            if listener is not None:
+                listener(message)
+
+        return on_feedback
+
+    def _on_feedback(self, message: Any) -> None:
+        self.feedback = message.feedback
+        self._silence = Deadline(self._deadlines.feedback_sec)
+
+    def _on_result(self, answer: "Future") -> None:
+        if self.end is not None or self._abandoned:
+            return
+        response = answer.result()
+        self.end = GoalEnd(status=response.status, result=response.result)
+        if self.end.succeeded:
+            self._wake()
+
+    def _cancel_accepted(self) -> None:
+        if self._handle is not None and self._port.usable:
+            self._expect(self._handle.cancel_goal_async(), self._judge_cancel)
+
+    def _cancel_unaccepted(self) -> None:
+        # Of use only if the server has the goal already; if not, it answers that it does not know it, and
+        # the goal is cancelled when its acceptance arrives.
+        from action_msgs.srv import CancelGoal
+
+        if self._port.usable and self._port.canceller.service_is_ready():
+            request = CancelGoal.Request()
+            request.goal_info.goal_id = self._id
+            self._expect(self._port.canceller.call_async(request), lambda _: None)
+
+    def _expect(self, answer: "Future", judge: Callable[[Any], None]) -> None:
+        self._cancels_under_way += 1
+
+        def on_answer(future: "Future") -> None:
+            self._cancels_under_way -= 1
+            judge(future.result())
+
+        answer.add_done_callback(on_answer)
+
+    def _judge_cancel(self, response: Any) -> None:
+        # A server that refuses says so by an empty list; its return code may still be "no error".
+        if not response.goals_canceling and response.return_code != response.ERROR_GOAL_TERMINATED:
+            self._port.warn(
+                f"The server of '{self._port.name}' did not cancel the goal (return code "
+                f"{response.return_code}): the robot may still be moving."
+            )

@@ -1,0 +1,73 @@
+"""What the mission's leaves that work with ROS have in common."""
+
+from typing import TYPE_CHECKING, Any
+
+from py_trees.behaviour import Behaviour
+
+from sar_compiler.ros.leaves.errors import MissingNodeError
+from sar_compiler.runtime.leaf import Wake, stay_asleep
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+
+def alive(node: "Node") -> bool:
+    """Say whether a node was not destroyed and its context not shut down."""
+    from rclpy.exceptions import InvalidHandle
+
+    try:
+        with node.handle:
+            return bool(node.context.ok())
+    except InvalidHandle:
+        return False
+
+
+class RosLeaf(Behaviour):
+    """A leaf that has a node, and may wake whoever ticks its tree.
+
+    Args:
+        name: The leaf's name in the tree.
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self._node: Node | None = None
+        self._wake: Wake = stay_asleep
+
+    def setup(self, **kwargs: Any) -> None:
+        """Take the node to work with; waits for nothing.
+
+        Args:
+            **kwargs: `node`, the rclpy node; and optionally `wake`, to be called on good news.
+
+        Raises:
+            MissingNodeError: If there is no `node`.
+        """
+        if kwargs.get("node") is None:
+            raise MissingNodeError(self.name, type(self).__name__)
+        self._node = kwargs["node"]
+        self._wake = kwargs.get("wake", stay_asleep)
+
+    def shutdown(self) -> None:
+        """Let go of the node."""
+        self._node = None
+
+    @property
+    def node(self) -> "Node":
+        """The node that the leaf was set up with.
+
+        Raises:
+            MissingNodeError: If it was not set up, or has been shut down.
+        """
+        if self._node is None:
+            raise MissingNodeError(self.name, type(self).__name__)
+        return self._node
+
+    def say(self, text: str) -> None:
+        """Write a line of the mission's log."""
+        self.node.get_logger().info(text)
+
+    def complain(self, text: str) -> None:
+        """Write a line about something that went wrong, and keep it as the leaf's feedback message."""
+        self.feedback_message = text
+        self.node.get_logger().warning(text)

@@ -1,0 +1,58 @@
+"""A stage for the mission's leaves: a node, scripted servers, and what the leaves said."""
+
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from tests.missions.mission_stage import Stage
+
+
+def _stage(*contexts: Any) -> "Stage":
+    # Imported late: this file is read on machines without ROS too.
+    stage: Stage = import_module("mission_stage").Stage(*contexts)
+    return stage
+
+
+@pytest.fixture(scope="session")
+def ros_context() -> Iterator[Any]:
+    """One ROS context for all tests, apart from rclpy's default one."""
+    rclpy = pytest.importorskip("rclpy")
+    context = rclpy.context.Context()
+    rclpy.init(context=context)
+    yield context
+    context.try_shutdown()
+
+
+@pytest.fixture
+def make_stage(ros_context: Any) -> Iterator[Callable[[], "Stage"]]:
+    """Make stages, each in a namespace of its own."""
+    stages: list[Stage] = []
+
+    def make() -> "Stage":
+        stages.append(_stage(ros_context))
+        return stages[-1]
+
+    yield make
+    for stage in stages:
+        stage.close()
+
+
+@pytest.fixture
+def stage(make_stage: Callable[[], "Stage"]) -> "Stage":
+    """One stage."""
+    return make_stage()
+
+
+@pytest.fixture
+def mortal_stage(ros_context: Any) -> Iterator["Stage"]:
+    """Make a stage whose mission has a ROS context of its own, which a test may shut down."""
+    import rclpy
+
+    context = rclpy.context.Context()
+    rclpy.init(context=context)
+    stage = _stage(context, ros_context)
+    yield stage
+    stage.close()

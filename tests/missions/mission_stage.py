@@ -1,0 +1,379 @@
+"""What the leaves are tested with: a mission's node, and servers that do what a test tells them."""
+
+import itertools
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from queue import Empty, Queue
+from typing import Any, TypeVar
+
+from nav2_msgs.action import NavigateToPose
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sar_interfaces.srv import DetectSurvivor as DetectService
+from sar_interfaces.srv import ReportSurvivor as ReportService
+from tf2_msgs.msg import TFMessage
+
+from sar_compiler.missions.search_and_rescue import MissionRecord, ZoneManager
+
+L = TypeVar("L", bound=Behaviour)
+
+ZONES: list[dict[str, Any]] = [
+    {"id": "zone_a", "x": -3.0, "y": 3.0, "yaw": 1.57},
+    {"id": "zone_b", "x": 3.5, "y": 3.0, "yaw": 0.0},
+]
+BASE: dict[str, Any] = {"x": 0.5, "y": -0.25, "yaw": 3.14}
+
+_numbers = itertools.count(1)
+
+
+class Recorder:
+    """A logger that keeps its lines."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.warnings: list[str] = []
+
+    def info(self, text: str) -> None:
+        self.lines.append(text)
+
+    def warning(self, text: str) -> None:
+        self.warnings.append(text)
+
+    def debug(self, text: str) -> None:
+        """What is only for developers is nothing a test holds."""
+
+    warn = error = warning
+
+    def get_child(self, name: str) -> "Recorder":
+        return self
+
+
+class RecordingNode(Node):
+    """A node whose leaves' log lines a test can read."""
+
+    def __init__(self, name: str, namespace: str, context: Any) -> None:
+        self.recorder = Recorder()
+        # As a mission in a namespace is started: with frames of its own.
+        remap = ["--ros-args", "-r", "/tf_static:=tf_static"]
+        super().__init__(name, namespace=namespace, context=context, enable_rosout=False, cli_args=remap)
+
+    def get_logger(self) -> Recorder:
+        return self.recorder
+
+
+class Host:
+    """A node for servers, spinning in threads of its own until it is closed."""
+
+    def __init__(self, name: str, namespace: str, context: Any) -> None:
+        self.node = RecordingNode(name, namespace, context)
+        self.group = ReentrantCallbackGroup()
+        self._executor = MultiThreadedExecutor(num_threads=6, context=context)
+        self._executor.add_node(self.node)
+        self._closing = threading.Event()
+        self._at_close: list[Callable[[], None]] = []
+        self._at_end: list[Callable[[], None]] = []
+        self._thread = threading.Thread(target=self._spin)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        while not self._closing.is_set():
+            self._executor.spin_once(timeout_sec=0.1)
+
+    def at_close(self, action: Callable[[], None]) -> None:
+        """Have something done that lets callbacks under way come to their end."""
+        self._at_close.append(action)
+
+    def at_end(self, action: Callable[[], None]) -> None:
+        """Have something done once nothing is taken from the servers any more."""
+        self._at_end.append(action)
+
+    def close(self) -> None:
+        """Take the node and its servers out of the graph, as when their process ends."""
+        if self._closing.is_set():
+            return
+        self._closing.set()
+        self._executor.wake()
+        self._thread.join()
+        # Not before: a server destroyed while the executor takes from it would raise there. And not after
+        # its callbacks were let go: what they answer would still be sent.
+        for action in self._at_end:
+            action()
+        for action in self._at_close:
+            action()
+        self._executor.shutdown()
+        self.node.destroy_node()
+
+
+@dataclass
+class SeenGoal:
+    """A goal as the server saw it; `orders` makes it do something."""
+
+    goal: Any
+    orders: "Queue[str]" = field(default_factory=Queue)
+    final: str = ""
+    handle: Any = None
+
+    @property
+    def pose(self) -> tuple[str, float, float, float, float]:
+        pose = self.goal.pose
+        return (
+            pose.header.frame_id,
+            pose.pose.position.x,
+            pose.pose.position.y,
+            pose.pose.orientation.z,
+            pose.pose.orientation.w,
+        )
+
+
+class NavServer:
+    """A `navigate_to_pose` that follows orders: `succeed`, `abort`, `cancel`, `feedback`.
+
+    Attributes:
+        accept: Whether goals are accepted.
+        accept_after: Seconds between a goal's arrival and its acceptance.
+        heed_cancel: Whether cancel requests are granted.
+        script: The orders that every goal starts with.
+        error_code: What an abort reports.
+        goals: The accepted goals.
+        requests: How many goals arrived.
+    """
+
+    def __init__(self, host: Host, name: str = "navigate_to_pose") -> None:
+        self.accept = True
+        self.accept_after = 0.0
+        self.heed_cancel = True
+        self.script: list[str] = []
+        self.error_code = 0
+        self.goals: list[SeenGoal] = []
+        self.requests = 0
+        self.cancels = 0
+        self._closing = threading.Event()
+        self._started = threading.Event()
+        self._ended = threading.Event()
+        self._server = ActionServer(
+            host.node,
+            NavigateToPose,
+            name,
+            execute_callback=self._execute,
+            goal_callback=self._on_goal,
+            cancel_callback=self._on_cancel,
+            callback_group=host.group,
+        )
+        host.at_close(self._closing.set)
+        host.at_end(self._server.destroy)
+
+    def order(self, *orders: str) -> None:
+        """Give orders to the latest goal."""
+        for order in orders:
+            self.goals[-1].orders.put(order)
+
+    def wait_for_start(self) -> None:
+        """Wait, without spinning the mission's node, until a goal is accepted and executed."""
+        assert self._started.wait(8.0), "no goal was accepted within 8 s"
+
+    def wait_for_end(self) -> None:
+        """Wait, without spinning the mission's node, until the latest goal has ended."""
+        assert self._ended.wait(8.0), "the goal did not end within 8 s"
+
+    def _on_goal(self, goal: Any) -> GoalResponse:
+        self.requests += 1
+        self._closing.wait(self.accept_after)
+        return GoalResponse.ACCEPT if self.accept else GoalResponse.REJECT
+
+    def _on_cancel(self, handle: Any) -> CancelResponse:
+        self.cancels += 1
+        return CancelResponse.ACCEPT if self.heed_cancel else CancelResponse.REJECT
+
+    def _execute(self, handle: Any) -> Any:
+        seen = SeenGoal(handle.request, handle=handle)
+        for order in self.script:
+            seen.orders.put(order)
+        self.goals.append(seen)
+        self._started.set()
+        result = NavigateToPose.Result()
+        while not seen.final and not self._closing.is_set():
+            self._obey(seen, result)
+        self._ended.set()
+        return result
+
+    def _obey(self, seen: SeenGoal, result: Any) -> None:
+        if seen.handle.is_cancel_requested:
+            seen.handle.canceled()
+            seen.final = "canceled"
+            return
+        try:
+            order = seen.orders.get(timeout=0.005)
+        except Empty:
+            return
+        if order == "feedback":
+            seen.handle.publish_feedback(NavigateToPose.Feedback(distance_remaining=2.5))
+        elif order == "succeed":
+            seen.handle.succeed()
+            seen.final = "succeeded"
+        elif order == "abort":
+            result.error_code = self.error_code
+            seen.handle.abort()
+            seen.final = "aborted"
+
+
+class ScriptedService:
+    """A service that keeps its requests, and answers when it is told to.
+
+    Attributes:
+        requests: What arrived.
+        answer: Makes a response out of a request.
+        gate: Set unless answers are to be held back.
+    """
+
+    def __init__(self, host: Host, service_type: Any, name: str, answer: Callable[[Any, Any], None]) -> None:
+        self.requests: list[Any] = []
+        self.answered = 0
+        self.answer = answer
+        self.gate = threading.Event()
+        self.gate.set()
+        self._service = host.node.create_service(service_type, name, self._serve, callback_group=host.group)
+        host.at_close(self.gate.set)
+
+    def _serve(self, request: Any, response: Any) -> Any:
+        self.requests.append(request)
+        self.gate.wait()
+        self.answer(request, response)
+        self.answered += 1
+        return response
+
+
+class FrameListener:
+    """A subscriber to `/tf_static` with its own depth of 1, and the latest message."""
+
+    def __init__(self, node: Node) -> None:
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.messages = 0
+        self.frames: dict[str, Any] = {}
+        self._subscription = node.create_subscription(TFMessage, "/tf_static", self._take, latched)
+
+    def _take(self, message: Any) -> None:
+        self.messages += 1
+        self.frames = {frame.child_frame_id: frame for frame in message.transforms}
+
+    def position(self, frame: str) -> tuple[float, float, float]:
+        translation = self.frames[frame].transform.translation
+        return (translation.x, translation.y, translation.z)
+
+
+class Stage:
+    """One mission and its surroundings, in a namespace of their own.
+
+    Args:
+        context: The ROS context of the mission's node.
+        server_context: The ROS context of the servers' nodes, where it is another.
+    """
+
+    def __init__(self, context: Any, server_context: Any = None) -> None:
+        self.context = context
+        self._server_context = server_context or context
+        self.namespace = f"/stage_{next(_numbers)}"
+        self.node = RecordingNode("mission", self.namespace, context)
+        self.zones = ZoneManager(ZONES, BASE)
+        self.record = MissionRecord()
+        self.wakes = 0
+        self._executor = SingleThreadedExecutor(context=context)
+        self._executor.add_node(self.node)
+        self._hosts: list[Host] = []
+        self._listeners: list[FrameListener] = []
+        self._leaves: list[Behaviour] = []
+
+    @property
+    def lines(self) -> list[str]:
+        return self.node.recorder.lines
+
+    @property
+    def warnings(self) -> list[str]:
+        return self.node.recorder.warnings
+
+    def static_frames(self, node: Node | None = None) -> "FrameListener":
+        """Listen, from now on, to the static frames that a node of this namespace would see."""
+        listener = FrameListener(node or self.node)
+        self._listeners.append(listener)
+        return listener
+
+    def wake(self) -> None:
+        self.wakes += 1
+
+    def host(self) -> Host:
+        self._hosts.append(Host(f"host_{len(self._hosts)}", self.namespace, self._server_context))
+        return self._hosts[-1]
+
+    def nav_server(self, name: str = "navigate_to_pose") -> NavServer:
+        return NavServer(self.host(), name)
+
+    def nav_server_on(self, host: Host) -> NavServer:
+        return NavServer(host)
+
+    def detect_service(self, survivors: dict[str, tuple[float, float]]) -> ScriptedService:
+        def answer(request: Any, response: Any) -> None:
+            if request.zone_id in survivors:
+                response.found = True
+                response.survivor_x, response.survivor_y = survivors[request.zone_id]
+
+        return ScriptedService(self.host(), DetectService, "detect_survivor", answer)
+
+    def report_service(self, *, acknowledged: bool) -> ScriptedService:
+        def answer(_: Any, response: Any) -> None:
+            response.acknowledged = acknowledged
+
+        return ScriptedService(self.host(), ReportService, "report_survivor", answer)
+
+    def take(self, leaf: L) -> L:
+        """Set a leaf up as a runner does."""
+        self._leaves.append(leaf)
+        leaf.setup(node=self.node, wake=self.wake)
+        return leaf
+
+    def until(self, condition: Callable[[], object], what: str, timeout_sec: float = 8.0) -> None:
+        """Spin the mission's node until something is so."""
+        end = time.monotonic() + timeout_sec
+        while not condition():
+            if time.monotonic() > end:
+                message = f"{what}: did not come within {timeout_sec:g} s; log: {self.lines} {self.warnings}"
+                raise AssertionError(message)
+            self.spin()
+
+    def spin(self) -> None:
+        """Let the mission's node do one thing, or nothing for a moment."""
+        self._executor.spin_once(timeout_sec=0.01)
+
+    def tick_until(self, leaf: Behaviour, condition: Callable[[], object], what: str) -> None:
+        """Tick a leaf, and spin, until something is so."""
+
+        def ticked() -> object:
+            leaf.tick_once()
+            return condition()
+
+        self.until(ticked, f"{what} (last status {leaf.status})")
+
+    def run(self, leaf: Behaviour) -> Status:
+        """Tick a leaf until it is through."""
+        leaf.tick_once()
+        if leaf.status is Status.RUNNING:
+            self.tick_until(leaf, lambda: leaf.status is not Status.RUNNING, "the end of the leaf")
+        return leaf.status
+
+    def close(self) -> None:
+        try:
+            for leaf in self._leaves:
+                leaf.stop(Status.INVALID)
+                leaf.shutdown()
+        finally:
+            for host in self._hosts:
+                host.close()
+            self._executor.shutdown()
+            self.node.destroy_node()
+            if self._server_context is not self.context:
+                self.context.try_shutdown()

@@ -1,0 +1,174 @@
+"""Setting the leaves up, shutting them down, and the small leaves in between."""
+
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import py_trees
+import pytest
+from py_trees.common import Status
+
+from sar_compiler.errors import SarError
+from sar_compiler.missions.search_and_rescue import (
+    AbandonZone,
+    AdvanceZone,
+    BroadcastSurvivorTF,
+    DeliverReports,
+    DetectSurvivor,
+    KeepReport,
+    KeptReports,
+    LogNoDetection,
+    MissionRecord,
+    NavigateToBase,
+    NavigateToZone,
+    NotifyBase,
+    PostponeZone,
+    ZoneManager,
+)
+from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
+from sar_compiler.ros.leaves.errors import MissingNodeError
+from sar_compiler.runtime.leaf import Settling
+
+if TYPE_CHECKING:
+    from tests.missions.mission_stage import Stage
+
+BASE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
+
+
+def one_zone() -> ZoneManager:
+    return ZoneManager([{"id": "zone_a", "x": 1.0, "y": 2.0, "yaw": 0.0}], BASE)
+
+
+def leaves_with_a_node() -> list[py_trees.behaviour.Behaviour]:
+    zones = one_zone()
+    detect = DetectSurvivor("DetectSurvivor", zones)
+    kept = KeptReports()
+    kept.keep(SurvivorReport("survivor_1", 1.0, 2.0))
+    return [
+        NavigateToZone("NavigateToZone", zones),
+        NavigateToBase("NavigateToBase", zones),
+        detect,
+        BroadcastSurvivorTF("BroadcastSurvivorTF", detect, zones),
+        NotifyBase("NotifyBase", detect),
+        LogNoDetection("LogNoDetection"),
+        KeepReport("KeepReport", detect, kept),
+        DeliverReports("DeliverReports", kept),
+        PostponeZone("PostponeZone", zones),
+        AbandonZone("AbandonZone", zones),
+    ]
+
+
+def test_the_leaves_can_be_imported_and_built_without_ros() -> None:
+    program = (
+        "import sys; sys.modules['rclpy'] = None\n"
+        "from sar_compiler.missions.search_and_rescue import NavigateToZone, ZoneManager\n"
+        "NavigateToZone('NavigateToZone', ZoneManager([], {'x': 0, 'y': 0, 'yaw': 0}))\n"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
+
+
+@pytest.mark.parametrize("leaf", leaves_with_a_node(), ids=lambda leaf: leaf.name)
+class TestWithoutANode:
+    def test_setup_says_what_is_missing(self, leaf: py_trees.behaviour.Behaviour) -> None:
+        with pytest.raises(MissingNodeError, match=f"'{leaf.name}' .* no node: pass an rclpy node") as error:
+            leaf.setup()
+        assert isinstance(error.value, KeyError)
+        assert isinstance(error.value, SarError)
+        assert error.value.leaf_name == leaf.name
+
+    def test_ticking_before_the_setup_is_an_error_that_says_so(
+        self, leaf: py_trees.behaviour.Behaviour
+    ) -> None:
+        with pytest.raises(MissingNodeError, match=leaf.name):
+            leaf.tick_once()
+
+    def test_shutting_down_what_was_never_set_up_is_harmless(
+        self, leaf: py_trees.behaviour.Behaviour
+    ) -> None:
+        leaf.shutdown()
+
+
+def test_the_drives_can_be_waited_for() -> None:
+    assert isinstance(NavigateToZone("NavigateToZone", one_zone()), Settling)
+    assert NavigateToBase("NavigateToBase", one_zone()).settled()
+
+
+class TestAdvanceZone:
+    def test_it_moves_on_notes_the_visit_and_wakes_the_tree(self) -> None:
+        zones, record, wakes = one_zone(), MissionRecord(), []
+        leaf = AdvanceZone("AdvanceZone", zones, record=record)
+        leaf.setup(wake=lambda: wakes.append("wake"))
+        leaf.tick_once()
+        assert leaf.status is Status.SUCCESS
+        assert not zones.has_remaining()
+        assert record.zones_visited == ("zone_a",)
+        assert wakes == ["wake"]
+
+    def test_past_the_last_zone_it_succeeds_and_wakes_nobody(self) -> None:
+        wakes: list[str] = []
+        leaf = AdvanceZone("AdvanceZone", ZoneManager([], BASE))
+        leaf.setup(node=None, wake=lambda: wakes.append("wake"))
+        leaf.tick_once()
+        assert leaf.status is Status.SUCCESS
+        assert wakes == []
+
+    def test_it_works_without_anything_to_wake(self) -> None:
+        zones = one_zone()
+        leaf = AdvanceZone("AdvanceZone", zones)
+        leaf.setup()
+        leaf.tick_once()
+        assert zones.current_index() == 1
+
+
+@pytest.mark.ros
+class TestLogNoDetection:
+    def test_it_names_the_zone(self, stage: "Stage") -> None:
+        assert stage.run(stage.take(LogNoDetection("LogNoDetection", stage.zones))) is Status.SUCCESS
+        assert stage.lines == ["No survivor found at zone_a."]
+
+    def test_without_zones_it_names_none(self, stage: "Stage") -> None:
+        assert stage.run(stage.take(LogNoDetection("LogNoDetection"))) is Status.SUCCESS
+        assert stage.lines == ["No survivor found."]
+
+    def test_past_the_last_zone_it_names_none(self, stage: "Stage") -> None:
+        assert (
+            stage.run(stage.take(LogNoDetection("LogNoDetection", ZoneManager([], BASE)))) is Status.SUCCESS
+        )
+        assert stage.lines == ["No survivor found."]
+
+
+@pytest.mark.ros
+class TestShuttingDown:
+    def test_leaves_survive_a_context_that_is_shut_down_under_them(self, mortal_stage: "Stage") -> None:
+        stage = mortal_stage
+        server = stage.nav_server()
+        drive = stage.take(NavigateToZone("NavigateToZone", stage.zones, feedback_timeout_sec=0.0))
+        search = stage.take(DetectSurvivor("DetectSurvivor", stage.zones))
+        search.tick_once()
+        stage.tick_until(drive, lambda: server.goals and stage.wakes, "the goal")
+        stage.context.shutdown()
+        drive.tick_once()
+        search.tick_once()
+        assert search.status is Status.RUNNING
+        for leaf in (drive, search):
+            leaf.stop(Status.INVALID)
+            leaf.shutdown()
+        assert drive.settled()
+
+    def test_a_drive_that_was_not_accepted_survives_it_too(self, mortal_stage: "Stage") -> None:
+        stage = mortal_stage
+        server = stage.nav_server()
+        server.accept_after = 0.1
+        drive = stage.take(NavigateToZone("NavigateToZone", stage.zones))
+        stage.tick_until(drive, lambda: server.requests, "the goal")
+        stage.context.shutdown()
+        drive.stop(Status.INVALID)
+        assert drive.settled()
+        drive.shutdown()
+
+    def test_leaves_survive_a_node_that_is_destroyed_before_them(self, stage: "Stage") -> None:
+        leaves = [stage.take(leaf) for leaf in leaves_with_a_node()]
+        stage.node.destroy_node()
+        for leaf in leaves:
+            leaf.stop(Status.INVALID)
+            leaf.shutdown()

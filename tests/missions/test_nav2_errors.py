@@ -1,0 +1,35 @@
+"""Nav2's codes in words."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from sar_compiler.missions.search_and_rescue.actions.nav2_errors import describe_end
+
+
+@pytest.mark.parametrize(
+    ("status", "code", "words"),
+    [
+        (6, 208, "aborted (status 6), error code 208: there is no path to the goal"),
+        (6, 105, "aborted (status 6), error code 105: the robot makes no progress"),
+        (6, 199, "error code 199: the controller failed"),
+        (6, 713, "error code 713: a recovery behavior failed"),
+        (6, 9001, "error code 9001: Nav2 could not load its behavior tree"),
+        (6, 60000, "error code 60000: a code that is not known here"),
+        (6, 0, "error code 0: a pose cannot be transformed, or another client's goal took over"),
+        (5, 0, "canceled by somebody else (status 5), error code 0: none"),
+        (0, 0, "unknown to the server (was it restarted?) (status 0)"),
+        (2, 0, "not finished (status 2)"),
+    ],
+)
+def test_a_failure_is_put_into_words(status: int, code: int, words: str) -> None:
+    assert words in describe_end(status, SimpleNamespace(error_code=code))
+
+
+def test_what_the_server_says_goes_before_the_table() -> None:
+    result = SimpleNamespace(error_code=208, error_msg="the door is shut")
+    assert describe_end(6, result).endswith("error code 208: the door is shut")
+
+
+def test_a_result_of_an_older_version_has_no_code() -> None:
+    assert "error code 0" in describe_end(6, SimpleNamespace())

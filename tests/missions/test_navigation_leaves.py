@@ -1,0 +1,526 @@
+"""NavigateToZone and NavigateToBase against a scripted action server."""
+
+import gc
+import math
+import weakref
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from py_trees.common import Status
+
+from sar_compiler.missions.search_and_rescue import NavigateToBase, NavigateToZone
+
+if TYPE_CHECKING:
+    from tests.missions.mission_stage import NavServer, Stage
+
+pytestmark = pytest.mark.ros
+
+
+def drive(stage: "Stage", **options: Any) -> NavigateToZone:
+    return stage.take(NavigateToZone("NavigateToZone", stage.zones, record=stage.record, **options))
+
+
+def drive_home(stage: "Stage", **options: Any) -> NavigateToBase:
+    return stage.take(NavigateToBase("NavigateToBase", stage.zones, record=stage.record, **options))
+
+
+def under_way(
+    stage: "Stage", leaf: NavigateToZone | NavigateToBase, server: "NavServer", goals: int = 1
+) -> None:
+    """Tick until the leaf knows that the server has its goal."""
+    wakes = stage.wakes
+    stage.tick_until(
+        leaf, lambda: stage.wakes > wakes and len(server.goals) == goals, f"acceptance of goal {goals}"
+    )
+    assert leaf.status is Status.RUNNING
+
+
+def results_awaited(leaf: NavigateToZone) -> int:
+    assert leaf._port is not None
+    return len(leaf._port.client._pending_result_requests)
+
+
+def visit_every_zone(stage: "Stage") -> None:
+    while stage.zones.has_remaining():
+        stage.zones.advance()
+
+
+class TestTheGoal:
+    def test_the_current_zone_is_sent_in_the_frame_map_with_its_yaw_as_a_turn_about_z(
+        self, stage: "Stage"
+    ) -> None:
+        server = stage.nav_server()
+        leaf = drive(stage)
+        under_way(stage, leaf, server)
+        half = 1.57 / 2
+        assert server.goals[0].pose == pytest.approx(("map", -3.0, 3.0, math.sin(half), math.cos(half)))
+        assert server.goals[0].goal.behavior_tree == ""
+
+    def test_home_is_the_base_station(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        under_way(stage, drive_home(stage), server)
+        half = 3.14 / 2
+        assert server.goals[0].pose == pytest.approx(("map", 0.5, -0.25, math.sin(half), math.cos(half)))
+
+    def test_one_activation_sends_one_goal_however_often_it_is_ticked(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        server.script = ["feedback"]
+        leaf = drive(stage)
+        stage.tick_until(leaf, lambda: "2.50 m" in leaf.feedback_message, "feedback")
+        for _ in range(20):
+            leaf.tick_once()
+        server.order("succeed")
+        assert stage.run(leaf) is Status.SUCCESS
+        assert server.requests == 1
+
+    def test_initialise_itself_sends_the_goal_to_a_server_that_is_there(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        leaf = drive(stage)
+        stage.until(lambda: leaf._port is not None and leaf._port.server_is_ready, "the server")
+        leaf.initialise()
+        stage.until(lambda: server.goals, "the goal")
+
+    def test_the_action_can_have_another_name(self, stage: "Stage") -> None:
+        server = stage.nav_server("drive/there")
+        server.script = ["succeed"]
+        assert stage.run(drive(stage, action="drive/there")) is Status.SUCCESS
+
+    def test_a_leaf_that_is_entered_again_sends_the_next_goal(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        server.script = ["succeed"]
+        leaf = drive(stage)
+        assert stage.run(leaf) is Status.SUCCESS
+        stage.zones.advance()
+        assert stage.run(leaf) is Status.SUCCESS
+        assert [goal.pose[1] for goal in server.goals] == [-3.0, 3.5]
+
+    def test_without_a_zone_left_it_fails_and_says_so(self, stage: "Stage") -> None:
+        leaf = drive(stage)
+        visit_every_zone(stage)
+        assert stage.run(leaf) is Status.FAILURE
+        assert "nowhere to drive to" in stage.warnings[0]
+        assert leaf.settled()
+
+
+class TestTheLog:
+    def test_a_zone_is_announced_driven_to_and_reached(self, stage: "Stage") -> None:
+        stage.nav_server().script = ["feedback", "succeed"]
+        leaf = drive(stage)
+        stage.until(lambda: leaf._port is not None and leaf._port.server_is_ready, "the server")
+        stage.run(leaf)
+        assert stage.lines == [
+            "--- Zone 1/2: zone_a (-3.00, 3.00) ---",
+            "Navigating to zone_a...",
+            "Reached zone_a.",
+        ]
+
+    def test_a_zone_that_is_tried_again_is_announced_once(self, stage: "Stage") -> None:
+        stage.nav_server().script = ["abort"]
+        leaf = drive(stage)
+        stage.run(leaf)
+        stage.run(leaf)
+        assert sum("Zone 1/2" in line for line in stage.lines) == 1
+        assert stage.lines.count("Navigating to zone_a...") == 2
+
+    def test_coming_home_after_every_zone_completes_the_mission_once(self, stage: "Stage") -> None:
+        stage.nav_server().script = ["succeed"]
+        leaf = drive_home(stage)
+        stage.until(lambda: leaf._port is not None and leaf._port.server_is_ready, "the server")
+        visit_every_zone(stage)
+        assert stage.run(leaf) is Status.SUCCESS
+        assert stage.lines == [
+            "All zones visited. Returning to base.",
+            "Navigating to base station...",
+            "Reached base station.",
+            "Mission complete.",
+        ]
+        stage.run(leaf)
+        assert stage.lines.count("Mission complete.") == 1
+        assert stage.lines.count("Reached base station.") == 2
+
+    def test_coming_home_without_an_abandoned_zone_names_it_and_completes_nothing(
+        self, stage: "Stage"
+    ) -> None:
+        stage.nav_server().script = ["succeed"]
+        stage.zones.abandon()
+        stage.record.zone_abandoned("zone_a", 3)
+        visit_every_zone(stage)
+        assert stage.run(drive_home(stage)) is Status.SUCCESS
+        assert "No zone is left; abandoned: zone_a. Returning to base." in stage.lines
+        assert "Mission complete." not in stage.lines
+
+    def test_coming_home_with_a_report_kept_completes_nothing(self, stage: "Stage") -> None:
+        stage.nav_server().script = ["succeed"]
+        stage.record.survivor_named("survivor_1", 1.0, 2.0)
+        stage.record.report_kept("survivor_1")
+        assert stage.run(drive_home(stage)) is Status.SUCCESS
+        assert "Mission complete." not in stage.lines
+
+    def test_coming_home_with_zones_left_does_not_claim_that_all_were_visited(self, stage: "Stage") -> None:
+        stage.nav_server().script = ["succeed"]
+        assert stage.run(drive_home(stage)) is Status.SUCCESS
+        assert "All zones visited. Returning to base." not in stage.lines
+        assert stage.record.home
+
+
+class TestTheRecord:
+    def test_setting_out_for_a_zone_is_leaving_home(self, stage: "Stage") -> None:
+        stage.record.base_reached()
+        drive(stage).tick_once()
+        assert not stage.record.home
+
+    def test_a_base_that_was_not_reached_is_not_home(self, stage: "Stage") -> None:
+        stage.nav_server().script = ["abort"]
+        assert stage.run(drive_home(stage)) is Status.FAILURE
+        assert not stage.record.home
+
+
+class TestFailure:
+    def test_a_rejected_goal(self, stage: "Stage") -> None:
+        stage.nav_server().accept = False
+        leaf = drive(stage)
+        assert stage.run(leaf) is Status.FAILURE
+        assert "zone_a" in stage.warnings[0]
+        assert "rejected" in stage.warnings[0]
+        assert leaf.settled()
+
+    def test_an_aborted_goal_is_explained(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        server.script = ["abort"]
+        server.error_code = 206
+        assert stage.run(drive(stage)) is Status.FAILURE
+        assert stage.warnings == [
+            "Navigation to zone_a failed: aborted (status 6), error code 206: the goal lies in an obstacle"
+        ]
+
+    def test_a_goal_that_somebody_else_canceled(self, stage: "Stage") -> None:
+        from action_msgs.srv import CancelGoal
+
+        server = stage.nav_server()
+        leaf = drive(stage)
+        under_way(stage, leaf, server)
+        other = stage.node.create_client(CancelGoal, "navigate_to_pose/_action/cancel_goal")
+        stage.until(other.service_is_ready, "the cancel service")
+        other.call_async(CancelGoal.Request())
+        assert stage.run(leaf) is Status.FAILURE
+        assert "canceled by somebody else (status 5)" in stage.warnings[0]
+
+    def test_no_server_within_the_deadline(self, stage: "Stage") -> None:
+        leaf = drive(stage, server_timeout_sec=0.05)
+        leaf.tick_once()
+        assert leaf.status is Status.RUNNING
+        assert "Waiting for the action server navigate_to_pose..." in stage.lines
+        assert stage.run(leaf) is Status.FAILURE
+        assert "no server for the action 'navigate_to_pose' within 0.05 s" in stage.warnings[0]
+
+    def test_a_verdict_stays_until_the_next_activation(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        server.script = ["succeed"]
+        leaf = drive(stage)
+        stage.run(leaf)
+        assert leaf.update() is Status.SUCCESS
+        leaf.terminate(Status.INVALID)
+        assert leaf.update() is Status.SUCCESS
+        assert server.cancels == 0
+        assert stage.lines.count("Reached zone_a.") == 1
+
+    def test_a_server_that_is_late_gets_the_goal_when_it_appears(self, stage: "Stage") -> None:
+        leaf = drive(stage)
+        leaf.tick_once()
+        assert leaf.status is Status.RUNNING
+        stage.nav_server().script = ["succeed"]
+        assert stage.run(leaf) is Status.SUCCESS
+
+    def test_a_server_that_never_answers_costs_the_acceptance_deadline(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        server.accept_after = 0.3
+        leaf = drive(stage, acceptance_timeout_sec=0.05)
+        assert stage.run(leaf) is Status.FAILURE
+        assert "no answer to the goal within 0.05 s" in stage.warnings[0]
+        assert not leaf.settled()
+        stage.until(
+            lambda: server.goals and server.goals[0].final, "the end of the goal that was accepted later"
+        )
+        assert server.goals[0].final == "canceled"
+        stage.until(leaf.settled, "calm")
+
+    def test_a_server_that_falls_silent_is_given_up_and_its_goal_canceled(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        server.script = ["feedback"]
+        leaf = drive(stage, feedback_timeout_sec=0.1)
+        assert stage.run(leaf) is Status.FAILURE
+        assert "no feedback for 0.1 s" in stage.warnings[0]
+        stage.until(lambda: server.goals[0].final == "canceled", "the cancel")
+
+    def test_a_server_that_never_sends_feedback_is_not_called_silent(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        leaf = drive(stage, feedback_timeout_sec=0.0)
+        under_way(stage, leaf, server)
+        server.order("succeed")
+        assert stage.run(leaf) is Status.SUCCESS
+
+    def test_a_server_that_is_gone_is_given_up(self, stage: "Stage") -> None:
+        host = stage.host()
+        server = stage.nav_server_on(host)
+        leaf = drive(stage, feedback_timeout_sec=0.2)
+        under_way(stage, leaf, server)
+        host.close()
+        assert stage.run(leaf) is Status.FAILURE
+        assert "gone for 0.2 s" in stage.warnings[0]
+        assert leaf.settled(), "nobody is there to answer the cancel"
+
+    def test_a_server_that_was_replaced_before_its_first_feedback_is_found_out(self, stage: "Stage") -> None:
+        host = stage.host()
+        leaf = drive(stage, feedback_timeout_sec=0.2)
+        under_way(stage, leaf, stage.nav_server_on(host))
+        host.close()
+        stage.nav_server()
+        stage.until(lambda: leaf._port is not None and leaf._port.server_is_ready, "the new server")
+        assert stage.run(leaf) is Status.FAILURE
+        assert "unknown to the server (was it restarted?) (status 0)" in stage.warnings[0]
+
+    def test_a_server_that_was_restarted_does_not_know_the_goal(self, stage: "Stage") -> None:
+        host = stage.host()
+        leaf = drive(stage)
+        under_way(stage, leaf, stage.nav_server_on(host))
+        host.close()
+        stage.tick_until(leaf, lambda: not leaf._port.server_is_ready, "the server's absence")  # type: ignore[union-attr]
+        stage.nav_server()
+        assert stage.run(leaf) is Status.FAILURE
+        assert "unknown to the server (was it restarted?) (status 0)" in stage.warnings[0]
+
+
+class TestHalting:
+    def test_a_goal_in_flight_is_canceled(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        leaf = drive(stage)
+        under_way(stage, leaf, server)
+        leaf.stop(Status.INVALID)
+        assert not leaf.settled()
+        stage.until(leaf.settled, "the answer to the cancel")
+        stage.until(lambda: server.goals[0].final == "canceled", "the end of the goal")
+        assert stage.warnings == []
+        assert server.cancels == 1
+
+    @pytest.mark.parametrize("accept_after", [0.0, 0.05, 0.3])
+    def test_a_goal_that_was_not_accepted_yet_is_canceled_all_the_same(
+        self, stage: "Stage", accept_after: float
+    ) -> None:
+        server = stage.nav_server()
+        server.accept_after = accept_after
+        leaf = drive(stage)
+        stage.tick_until(leaf, lambda: "Navigating to zone_a..." in stage.lines, "sending")
+        leaf.stop(Status.INVALID)
+        assert not leaf.settled()
+        stage.until(leaf.settled, "calm")
+        stage.until(lambda: server.goals and server.goals[0].final, "the end of the goal")
+        assert server.goals[0].final == "canceled"
+        assert stage.wakes == 0
+        assert stage.warnings == []
+
+    def test_it_is_canceled_every_time(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        server.accept_after = 0.3
+        leaf = drive(stage)
+        for times in range(1, 6):
+            stage.tick_until(leaf, lambda: server.requests == times, f"goal {times}")  # noqa: B023 - used at once
+            leaf.stop(Status.INVALID)
+            stage.until(leaf.settled, "calm")
+        stage.until(lambda: all(goal.final for goal in server.goals), "the end of every goal")
+        assert [goal.final for goal in server.goals] == ["canceled"] * 5
+
+    def test_a_goal_whose_acceptance_nobody_has_seen_is_canceled_by_its_own_id(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        leaf = drive(stage)
+        stage.tick_until(leaf, lambda: "Navigating to zone_a..." in stage.lines, "sending")
+        server.wait_for_start()
+        leaf.stop(Status.INVALID)
+        server.wait_for_end()  # the mission's node does not spin meanwhile
+        assert server.goals[0].final == "canceled"
+        stage.until(leaf.settled, "calm")
+        assert stage.warnings == []
+
+    def test_a_goal_that_is_rejected_after_the_halt_is_settled(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        server.accept = False
+        server.accept_after = 0.1
+        leaf = drive(stage)
+        stage.tick_until(leaf, lambda: "Navigating to zone_a..." in stage.lines, "sending")
+        leaf.stop(Status.INVALID)
+        stage.until(leaf.settled, "calm")
+        assert stage.warnings == []
+
+    def test_a_halt_before_the_server_is_there_sends_nothing_ever(self, stage: "Stage") -> None:
+        leaf = drive(stage)
+        leaf.tick_once()
+        leaf.stop(Status.INVALID)
+        assert leaf.settled()
+        server = stage.nav_server()
+        stage.until(lambda: leaf._port is not None and leaf._port.server_is_ready, "the server")
+        assert leaf.settled()
+        assert server.requests == 0
+
+    def test_a_leaf_without_a_goal_can_be_halted(self, stage: "Stage") -> None:
+        leaf = drive(stage)
+        leaf.stop(Status.INVALID)
+        assert leaf.settled()
+        assert leaf.update() is Status.INVALID
+
+    def test_a_halted_leaf_is_not_running(self, stage: "Stage") -> None:
+        leaf = drive(stage)
+        leaf.tick_once()
+        leaf.stop(Status.INVALID)
+        assert leaf.update() is Status.FAILURE
+
+    def test_a_cancel_that_is_refused_is_warned_of(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        server.heed_cancel = False
+        leaf = drive(stage)
+        under_way(stage, leaf, server)
+        leaf.stop(Status.INVALID)
+        stage.until(leaf.settled, "the answer to the cancel")
+        assert "did not cancel the goal" in stage.warnings[0]
+
+    def test_a_goal_that_ended_meanwhile_needs_no_cancel(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        leaf = drive(stage)
+        under_way(stage, leaf, server)
+        server.order("succeed")
+        server.wait_for_end()
+        leaf.stop(Status.INVALID)
+        stage.until(leaf.settled, "the answer to the cancel")
+        assert stage.warnings == []
+
+    def test_success_and_failure_cancel_nothing(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        server.script = ["succeed"]
+        leaf = drive(stage)
+        stage.run(leaf)
+        leaf.terminate(Status.SUCCESS)
+        leaf.terminate(Status.FAILURE)
+        assert leaf.settled()
+        assert server.cancels == 0
+
+
+class TestOldGoals:
+    def test_a_leaf_that_is_entered_again_after_a_halt_is_not_touched_by_the_old_goal(
+        self, stage: "Stage"
+    ) -> None:
+        server = stage.nav_server()
+        leaf = drive(stage)
+        under_way(stage, leaf, server)
+        leaf.stop(Status.INVALID)
+        under_way(stage, leaf, server, goals=2)
+        stage.tick_until(leaf, lambda: leaf.settled() and results_awaited(leaf) == 1, "the old goal's result")
+        assert leaf.status is Status.RUNNING
+        server.order("succeed")
+        assert stage.run(leaf) is Status.SUCCESS
+
+    def test_an_acceptance_of_an_old_goal_is_not_taken_for_the_new_one(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        server.accept_after = 0.3
+        leaf = drive(stage)
+        stage.tick_until(leaf, lambda: server.requests == 1, "the first goal")
+        leaf.stop(Status.INVALID)
+        stage.zones.advance()
+        server.accept_after = 0.0
+        under_way(stage, leaf, server)
+        server.order("feedback")
+        stage.tick_until(leaf, lambda: len(server.goals) == 2 and leaf.settled(), "the old goal's acceptance")
+        finals = {goal.pose[1]: goal for goal in server.goals}
+        stage.until(lambda: finals[-3.0].final == "canceled", "the old goal's end")
+        assert leaf.status is Status.RUNNING
+        finals[3.5].orders.put("succeed")
+        assert stage.run(leaf) is Status.SUCCESS
+
+    def test_a_goal_left_behind_by_an_exception_elsewhere_is_canceled_on_the_next_entry(
+        self, stage: "Stage"
+    ) -> None:
+        server = stage.nav_server()
+        leaf = drive(stage)
+        under_way(stage, leaf, server)
+        leaf.status = Status.INVALID  # what a tree looks like after an exception: nobody was terminated
+        under_way(stage, leaf, server, goals=2)
+        stage.until(lambda: server.goals[0].final == "canceled", "the old goal's end")
+
+    def test_a_result_that_comes_after_the_goal_was_given_up_changes_nothing(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        server.heed_cancel = False
+        server.script = ["feedback"]
+        leaf = drive(stage, feedback_timeout_sec=0.05)
+        assert stage.run(leaf) is Status.FAILURE
+        wakes = stage.wakes
+        server.order("succeed")
+        server.wait_for_end()
+        stage.until(lambda: leaf.settled() and results_awaited(leaf) == 0, "the result")
+        assert leaf.update() is Status.FAILURE
+        assert stage.wakes == wakes
+
+    @pytest.mark.parametrize("accept", [True, False])
+    def test_an_old_goal_is_forgotten(self, stage: "Stage", accept: bool) -> None:
+        server = stage.nav_server()
+        server.accept = accept
+        leaf = drive(stage)
+        stage.tick_until(leaf, lambda: server.requests == 1 and leaf._goal is not None, "the goal")
+        assert leaf._goal is not None
+        old = weakref.ref(leaf._goal)
+        leaf.stop(Status.INVALID)
+        stage.until(lambda: leaf.settled() and results_awaited(leaf) == 0, "calm")
+        gc.collect()
+        assert old() is None
+
+
+class TestWaking:
+    def test_acceptance_and_success_wake_the_tree(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        leaf = drive(stage)
+        under_way(stage, leaf, server)
+        assert stage.wakes == 1
+        server.order("succeed")
+        stage.run(leaf)
+        assert stage.wakes == 2
+
+    def test_rejection_does_not(self, stage: "Stage") -> None:
+        stage.nav_server().accept = False
+        stage.run(drive(stage))
+        assert stage.wakes == 0
+
+    def test_abort_does_not(self, stage: "Stage") -> None:
+        stage.nav_server().script = ["abort"]
+        stage.run(drive(stage))
+        assert stage.wakes == 1, "the acceptance alone"
+
+    def test_a_runner_without_a_wake_will_do(self, stage: "Stage") -> None:
+        stage.nav_server().script = ["succeed"]
+        leaf = drive(stage)
+        leaf.setup(node=stage.node)
+        assert stage.run(leaf) is Status.SUCCESS
+        assert stage.wakes == 0
+
+
+class TestShuttingDown:
+    def test_a_goal_in_flight_is_canceled_before_the_clients_go(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        leaf = drive(stage)
+        under_way(stage, leaf, server)
+        leaf.shutdown()
+        leaf.shutdown()
+        assert leaf.settled()
+        stage.until(lambda: server.goals[0].final == "canceled", "the end of the goal")
+
+    def test_a_goal_that_is_accepted_after_the_shutdown_is_still_canceled(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        server.accept_after = 0.3
+        leaf = drive(stage)
+        stage.tick_until(leaf, lambda: server.requests == 1, "the goal's arrival")
+        leaf.stop(Status.INVALID)
+        leaf.shutdown()
+        stage.until(lambda: server.goals and server.goals[0].final, "the end of the goal")
+        assert server.goals[0].final == "canceled"
+
+    def test_setting_up_again_leaves_no_clients_behind(self, stage: "Stage") -> None:
+        leaf = drive(stage)
+        waitables, clients = len(list(stage.node.waitables)), len(list(stage.node.clients))
+        leaf.setup(node=stage.node)
+        assert len(list(stage.node.waitables)) == waitables
+        assert len(list(stage.node.clients)) == clients

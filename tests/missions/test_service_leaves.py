@@ -1,0 +1,280 @@
+"""DetectSurvivor and NotifyBase against scripted services."""
+
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from py_trees.common import Status
+
+from sar_compiler.missions.search_and_rescue import DetectSurvivor, IsSurvivorDetected, NotifyBase
+
+if TYPE_CHECKING:
+    from tests.missions.mission_stage import ScriptedService, Stage
+
+pytestmark = pytest.mark.ros
+
+SURVIVORS = {"zone_a": (-2.5, 3.2)}
+
+
+def search(stage: "Stage", **options: Any) -> DetectSurvivor:
+    return stage.take(DetectSurvivor("DetectSurvivor", stage.zones, record=stage.record, **options))
+
+
+def found(stage: "Stage", survivor_id: str | None = "survivor_1", **options: Any) -> DetectSurvivor:
+    """Make a search that has found somebody."""
+    stage.detect_service(SURVIVORS)
+    leaf = search(stage, **options)
+    assert stage.run(leaf) is Status.SUCCESS
+    if survivor_id is not None:
+        leaf.set_survivor_id(survivor_id)
+        stage.record.survivor_named(survivor_id, *SURVIVORS["zone_a"])
+    return leaf
+
+
+def report(stage: "Stage", detect: DetectSurvivor, **options: Any) -> NotifyBase:
+    return stage.take(NotifyBase("NotifyBase", detect, record=stage.record, **options))
+
+
+def asked(
+    stage: "Stage", leaf: DetectSurvivor | NotifyBase, service: "ScriptedService", times: int = 1
+) -> None:
+    stage.tick_until(leaf, lambda: len(service.requests) == times, f"request {times}")
+
+
+class TestDetectSurvivor:
+    def test_a_survivor_is_found_kept_and_recorded(self, stage: "Stage") -> None:
+        service = stage.detect_service(SURVIVORS)
+        leaf = search(stage)
+        assert stage.run(leaf) is Status.SUCCESS
+        assert [request.zone_id for request in service.requests] == ["zone_a"]
+        assert leaf.was_found()
+        assert leaf.survivor_pose() == (-2.5, 3.2)
+        assert leaf.survivor_id() is None
+        assert [str(survivor) for survivor in stage.record.survivors] == [
+            "a survivor without a name in zone_a at (-2.50, 3.20)"
+        ]
+
+    def test_it_logs_the_call_and_the_find_once(self, stage: "Stage") -> None:
+        found(stage)
+        said = [line for line in stage.lines if "Waiting" not in line]
+        assert said == ["Calling detect_survivor for zone_a...", "Survivor detected at zone_a!"]
+
+    def test_an_empty_zone_is_a_success_too(self, stage: "Stage") -> None:
+        stage.detect_service({})
+        leaf = search(stage)
+        assert stage.run(leaf) is Status.SUCCESS
+        assert not leaf.was_found()
+        assert leaf.survivor_pose() is None
+        assert stage.record.survivors == ()
+        assert "Survivor detected at zone_a!" not in stage.lines
+
+    def test_the_earlier_answer_is_cleared_when_the_leaf_is_entered_again(self, stage: "Stage") -> None:
+        leaf = found(stage)
+        stage.zones.advance()
+        leaf.initialise()
+        assert not leaf.was_found()
+        assert leaf.survivor_pose() is None
+        assert leaf.survivor_id() is None
+
+    def test_the_next_zone_is_searched_when_the_leaf_is_entered_again(self, stage: "Stage") -> None:
+        service = stage.detect_service(SURVIVORS)
+        leaf = search(stage)
+        stage.run(leaf)
+        stage.zones.advance()
+        assert stage.run(leaf) is Status.SUCCESS
+        assert [request.zone_id for request in service.requests] == ["zone_a", "zone_b"]
+        assert not leaf.was_found()
+
+    def test_without_a_zone_left_it_fails_and_says_so(self, stage: "Stage") -> None:
+        leaf = search(stage)
+        stage.zones.advance()
+        stage.zones.advance()
+        assert stage.run(leaf) is Status.FAILURE
+        assert "no zone to search" in stage.warnings[0]
+
+    def test_the_service_can_have_another_name(self, stage: "Stage") -> None:
+        leaf = search(stage, service="look/around", server_timeout_sec=0.0)
+        assert stage.run(leaf) is Status.FAILURE
+        assert "'look/around'" in stage.warnings[0]
+
+    def test_the_condition_sees_what_the_search_saw(self, stage: "Stage") -> None:
+        condition = IsSurvivorDetected("IsSurvivorDetected?", found(stage))
+        condition.tick_once()
+        assert condition.status is Status.SUCCESS
+
+
+class TestTheCall:
+    def test_a_slow_service_is_asked_once(self, stage: "Stage") -> None:
+        service = stage.detect_service(SURVIVORS)
+        service.gate.clear()
+        leaf = search(stage)
+        asked(stage, leaf, service)
+        for _ in range(20):
+            leaf.tick_once()
+        assert leaf.status is Status.RUNNING
+        service.gate.set()
+        assert stage.run(leaf) is Status.SUCCESS
+        assert len(service.requests) == 1
+
+    def test_an_absent_service_costs_the_deadline(self, stage: "Stage") -> None:
+        leaf = search(stage, server_timeout_sec=0.05)
+        leaf.tick_once()
+        assert leaf.status is Status.RUNNING
+        assert stage.lines == ["Waiting for the service detect_survivor..."]
+        assert stage.run(leaf) is Status.FAILURE
+        assert "no server for the service" in stage.warnings[0]
+        assert "within 0.05 s" in stage.warnings[0]
+
+    def test_a_service_that_is_late_is_asked_when_it_appears(self, stage: "Stage") -> None:
+        leaf = search(stage)
+        leaf.tick_once()
+        stage.detect_service(SURVIVORS)
+        assert stage.run(leaf) is Status.SUCCESS
+
+    def test_no_answer_within_the_deadline_is_a_failure_that_stays(self, stage: "Stage") -> None:
+        service = stage.detect_service(SURVIVORS)
+        service.gate.clear()
+        leaf = search(stage, timeout_sec=0.05)
+        assert stage.run(leaf) is Status.FAILURE
+        assert "no answer within 0.05 s" in stage.warnings[0]
+        assert leaf._client is not None
+        assert leaf._client._pending_requests == {}
+        assert leaf.update() is Status.FAILURE
+
+    def test_the_late_answer_of_an_old_call_is_ignored(self, stage: "Stage") -> None:
+        service = stage.detect_service(SURVIVORS)
+        service.gate.clear()
+        leaf = search(stage, timeout_sec=0.05)
+        assert stage.run(leaf) is Status.FAILURE
+        stage.zones.advance()  # the next answer is about another zone: nobody is there
+        service.gate.set()
+        stage.until(lambda: service.answered == 1, "the late answer")
+        assert stage.wakes == 0
+        assert stage.run(leaf) is Status.SUCCESS
+        assert not leaf.was_found()
+
+    def test_a_halt_drops_the_request(self, stage: "Stage") -> None:
+        service = stage.detect_service(SURVIVORS)
+        service.gate.clear()
+        leaf = search(stage)
+        asked(stage, leaf, service)
+        leaf.stop(Status.INVALID)
+        assert leaf._client is not None
+        assert leaf._client._pending_requests == {}
+        assert leaf.update() is Status.FAILURE
+        service.gate.set()
+        stage.until(lambda: service.answered == 1, "the late answer")
+        assert stage.wakes == 0
+        assert not leaf.was_found()
+
+    def test_an_answer_that_crosses_the_halt_is_ignored(self, stage: "Stage") -> None:
+        stage.detect_service(SURVIVORS)
+        leaf = search(stage)
+        leaf.tick_once()
+        stage.tick_until(leaf, lambda: leaf._call is not None and leaf._call.sent, "sending")
+        call = leaf._call
+        assert call is not None
+        future = call._future
+        assert future is not None
+        leaf.stop(Status.INVALID)
+        future.set_result(object())
+        assert call.answer is None
+
+    def test_a_halt_before_the_service_is_there_asks_nothing_ever(self, stage: "Stage") -> None:
+        leaf = search(stage)
+        leaf.tick_once()
+        leaf.stop(Status.INVALID)
+        service = stage.detect_service(SURVIVORS)
+        client = leaf._client
+        assert client is not None
+        stage.until(client.service_is_ready, "the service")
+        assert service.requests == []
+
+    def test_a_leaf_that_was_not_entered_has_no_verdict(self, stage: "Stage") -> None:
+        leaf = search(stage)
+        leaf.stop(Status.INVALID)
+        assert leaf.update() is Status.INVALID
+
+    def test_a_given_up_call_does_nothing_more(self, stage: "Stage") -> None:
+        leaf = search(stage)
+        leaf.tick_once()
+        call = leaf._call
+        assert call is not None
+        leaf.stop(Status.INVALID)
+        call.advance()
+        assert not call.sent
+        assert call.trouble == ""
+
+    def test_an_answer_wakes_the_tree(self, stage: "Stage") -> None:
+        found(stage)
+        assert stage.wakes == 1
+
+    def test_setting_up_again_leaves_no_client_behind(self, stage: "Stage") -> None:
+        leaf = search(stage)
+        clients = len(list(stage.node.clients))
+        leaf.setup(node=stage.node)
+        assert len(list(stage.node.clients)) == clients
+        leaf.shutdown()
+        leaf.shutdown()
+        assert len(list(stage.node.clients)) == clients - 1
+
+
+class TestNotifyBase:
+    def test_the_survivor_is_reported_by_name_at_a_point_in_map(self, stage: "Stage") -> None:
+        service = stage.report_service(acknowledged=True)
+        assert stage.run(report(stage, found(stage))) is Status.SUCCESS
+        request = service.requests[0]
+        point = request.location.point
+        assert request.survivor_id == "survivor_1"
+        assert request.location.header.frame_id == "map"
+        assert (point.x, point.y, point.z) == (-2.5, 3.2, 0.0)
+        now = stage.node.get_clock().now().nanoseconds
+        stamp = request.location.header.stamp
+        assert 0 <= now - (stamp.sec * 10**9 + stamp.nanosec) < 10**10
+        assert stage.record.survivors[0].acknowledged
+
+    def test_it_logs_the_report_and_the_acknowledgement_once(self, stage: "Stage") -> None:
+        stage.report_service(acknowledged=True)
+        stage.run(report(stage, found(stage)))
+        assert stage.lines.count("Reporting survivor_1 to base...") == 1
+        assert stage.lines[-1] == "Base acknowledged survivor_1."
+
+    def test_a_refusal_is_a_failure_and_no_good_news(self, stage: "Stage") -> None:
+        stage.report_service(acknowledged=False)
+        detect = found(stage)
+        wakes = stage.wakes
+        assert stage.run(report(stage, detect)) is Status.FAILURE
+        assert stage.warnings == ["Base did not acknowledge survivor_1."]
+        assert stage.wakes == wakes
+        assert not stage.record.survivors[0].acknowledged
+
+    def test_an_acknowledgement_wakes_the_tree(self, stage: "Stage") -> None:
+        stage.report_service(acknowledged=True)
+        detect = found(stage)
+        wakes = stage.wakes
+        stage.run(report(stage, detect))
+        assert stage.wakes == wakes + 1
+
+    def test_without_a_survivor_there_is_nothing_to_report(self, stage: "Stage") -> None:
+        assert stage.run(report(stage, search(stage))) is Status.FAILURE
+        assert "nobody was found" in stage.warnings[0]
+
+    def test_a_survivor_without_a_name_cannot_be_reported(self, stage: "Stage") -> None:
+        assert stage.run(report(stage, found(stage, survivor_id=None))) is Status.FAILURE
+        assert "no name yet" in stage.warnings[0]
+
+    def test_an_absent_base_costs_the_deadline(self, stage: "Stage") -> None:
+        assert stage.run(report(stage, found(stage), server_timeout_sec=0.0)) is Status.FAILURE
+        assert "no server for the service" in stage.warnings[0]
+
+    def test_a_base_that_does_not_answer_costs_the_deadline(self, stage: "Stage") -> None:
+        service = stage.report_service(acknowledged=True)
+        service.gate.clear()
+        assert stage.run(report(stage, found(stage), timeout_sec=0.05)) is Status.FAILURE
+        assert "no answer within 0.05 s" in stage.warnings[0]
+
+    def test_a_leaf_that_is_entered_again_reports_again(self, stage: "Stage") -> None:
+        service = stage.report_service(acknowledged=True)
+        leaf = report(stage, found(stage))
+        stage.run(leaf)
+        stage.run(leaf)
+        assert len(service.requests) == 2

@@ -1,0 +1,63 @@
+"""What the leaves say of zones as facts, for runs without a robot, is what they do."""
+
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from py_trees.behaviour import Behaviour
+
+from sar_compiler.compiler import bind_main
+from sar_compiler.compiler.rehearsal import Assumptions, Rehearsal, rehearse
+from sar_compiler.missions.search_and_rescue import (
+    AbandonZone,
+    AdvanceZone,
+    MissionRecord,
+    PostponeZone,
+    ZoneManager,
+)
+from sar_compiler.nodes.registry import default_registry
+from tests.trees import forest
+
+if TYPE_CHECKING:
+    from tests.missions.mission_stage import Stage
+
+BASE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
+STEPS = ("AdvanceZone", "PostponeZone", "AbandonZone")
+
+
+def answering(zones: int, attempts: int) -> Rehearsal:
+    written = {"PostponeZone": f' attempts="{attempts}"'}
+    steps = "".join(f"<{step}{written.get(step, '')}/>" for step in STEPS)
+    binding = bind_main(forest(f"<Sequence>{steps}</Sequence>"), default_registry())
+    return rehearse(binding, {}, Assumptions(facts={"zones_left": zones}))
+
+
+def flying(stage: "Stage", zones: ZoneManager, record: MissionRecord, attempts: int) -> dict[str, Behaviour]:
+    leaves = [
+        AdvanceZone("AdvanceZone", zones, record=record),
+        PostponeZone("PostponeZone", zones, attempts=attempts),
+        AbandonZone("AbandonZone", zones, record=record),
+    ]
+    return {leaf.name: stage.take(leaf) for leaf in leaves}
+
+
+@pytest.mark.ros
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    count=st.integers(1, 4), attempts=st.integers(1, 4), steps=st.lists(st.sampled_from(STEPS), max_size=25)
+)
+def test_postponing_in_rounds_is_postponing_each_zone_so_often(
+    stage: "Stage", count: int, attempts: int, steps: list[str]
+) -> None:
+    plan = [{"id": f"zone_{index}", "x": 0.0, "y": 0.0, "yaw": 0.0} for index in range(count)]
+    zones, record = ZoneManager(plan, BASE), MissionRecord()
+    real, rehearsed = flying(stage, zones, record, attempts), answering(count, attempts)
+    stand_ins = {leaf.name: leaf for leaf in rehearsed.leaves}
+    for step in steps:
+        real[step].tick_once()
+        stand_ins[step].tick_once()
+        assert real[step].status is stand_ins[step].status, step
+        facts = rehearsed.fact_values()
+        assert facts["zones_left"] == len(zones.remaining_zones())
+        assert facts["zones_abandoned"] == len(record.zones_abandoned)
