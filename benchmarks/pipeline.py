@@ -32,9 +32,8 @@ from py_trees.common import Status
 
 from sar_compiler.checks import check
 from sar_compiler.compiler import bind_main, preview_tree
-from sar_compiler.nodes.register import Registration
 from sar_compiler.nodes.registry import Registry, default_registry
-from sar_compiler.nodes.spec import Kind
+from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.runtime.ports import Input, Output
 from sar_compiler.tree.forest import Forest, load_forest
 from sar_compiler.tree.growing import uncollected
@@ -81,8 +80,8 @@ class Writer(Leaf):
 
 def registry_with_leaves() -> Registry:
     """Return the registry, with these leaves in it."""
-    leaves = [Registration(cls.__name__, cls, Kind.ACTION) for cls in (Leaf, Reader, Writer)]
-    return Registry([*default_registry().registrations(), *leaves])
+    leaves = [NodeSpec(cls.__name__, cls, Kind.ACTION) for cls in (Leaf, Reader, Writer)]
+    return Registry([*default_registry().specs(), *leaves])
 
 
 def written(leaves: int) -> str:

@@ -147,9 +147,9 @@ class Builder:
         A node that is only described becomes a stock behaviour of its kind (where there is no finding about it).
         """
         spec = bound.spec
-        if spec.skip_cls is not None and self._skipping.among_children(bound):
-            return spec.skip_cls
-        return spec.factory or spec.cls or functools.partial(_stand_in, spec.kind)
+        if spec.skipping.cls is not None and self._skipping.among_children(bound):
+            return spec.skipping.cls
+        return spec.maker or functools.partial(_stand_in, spec.kind)
 
 
 class PreviewBuilder(Builder):

@@ -39,7 +39,7 @@ from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
 # A leaf of the language that answers by chance would make every run another one.
 _BY_CHANCE = "ProbabilisticBehaviour"
-_LANGUAGE = {(each.tag, each.cls) for each in language.REGISTRATIONS if each.tag != _BY_CHANCE}
+_LANGUAGE = {(each.tag, each.cls) for each in language.SPECS if each.tag != _BY_CHANCE}
 
 
 def is_answered(spec: NodeSpec) -> bool:

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from sar_compiler.nodes.attributes import CONDITIONS, ONESHOT, AttributeBinder
 from sar_compiler.nodes.bound import Binding, BoundNode, BoundTree, Remapping
 from sar_compiler.nodes.collector import Collector
-from sar_compiler.nodes.former_names import FORMER_ATTRIBUTES, FORMER_TAGS
 from sar_compiler.nodes.instances import Instance, expand, report_shared_keys
 from sar_compiler.nodes.model_comparison import compare
 from sar_compiler.nodes.models import Model, Models, read_models
@@ -20,7 +19,7 @@ from sar_compiler.nodes.references import resolve_references
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.skips import by_itself, report_misread
 from sar_compiler.nodes.spec import Kind, NodeSpec
-from sar_compiler.nodes.subtree import SUBTREE
+from sar_compiler.nodes.subtree import FORMER_ATTRIBUTES, SUBTREE
 from sar_compiler.nodes.values import blackboard_key, nearest
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.forest import Forest
@@ -284,11 +283,12 @@ class Binder:
             explicit = nearest(tag, sorted(_KIND_TAGS))
             if explicit is not None:
                 return explicit
-        return FORMER_TAGS.get(tag) or self._nearest(tag)
+        today = SUBTREE.tag if tag in SUBTREE.former_tags else self._registry.today(tag)
+        return today or self._nearest(tag)
 
     def _nearest(self, tag: str) -> str | None:
         if tag not in self._meant and len(self._meant) < _MOST_GUESSES:
-            registered = [registration.tag for registration in self._registry.registrations()]
+            registered = [spec.tag for spec in self._registry.specs()]
             known = [*registered, *self._models.nodes, SUBTREE_TAG]
             self._meant[tag] = nearest(tag, [other for other in known if other != tag])
         return self._meant.get(tag)

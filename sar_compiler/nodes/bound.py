@@ -74,6 +74,20 @@ class BoundNode:
         self.subtree = None
         self.remapping = _APART
 
+    @property
+    def is_reactive(self) -> bool:
+        """Whether it looks at every child again in every tick."""
+        return self.spec.semantics.reactive or self.value("memory") is False
+
+    def value(self, name: str) -> object:
+        """Return the value of an attribute, the default where it is not written; None where that is not known yet."""
+        if name in self.values:
+            return self.values[name]
+        if name in self.element.attributes:  # a key, or a mistake
+            return None
+        parameter = self.spec.parameters.get(name)
+        return self.spec.fixed.get(name, parameter.default if parameter is not None else None)
+
 
 @dataclass(eq=False)
 class BoundTree:

@@ -11,12 +11,13 @@ from py_trees.common import OneShotPolicy
 
 from sar_compiler.nodes.attributes import ONESHOT, ONESHOT_TYPE
 from sar_compiler.nodes.btcpp_notes import Notes
-from sar_compiler.nodes.btcpp_rules import HINTS, RULES, Draft
+from sar_compiler.nodes.btcpp_rules import NO_ONESHOT, Draft, Rule
 from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.models import read_models
-from sar_compiler.nodes.palette import BUILT_IN, described_by_use, description
+from sar_compiler.nodes.palette import described_by_use, description, is_built_in
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import Kind, NodeSpec, Role
+from sar_compiler.nodes.subtree import SUBTREE
 from sar_compiler.nodes.tree_ids import refused_in
 from sar_compiler.nodes.values import ConversionError
 from sar_compiler.tree.conversion import Converted, convert
@@ -119,7 +120,7 @@ class _Conversion:
             message = f"BehaviorTree.CPP refuses the ID '{tree_id}'"
             what = f"an ID without {refused}" if refused else "another ID"
             self.notes.no_counterpart_of_value(element, "ID", message, hint=f"give the tree {what}")
-        elif tree_id in BUILT_IN or tree_id in self._used:
+        elif self._is_built_in(tree_id) or tree_id in self._used:
             message = f"BehaviorTree.CPP refuses a tree with the ID of a node, '{tree_id}'"
             self.notes.no_counterpart_of_value(element, "ID", message, hint="give the tree another ID")
 
@@ -133,10 +134,9 @@ class _Conversion:
         else:
             draft = self._draft(element)
         policy = self._oneshot(draft)
-        rule = RULES.get(draft.tag)
         name = draft.attributes.get("name") or draft.attributes.get("ID") or draft.tag
-        if rule is not None:
-            rule(draft, self.notes)
+        for rewrite in dict.fromkeys(self._rewrites(draft.tag)):
+            rewrite(draft, self.notes)
         self._complain(draft)
         draft.explicit = self._explicit(draft, parent if policy is None else "")
         converted = self._element(draft)
@@ -144,6 +144,15 @@ class _Conversion:
             return converted
         # The OneShot that the attribute stands for has this name, too.
         return self._once(element, converted, f"{name}OneShot", policy)
+
+    def _is_built_in(self, tag: str) -> bool:
+        return is_built_in([SUBTREE] if tag == SUBTREE_TAG else self._registry.variants(tag))
+
+    def _rewrites(self, tag: str) -> Iterator[Rule]:
+        """Yield what turns a node of this tag into one of BehaviorTree.CPP's; all that it can mean is tried."""
+        for spec in self._registry.variants(tag):
+            if spec.semantics.counterpart.rewrite is not None:
+                yield spec.semantics.counterpart.rewrite
 
     def _draft(self, element: Element) -> Draft:
         attributes = dict(element.attributes)
@@ -172,7 +181,7 @@ class _Conversion:
                 element,
                 ONESHOT,
                 f"{ONESHOT}: nothing in BehaviorTree.CPP tries again until it succeeds once",
-                HINTS[tag],
+                NO_ONESHOT,
             )
             self._use(tag, attributes, 1)
         return Element(tag, attributes, (child,), element.source, element.line, element.column)
@@ -188,13 +197,14 @@ class _Conversion:
         if draft.kept or not specs:
             return
         spec = specs[0]
-        if draft.tag not in BUILT_IN:
+        built_in = is_built_in(specs)
+        if not built_in:
             if not spec.kind.is_leaf:
                 message = f"BehaviorTree.CPP has no <{draft.tag}>"
-                self.notes.no_counterpart(draft.element, message, HINTS.get(draft.tag, HINTS[""]))
+                self.notes.no_counterpart(draft.element, message, spec.semantics.counterpart.hint)
             for parameter in spec.references:
                 self.notes.reference(draft.element, draft.tag, parameter)
-        known = {name for each in specs for name in _ports(each, built_in=draft.tag in BUILT_IN)}
+        known = {name for each in specs for name in _ports(each, built_in=built_in)}
         for name in [name for name in draft.attributes if name not in known and not name.startswith("_")]:
             del draft.attributes[name]
             if name in draft.element.attributes:
@@ -223,7 +233,7 @@ class _Conversion:
         return dataclasses.replace(element, tag=tag, attributes=attributes, children=children)
 
     def _use(self, tag: str, attributes: Iterable[str], children: int) -> None:
-        if tag in BUILT_IN:
+        if self._is_built_in(tag):
             return
         usage = self._used.setdefault(tag, _Usage())
         usage.children = max(usage.children, children)

@@ -15,13 +15,8 @@ T = TypeVar("T")
 
 ENDLESS = -1
 
-HINTS = {
-    "": "register a node of that name in C++",
-    "FailureIsRunning": "an Inverter, a KeepRunningUntilFailure and an Inverter around its child do the same",
-    "OneShot": "register a decorator OneShot in C++",
-    "EternalGuard": "a ReactiveSequence of a ScriptCondition and its child does the same",
-}
-"""What to do about a node that BehaviorTree.CPP does not have."""
+NO_ONESHOT = "register a decorator OneShot in C++"
+NO_FAILURE_IS_RUNNING = "an Inverter, a KeepRunningUntilFailure and an Inverter around its child do the same"
 
 
 @dataclass
@@ -64,14 +59,18 @@ class Draft:
 Rule = Callable[[Draft, Notes], None]
 
 
-def _renamed(tag: str) -> Rule:
+def renamed(tag: str) -> Rule:
+    """Return a rewriting that only changes the tag."""
+
     def rule(draft: Draft, _notes: Notes) -> None:
         draft.tag = tag
 
     return rule
 
 
-def _by_memory(with_memory: str, without: str) -> Rule:
+def by_memory(with_memory: str, without: str) -> Rule:
+    """Return a rewriting that chooses the tag by the attribute `memory`."""
+
     def rule(draft: Draft, notes: Notes) -> None:
         memory = draft.literal("memory", bool, notes) if "memory" in draft.attributes else True
         if memory is not None:
@@ -81,19 +80,21 @@ def _by_memory(with_memory: str, without: str) -> Rule:
     return rule
 
 
-def _reactive(draft: Draft, notes: Notes) -> None:
+def reactive(draft: Draft, notes: Notes) -> None:
     """Drop what the tag says already."""
     if "memory" in draft.attributes and draft.literal("memory", bool, notes) is False:
         del draft.attributes["memory"]
 
 
-def _running(draft: Draft, _notes: Notes) -> None:
+def running(draft: Draft, _notes: Notes) -> None:
+    """Write `Running` as a node that never ends over one that succeeds."""
     element = draft.element
     draft.tag = "KeepRunningUntilFailure"
     draft.children = [Element("AlwaysSuccess", {}, (), element.source, element.line, element.column)]
 
 
-def _oneshot(draft: Draft, notes: Notes) -> None:
+def oneshot(draft: Draft, notes: Notes) -> None:
+    """Write `OneShot` as `RunOnce`, where its policy allows that."""
     if "policy" not in draft.attributes:
         return
     try:
@@ -106,14 +107,16 @@ def _oneshot(draft: Draft, notes: Notes) -> None:
         _replace(draft, "policy", "then_skip", "false")
 
 
-def _retry(draft: Draft, notes: Notes) -> None:
+def retry(draft: Draft, notes: Notes) -> None:
+    """Write `Retry` as `RetryUntilSuccessful`."""
     if _times(draft, "num_failures", "num_attempts", 1, notes):
         draft.tag = "RetryUntilSuccessful"
         message = "Retry waits for the next tick before each attempt; RetryUntilSuccessful may go on in the same one"
         notes.differs(draft.element, message)
 
 
-def _repeat(draft: Draft, notes: Notes) -> None:
+def repeat(draft: Draft, notes: Notes) -> None:
+    """Write a number of successes as one of cycles."""
     # py_trees compares the number of successes with it, so that no success is the last one below 1.
     if "num_success" in draft.attributes and _times(draft, "num_success", "num_cycles", ENDLESS, notes):
         message = (
@@ -136,13 +139,15 @@ def _times(draft: Draft, name: str, other: str, below_1: int, notes: Notes) -> b
     return True
 
 
-def _timeout(draft: Draft, notes: Notes) -> None:
+def timeout(draft: Draft, notes: Notes) -> None:
+    """Write seconds as milliseconds."""
     if "duration" in draft.attributes:
         # For BehaviorTree.CPP no time at all means no limit.
         _milliseconds(draft, "msec", 1, notes)
 
 
-def _timer(draft: Draft, notes: Notes) -> None:
+def timer(draft: Draft, notes: Notes) -> None:
+    """Write `Timer` as `Sleep`."""
     draft.attributes.setdefault("duration", "5.0")
     if _milliseconds(draft, "msec", 0, notes):
         draft.tag = "Sleep"
@@ -163,7 +168,8 @@ def _milliseconds(draft: Draft, other: str, least: int, notes: Notes) -> bool:
     return True
 
 
-def _parallel(draft: Draft, notes: Notes) -> None:
+def parallel(draft: Draft, notes: Notes) -> None:
+    """Write a policy as counts."""
     policy = draft.attributes.get("policy")
     if policy is None:
         return
@@ -195,25 +201,3 @@ def _type(python: type) -> ValueType:
     value_type = value_type_of(python)
     assert value_type is not None  # noqa: S101 - bool, int and float are known
     return value_type
-
-
-RULES: dict[str, Rule] = {
-    "Sequence": _by_memory("Sequence", "ReactiveSequence"),
-    "Selector": _by_memory("Fallback", "ReactiveFallback"),
-    "Fallback": _by_memory("Fallback", "ReactiveFallback"),
-    "ReactiveSequence": _reactive,
-    "ReactiveFallback": _reactive,
-    "Parallel": _parallel,
-    "Success": _renamed("AlwaysSuccess"),
-    "Failure": _renamed("AlwaysFailure"),
-    "Running": _running,
-    "Timer": _timer,
-    "FailureIsSuccess": _renamed("ForceSuccess"),
-    "SuccessIsFailure": _renamed("ForceFailure"),
-    "SuccessIsRunning": _renamed("KeepRunningUntilFailure"),
-    "OneShot": _oneshot,
-    "Retry": _retry,
-    "Repeat": _repeat,
-    "Timeout": _timeout,
-}
-"""By the tag: what makes a node of BehaviorTree.CPP of a draft, where its tag is not kept as it is."""

@@ -8,6 +8,7 @@ from py_trees.common import ComparisonExpression
 
 from sar_compiler.nodes.narrow_types import VARIABLE
 from sar_compiler.nodes.values import ConversionError, ValueType, items_of, literal_value, nearest
+from sar_compiler.runtime.blackboard import entry_of
 from sar_compiler.runtime.ports import Input
 
 Comparison = Literal["eq", "ne", "lt", "le", "gt", "ge"]
@@ -105,6 +106,11 @@ def _checks(text: str) -> list[str]:
     return checks
 
 
+def _compared(checks: object) -> list[str]:
+    assert isinstance(checks, list)  # noqa: S101 - of this type
+    return [entry_of(check.split(" ", 1)[0]) for check in checks]
+
+
 CHECKS = ValueType(
     "checks",
     "comparisons with ; between them",
@@ -112,5 +118,6 @@ CHECKS = ValueType(
     python=list,
     cpp="std::vector<std::string>",
     example="a eq 0;b eq 0",
+    keys_in=_compared,
 )
 """Comparisons: `battery gt 20;speed lt 1.5`."""

@@ -1,5 +1,7 @@
 """Controls: nodes with several children."""
 
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Literal
 
 from py_trees import composites
@@ -7,11 +9,13 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy
 from py_trees.decorators import OneShot
 
+from sar_compiler.nodes import btcpp_rules, outcome_sets
 from sar_compiler.nodes.bound import BoundNode
 from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.narrow_types import NAMES
-from sar_compiler.nodes.register import Registration
-from sar_compiler.nodes.spec import Kind, Skips
+from sar_compiler.nodes.outcome_sets import F, K, S
+from sar_compiler.nodes.semantics import Counterpart, Gate, Semantics
+from sar_compiler.nodes.spec import Kind, NodeSpec, Signature, Skipping, Skips
 from sar_compiler.nodes.thresholds import within_reach
 from sar_compiler.nodes.values import ConversionError, items_of, nearest
 from sar_compiler.runtime import branches, controls, parallel
@@ -30,21 +34,38 @@ _PARAMETER_DOCS = {
 }
 
 
-def _ordered(tag: str, cls: type, skip_cls: type, doc: str, memory: bool | None) -> Registration:
+def _ordered(
+    tag: str, counterpart: Counterpart, *former_tags: str, is_sequence: bool, memory: bool | None
+) -> NodeSpec:
     """Return a sequence or selector; *memory* is what its tag says, None where it is an attribute."""
-    return Registration(
+    doc = _SEQUENCE if is_sequence else _SELECTOR
+    return NodeSpec(
         tag,
-        cls,
+        composites.Sequence if is_sequence else composites.Selector,
         Kind.CONTROL,
         _ALL,
-        doc=doc,
-        defaults={"memory": True} if memory is None else {},
-        fixed={} if memory is None else {"memory": memory},
-        parameter_docs=_PARAMETER_DOCS,
-        skips=Skips.FROM_CHILD,
-        skip_cls=skip_cls,
-        rule=report_interruptions if cls is composites.Sequence else None,
+        semantics=replace(
+            _IN_ORDER[is_sequence], counterpart=counterpart, with_memory=_REMEMBERING[is_sequence]
+        ),
+        skipping=Skipping(Skips.FROM_CHILD, controls.Sequence if is_sequence else controls.Fallback),
+        signature=Signature(
+            doc=doc if memory is None else f"{doc} {_REACTIVE}",
+            defaults={"memory": True} if memory is None else {},
+            fixed={} if memory is None else {"memory": memory},
+            parameter_docs=_PARAMETER_DOCS,
+        ),
+        former_tags=former_tags,
+        rule=report_interruptions if is_sequence else None,
     )
+
+
+_IN_ORDER = {True: Semantics.sequence(), False: Semantics.selector()}
+_REMEMBERING = {True: "Sequence", False: "Fallback"}
+_REACTIVE_ONE = Counterpart(built_in=True, rewrite=btcpp_rules.reactive)
+
+
+def _by_memory(with_memory: str, without: str, *, built_in: bool = True) -> Counterpart:
+    return Counterpart(built_in, btcpp_rules.by_memory(with_memory, without))
 
 
 def report_interruptions(bound: BoundNode, collector: Collector) -> None:
@@ -52,9 +73,9 @@ def report_interruptions(bound: BoundNode, collector: Collector) -> None:
 
     The first one starts over whenever the second one pauses, and interrupts it: neither comes to its end.
     """
-    if bound.spec.fixed.get("memory", bound.values.get("memory")) is not False:
+    if bound.value("memory") is not False:
         return
-    pausing = [child for child in bound.element.children if child.tag == "AsyncSequence"]
+    pausing = [child.element for child in bound.children if child.spec.cls is controls.AsyncSequence]
     for child in pausing[1:]:
         message = (
             f"a second AsyncSequence in '{bound.name}' never ends: the first one is started again in every tick, "
@@ -63,20 +84,45 @@ def report_interruptions(bound: BoundNode, collector: Collector) -> None:
         collector.tag(child, "interrupted-child", message, hint="put them together in an AsyncSequence")
 
 
-def _own(tag: str, cls: type, **more: object) -> Registration:
+def _own(tag: str, cls: type, semantics: Semantics, *former_tags: str, **more: object) -> NodeSpec:
     """Return a control of BehaviorTree.CPP's that py_trees does not have."""
-    return Registration(tag, cls, Kind.CONTROL, _ALL, skips=Skips.FROM_CHILD, **more)  # type: ignore[arg-type]
+    return NodeSpec(
+        tag,
+        cls,
+        Kind.CONTROL,
+        _ALL,
+        semantics=semantics if semantics.counterpart.built_in else replace(semantics, counterpart=BUILT_IN),
+        skipping=Skipping(Skips.FROM_CHILD),
+        former_tags=former_tags,
+        **more,  # type: ignore[arg-type]
+    )
 
 
-def _switch(cases: int) -> Registration:
+BUILT_IN = Counterpart(built_in=True)
+"""What BehaviorTree.CPP has by the same tag."""
+
+
+def _switch(cases: int) -> NodeSpec:
     names = [f"case_{number}" for number in range(1, 7)]
     return _own(
         f"Switch{cases}",
         branches.Switch,
-        hidden=frozenset(names[cases:]),
-        required=frozenset(names[:cases]),
+        Semantics(outcome_sets.selection),
+        signature=Signature(hidden=frozenset(names[cases:]), required=frozenset(names[:cases])),
         child_count=(cases + 1, cases + 1),
     )
+
+
+def _after_the_first(_bound: BoundNode) -> Mapping[int, Gate]:
+    """Return when a branch is ticked: the second child if the first succeeds, the third if it fails."""
+    return {1: Gate((0,), S), 2: Gate((0,), F)}
+
+
+def _one_after_the_other(bound: BoundNode) -> Mapping[int, Gate]:
+    """Return when what is tried, and last what catches its failure, is ticked."""
+    *tried, last = range(len(bound.children))
+    catches = {last: Gate(tuple(tried), F)} if bound.value("catch_on_halt") is False else {}
+    return {**{number: Gate((number - 1,), S | K) for number in tried[1:]}, **catches}
 
 
 Policy = Literal["SuccessOnAll", "SuccessOnOne", "SuccessOnSelected"]
@@ -180,7 +226,7 @@ def _place_of(name: str, names: list[str]) -> int:
 
 def _bound_name(child: BoundNode) -> str:
     """Return what `_written_name` makes of a child."""
-    if child.spec.tag == OneShot.__name__ and child.children:
+    if child.spec.cls is OneShot and child.children:
         inner = _bound_name(child.children[0])
         return inner if child.name == f"{inner}OneShot" else child.name
     return child.name
@@ -196,41 +242,76 @@ def _written_name(child: Behaviour) -> str:
     return child.name
 
 
-REGISTRATIONS = [
-    _ordered("Sequence", composites.Sequence, controls.Sequence, _SEQUENCE, None),
-    _ordered("Selector", composites.Selector, controls.Fallback, _SELECTOR, None),
-    _ordered("Fallback", composites.Selector, controls.Fallback, _SELECTOR, None),
+SPECS = [
+    _ordered("Sequence", _by_memory("Sequence", "ReactiveSequence"), is_sequence=True, memory=None),
     _ordered(
-        "ReactiveSequence", composites.Sequence, controls.Sequence, f"{_SEQUENCE} {_REACTIVE}", memory=False
+        "Selector",
+        _by_memory("Fallback", "ReactiveFallback", built_in=False),
+        "Chooser",
+        is_sequence=False,
+        memory=None,
     ),
     _ordered(
-        "ReactiveFallback", composites.Selector, controls.Fallback, f"{_SELECTOR} {_REACTIVE}", memory=False
+        "Fallback", _by_memory("Fallback", "ReactiveFallback"), "FallbackStar", is_sequence=False, memory=None
     ),
-    _own("AsyncSequence", controls.AsyncSequence, doc=f"{_SEQUENCE} {_PAUSES}"),
-    _own("AsyncFallback", controls.AsyncFallback, doc=f"{_SELECTOR} {_PAUSES}"),
-    _own("SequenceWithMemory", controls.SequenceWithMemory),
+    _ordered("ReactiveSequence", _REACTIVE_ONE, is_sequence=True, memory=False),
+    _ordered("ReactiveFallback", _REACTIVE_ONE, "ReactiveSelector", is_sequence=False, memory=False),
+    _own(
+        "AsyncSequence",
+        controls.AsyncSequence,
+        Semantics.sequence(pauses=True),
+        signature=Signature(doc=f"{_SEQUENCE} {_PAUSES}"),
+    ),
+    _own(
+        "AsyncFallback",
+        controls.AsyncFallback,
+        Semantics.selector(pauses=True),
+        signature=Signature(doc=f"{_SELECTOR} {_PAUSES}"),
+    ),
+    _own(
+        "SequenceWithMemory",
+        controls.SequenceWithMemory,
+        Semantics.sequence(pauses=True, keeps_place=True),
+        "SequenceStar",
+    ),
     _own(
         "Parallel",
         parallel.Parallel,
-        defaults={"success_count": -1, "failure_count": 1},
+        replace(
+            Semantics.parallel(outcome_sets.counting),
+            counterpart=Counterpart(built_in=True, rewrite=btcpp_rules.parallel),
+        ),
+        signature=Signature(defaults={"success_count": -1, "failure_count": 1}),
         rule=within_reach("success_count", "failure_count"),
     ),
-    Registration(
+    NodeSpec(
         "Parallel",
         composites.Parallel,
         Kind.CONTROL,
         _ALL,
-        factory=stock_parallel,
-        skip_advice='success_count="..."',
+        semantics=replace(Semantics.parallel(outcome_sets.by_policy), counterpart=BUILT_IN),
+        skipping=Skipping(advice='success_count="..."'),
+        signature=Signature(factory=stock_parallel, types={"selected": NAMES}),
         variant=True,
-        types={"selected": NAMES},
         rule=report_policy,
     ),
     _own(
-        "ParallelAll", parallel.ParallelAll, defaults={"max_failures": 1}, rule=within_reach("max_failures")
+        "ParallelAll",
+        parallel.ParallelAll,
+        Semantics.parallel(outcome_sets.counting_all),
+        signature=Signature(defaults={"max_failures": 1}),
+        rule=within_reach("max_failures"),
     ),
-    _own("IfThenElse", branches.IfThenElse, child_count=(2, 3)),
-    _own("WhileDoElse", branches.WhileDoElse, child_count=(2, 3)),
+    *(
+        _own(cls.__name__, cls, Semantics(outcome_sets.branches, gates=_after_the_first), child_count=(2, 3))
+        for cls in (branches.IfThenElse, branches.WhileDoElse)
+    ),
     *(_switch(cases) for cases in range(2, 7)),
-    _own("TryCatch", branches.TryCatch, child_count=(2, None), defaults={"catch_on_halt": False}),
+    _own(
+        "TryCatch",
+        branches.TryCatch,
+        Semantics(outcome_sets.attempt, gates=_one_after_the_other),
+        signature=Signature(defaults={"catch_on_halt": False}),
+        child_count=(2, None),
+    ),
 ]

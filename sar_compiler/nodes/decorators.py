@@ -1,13 +1,19 @@
 """Decorators: nodes with one child."""
 
+import math
+from dataclasses import replace
+
 from py_trees import decorators
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from sar_compiler.nodes import btcpp_rules, outcome_sets
+from sar_compiler.nodes.bound import BoundNode
 from sar_compiler.nodes.narrow_types import KEY, VARIABLE, StatusName, queue_of
-from sar_compiler.nodes.py_trees_nodes import Keys, made_by, since_2_4
-from sar_compiler.nodes.register import Registration
-from sar_compiler.nodes.spec import Kind, Skips
+from sar_compiler.nodes.outcome_sets import F, K, R, S, number
+from sar_compiler.nodes.py_trees_nodes import WRITES, Keys, made_by, since_2_4
+from sar_compiler.nodes.semantics import AccessKind, Counterpart, KeyRole, Number, Semantics, endless
+from sar_compiler.nodes.spec import Kind, NodeSpec, Signature, Skipping, Skips
 from sar_compiler.nodes.values import CONDITION, UNSIGNED
 from sar_compiler.runtime import decorators as own
 from sar_compiler.runtime import entries, loops, repetition, script_nodes, timers
@@ -84,51 +90,142 @@ def for_each(
     return keys.given_to(made)
 
 
-_SUCCESS, _FAILURE, _RUNNING = "SUCCESS", "FAILURE", "RUNNING"
-_ALL = frozenset({_SUCCESS, _FAILURE, _RUNNING})
+_ENDS = frozenset({"SUCCESS", "FAILURE"})
+_ALL = _ENDS | {"RUNNING"}
+_MILLISECONDS = 1000.0
+_NAME = {"name": "The node's name."}
+_BUILT_IN = Counterpart(built_in=True)
+_PASSING = Semantics(outcome_sets.passing, steady=True)
 
 
-def _shared(
-    tag: str, cls: type, skip_cls: type, doc: str, *outcomes: str, skips: Skips = Skips.FROM_CHILD
-) -> Registration:
-    """Return a decorator that is py_trees' own unless its child can skip."""
-    return Registration(
-        tag,
-        cls,
-        Kind.DECORATOR,
-        frozenset(outcomes) or _ALL,
-        doc=doc,
-        parameter_docs={"name": "The node's name."},
-        skips=skips,
-        skip_cls=skip_cls,
+def _cycles(bound: BoundNode) -> float | None:
+    return endless(number(bound, "num_cycles"))
+
+
+def _attempts(bound: BoundNode) -> float | None:
+    return endless(number(bound, "num_attempts"))
+
+
+def _successes(bound: BoundNode) -> float | None:
+    successes = number(bound, "num_success")
+    # py_trees compares the number of successes with it: no success is the last one below 1.
+    return math.inf if successes is not None and successes < 1 else successes
+
+
+def _failures(bound: BoundNode) -> float | None:
+    failures = number(bound, "num_failures")
+    return None if failures is None else max(failures, 1)
+
+
+def _within(bound: BoundNode) -> float | None:
+    milliseconds = number(bound, "msec")
+    return milliseconds and milliseconds / _MILLISECONDS if milliseconds != 0 else math.inf
+
+
+def _duration(bound: BoundNode) -> float | None:
+    return number(bound, "duration")
+
+
+def _again(rounds: Number, end: int, rewrite: "btcpp_rules.Rule | None", *, built_in: bool) -> Semantics:
+    """Return the semantics of a decorator that ticks its child again after one end of it."""
+    return Semantics(
+        outcome_sets.rounds(rounds, end),
+        steady=True,
+        changes=end,
+        repeats=end,
+        rounds=rounds,
+        counterpart=Counterpart(built_in, rewrite),
     )
 
 
-def _own(tag: str, cls: type, skips: Skips = Skips.FROM_CHILD, **more: object) -> Registration:
+def _limit(limit_sec: Number) -> Semantics:
+    return Semantics(
+        outcome_sets.time_limit(limit_sec),
+        steady=True,
+        changes=R,
+        limit_sec=limit_sec,
+        counterpart=Counterpart(built_in=True, rewrite=btcpp_rules.timeout),
+    )
+
+
+def _turning(
+    turns: dict[Status, Status],
+    rewrite: "btcpp_rules.Rule | None" = None,
+    *,
+    built_in: bool = False,
+    hint: str = Counterpart.hint,
+) -> Semantics:
+    return replace(Semantics.turning(turns), counterpart=Counterpart(built_in, rewrite, hint))
+
+
+def _shared(
+    tag: str,
+    cls: type,
+    skip_cls: type,
+    doc: str,
+    semantics: Semantics,
+    outcomes: frozenset[str] = _ALL,
+    skips: Skips = Skips.FROM_CHILD,
+) -> NodeSpec:
+    """Return a decorator of BehaviorTree.CPP's that is py_trees' own unless its child can skip."""
+    return NodeSpec(
+        tag,
+        cls,
+        Kind.DECORATOR,
+        outcomes,
+        semantics=semantics,
+        skipping=Skipping(skips, skip_cls),
+        signature=Signature(doc=doc, parameter_docs=_NAME),
+    )
+
+
+def _own(
+    tag: str, cls: type, semantics: Semantics, skipping: Skipping | None = None, **more: object
+) -> NodeSpec:
     """Return a decorator of BehaviorTree.CPP's that py_trees does not have."""
-    return Registration(tag, cls, Kind.DECORATOR, _ALL, skips=skips, **more)  # type: ignore[arg-type]
+    counterpart = replace(semantics.counterpart, built_in=True)
+    return NodeSpec(
+        tag,
+        cls,
+        Kind.DECORATOR,
+        _ALL,
+        semantics=replace(semantics, counterpart=counterpart),
+        skipping=skipping or Skipping(Skips.FROM_CHILD),
+        **more,  # type: ignore[arg-type]
+    )
 
 
 def _stock(
     cls: type[decorators.Decorator],
     doc: str,
-    *outcomes: str,
+    semantics: Semantics,
+    outcomes: frozenset[str] = _ALL,
     instead: str = "",
-    variant: bool = False,
     **parameter_docs: str,
-) -> Registration:
+) -> NodeSpec:
     """Return a decorator of py_trees' whose constructor can be written as it is."""
-    return Registration(
+    return NodeSpec(
         cls.__name__,
         cls,
         Kind.DECORATOR,
-        frozenset(outcomes),
-        skip_advice=instead,
-        variant=variant,
-        doc=doc,
-        parameter_docs={"name": "The node's name.", **parameter_docs},
+        outcomes,
+        semantics=semantics,
+        skipping=Skipping(advice=instead),
+        signature=Signature(doc=doc, parameter_docs={**_NAME, **parameter_docs}),
     )
 
+
+def _unless_updated(own: int) -> Semantics:
+    """Return the semantics of a decorator that answers something itself until an entry was written."""
+    return Semantics(
+        outcome_sets.adding(own),
+        keys={"entry": KeyRole(AccessKind.PEEK, by_name=True)},
+        counterpart=_BUILT_IN,
+    )
+
+
+_QUEUE = {"queue": KeyRole(AccessKind.PEEK)}
+_WRITTEN = KeyRole(AccessKind.WRITE)
 
 BEHAVIORTREE_CPP = [
     _shared(
@@ -136,53 +233,69 @@ BEHAVIORTREE_CPP = [
         decorators.Inverter,
         own.Inverter,
         "Turns success into failure and failure into success.",
+        _turning({Status.SUCCESS: Status.FAILURE, Status.FAILURE: Status.SUCCESS}, built_in=True),
     ),
     _shared(
         "ForceSuccess",
         decorators.FailureIsSuccess,
         own.ForceSuccess,
         "Succeeds whenever its child ends.",
-        _SUCCESS,
-        _RUNNING,
+        _turning({Status.FAILURE: Status.SUCCESS}, built_in=True),
+        frozenset({"SUCCESS", "RUNNING"}),
     ),
     _shared(
         "ForceFailure",
         decorators.SuccessIsFailure,
         own.ForceFailure,
         "Fails whenever its child ends.",
-        _FAILURE,
-        _RUNNING,
+        _turning({Status.SUCCESS: Status.FAILURE}, built_in=True),
+        frozenset({"FAILURE", "RUNNING"}),
     ),
     _shared(
         "KeepRunningUntilFailure",
         decorators.SuccessIsRunning,
         own.KeepRunningUntilFailure,
         "Starts its child again after every success, until it fails.",
-        _FAILURE,
-        _RUNNING,
+        replace(
+            _turning({Status.SUCCESS: Status.RUNNING, Status.INVALID: Status.RUNNING}, built_in=True),
+            repeats=S,
+        ),
+        frozenset({"FAILURE", "RUNNING"}),
         skips=Skips.NEVER,
     ),
-    _own("Repeat", repetition.Repeat),
-    _own("RetryUntilSuccessful", repetition.RetryUntilSuccessful),
-    _own("RunOnce", own.RunOnce, Skips.ALWAYS, defaults={"then_skip": True}, skips_if=("then_skip", True)),
-    _own("Delay", timers.Delay, types={"delay_msec": UNSIGNED}),
-    _own("Timeout", timers.Timeout, types={"msec": UNSIGNED}),
+    _own("Repeat", repetition.Repeat, _again(_cycles, S, btcpp_rules.repeat, built_in=True)),
+    _own("RetryUntilSuccessful", repetition.RetryUntilSuccessful, _again(_attempts, F, None, built_in=True)),
+    _own(
+        "RunOnce",
+        own.RunOnce,
+        Semantics(outcome_sets.run_once, once=True),
+        Skipping(Skips.ALWAYS, only_if=("then_skip", True)),
+        signature=Signature(defaults={"then_skip": True}),
+    ),
+    _own(
+        "Delay",
+        timers.Delay,
+        Semantics(outcome_sets.adding(R), steady=True),
+        signature=Signature(types={"delay_msec": UNSIGNED}),
+    ),
+    _own("Timeout", timers.Timeout, _limit(_within), signature=Signature(types={"msec": UNSIGNED})),
     _own(
         "Precondition",
         script_nodes.Precondition,
-        Skips.ALWAYS,
-        skips_if=("else", Outcome.SKIPPED),
-        types={"if": CONDITION},
+        Semantics(outcome_sets.guard("if")),
+        Skipping(Skips.ALWAYS, only_if=("else", Outcome.SKIPPED)),
+        signature=Signature(types={"if": CONDITION}),
+        former_tags=tuple(f"BlackboardCheck{kind}" for kind in ("Bool", "Double", "Int", "String")),
     ),
-    _own("SkipUnlessUpdated", entries.SkipUnlessUpdated, Skips.ALWAYS),
-    _own("WaitValueUpdate", entries.WaitValueUpdate),
+    _own("SkipUnlessUpdated", entries.SkipUnlessUpdated, _unless_updated(K), Skipping(Skips.ALWAYS)),
+    _own("WaitValueUpdate", entries.WaitValueUpdate, _unless_updated(R)),
     *(
         _own(
             cls.__name__,
             cls,
-            Skips.ALWAYS,
-            types={"queue": queue_of(cls)},
-            skips_if=("if_empty", Outcome.SKIPPED),
+            Semantics(outcome_sets.loop, keys=_QUEUE),
+            Skipping(Skips.ALWAYS, only_if=("if_empty", Outcome.SKIPPED)),
+            signature=Signature(types={"queue": queue_of(cls)}),
         )
         for cls in (loops.LoopInt, loops.LoopDouble, loops.LoopBool, loops.LoopString)
     ),
@@ -192,47 +305,74 @@ PY_TREES = [
     _stock(
         decorators.OneShot,
         "Lets its child finish once; from then on answers what the child answered, without ticking it.",
-        *_ALL,
+        Semantics(
+            outcome_sets.passing,
+            once=True,
+            counterpart=Counterpart(rewrite=btcpp_rules.oneshot, hint=btcpp_rules.NO_ONESHOT),
+        ),
         instead="RunOnce",
         policy="What counts as finished: any end, or only success.",
     ),
-    Registration(
+    NodeSpec(
         "Timeout",
         Timeout,
         Kind.DECORATOR,
         _ALL,
-        skip_advice='msec="..."',
+        semantics=_limit(_duration),
+        skipping=Skipping(advice='msec="..."'),
         variant=True,
     ),
     _stock(
         decorators.Retry,
         "Ticks its child again after a failure, until it has failed too often.",
-        *_ALL,
+        _again(_failures, F, btcpp_rules.retry, built_in=False),
         instead="RetryUntilSuccessful",
         num_failures="With how many failures to fail; 1 or less: with the first one.",
     ),
-    _stock(
-        decorators.Repeat,
-        "Ticks its child again after a success, until it has succeeded often enough.",
-        *_ALL,
-        instead='num_cycles="..."',
+    replace(
+        _stock(
+            decorators.Repeat,
+            "Ticks its child again after a success, until it has succeeded often enough.",
+            _again(_successes, S, btcpp_rules.repeat, built_in=True),
+            instead='num_cycles="..."',
+            num_success="With how many successes to succeed; 0 or less: never.",
+        ),
         variant=True,
-        num_success="With how many successes to succeed; 0 or less: never.",
     ),
-    made_by("Condition", condition, _SUCCESS, _RUNNING, kind=Kind.DECORATOR),
+    made_by(
+        "Condition",
+        condition,
+        "SUCCESS",
+        "RUNNING",
+        kind=Kind.DECORATOR,
+        semantics=Semantics(outcome_sets.awaiting, steady=True),
+    ),
     _stock(
         decorators.Count,
         "Answers what its child answers, and counts how often it was ticked and how it ended.",
-        *_ALL,
+        _PASSING,
     ),
-    made_by("EternalGuard", eternal_guard, *_ALL, kind=Kind.DECORATOR),
-    _stock(decorators.PassThrough, "Answers what its child answers.", *_ALL),
+    made_by(
+        "EternalGuard",
+        eternal_guard,
+        *_ALL,
+        kind=Kind.DECORATOR,
+        semantics=Semantics(
+            outcome_sets.guard("condition"),
+            counterpart=Counterpart(
+                hint="a ReactiveSequence of a ScriptCondition and its child does the same"
+            ),
+        ),
+        condition=CONDITION,
+    ),
+    _stock(decorators.PassThrough, "Answers what its child answers.", _PASSING),
     made_by(
         "StatusToBlackboard",
         status_to_blackboard,
         *_ALL,
         kind=Kind.DECORATOR,
-        effects="writes to the blackboard",
+        effects=WRITES,
+        semantics=replace(_PASSING, keys={"variable_name": _WRITTEN}),
         variable_name=VARIABLE,
     ),
     made_by(
@@ -240,34 +380,50 @@ PY_TREES = [
         for_each,
         *_ALL,
         kind=Kind.DECORATOR,
-        effects="writes to the blackboard",
+        effects=WRITES,
+        semantics=Semantics(outcome_sets.each_item, keys={"target_key": _WRITTEN}),
         source_key=KEY,
         target_key=KEY,
     ),
     _stock(
         decorators.SuccessIsRunning,
         "Turns success into running.",
-        _FAILURE,
-        _RUNNING,
+        _turning({Status.SUCCESS: Status.RUNNING}, btcpp_rules.renamed("KeepRunningUntilFailure")),
+        frozenset({"FAILURE", "RUNNING"}),
         instead="KeepRunningUntilFailure",
     ),
     _stock(
         decorators.SuccessIsFailure,
         "Turns success into failure.",
-        _FAILURE,
-        _RUNNING,
+        _turning({Status.SUCCESS: Status.FAILURE}, btcpp_rules.renamed("ForceFailure")),
+        frozenset({"FAILURE", "RUNNING"}),
         instead="ForceFailure",
     ),
     _stock(
         decorators.FailureIsSuccess,
         "Turns failure into success.",
-        _SUCCESS,
-        _RUNNING,
+        _turning({Status.FAILURE: Status.SUCCESS}, btcpp_rules.renamed("ForceSuccess")),
+        frozenset({"SUCCESS", "RUNNING"}),
         instead="ForceSuccess",
     ),
-    _stock(decorators.FailureIsRunning, "Turns failure into running.", _SUCCESS, _RUNNING),
-    _stock(decorators.RunningIsSuccess, "Turns running into success.", _SUCCESS, _FAILURE),
-    _stock(decorators.RunningIsFailure, "Turns running into failure.", _SUCCESS, _FAILURE),
+    _stock(
+        decorators.FailureIsRunning,
+        "Turns failure into running.",
+        _turning({Status.FAILURE: Status.RUNNING}, hint=btcpp_rules.NO_FAILURE_IS_RUNNING),
+        frozenset({"SUCCESS", "RUNNING"}),
+    ),
+    _stock(
+        decorators.RunningIsSuccess,
+        "Turns running into success.",
+        _turning({Status.RUNNING: Status.SUCCESS}),
+        _ENDS,
+    ),
+    _stock(
+        decorators.RunningIsFailure,
+        "Turns running into failure.",
+        _turning({Status.RUNNING: Status.FAILURE}),
+        _ENDS,
+    ),
 ]
 
-REGISTRATIONS = [*BEHAVIORTREE_CPP, *PY_TREES]
+SPECS = [*BEHAVIORTREE_CPP, *PY_TREES]

@@ -9,9 +9,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from sar_compiler.nodes.attributes import CONDITIONS, NOTES, ONESHOT, ONESHOT_TYPE
-from sar_compiler.nodes.register import CHILD_COUNTS
 from sar_compiler.nodes.registry import Registry
-from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role
+from sar_compiler.nodes.spec import CHILD_COUNTS, Kind, NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import CONDITION, ValueType
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.tree.model import (

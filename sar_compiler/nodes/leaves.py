@@ -1,9 +1,12 @@
 """Leaves that every tree may use, whatever its mission."""
 
+from collections.abc import Mapping
+
 from py_trees import behaviours
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from sar_compiler.nodes import btcpp_rules, outcome_sets
 from sar_compiler.nodes.bound import BoundNode
 from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.comparisons import (
@@ -17,9 +20,9 @@ from sar_compiler.nodes.comparisons import (
     read_check,
 )
 from sar_compiler.nodes.narrow_types import CHANCES, KEY, NTH, STATUS_NAMES, VARIABLE, StatusName
-from sar_compiler.nodes.py_trees_nodes import Keys, made_by, since_2_4
-from sar_compiler.nodes.register import Registration
-from sar_compiler.nodes.spec import Kind
+from sar_compiler.nodes.py_trees_nodes import REMOVES, WRITES, Keys, made_by, since_2_4
+from sar_compiler.nodes.semantics import AccessKind, Counterpart, KeyRole, Semantics
+from sar_compiler.nodes.spec import Kind, NodeSpec, Signature
 from sar_compiler.nodes.values import AS_WRITTEN, CONDITION, UNSIGNED, ValueType
 from sar_compiler.runtime import entries, script_nodes, timers
 from sar_compiler.runtime.blackboard import Scope
@@ -254,11 +257,22 @@ def compare_variables(
 
 _SUCCESS, _FAILURE, _RUNNING = "SUCCESS", "FAILURE", "RUNNING"
 _ALL = (_SUCCESS, _FAILURE, _RUNNING)
+_BUILT_IN = Counterpart(built_in=True)
+_PEEKS = KeyRole(AccessKind.PEEK)
+_PEEKS_BY_NAME = KeyRole(AccessKind.PEEK, by_name=True)
+_WRITTEN = KeyRole(AccessKind.WRITE)
+_REMOVED = KeyRole(AccessKind.NONE)
 
 
-def _renamed(tag: str, cls: type, doc: str, *outcomes: str) -> Registration:
+def _peeking(*ports: str, resumes: bool = False) -> Semantics:
+    """Return the semantics of a leaf that can do without what it asks for."""
+    return Semantics(keys=dict.fromkeys(ports, _PEEKS), resumes=resumes)
+
+
+def _renamed(tag: str, cls: type, doc: str, *outcomes: str) -> NodeSpec:
     """Return a leaf of py_trees' under BehaviorTree.CPP's name."""
-    return Registration(tag, cls, Kind.ACTION, frozenset(outcomes), doc=doc)
+    semantics, signature = Semantics(counterpart=_BUILT_IN), Signature(doc=doc)
+    return NodeSpec(tag, cls, Kind.ACTION, frozenset(outcomes), semantics=semantics, signature=signature)
 
 
 def _own(
@@ -267,24 +281,38 @@ def _own(
     *outcomes: str,
     kind: Kind = Kind.ACTION,
     effects: str = "",
+    keys: Mapping[str, KeyRole] | None = None,
     **types: ValueType,
-) -> Registration:
-    """Return a leaf that py_trees does not have."""
-    return Registration(tag, cls, kind, frozenset(outcomes), effects=effects, types=types)
+) -> NodeSpec:
+    """Return a leaf of BehaviorTree.CPP's that py_trees does not have."""
+    semantics = Semantics(keys=keys or {}, counterpart=_BUILT_IN)
+    signature = Signature(types=types)
+    return NodeSpec(tag, cls, kind, frozenset(outcomes), effects, semantics=semantics, signature=signature)
 
 
-def _stock(cls: type[Behaviour], doc: str, *outcomes: str, **parameter_docs: str) -> Registration:
+def _stock(
+    cls: type[Behaviour],
+    doc: str,
+    *outcomes: str,
+    semantics: Semantics | None = None,
+    rewrite: btcpp_rules.Rule | None = None,
+    **parameter_docs: str,
+) -> NodeSpec:
     """Return a leaf of py_trees' whose constructor can be written as it is."""
-    parameter_docs = {"name": "The node's name.", **parameter_docs}
-    return Registration(
-        cls.__name__, cls, Kind.ACTION, frozenset(outcomes), doc=doc, parameter_docs=parameter_docs
+    return NodeSpec(
+        cls.__name__,
+        cls,
+        Kind.ACTION,
+        frozenset(outcomes),
+        semantics=semantics or Semantics(counterpart=Counterpart(rewrite=rewrite)),
+        signature=Signature(doc=doc, parameter_docs={"name": "The node's name.", **parameter_docs}),
     )
 
 
 BEHAVIORTREE_CPP = [
     _renamed("AlwaysSuccess", behaviours.Success, "Succeeds.", _SUCCESS),
     _renamed("AlwaysFailure", behaviours.Failure, "Fails.", _FAILURE),
-    _own("Script", script_nodes.RunScript, _SUCCESS, effects="writes to the blackboard"),
+    _own("Script", script_nodes.RunScript, _SUCCESS, effects=WRITES),
     _own(
         "ScriptCondition",
         script_nodes.ScriptCondition,
@@ -298,52 +326,93 @@ BEHAVIORTREE_CPP = [
         entries.SetBlackboard,
         _SUCCESS,
         _FAILURE,
-        effects="writes to the blackboard",
+        effects=WRITES,
+        keys={"output_key": KeyRole(AccessKind.WRITE, by_name=True, indirect=True)},
         value=AS_WRITTEN,
         output_key=AS_WRITTEN,
     ),
-    _own("UnsetBlackboard", entries.UnsetBlackboard, _SUCCESS, effects="removes from the blackboard"),
-    _own("WasEntryUpdated", entries.WasEntryUpdated, _SUCCESS, _FAILURE),
+    _own("UnsetBlackboard", entries.UnsetBlackboard, _SUCCESS, effects=REMOVES, keys={"key": _REMOVED}),
+    _own("WasEntryUpdated", entries.WasEntryUpdated, _SUCCESS, _FAILURE, keys={"entry": _PEEKS_BY_NAME}),
     _own("Sleep", timers.Sleep, _SUCCESS, _RUNNING, msec=UNSIGNED),
 ]
 
 PY_TREES = [
-    _stock(behaviours.Success, "Succeeds.", _SUCCESS),
-    _stock(behaviours.Failure, "Fails.", _FAILURE),
-    _stock(behaviours.Running, "Runs for ever.", _RUNNING),
+    _stock(behaviours.Success, "Succeeds.", _SUCCESS, rewrite=btcpp_rules.renamed("AlwaysSuccess")),
+    _stock(behaviours.Failure, "Fails.", _FAILURE, rewrite=btcpp_rules.renamed("AlwaysFailure")),
+    _stock(behaviours.Running, "Runs for ever.", _RUNNING, rewrite=btcpp_rules.running),
     _stock(behaviours.Dummy, "Runs for ever, in the place of something still to be written.", _RUNNING),
     _stock(
         behaviours.Periodic,
         "Runs for some ticks, succeeds for as many, fails for as many, and so on; it goes on where it was, however "
         "often it is started.",
         *_ALL,
+        semantics=Semantics(resumes=True),
         n="After how many ticks the next one answers something else; 0 or less: another status in each.",
     ),
-    made_by("StatusQueue", status_queue, *_ALL, rule=report_no_answer, queue=STATUS_NAMES),
+    made_by(
+        "StatusQueue",
+        status_queue,
+        *_ALL,
+        rule=report_no_answer,
+        semantics=Semantics(outcome_sets.queued, resumes=True),
+        queue=STATUS_NAMES,
+    ),
     made_by("SuccessEveryN", success_every_n, _SUCCESS, _FAILURE, n=NTH),
-    made_by("TickCounter", tick_counter, *_ALL),
-    made_by("ProbabilisticBehaviour", probabilistic_behaviour, *_ALL, weights=CHANCES),
-    Registration("Timer", Timer, Kind.ACTION, frozenset({_SUCCESS, _RUNNING})),
-    made_by("BlackboardToStatus", blackboard_to_status, *_ALL, variable_name=VARIABLE),
+    made_by("TickCounter", tick_counter, *_ALL, semantics=Semantics(outcome_sets.ticks_counted)),
+    made_by(
+        "ProbabilisticBehaviour",
+        probabilistic_behaviour,
+        *_ALL,
+        semantics=Semantics(resumes=True),
+        weights=CHANCES,
+    ),
+    NodeSpec(
+        "Timer",
+        Timer,
+        Kind.ACTION,
+        frozenset({_SUCCESS, _RUNNING}),
+        semantics=Semantics(counterpart=Counterpart(rewrite=btcpp_rules.timer)),
+    ),
+    made_by(
+        "BlackboardToStatus",
+        blackboard_to_status,
+        *_ALL,
+        semantics=Semantics(resumes=True),
+        variable_name=VARIABLE,
+    ),
     made_by(
         "CheckBlackboardVariableExists",
         check_exists,
         _SUCCESS,
         _FAILURE,
         kind=Kind.CONDITION,
+        semantics=_peeking("variable_name"),
         variable_name=VARIABLE,
     ),
-    made_by("WaitForBlackboardVariable", wait_for, _SUCCESS, _RUNNING, variable_name=VARIABLE),
+    made_by(
+        "WaitForBlackboardVariable",
+        wait_for,
+        _SUCCESS,
+        _RUNNING,
+        semantics=_peeking("variable_name", resumes=True),
+        variable_name=VARIABLE,
+    ),
     made_by(
         "SetBlackboardVariable",
         set_variable,
         _SUCCESS,
         _FAILURE,
-        effects="writes to the blackboard",
+        effects=WRITES,
+        semantics=Semantics(keys={"variable_name": _WRITTEN}),
         variable_name=VARIABLE,
     ),
     made_by(
-        "UnsetBlackboardVariable", unset_variable, _SUCCESS, effects="removes from the blackboard", key=KEY
+        "UnsetBlackboardVariable",
+        unset_variable,
+        _SUCCESS,
+        effects=REMOVES,
+        semantics=Semantics(keys={"key": _REMOVED}),
+        key=KEY,
     ),
     made_by(
         "CheckBlackboardVariableValue",
@@ -351,15 +420,24 @@ PY_TREES = [
         _SUCCESS,
         _FAILURE,
         kind=Kind.CONDITION,
+        semantics=_peeking("variable"),
         variable=VARIABLE,
     ),
-    made_by("WaitForBlackboardVariableValue", wait_for_value, _SUCCESS, _RUNNING, variable=VARIABLE),
+    made_by(
+        "WaitForBlackboardVariableValue",
+        wait_for_value,
+        _SUCCESS,
+        _RUNNING,
+        semantics=_peeking("variable", resumes=True),
+        variable=VARIABLE,
+    ),
     made_by(
         "CheckBlackboardVariableValues",
         check_values,
         _SUCCESS,
         _FAILURE,
         kind=Kind.CONDITION,
+        semantics=_peeking("checks"),
         checks=CHECKS,
         namespace=KEY,
     ),
@@ -369,9 +447,10 @@ PY_TREES = [
         _SUCCESS,
         _FAILURE,
         kind=Kind.CONDITION,
+        semantics=_peeking("var1_key", "var2_key"),
         var1_key=KEY,
         var2_key=KEY,
     ),
 ]
 
-REGISTRATIONS = [*BEHAVIORTREE_CPP, *PY_TREES]
+SPECS = [*BEHAVIORTREE_CPP, *PY_TREES]

@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 from sar_compiler.nodes.answers import answers_of
 from sar_compiler.nodes.attributes import CONDITIONS, ONESHOT
 from sar_compiler.nodes.collector import Collector, file_of
-from sar_compiler.nodes.register import CHILD_COUNTS
 from sar_compiler.nodes.registry import Registry
-from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Signature
 from sar_compiler.nodes.values import ANYTHING, nearest, type_of_cpp_name, value_type_of
 from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
 from sar_compiler.tree.names import is_name
@@ -17,10 +16,7 @@ _KINDS = {kind.value: kind for kind in Kind}
 _DIRECTIONS = {direction.value: direction for direction in Direction}
 _IGNORED = ("MetadataFields",)
 # What a leaf is taken to answer that is only described.
-_ANSWERS = {
-    Kind.ACTION: answers_of({"SUCCESS", "FAILURE", "RUNNING"}),
-    Kind.CONDITION: answers_of({"SUCCESS", "FAILURE"}),
-}
+_ANSWERS = {Kind.ACTION: ("SUCCESS", "FAILURE", "RUNNING"), Kind.CONDITION: ("SUCCESS", "FAILURE")}
 _TAGS = (SUBTREE_TAG, TREE_TAG)
 _NAMES = ("name", "ID", "_autoremap", "children", ONESHOT)
 
@@ -72,13 +68,12 @@ class Model:
         name = Parameter("name", Role.NAME, required=False, value_type=value_type_of(str))
         parameters = {"name": name, **{port.name: _parameter(port) for port in self.ports.values()}}
         return NodeSpec(
-            tag=self.tag,
-            kind=kind,
-            cls=None,
-            parameters=parameters,
-            outcomes=frozenset({"SUCCESS", "FAILURE", "RUNNING", "SKIPPED"}),
-            child_count=CHILD_COUNTS[kind],
-            answers=_ANSWERS.get(kind, ()),
+            self.tag,
+            None,
+            kind,
+            frozenset({"SUCCESS", "FAILURE", "RUNNING", "SKIPPED"}),
+            answers=answers_of(_ANSWERS.get(kind, ())) if kind.is_leaf else (),
+            signature=Signature(described=parameters),
         )
 
 

@@ -12,54 +12,6 @@ from sar_compiler.nodes.values import as_text
 from sar_compiler.tree.made import made
 from sar_compiler.tree.model import MODEL_TAG, Element
 
-BUILT_IN = frozenset(
-    [
-        "AlwaysFailure",
-        "AlwaysSuccess",
-        "AsyncFallback",
-        "AsyncSequence",
-        "Delay",
-        "Fallback",
-        "ForceFailure",
-        "ForceSuccess",
-        "IfThenElse",
-        "Inverter",
-        "KeepRunningUntilFailure",
-        "LoopBool",
-        "LoopDouble",
-        "LoopInt",
-        "LoopString",
-        "Parallel",
-        "ParallelAll",
-        "Precondition",
-        "ReactiveFallback",
-        "ReactiveSequence",
-        "Repeat",
-        "RetryUntilSuccessful",
-        "RunOnce",
-        "Script",
-        "ScriptCondition",
-        "Sequence",
-        "SequenceWithMemory",
-        "SetBlackboard",
-        "SkipUnlessUpdated",
-        "Sleep",
-        "SubTree",
-        "Switch2",
-        "Switch3",
-        "Switch4",
-        "Switch5",
-        "Switch6",
-        "Timeout",
-        "TryCatch",
-        "UnsetBlackboard",
-        "WaitValueUpdate",
-        "WasEntryUpdated",
-        "WhileDoElse",
-    ]
-)
-"""The nodes that BehaviorTree.CPP has itself, and Groot2 knows without being told."""
-
 
 def describe(specs: Iterable[NodeSpec]) -> Element:
     """Return the `TreeNodesModel` of nodes, without those that BehaviorTree.CPP has itself.
@@ -72,8 +24,13 @@ def describe(specs: Iterable[NodeSpec]) -> Element:
         by_tag.setdefault(spec.tag, []).append(spec)
     return made(
         MODEL_TAG,
-        children=[description(variants) for tag, variants in by_tag.items() if tag not in BUILT_IN],
+        children=[description(variants) for variants in by_tag.values() if not is_built_in(variants)],
     )
+
+
+def is_built_in(specs: Sequence[NodeSpec]) -> bool:
+    """Return whether BehaviorTree.CPP has a node itself, so that Groot2 knows it without being told."""
+    return any(spec.semantics.counterpart.built_in for spec in specs)
 
 
 def description(specs: Sequence[NodeSpec]) -> Element:

@@ -15,13 +15,16 @@ from py_trees.common import Access
 from py_trees.version import __version__ as py_trees_version
 
 from sar_compiler.errors import SarError
-from sar_compiler.nodes.register import Registration
-from sar_compiler.nodes.spec import Kind, Rule
+from sar_compiler.nodes.semantics import Semantics
+from sar_compiler.nodes.spec import Kind, NodeSpec, Rule, Signature
 from sar_compiler.nodes.values import ValueType
 from sar_compiler.runtime.blackboard import Entry, Scope
 from sar_compiler.runtime.ports import Input
 
 B = TypeVar("B", bound=Behaviour)
+
+WRITES, REMOVES = "writes to the blackboard", "removes from the blackboard"
+"""Effects that do nothing to the world."""
 
 
 class TooOldError(SarError):
@@ -130,8 +133,9 @@ def made_by(
     kind: Kind = Kind.ACTION,
     effects: str = "",
     rule: "Rule | None" = None,
+    semantics: Semantics | None = None,
     **types: ValueType,
-) -> Registration:
+) -> NodeSpec:
     """Return a node of py_trees' whose arguments cannot be written as they are: a function makes it.
 
     One that the installed py_trees lacks is registered all the same: whether a file is correct does not depend
@@ -139,15 +143,15 @@ def made_by(
     """
     is_decorator = kind is Kind.DECORATOR
     module, base = (decorators, decorators.Decorator) if is_decorator else (behaviours, Behaviour)
-    return Registration(
+    return NodeSpec(
         tag,
         getattr(module, tag, base),
         kind,
         frozenset(outcomes),
-        factory=factory,
-        effects=effects,
+        effects,
+        semantics=semantics or Semantics(),
+        signature=Signature(factory, types=types),
         rule=rule,
-        types=types,
     )
 
 

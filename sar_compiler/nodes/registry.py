@@ -11,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 
 from sar_compiler.errors import SarError
-from sar_compiler.nodes.register import MARK, Registration
+from sar_compiler.nodes.register import MARK
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.nodes.values import nearest
 
@@ -27,48 +27,45 @@ class Registry:
     """The tags that a tree file may use and what they mean.
 
     Args:
-        registrations: What is in it from the start.
+        specs: What is in it from the start.
     """
 
-    def __init__(self, registrations: Iterable[Registration] = ()) -> None:
-        self._registrations: dict[str, list[Registration]] = {}
+    def __init__(self, specs: Iterable[NodeSpec] = ()) -> None:
         self._specs: dict[str, list[NodeSpec]] = {}
-        for registration in registrations:
-            self.add(registration)
+        for spec in specs:
+            self.add(spec)
 
-    def add(self, registration: Registration) -> None:
-        """Add a tag, or (for registrations that say so) one more meaning of it.
+    def add(self, spec: NodeSpec) -> None:
+        """Add a tag, or (for a variant) one more meaning of it.
 
         Raises:
             RegistryError: If the tag already means another class.
         """
-        known = self._registrations.setdefault(registration.tag, [])
-        if any(other.cls is registration.cls for other in known):
+        known = self._specs.setdefault(spec.tag, [])
+        if any(other.cls is spec.cls for other in known):
             return
-        if known and not registration.variant:
-            message = (
-                f"two classes are registered as <{registration.tag}>: "
-                f"{_name_of(known[0].cls)} and {_name_of(registration.cls)}"
-            )
+        if known and not spec.variant:
+            classes = " and ".join(_name_of(each.cls) for each in (known[0], spec) if each.cls is not None)
+            message = f"two classes are registered as <{spec.tag}>: {classes}"
             raise RegistryError(message)
-        known.append(registration)
+        known.append(spec)
 
     def add_module(self, module: ModuleType) -> int:
         """Add every class of a module that carries the mark of `register`; return how many there were."""
         count = 0
         for value in vars(module).values():
             # The mark must be the class's own: a subclass of a leaf is not that leaf.
-            registration = vars(value).get(MARK) if isinstance(value, type) else None
-            if registration is not None:
-                self.add(registration)
+            spec = vars(value).get(MARK) if isinstance(value, type) else None
+            if spec is not None:
+                self.add(spec)
                 count += 1
         return count
 
     def __contains__(self, tag: str) -> bool:
-        return tag in self._registrations
+        return tag in self._specs
 
     def __iter__(self) -> Iterator[NodeSpec]:
-        return (spec for tag in sorted(self._registrations) for spec in self.variants(tag))
+        return (spec for tag in sorted(self._specs) for spec in self.variants(tag))
 
     def __getitem__(self, tag: str) -> NodeSpec:
         if tag not in self:
@@ -80,22 +77,31 @@ class Registry:
         return next(iter(self.variants(tag)), None)
 
     def variants(self, tag: str) -> list[NodeSpec]:
-        """Return everything that a tag can mean; the attributes written choose among it."""
-        if tag not in self._specs and tag in self:
-            self._specs[tag] = [registration.spec() for registration in self._registrations[tag]]
-        return self._specs.get(tag, [])
+        """Return everything that a tag can mean; the attributes written choose among it.
+
+        Raises:
+            RegistrationError: If the constructor of one of them cannot be written in a tree file.
+        """
+        found = self._specs.get(tag, [])
+        for spec in found:
+            spec.parameters  # noqa: B018 - whoever means this tag is told of mistakes in its constructor
+        return found
 
     def by_tag(self) -> dict[str, list[NodeSpec]]:
         """Return everything that every tag can mean, in the order of the tags."""
-        return {tag: self.variants(tag) for tag in sorted(self._registrations)}
+        return {tag: self.variants(tag) for tag in sorted(self._specs)}
 
-    def registrations(self) -> list[Registration]:
-        """Return what was registered, to make another registry from."""
-        return [registration for variants in self._registrations.values() for registration in variants]
+    def specs(self) -> list[NodeSpec]:
+        """Return what was registered, unread, to make another registry from."""
+        return [spec for variants in self._specs.values() for spec in variants]
+
+    def today(self, former_tag: str) -> str | None:
+        """Return what a tag of an earlier version is called today, or None."""
+        return next((spec.tag for spec in self.specs() if former_tag in spec.former_tags), None)
 
     def nearest(self, tag: str) -> str | None:
         """Return the tag that was probably meant, or None."""
-        return nearest(tag, self._registrations)
+        return nearest(tag, self._specs)
 
 
 def load_registry(modules: Iterable[str] = ()) -> Registry:
@@ -109,7 +115,7 @@ def load_registry(modules: Iterable[str] = ()) -> Registry:
     """
     from sar_compiler.nodes import controls, decorators, leaves
 
-    registry = Registry([*controls.REGISTRATIONS, *decorators.REGISTRATIONS, *leaves.REGISTRATIONS])
+    registry = Registry([*controls.SPECS, *decorators.SPECS, *leaves.SPECS])
     for entry_point in importlib.metadata.entry_points(group=ENTRY_POINTS):
         registry.add_module(_import(entry_point.value, f"entry point '{entry_point.name}'"))
     for module in modules:

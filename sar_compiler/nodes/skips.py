@@ -38,7 +38,7 @@ class Skipping:
         """Say whether a node can be skipped."""
         if bound not in self._known:
             self._known[bound] = by_itself(bound) or (
-                bound.spec.skips is not Skips.NEVER and self.among_children(bound)
+                bound.spec.skipping.possible is not Skips.NEVER and self.among_children(bound)
             )
         return self._known[bound]
 
@@ -52,9 +52,9 @@ def by_itself(bound: BoundNode) -> bool:
 
 def _as_it_is_written(bound: BoundNode) -> bool:
     """Say whether the attribute on which skipping depends can have the value that it takes."""
-    if bound.spec.skips_if is None:
+    if bound.spec.skipping.only_if is None:
         return True
-    name, value = bound.spec.skips_if
+    name, value = bound.spec.skipping.only_if
     if name in bound.keys:
         return True
     return bool(bound.values.get(name, bound.spec.parameters[name].default) == value)
@@ -76,7 +76,7 @@ def report_misread(trees: Sequence[BoundTree], collector: Collector) -> None:
 
 def _misreads(spec: NodeSpec) -> bool:
     """Say whether a node knows nothing of skipped children, and no class of the project's can take its place."""
-    known = spec.cls is None or spec.skip_cls is not None or issubclass(spec.cls, Parent)
+    known = spec.cls is None or spec.skipping.cls is not None or issubclass(spec.cls, Parent)
     return not spec.kind.is_leaf and not known
 
 
@@ -84,6 +84,6 @@ def _report_children(bound: BoundNode, skipping: Skipping, collector: Collector)
     for child in bound.children:
         if skipping.of(child):
             message = f"'{child.name}' can be skipped, which <{bound.element.tag}> takes for an interruption"
-            advice = bound.spec.skip_advice
+            advice = bound.spec.skipping.advice
             hint = f"write {advice} instead" if advice else "let the child succeed or fail instead"
             collector.tag(child.element, "skip-misread", message, hint=hint)

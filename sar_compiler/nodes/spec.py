@@ -1,4 +1,4 @@
-"""What is known of a tag, as plain data."""
+"""What is known of a tag: the one record of a node, made by `register` or read off a model."""
 
 import functools
 from collections.abc import Callable, Mapping
@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from sar_compiler.nodes.answers import answers_of
+from sar_compiler.nodes.semantics import Semantics
 from sar_compiler.nodes.values import ValueType
 from sar_compiler.runtime.answers import Answer, Fact
 
@@ -132,54 +134,140 @@ class Parameter:
         return fixed and self.value_type is not None and self.value_type.python is int
 
 
+CHILD_COUNTS: dict[Kind, tuple[int, int | None]] = {
+    Kind.CONTROL: (1, None),
+    Kind.DECORATOR: (1, 1),
+    Kind.ACTION: (0, 0),
+    Kind.CONDITION: (0, 0),
+}
+"""How many children a node of a kind takes, at least and at most."""
+
+
+@dataclass(frozen=True)
+class Skipping:
+    """What becomes of ticks that are skipped.
+
+    Attributes:
+        possible: Whether a tick of the node can be skipped.
+        cls: The class that takes the place of the node's own where a child can be skipped.
+        only_if: The attribute, and its value, without which no tick is skipped by the node itself; None: whatever
+            is written.
+        advice: How a node is written that does the same and knows of skipped children, where there is one.
+    """
+
+    possible: Skips = Skips.NEVER
+    cls: type[Any] | None = None
+    only_if: tuple[str, object] | None = None
+    advice: str = ""
+
+
+@dataclass(frozen=True)
+class Signature:
+    """What a tag says about its attributes where the constructor of its class does not say it, or says it otherwise.
+
+    Attributes:
+        factory: Makes the node in place of the class; its signature then counts instead of the constructor's.
+        defaults: Defaults for parameters that have none in the constructor.
+        fixed: Parameters whose value the tag itself says (`ReactiveSequence`: `memory` is false).
+        hidden: Constructor parameters that this tag does not have.
+        required: Parameters that must be written, though the constructor can do without.
+        types: What parameters take, where their annotations say less.
+        doc: A description to take the place of the docstring, for classes of other libraries.
+        parameter_docs: Descriptions of parameters, likewise.
+        described: All parameters, for a node that only a model describes.
+    """
+
+    factory: Callable[..., Any] | None = None
+    defaults: Mapping[str, object] = field(default_factory=dict)
+    fixed: Mapping[str, object] = field(default_factory=dict)
+    hidden: frozenset[str] = frozenset()
+    required: frozenset[str] = frozenset()
+    types: Mapping[str, ValueType] = field(default_factory=dict)
+    doc: str = ""
+    parameter_docs: Mapping[str, str] = field(default_factory=dict)
+    described: Mapping[str, Parameter] | None = None
+
+
 @dataclass(frozen=True)
 class NodeSpec:
     """What a tag means.
 
+    The constructor of the class, which may name classes defined later, is looked at when `parameters` is first
+    asked for.
+
     Attributes:
         tag: The tag in a tree file.
-        kind: What it is.
         cls: The class of which the compiler makes an instance; None where only a model describes the node.
-        factory: What makes an instance, where it is not the class itself.
-        parameters: The parameters of what makes an instance, by name, in their order.
-        fixed: Parameters whose value the tag itself says (`ReactiveSequence`: `memory` is false).
-        skips: Whether a tick can be skipped.
-        skip_cls: The class that takes the place of *cls* where a child can skip.
-        skips_if: The attribute, and its value, without which no tick is skipped by the node itself; None: whatever
-            is written.
-        skip_advice: How a node is written that does the same and knows of skipped children, where there is one.
-        child_count: How many children it takes, at least and at most; None for any number.
+        kind: What it is.
         outcomes: The names of the statuses that a tick can return.
         effects: What it does to the world, in a few words; empty if nothing.
         uses: What it needs outside the tree.
-        answers: For a leaf: what a tick can come to, where there is no robot.
+        answers: For a leaf: what a tick can come to where there is no robot; by default one for each outcome.
         facts: The facts that these answers work on, with their values at the start.
         reads: Further facts or keys of the blackboard that what it does depends on.
         writes: Further facts or keys of the blackboard that it changes.
-        doc: The first paragraph of the class's docstring.
+        semantics: What it makes of the nodes in it, of time, and of the blackboard.
+        skipping: What becomes of ticks that are skipped.
+        signature: What its tag says about its attributes beside the constructor.
+        child_count: How many children it takes, at least and at most (None: any number); by default what its kind
+            says.
+        variant: Whether it is one more meaning of a tag that means something already: the attributes that a
+            file writes choose between them.
+        former_tags: What it was called in earlier versions of BehaviorTree.CPP and py_trees.
         rule: Reports attributes that do not go with each other, or with the children.
     """
 
     tag: str
-    kind: Kind
     cls: type[Any] | None
-    parameters: Mapping[str, Parameter]
-    fixed: Mapping[str, object] = field(default_factory=dict)
-    skips: Skips = Skips.NEVER
-    skip_cls: type[Any] | None = None
-    skips_if: tuple[str, object] | None = None
-    skip_advice: str = ""
-    child_count: tuple[int, int | None] = (0, None)
+    kind: Kind
     outcomes: frozenset[str] = frozenset()
     effects: str = ""
     uses: tuple[Use, ...] = ()
-    doc: str = ""
     answers: tuple[Answer, ...] = ()
     facts: Mapping[str, Fact] = field(default_factory=dict)
     reads: tuple[str, ...] = ()
     writes: tuple[str, ...] = ()
-    factory: Callable[..., Any] | None = None
+    semantics: Semantics = Semantics()  # noqa: RUF009 - frozen
+    skipping: Skipping = Skipping()
+    signature: Signature = Signature()
+    child_count: tuple[int, int | None] = (-1, None)
+    variant: bool = False
+    former_tags: tuple[str, ...] = ()
     rule: "Rule | None" = None
+
+    def __post_init__(self) -> None:
+        if self.child_count[0] < 0:
+            object.__setattr__(self, "child_count", CHILD_COUNTS[self.kind])
+        if self.kind.is_leaf and not self.answers:
+            object.__setattr__(self, "answers", answers_of(self.outcomes))
+
+    @functools.cached_property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """The parameters of what makes an instance, by name, in their order.
+
+        Raises:
+            RegistrationError: If the constructor cannot be written in a tree file; names the parameter.
+        """
+        from sar_compiler.nodes.constructors import parameters_of
+
+        return self.signature.described or parameters_of(self)
+
+    @functools.cached_property
+    def doc(self) -> str:
+        """The first paragraph of its description."""
+        from sar_compiler.nodes.constructors import summary_of
+
+        return self.signature.doc or summary_of(self.maker)
+
+    @property
+    def maker(self) -> Callable[..., Any] | None:
+        """What makes an instance: a function of its own, or the class."""
+        return self.signature.factory or self.cls
+
+    @property
+    def fixed(self) -> Mapping[str, object]:
+        """The parameters whose value the tag itself says."""
+        return self.signature.fixed
 
     @functools.cached_property
     def references(self) -> list[Parameter]:
@@ -230,7 +318,7 @@ class NodeSpec:
     @functools.cached_property
     def skips_by_itself(self) -> bool:
         """Whether a tick can be skipped whatever the children do."""
-        return self.skips is Skips.ALWAYS or (self.kind.is_leaf and "SKIPPED" in self.outcomes)
+        return self.skipping.possible is Skips.ALWAYS or (self.kind.is_leaf and "SKIPPED" in self.outcomes)
 
     @functools.cached_property
     def renamed(self) -> dict[str, str]:

@@ -88,6 +88,7 @@ class ValueType:
         most: The largest of them, for whole numbers that have one.
         example: A text of such a value.
         names_key: Whether it is the name of a key: `{goal}` is then another way to write `goal`.
+        keys_in: Returns the names of the keys in a value that is more than one name; None where there are none.
     """
 
     name: str
@@ -101,6 +102,7 @@ class ValueType:
     most: int | None = None
     example: str = "0"
     names_key: bool = False
+    keys_in: Callable[[object], Iterable[str]] | None = None
 
     def fit(self, value: object) -> object:
         """Make a value of this type of one that is on the blackboard.

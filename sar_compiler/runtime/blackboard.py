@@ -304,6 +304,11 @@ class Scope:
         return scope, key
 
 
+def entry_of(variable: str) -> str:
+    """Return the key of a variable such as `key.attribute`."""
+    return variable.partition(".")[0]
+
+
 def _forget(stamps: dict[str, int]) -> None:
     """Take the entries of a board that nobody has any more off py_trees' blackboard."""
     for name in stamps:

@@ -79,6 +79,30 @@ class Variables(Protocol):
         ...
 
 
+class PlainVariables:
+    """Variables of any type, each of which takes any value.
+
+    Args:
+        values: Their values at first.
+    """
+
+    def __init__(self, values: Mapping[str, Value]) -> None:
+        self._values = dict(values)
+
+    def read(self, name: str) -> Value:
+        """Return a variable's value."""
+        if name not in self._values:
+            raise UnknownVariableError(name)
+        return self._values[name]
+
+    def create(self, name: str, value: Value) -> Value:
+        """Give a variable a value."""
+        self._values[name] = value
+        return value
+
+    assign = create
+
+
 def fit(value: Value, kind: type, enums: Mapping[str, int] | None = None) -> Value:
     """Return what a variable with a type makes of a value that it is given.
 

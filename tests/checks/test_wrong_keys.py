@@ -5,8 +5,8 @@ from py_trees.behaviour import Behaviour
 
 from sar_compiler.checks import check
 from sar_compiler.nodes import Kind
-from sar_compiler.nodes.register import Registration
 from sar_compiler.nodes.registry import Registry, default_registry
+from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.runtime.blackboard import Scope
 from sar_compiler.runtime.ports import InOut, Input, Output
 from sar_compiler.tree.diagnostic import Severity
@@ -38,10 +38,8 @@ class Meddle(Behaviour):
 
 
 ENDS = frozenset({"SUCCESS", "FAILURE"})
-LEAVES = [Registration(cls.__name__, cls, Kind.ACTION, ENDS) for cls in (Say, Find, Meddle)]
-REGISTRY = Registry(
-    [*default_registry().registrations(), *LEAVES, Registration("CountUp", Count, Kind.ACTION, ENDS)]
-)
+LEAVES = [NodeSpec(cls.__name__, cls, Kind.ACTION, ENDS) for cls in (Say, Find, Meddle)]
+REGISTRY = Registry([*default_registry().specs(), *LEAVES, NodeSpec("CountUp", Count, Kind.ACTION, ENDS)])
 
 
 def found(text):

@@ -5,9 +5,8 @@ from py_trees.behaviour import Behaviour
 
 from sar_compiler.checks import check
 from sar_compiler.nodes import Kind
-from sar_compiler.nodes.register import Registration
 from sar_compiler.nodes.registry import Registry, default_registry
-from sar_compiler.nodes.spec import Use
+from sar_compiler.nodes.spec import NodeSpec, Use
 from sar_compiler.tree.diagnostic import Severity
 from tests.trees import document, forest_of
 
@@ -19,7 +18,7 @@ def leaf(tag, outcomes, kind=Kind.ACTION, effects="", uses=()):
         Behaviour.__init__(self, name)
 
     cls = type(tag, (Behaviour,), {"__init__": init})
-    return Registration(tag, cls, kind, frozenset(outcomes), effects, uses)
+    return NodeSpec(tag, cls, kind, frozenset(outcomes), effects, uses)
 
 
 WORKING = {"SUCCESS", "FAILURE", "RUNNING"}
@@ -31,7 +30,7 @@ LEAVES = [
     leaf("Wait", {"SUCCESS", "RUNNING"}),
     leaf("Unknown", ()),
 ]
-REGISTRY = Registry([*default_registry().registrations(), *LEAVES])
+REGISTRY = Registry([*default_registry().specs(), *LEAVES])
 
 
 def found(text):
@@ -91,7 +90,7 @@ MISTAKES = {
     ),
     "a catch where nothing can fail": (
         "<TryCatch>\n<Beep/>\n<Look/>\n</TryCatch>",
-        ("unreachable-node", 5, 1, "what is tried before it never fails"),
+        ("unreachable-node", 5, 1, "'Beep' never fails"),
     ),
     "no rounds at all": (
         '<Repeat num_cycles="0">\n<Drive/>\n</Repeat>',
@@ -111,11 +110,11 @@ MISTAKES = {
     ),
     "waiting for a status that never comes": (
         '<Condition status="FAILURE">\n<Beep/>\n</Condition>',
-        ("never-ends", 3, 1, "'Beep' never answers FAILURE"),
+        ("never-ends", 3, 1, "'Beep' never fails"),
     ),
     "waiting in the middle for what never comes": (
         '<Sequence>\n<Condition status="FAILURE"><Beep/></Condition>\n<Drive/>\n</Sequence>',
-        ("never-ends", 4, 1, "'Beep' never answers FAILURE"),
+        ("never-ends", 4, 1, "'Beep' never fails"),
     ),
     # no effect, or not the one that is meant
     "trying again what cannot fail": (

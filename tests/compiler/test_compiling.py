@@ -8,9 +8,8 @@ from py_trees.common import OneShotPolicy, Status
 from sar_compiler.compiler import bind_main, compile_tree, context_types, preview_tree
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
-from sar_compiler.nodes.register import Registration
 from sar_compiler.nodes.registry import Registry, default_registry
-from sar_compiler.nodes.spec import Kind, Use
+from sar_compiler.nodes.spec import Kind, NodeSpec, Use
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.forest import Forest
@@ -22,7 +21,7 @@ from tests.trees import forest, forest_of
 
 @pytest.fixture(scope="module")
 def registry() -> Registry:
-    registry = Registry(default_registry().registrations())
+    registry = Registry(default_registry().specs())
     registry.add_module(leaves)
     return registry
 
@@ -132,7 +131,7 @@ def test_a_node_that_refers_to_what_it_stands_in_is_a_finding():
         def update(self) -> Status:
             return Status.SUCCESS
 
-    inner = Registry([*default_registry().registrations(), Registration("Inside", Inside, Kind.ACTION)])
+    inner = Registry([*default_registry().specs(), NodeSpec("Inside", Inside, Kind.ACTION)])
     with pytest.raises(TreeError, match="circular-reference"):
         compiled("<Sequence><Inside/></Sequence>", inner)
 
@@ -169,7 +168,7 @@ def test_a_constructor_that_refuses_its_arguments_is_a_finding_with_its_words(re
         def update(self) -> Status:
             return Status.SUCCESS
 
-    picky = Registry([Registration("Picky", Picky, Kind.ACTION)])
+    picky = Registry([NodeSpec("Picky", Picky, Kind.ACTION)])
     with pytest.raises(TreeError, match=r"3:1: error\[constructor-failed\]: .*ValueError: too fast"):
         compiled('<Picky speed="99"/>', picky)
 

@@ -203,7 +203,7 @@ class Wait(Behaviour):
 
 def registry_with(**leaves):
     """Return the registry with further leaves: what `register` is told of each, by their tags."""
-    registry = Registry(default_registry().registrations())
+    registry = Registry(default_registry().specs())
     for tag, said in leaves.items():
         registry.add(getattr(register(tag, kind=Kind.ACTION, **said)(type(tag, (Wait,), {})), MARK))
     return registry
@@ -226,7 +226,7 @@ class Loud(Decorator):
 
 
 def test_a_decorator_of_ones_own_is_made_for_real_with_a_stand_in_for_what_the_mission_has():
-    registry = Registry(default_registry().registrations())
+    registry = Registry(default_registry().specs())
     registry.add(getattr(register("Loud", kind=Kind.DECORATOR)(Loud), MARK))
     rehearsal = rehearsed("<Loud><NavigateToZone/></Loud>", registry=registry)
     assert isinstance(rehearsal.root, Loud)

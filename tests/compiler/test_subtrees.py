@@ -12,9 +12,8 @@ from py_trees.common import Status
 from py_trees.composites import Sequence
 
 from sar_compiler.compiler import bind_main, compile_tree
-from sar_compiler.nodes.register import Registration
 from sar_compiler.nodes.registry import Registry, default_registry
-from sar_compiler.nodes.spec import Kind
+from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.tree.diagnostic import TreeError
 from tests.trees import forest_of
 
@@ -28,7 +27,7 @@ class Fixed(Behaviour):
         return Status.SUCCESS
 
 
-REGISTRY = Registry([*default_registry().registrations(), Registration("Fixed", Fixed, Kind.ACTION)])
+REGISTRY = Registry([*default_registry().specs(), NodeSpec("Fixed", Fixed, Kind.ACTION)])
 
 
 def compiled(main, parameters=None, **trees):
@@ -116,7 +115,7 @@ class Inside(Behaviour):
 
 @pytest.mark.parametrize("levels", [1, 2])
 def test_a_node_in_a_subtree_that_refers_to_what_the_subtree_stands_in_is_a_finding(levels):
-    registry = Registry([*REGISTRY.registrations(), Registration("Inside", Inside, Kind.ACTION)])
+    registry = Registry([*REGISTRY.specs(), NodeSpec("Inside", Inside, Kind.ACTION)])
     inner = ['<SubTree ID="T1"/>', "<Inside/>"][2 - levels :]
     trees = "".join(
         f'<BehaviorTree ID="T{number}">{body}</BehaviorTree>' for number, body in enumerate(inner)

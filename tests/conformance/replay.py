@@ -103,12 +103,12 @@ def _registry(*, may_skip: bool) -> Registry:
     Where no leaf skips they are registered so, and the tree is made of py_trees' own classes as far as these
     go; they have to keep to the trace as well.
     """
-    registry = Registry(default_registry().registrations())
+    registry = Registry(default_registry().specs())
     module = Registry()
     module.add_module(leaves)
-    for leaf in module.registrations():
+    for leaf in module.specs():
         outcomes = leaf.outcomes if may_skip else leaf.outcomes - {"SKIPPED"}
-        registry.add(dataclasses.replace(leaf, outcomes=outcomes))
+        registry.add(dataclasses.replace(leaf, outcomes=outcomes, answers=()))
     return registry
 
 

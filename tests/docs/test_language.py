@@ -108,7 +108,7 @@ def example(tmp_path, monkeypatch):
     module = importlib.util.module_from_spec(spec)
     monkeypatch.setitem(sys.modules, "language_ports", module)
     spec.loader.exec_module(module)
-    registry = Registry(default_registry().registrations())
+    registry = Registry(default_registry().specs())
     registry.add_module(module)
     return registry, Forest.of(parse_xml(named("ports.xml"), "ports.xml"))
 

@@ -6,8 +6,9 @@ from py_trees.common import Status
 
 from sar_compiler.nodes import Answer, Kind, register
 from sar_compiler.nodes.answers import Identifiers, filled, mistake_in, nominal, number_text
-from sar_compiler.nodes.register import MARK, RegistrationError
-from sar_compiler.nodes.registry import default_registry
+from sar_compiler.nodes.constructors import RegistrationError
+from sar_compiler.nodes.register import MARK
+from sar_compiler.nodes.registry import Registry, default_registry
 from tests.nodes.leaves import Say
 
 ANY = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
@@ -25,9 +26,16 @@ class Leaf(Behaviour):
         super().__init__(name)
 
 
+def used(cls):
+    """Return what a class means, as somebody learns who uses its tag."""
+    spec = getattr(cls, MARK)
+    Registry([spec]).variants(spec.tag)
+    return spec
+
+
 def registered(**said):
     cls = register("Leaf", kind=Kind.ACTION, **{"outcomes": ANY, **said})(type("Leaf", (Leaf,), {}))
-    return getattr(cls, MARK).spec()
+    return used(cls)
 
 
 def test_a_leaf_that_says_nothing_more_answers_each_of_its_outcomes_success_first():
@@ -101,7 +109,7 @@ class Trying(Behaviour):
 
 def trying(**said):
     cls = register("Trying", kind=Kind.ACTION, outcomes=ANY, **said)(type("Trying", (Trying,), {}))
-    return getattr(cls, MARK).spec()
+    return used(cls)
 
 
 def test_in_scripts_a_placeholder_stands_for_the_value_of_a_whole_number():

@@ -13,7 +13,7 @@ from py_trees.common import Status
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
 from sar_compiler.nodes import Kind, register
 from sar_compiler.nodes.btcpp import convert_to_btcpp, to_btcpp
-from sar_compiler.nodes.palette import BUILT_IN
+from sar_compiler.nodes.palette import is_built_in
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.tree.diagnostic import Severity, TreeError
@@ -48,7 +48,8 @@ class Answer(Behaviour):
         return status
 
 
-REGISTRY = Registry(default_registry().registrations())
+REGISTRY = Registry(default_registry().specs())
+BUILT_IN = {tag for tag, specs in REGISTRY.by_tag().items() if is_built_in(specs)} | {"SubTree"}
 REGISTRY.add_module(leaves)
 REGISTRY.add_module(sys.modules[__name__])
 

@@ -11,9 +11,8 @@ from py_trees.common import Status
 
 from sar_compiler.checks.schema import schema_errors
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
-from sar_compiler.nodes.register import Registration
 from sar_compiler.nodes.registry import Registry, default_registry
-from sar_compiler.nodes.spec import Kind
+from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.nodes.values import UNSIGNED, ConversionError, at_least, type_of_cpp_name
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.ports import PortError
@@ -97,7 +96,7 @@ class Patient(Behaviour):
 
 @pytest.fixture
 def registry():
-    return Registry([Registration("Patient", Patient, Kind.ACTION)])
+    return Registry([NodeSpec("Patient", Patient, Kind.ACTION)])
 
 
 def test_a_leaf_says_in_its_annotation_from_which_number_on(registry):

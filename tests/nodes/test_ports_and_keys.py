@@ -11,9 +11,8 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
-from sar_compiler.nodes.register import Registration
 from sar_compiler.nodes.registry import Registry, default_registry
-from sar_compiler.nodes.spec import Kind
+from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.nodes.values import ConversionError, literal_value, value_type_of
 from sar_compiler.runtime.ports import InOut, Input, Output, PortError
 from tests.trees import document, errors, forest, forest_of
@@ -76,8 +75,8 @@ class Fixed(Leaf):
 
 REGISTRY = Registry(
     [
-        *default_registry().registrations(),
-        *(Registration(cls.__name__, cls, Kind.ACTION) for cls in (Read, Write, Fixed)),
+        *default_registry().specs(),
+        *(NodeSpec(cls.__name__, cls, Kind.ACTION) for cls in (Read, Write, Fixed)),
     ]
 )
 

@@ -22,7 +22,7 @@ from sar_compiler.runtime.py_trees_timers import Timeout, Timer
 from sar_compiler.tree.diagnostic import TreeError
 from tests.trees import document, errors, forest_of
 
-REGISTRATIONS = {registration.tag: registration for registration in [*ours.PY_TREES, *leaves.PY_TREES]}
+SPECS = {registration.tag: registration for registration in [*ours.PY_TREES, *leaves.PY_TREES]}
 S, F, R = Status.SUCCESS, Status.FAILURE, Status.RUNNING
 LACKING = [name for name in ("ForEach",) if not hasattr(decorators, name)]
 LACKING += [name for name in ("CompareBlackboardVariables",) if not hasattr(behaviours, name)]
@@ -180,7 +180,7 @@ WRITTEN: dict[str, tuple[str, Any, dict[str, Any]]] = {
 
 
 def test_every_node_has_its_line_in_the_table():
-    assert set(WRITTEN) == set(REGISTRATIONS)
+    assert set(WRITTEN) == set(SPECS)
 
 
 @pytest.mark.parametrize("tag", sorted(set(WRITTEN) - set(LACKING)))
@@ -196,7 +196,7 @@ def test_a_tag_becomes_the_stock_class_with_the_arguments_written(tag):
 
 @pytest.mark.parametrize("tag", sorted(WRITTEN))
 def test_a_node_says_what_it_does_what_it_takes_and_how_it_can_end(tag):
-    spec = REGISTRATIONS[tag].spec()
+    spec = SPECS[tag]
     assert spec.doc.endswith(".")
     assert all(parameter.doc for parameter in spec.attributes)
     assert spec.outcomes

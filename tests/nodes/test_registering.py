@@ -6,14 +6,15 @@ import pytest
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.nodes import Kind, register
-from sar_compiler.nodes.register import MARK, Registration, RegistrationError
+from sar_compiler.nodes.constructors import RegistrationError
+from sar_compiler.nodes.register import MARK
 from sar_compiler.nodes.registry import Registry, RegistryError, default_registry, load_registry
-from sar_compiler.nodes.spec import Role, Use
+from sar_compiler.nodes.spec import NodeSpec, Role, Use
 from tests.nodes import leaves
 
 
 def spec_of(cls):
-    return getattr(cls, MARK).spec()
+    return getattr(cls, MARK)
 
 
 def test_registering_leaves_the_class_as_it_was():
@@ -59,7 +60,7 @@ def test_facts_given_to_register_are_kept():
 
 def refused(cls, kind=Kind.ACTION):
     with pytest.raises(RegistrationError) as caught:
-        Registration("Tag", cls, kind).spec()
+        Registry([NodeSpec("Tag", cls, kind)]).variants("Tag")
     return str(caught.value)
 
 
@@ -154,7 +155,7 @@ def test_arguments_of_any_name_are_no_attributes():
     class Leaf(Behaviour):
         def __init__(self, name: str, *args: int, **kwargs: int) -> None: ...
 
-    assert list(Registration("Leaf", Leaf, Kind.ACTION).spec().parameters) == ["name"]
+    assert list(NodeSpec("Leaf", Leaf, Kind.ACTION).parameters) == ["name"]
 
 
 def test_a_module_gives_the_classes_that_carry_the_mark_themselves():

@@ -6,7 +6,7 @@ from sar_compiler.checks import check
 from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.model_comparison import compare
 from sar_compiler.nodes.models import read_models
-from sar_compiler.nodes.palette import BUILT_IN
+from sar_compiler.nodes.palette import is_built_in
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Direction, Role
 from sar_compiler.nodes.values import type_of_cpp_name
@@ -16,11 +16,12 @@ from tests.nodes import leaves, port_leaves
 from tests.trees import forest
 
 REGISTRY = default_registry()
+BUILT_IN = {tag for tag, specs in REGISTRY.by_tag().items() if is_built_in(specs)} | {"SubTree"}
 
 
 @pytest.fixture
 def registry():
-    registry = Registry(REGISTRY.registrations())
+    registry = Registry(REGISTRY.specs())
     registry.add_module(leaves)
     registry.add_module(port_leaves)
     return registry

@@ -5,26 +5,14 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from sar_compiler.checks.rules.mentions import Deed, Mention, Mentions, Moment, is_of_root, mentions_of
-from sar_compiler.checks.rules.natures import PARALLELS, SELECTORS, SEQUENCES
+from sar_compiler.checks.rules.mentions import Mention, Mentions, Moment, is_of_root, mentions_of
 from sar_compiler.nodes.bound import BoundNode, BoundTree
 from sar_compiler.nodes.instances import Instance
+from sar_compiler.nodes.semantics import AccessKind, Order
 from sar_compiler.runtime.blackboard import Scope
 
 Step = tuple[Instance, BoundNode]
-_PASSING = frozenset(
-    {
-        "SubTree",
-        "Inverter",
-        "ForceSuccess",
-        "FailureIsSuccess",
-        "PassThrough",
-        "Count",
-        "Timeout",
-        "StatusToBlackboard",
-    }
-)
-_READS = (Deed.READ, Deed.LOOK, Deed.BOTH, Deed.FIXED)
+_READS = (AccessKind.READ, AccessKind.PEEK, AccessKind.BOTH, AccessKind.FIXED)
 
 
 @dataclass(eq=False)
@@ -64,16 +52,16 @@ class EntryUses:
     given: list[BoundNode] = field(default_factory=list)
     is_parameter: bool = False
 
-    def of(self, *deeds: Deed) -> list[Use]:
+    def of(self, *kinds: AccessKind) -> list[Use]:
         """Return those uses that do one of some things."""
-        return [use for use in self.uses if use.mention.deed in deeds]
+        return [use for use in self.uses if use.mention.kind in kinds]
 
     # An entry may have as many uses as its tree has nodes, so these are put together once, when all uses are there.
     @functools.cached_property
     def writers(self) -> list[Use]:
         """Whoever may write it first; a script's `=` may do so where a port has the key."""
         has_port = any(use.mention.place is None for use in self.uses)
-        return self.of(Deed.WRITE, Deed.BOTH, *((Deed.CHANGE,) if has_port else ()))
+        return self.of(AccessKind.WRITE, AccessKind.BOTH, *((AccessKind.CHANGE,) if has_port else ()))
 
     @property
     def is_made(self) -> bool:
@@ -146,7 +134,7 @@ def board_of(top: Instance, known: dict[BoundTree, Mentions]) -> Board:
         for mention in of_tree.mentions:
             entry = _entry(entries, instance.scope, mention.key)
             entry.uses.append(Use(instance, mention, ways))
-            at_root = instance.around is None and mention.deed is Deed.FIXED
+            at_root = instance.around is None and mention.kind is AccessKind.FIXED
             entry.is_parameter = entry.is_parameter or at_root or is_of_root(mention.key)
         for place, inner in instance.inner.items():
             for key in place.remapping.constants:
@@ -210,7 +198,9 @@ def comes_first(first: Use, second: Use) -> bool:
 def _comes_first_in_node(first: Mention, second: Mention) -> bool:
     if first.attribute == second.attribute and first.place and second.place:
         # `x := x + 1` writes last what stands first.
-        return first.deed is Deed.READ and (first.place[0] > second.place[0] or second.deed is not Deed.WRITE)
+        return first.kind is AccessKind.READ and (
+            first.place[0] > second.place[0] or second.kind is not AccessKind.WRITE
+        )
     return first.moment < second.moment
 
 
@@ -219,9 +209,10 @@ def _precedes(first: Use, second: Use, together: int) -> bool:
     around = first.path[together - 1][1]
     if _place(first, together, around) >= _place(second, together, around):
         return False
-    if around.spec.tag in SEQUENCES:
+    means = around.spec.semantics
+    if means.is_sequence:
         return True
-    return around.spec.tag in SELECTORS | PARALLELS and _is_first(first, together)
+    return (means.is_selector or means.order is Order.TOGETHER) and _is_first(first, together)
 
 
 def _place(use: Use, together: int, around: BoundNode) -> int:
@@ -235,11 +226,12 @@ def _is_straight(use: Use, together: int) -> bool:
     for number, bound in enumerate(inner):
         if bound.oneshot is not None or (bound.conditions and not (bound is inner[-1] and _asks(use))):
             return False
-        if bound is inner[-1] or bound.spec.tag in SEQUENCES or bound.spec.tag in _PASSING:
+        means = bound.spec.semantics
+        if bound is inner[-1] or means.is_sequence or means.always_ends_with_child(bound):
             continue
         # Of a selector, only what comes first in its first child is certain.
         return (
-            bound.spec.tag in SELECTORS
+            means.is_selector
             and _is_first(use, together + number)
             and _is_straight(use, together + number + 1)
         )

@@ -14,21 +14,21 @@ from sar_compiler.checks.rules.entries import (
     comes_first,
     parting,
 )
-from sar_compiler.checks.rules.mentions import Deed, Mentions, Moment, mentions_of
-from sar_compiler.checks.rules.natures import PARALLELS, SEQUENCES, Natures
-from sar_compiler.checks.rules.outcomes import K, S
+from sar_compiler.checks.rules.mentions import Mentions, Moment, mentions_of
+from sar_compiler.checks.rules.natures import Natures
 from sar_compiler.checks.rules.scripts import is_condition
 from sar_compiler.checks.rules.subject import Subject
 from sar_compiler.nodes.attributes import closed
 from sar_compiler.nodes.bound import BoundNode, BoundTree
 from sar_compiler.nodes.collector import file_of
+from sar_compiler.nodes.outcome_sets import K, S
+from sar_compiler.nodes.py_trees_nodes import WRITES
+from sar_compiler.nodes.semantics import AccessKind, Order
 from sar_compiler.nodes.values import nearest
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
 _LIKE, _CLOSE = 0.7, 0.75
 """How much two keys must be alike so that one may be meant by the other, and so that nothing else can be."""
-_WRITERS = frozenset({"Script", "SetBlackboard", "SetBlackboardVariable"})
-"""Nodes that are there for nothing else than to write."""
 
 
 def check_keys(subject: Subject) -> Iterator[Diagnostic]:
@@ -69,11 +69,11 @@ def _of_board(board: Board, subject: Subject, *, is_main: bool) -> Iterator[Diag
 
 
 def _unwritten(entry: EntryUses, board: Board, *, is_main: bool) -> Iterator[Diagnostic]:
-    readers = entry.of(Deed.READ, Deed.LOOK, Deed.CHANGE)
+    readers = entry.of(AccessKind.READ, AccessKind.PEEK, AccessKind.CHANGE)
     if not readers:
         return
     use = readers[0]
-    if use.mention.deed is Deed.CHANGE and is_condition(use.bound, use.mention.attribute):
+    if use.mention.kind is AccessKind.CHANGE and is_condition(use.bound, use.mention.attribute):
         return  # `check_scripts` asks whether == is meant
     if _is_given_another(use):
         return  # `check_subtrees` finds the attribute that means nothing
@@ -95,7 +95,7 @@ def _unwritten_finding(use: Use, entry: EntryUses, near: str | None) -> Diagnost
     suggestion, hint = None, _how_to_give(use, key)
     if near is not None and key == entry.key:
         suggestion = near if mention.place else f"{{{near}}}" if mention.attribute in use.bound.keys else near
-    if mention.deed is Deed.CHANGE:
+    if mention.kind is AccessKind.CHANGE:
         message = (
             f"{mention.attribute}: nothing makes '{key}', and = and its like need a variable that exists"
         )
@@ -116,7 +116,7 @@ def _unwritten_argument(place: BoundNode, attribute: str, entry: EntryUses, near
 
 def _how_to_give(use: Use, key: str) -> str:
     if _is_name_of_key(use):
-        return f'output_key takes the name itself: write output_key="{key}"'
+        return f'{use.mention.attribute} takes the name itself: write {use.mention.attribute}="{key}"'
     if use.instance.around is not None:
         return f'give it to the subtree, <SubTree ID="{use.instance.tree.name}" {key}="..."/>, or let a node write it'
     shown = f"@{key}" if use.mention.place else f"{{@{key}}}"
@@ -142,7 +142,8 @@ def _is_given_another(use: Use) -> bool:
 
 def _is_name_of_key(use: Use) -> bool:
     """Say whether a port takes the name of a key, which with braces is that of a key that holds the name."""
-    return use.bound.spec.tag == "SetBlackboard" and use.mention.attribute == "output_key"
+    role = use.bound.spec.semantics.keys.get(use.mention.attribute)
+    return role is not None and role.indirect
 
 
 def _nearest(key: str, others: list[str]) -> str | None:
@@ -156,11 +157,13 @@ def _likeness(word: str, other: str) -> float:
 
 def _may_be_enumeration(use: Use) -> bool:
     """Say whether a name of a script may be that of an enumeration, which only the program knows."""
-    return use.mention.place is not None and use.mention.key[0].isupper() and use.mention.deed is Deed.READ
+    return (
+        use.mention.place is not None and use.mention.key[0].isupper() and use.mention.kind is AccessKind.READ
+    )
 
 
 def _too_early(entry: EntryUses) -> Iterator[Diagnostic]:
-    for use in entry.of(Deed.READ):
+    for use in entry.of(AccessKind.READ):
         if all(comes_first(use, writer) for writer in entry.writers):
             writer = entry.writers[0]
             message = (
@@ -174,8 +177,8 @@ def _too_early(entry: EntryUses) -> Iterator[Diagnostic]:
 
 
 def _overwritten(entry: EntryUses, subject: Subject) -> Iterator[Diagnostic]:
-    writers = entry.of(Deed.WRITE)
-    if entry.of(Deed.BOTH, Deed.CHANGE):
+    writers = entry.of(AccessKind.WRITE)
+    if entry.of(AccessKind.BOTH, AccessKind.CHANGE):
         return
     for first, second in itertools.pairwise(writers):
         if not _follow_each_other(first, second):
@@ -192,13 +195,13 @@ def _overwritten(entry: EntryUses, subject: Subject) -> Iterator[Diagnostic]:
 
 
 def _side_by_side(entry: EntryUses) -> Iterator[Diagnostic]:
-    for first, second in itertools.pairwise(entry.of(Deed.WRITE)):
+    for first, second in itertools.pairwise(entry.of(AccessKind.WRITE)):
         together = parting(first, second)
         if 0 < together < min(len(first.path), len(second.path)):
             around = first.path[together - 1][1]
             # What is read in there as well is a signal from one to the other.
             is_signal = any(parting(use, first) >= together for use in entry.readers)
-            if around.spec.tag in PARALLELS and not is_signal:
+            if around.spec.semantics.order is Order.TOGETHER and not is_signal:
                 message = (
                     f"{second.mention.attribute}: '{second.mention.key}' is written here and by '{first.bound.name}' "
                     f"(line {first.bound.element.line}), side by side in '{around.name}': which one stays is left to "
@@ -217,7 +220,8 @@ def _follow_each_other(first: Use, second: Use) -> bool:
         return False
     together = parting(first, second)
     within = together and together < min(len(first.path), len(second.path))
-    return bool(within) and first.path[together - 1][1].spec.tag in SEQUENCES and comes_first(first, second)
+    in_sequence = within and first.path[together - 1][1].spec.semantics.is_sequence
+    return bool(in_sequence) and comes_first(first, second)
 
 
 def _only_read_after(entry: EntryUses, second: Use) -> bool:
@@ -246,7 +250,7 @@ def _just_succeeds(bound: BoundNode, natures: Natures) -> bool:
 
 
 def _unread(entry: EntryUses, board: Board) -> Iterator[Diagnostic]:
-    if entry.readers or entry.of(Deed.CHANGE):
+    if entry.readers or entry.of(AccessKind.CHANGE):
         return
     wanting = [other.key for other in board.entries if other.scope is entry.scope and not other.is_made]
     if _nearest(entry.key, wanting) is not None:
@@ -256,7 +260,8 @@ def _unread(entry: EntryUses, board: Board) -> Iterator[Diagnostic]:
     for use in entry.writers:
         if _is_meant_elsewhere(use):
             return  # `check_texts` finds the brace that is missing
-        if use.bound.spec.tag in _WRITERS and use.mention.attribute not in use.bound.conditions:
+        only_writes = use.bound.spec.kind.is_leaf and use.bound.spec.effects == WRITES
+        if only_writes and use.mention.attribute not in use.bound.conditions:
             message = (
                 f"{use.mention.attribute}: '{use.mention.key}' is written here, and nothing ever reads it"
             )

@@ -1,30 +1,16 @@
 """What the nodes of a tree do with keys of the blackboard: ports, names of keys, scripts, subtrees."""
 
 import enum
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from sar_compiler.nodes.attributes import CONDITIONS
 from sar_compiler.nodes.bound import BoundNode, BoundTree
-from sar_compiler.nodes.spec import Direction, NodeSpec
-from sar_compiler.runtime.blackboard import ROOT_SIGN, Scope
+from sar_compiler.nodes.semantics import AccessKind, KeyRole
+from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter
+from sar_compiler.runtime.blackboard import ROOT_SIGN, Scope, entry_of
 from sar_compiler.runtime.expressions import Access, Script, name_uses
 from sar_compiler.tree.source import Span
-
-
-class Deed(enum.Enum):
-    """What is done with a key."""
-
-    READ = "read"
-    LOOK = "look"
-    """Asked for, and done without where nothing has been written."""
-    WRITE = "write"
-    CHANGE = "change"
-    """A script's `=` and the like: the key must have been written, or have a port."""
-    BOTH = "both"
-    """A port that is both: whoever has it may read first, or write first."""
-    FIXED = "fixed"
-    """Read when the tree is compiled: a parameter of the mission, or a constant."""
 
 
 class Moment(enum.IntEnum):
@@ -42,7 +28,7 @@ class Mention:
         bound: The node.
         attribute: The attribute that has it.
         key: The key, as the node's tree calls it.
-        deed: What is done with it.
+        kind: What is done with it.
         moment: Whether that is before or after the nodes in it are ticked.
         place: Where it stands in the attribute's value; None for all of it.
         is_certain: Whether it is done whenever the node is ticked.
@@ -51,7 +37,7 @@ class Mention:
     bound: BoundNode
     attribute: str
     key: str
-    deed: Deed
+    kind: AccessKind
     moment: Moment = Moment.BEFORE
     place: tuple[int, int] | None = None
     is_certain: bool = True
@@ -77,33 +63,17 @@ class Mentions:
     is_open: bool
 
 
-_DEEDS = {Direction.INPUT: Deed.READ, Direction.OUTPUT: Deed.WRITE, Direction.INOUT: Deed.BOTH}
-_ACCESSES = {Access.READ: Deed.READ, Access.CREATE: Deed.WRITE, Access.CHANGE: Deed.CHANGE}
-_OTHER_DEEDS: Mapping[tuple[str, str], Deed | None] = {
-    ("CheckBlackboardVariableExists", "variable_name"): Deed.LOOK,
-    ("CheckBlackboardVariableValue", "variable"): Deed.LOOK,
-    ("CompareBlackboardVariables", "var1_key"): Deed.LOOK,
-    ("CompareBlackboardVariables", "var2_key"): Deed.LOOK,
-    ("WaitForBlackboardVariable", "variable_name"): Deed.LOOK,
-    ("WaitForBlackboardVariableValue", "variable"): Deed.LOOK,
-    ("WasEntryUpdated", "entry"): Deed.LOOK,
-    ("SkipUnlessUpdated", "entry"): Deed.LOOK,
-    ("WaitValueUpdate", "entry"): Deed.LOOK,
-    **{(f"Loop{kind}", "queue"): Deed.LOOK for kind in ("Int", "Double", "Bool", "String")},
-    ("ForEach", "target_key"): Deed.WRITE,
-    ("StatusToBlackboard", "variable_name"): Deed.WRITE,
-    ("SetBlackboardVariable", "variable_name"): Deed.WRITE,
-    ("UnsetBlackboardVariable", "key"): None,
-    ("UnsetBlackboard", "key"): None,
+_BY_DIRECTION = {
+    Direction.INPUT: KeyRole(AccessKind.READ),
+    Direction.OUTPUT: KeyRole(AccessKind.WRITE),
+    Direction.INOUT: KeyRole(AccessKind.BOTH),
+    None: KeyRole(AccessKind.FIXED),
 }
-"""Where the direction of a port does not say all."""
-_BY_NAME: Mapping[tuple[str, str], Deed] = {
-    ("SetBlackboard", "output_key"): Deed.WRITE,
-    ("WasEntryUpdated", "entry"): Deed.LOOK,
-    ("SkipUnlessUpdated", "entry"): Deed.LOOK,
-    ("WaitValueUpdate", "entry"): Deed.LOOK,
+_BY_ACCESS = {
+    Access.READ: AccessKind.READ,
+    Access.CREATE: AccessKind.WRITE,
+    Access.CHANGE: AccessKind.CHANGE,
 }
-"""Ports of texts that name a key when they are written without braces."""
 _POST = ("_onSuccess", "_onFailure", "_onHalted", "_post")
 _OUR_OWN = ("sar_compiler.", "py_trees.")
 
@@ -126,70 +96,65 @@ def _of_node(bound: BoundNode) -> Iterator[Mention]:
                 # The scripts after a node belong to one answer each, and may never be run.
                 yield from _of_script(bound, attribute, bound.conditions[attribute], moment)
     for name, key in bound.keys.items():
-        yield from _of_port(bound, name, key)
+        parameter = bound.spec.parameters.get(name)
+        if parameter is not None:
+            names_key = parameter.value_type is not None and parameter.value_type.names_key
+            role = _role(bound, parameter)
+            # A key that holds the name of the one that is meant is only read.
+            kind = AccessKind.READ if role.indirect else role.kind
+            yield from _accesses(bound, name, [entry_of(key) if names_key else key], kind)
     for name, value in bound.values.items():
         if isinstance(value, Script):
             yield from _of_script(bound, name, value, Moment.BEFORE)
-        elif isinstance(value, str):
-            yield from _of_text(bound, name, value)
-    if bound.spec.tag == "CheckBlackboardVariableValues":
-        yield from _of_checks(bound)
+        else:
+            kind = _role(bound, bound.spec.parameters[name]).kind
+            yield from _accesses(bound, name, _keys_in(bound, name, value), kind)
 
 
-def _of_port(bound: BoundNode, name: str, key: str) -> Iterator[Mention]:
-    parameter = bound.spec.parameters.get(name)
-    if parameter is None:
-        return
-    if parameter.value_type is not None and parameter.value_type.names_key:
-        key = _entry(key)
-    deed: Deed | None = _DEEDS[parameter.direction] if parameter.direction else Deed.FIXED
-    deed = _OTHER_DEEDS.get((bound.spec.tag, name), deed)
-    if deed is not None:
-        yield Mention(bound, name, key, deed)
+def _accesses(bound: BoundNode, name: str, keys: Iterable[str], kind: AccessKind) -> Iterator[Mention]:
+    if kind is not AccessKind.NONE:
+        yield from (Mention(bound, name, key, kind) for key in keys)
 
 
-def _of_text(bound: BoundNode, name: str, text: str) -> Iterator[Mention]:
-    place = (bound.spec.tag, name)
-    parameter = bound.spec.parameters.get(name)
-    if place in _BY_NAME:
-        yield Mention(bound, name, text, _BY_NAME[place])
-    elif parameter is not None and parameter.value_type is not None and parameter.value_type.names_key:
-        deed = _DEEDS[parameter.direction] if parameter.direction else Deed.FIXED
-        known = _OTHER_DEEDS.get(place, deed)
-        if known is not None:
-            yield Mention(bound, name, _entry(text), known)
+def _role(bound: BoundNode, parameter: Parameter) -> KeyRole:
+    return bound.spec.semantics.keys.get(parameter.name) or _BY_DIRECTION[parameter.direction]
 
 
-def _of_checks(bound: BoundNode) -> Iterator[Mention]:
-    checks = bound.values.get("checks")
-    for check in checks if isinstance(checks, list) else ():
-        words = str(check).split()
-        if words:
-            yield Mention(bound, "checks", _entry(words[0]), Deed.LOOK)
+def _keys_in(bound: BoundNode, name: str, value: object) -> Iterable[str]:
+    """Return the keys that a value names which is no key in braces."""
+    parameter = bound.spec.parameters[name]
+    value_type = parameter.value_type
+    if value_type is not None and value_type.keys_in is not None:
+        return value_type.keys_in(value)
+    if not isinstance(value, str):
+        return ()
+    if value_type is not None and value_type.names_key:
+        return (entry_of(value),)
+    return (value,) if _role(bound, parameter).by_name else ()
 
 
 def _of_script(bound: BoundNode, attribute: str, script: Script, moment: Moment) -> Iterator[Mention]:
     for use in name_uses(script):
         place = (use.start, use.end)
-        yield Mention(bound, attribute, use.name, _ACCESSES[use.access], moment, place, use.certain)
-
-
-def _entry(variable: str) -> str:
-    """Return the key of a variable such as `key.attribute`."""
-    return variable.partition(".")[0]
+        yield Mention(bound, attribute, use.name, _BY_ACCESS[use.access], moment, place, use.certain)
 
 
 def _is_open(bound: BoundNode) -> bool:
-    """Say whether a node may do with keys what its attributes do not say."""
-    if bound.spec.tag == "Script" and "code" in bound.keys:
-        return True
-    if bound.spec.tag == "SetBlackboard" and "output_key" in bound.keys:
-        return True
-    return _has_scope(bound.spec)
+    """Return whether a node may do with keys what its attributes do not say."""
+    return any(_is_told_by(bound, name) for name in bound.keys) or _has_scope(bound.spec)
+
+
+def _is_told_by(bound: BoundNode, name: str) -> bool:
+    """Return whether a key holds the script that a node runs, or the name of the key that it works with."""
+    parameter = bound.spec.parameters.get(name)
+    if parameter is None:
+        return False
+    is_script = parameter.value_type is not None and parameter.value_type.python is Script
+    return is_script or _role(bound, parameter).indirect
 
 
 def _has_scope(spec: NodeSpec) -> bool:
-    made_by = (spec.factory or spec.cls).__module__ if spec.cls is not None else ""
+    made_by = spec.maker.__module__ if spec.maker is not None else ""
     own = made_by.startswith(_OUR_OWN)
     return not own and any(parameter.target is Scope for parameter in spec.handed_over)
 

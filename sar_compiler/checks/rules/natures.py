@@ -1,37 +1,19 @@
 """What each bound node can answer, whether that can take time, and what is done again when it is ticked anew.
 
 Worked out once for all rules, from the inside out: what leaves declare, and what controls and decorators make of it
-(`outcomes`). Of a node that only a model describes, or that declares nothing, nothing is concluded: it may answer
+(`nodes.semantics`). Of a node that only a model describes, or that declares nothing, nothing is concluded: it may answer
 anything, and is known to be able to answer nothing.
 """
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 
-from sar_compiler.checks.rules.outcomes import ALL, BITS, OF, F, K, R, S
 from sar_compiler.nodes.bound import BoundNode, BoundTree
+from sar_compiler.nodes.outcome_sets import ALL, ALLOWED, SURE, F, K, R, S, bits
+from sar_compiler.nodes.py_trees_nodes import REMOVES, WRITES
+from sar_compiler.nodes.semantics import Order
 from sar_compiler.nodes.spec import Kind, NodeSpec
 
-SEQUENCES = frozenset({"Sequence", "ReactiveSequence", "AsyncSequence", "SequenceWithMemory"})
-SELECTORS = frozenset({"Selector", "Fallback", "ReactiveFallback", "AsyncFallback"})
-ORDERED = SEQUENCES | SELECTORS
-PARALLELS = frozenset({"Parallel", "ParallelAll"})
-# Decorators that tick their child whenever they are ticked.
-_PASSING = frozenset(
-    {
-        "Inverter", "ForceSuccess", "FailureIsSuccess", "ForceFailure", "SuccessIsFailure", "KeepRunningUntilFailure",
-        "SuccessIsRunning", "FailureIsRunning", "RunningIsSuccess", "RunningIsFailure", "Repeat", "Retry",
-        "RetryUntilSuccessful", "Timeout", "Delay", "Count", "PassThrough", "StatusToBlackboard", "Condition",
-    }
-)  # fmt: skip
-# Leaves that do not begin again when they are started again: they wait for something, or go on where they were.
-_GOING_ON = frozenset(
-    {
-        "WaitForBlackboardVariable", "WaitForBlackboardVariableValue", "BlackboardToStatus", "Periodic", "StatusQueue",
-        "ProbabilisticBehaviour",
-    }
-)  # fmt: skip
-_BLACKBOARD = "blackboard"
 _YES_OR_NO: tuple[frozenset[str], ...] = (frozenset(), frozenset({"SUCCESS", "FAILURE"}))
 _SHIFT = 4
 _UNKNOWN = ALL
@@ -110,10 +92,10 @@ class Natures:
             return None if inner is None else Found(inner.leaf, bound)
         if not bound.children:
             return Found(bound, bound) if bound.spec.kind.is_leaf and wanted(bound) else None
-        tag = bound.spec.tag
-        first = bound.children if tag in SEQUENCES else bound.children[:1]
-        if tag not in SEQUENCES and tag not in SELECTORS and tag not in _PASSING:
+        means = bound.spec.semantics
+        if means.order is not Order.IN_ORDER and not means.steady:
             return None
+        first = bound.children if means.is_sequence else bound.children[:1]
         return next((found for child in first if (found := self.begun_again(child, wanted))), None)
 
     def anywhere(self, bound: BoundNode, wanted: Callable[[BoundNode], bool]) -> Found | None:
@@ -131,7 +113,7 @@ class Natures:
 
     def works(self, leaf: BoundNode) -> bool:
         """Say whether a leaf takes time from its beginning whenever it is started."""
-        return self.takes_time(leaf) and leaf.spec.kind is Kind.ACTION and leaf.spec.tag not in _GOING_ON
+        return self.takes_time(leaf) and leaf.spec.kind is Kind.ACTION and not leaf.spec.semantics.resumes
 
     def is_work(self, leaf: BoundNode) -> bool:
         """Say whether a leaf does something to the world, and takes time for it."""
@@ -157,7 +139,7 @@ class Natures:
             if len(children) != len(parent.element.children):
                 self._known[parent] = _UNKNOWN
                 continue
-            if parent.spec.tag in ORDERED:
+            if parent.spec.semantics.order is Order.IN_ORDER:
                 nature = self._ordered(parent, children)
             else:
                 nature = _made_of(parent, children)
@@ -170,7 +152,7 @@ class Natures:
         key = (id(bound.spec), children)
         known = self._alike.get(key)
         if known is None:
-            passing = (S if bound.spec.tag in SEQUENCES else F) | K
+            passing = bound.spec.semantics.goes_on | K
             known = self._alike[key] = (
                 _made_of(bound, children),
                 any(not child & passing for child in children[:-1]),
@@ -188,10 +170,8 @@ class Natures:
         spec = bound.spec
         if not spec.kind.is_leaf:
             return _UNKNOWN
-        answers = _WRITTEN[spec.tag](bound) if spec.tag in _WRITTEN else spec.outcomes
-        possible = sum(BITS[answer] for answer in answers)
-        nature = possible | possible << _SHIFT if possible and spec.cls is not None else _UNKNOWN
-        if spec.tag not in _WRITTEN:
+        nature = _made_of(bound, ())
+        if spec.semantics.possible is None:
             self._leaves[id(spec)] = nature
         return nature
 
@@ -206,7 +186,7 @@ class Natures:
 def is_telling(spec: NodeSpec) -> bool:
     """Say whether anything may follow from a node: of one that says yes or no at once, or nothing, nothing does."""
     if not spec.kind.is_leaf:
-        return spec.tag not in ORDERED
+        return spec.semantics.order is not Order.IN_ORDER
     outcomes = spec.outcomes if spec.cls is not None else frozenset()
     return bool(spec.effects or spec.uses) or outcomes not in _YES_OR_NO
 
@@ -216,7 +196,7 @@ def acts(leaf: BoundNode) -> bool:
     spec = leaf.spec
     if spec.cls is None:
         return False
-    return (bool(spec.effects) and _BLACKBOARD not in spec.effects) or _drives(spec)
+    return (bool(spec.effects) and spec.effects not in (WRITES, REMOVES)) or _drives(spec)
 
 
 def is_question(leaf: BoundNode) -> bool:
@@ -246,30 +226,14 @@ def _drives(spec: NodeSpec) -> bool:
 
 
 def _made_of(bound: BoundNode, children: Sequence[Nature]) -> Nature:
-    outcomes = OF.get(bound.spec.tag)
-    if outcomes is None:
+    """Return the nature of a node without conditions."""
+    spec, possible = bound.spec, bound.spec.semantics.possible
+    if possible is None:
         # Somebody's own: it may do anything with its children.
-        possible = sum(BITS[answer] for answer in bound.spec.outcomes)
-        return possible | possible << _SHIFT if possible and bound.spec.cls is not None else _UNKNOWN
-    may = outcomes(bound, [child & ALL for child in children], ALL)
-    return may | outcomes(bound, [child >> _SHIFT for child in children], 0) << _SHIFT
-
-
-def _queue(bound: BoundNode) -> Iterable[str]:
-    queue = bound.values.get("queue")
-    eventually = bound.values.get("eventually")
-    if not isinstance(queue, list) or "eventually" in bound.keys:
-        return ()
-    return {str(answer) for answer in (*queue, *((eventually,) if eventually else ()))}
-
-
-def _counted(bound: BoundNode) -> Iterable[str]:
-    end = bound.values.get("completion_status")
-    return {"RUNNING", str(end)} if end else ()
-
-
-_WRITTEN: Mapping[str, Callable[[BoundNode], Iterable[str]]] = {
-    "StatusQueue": _queue,
-    "TickCounter": _counted,
-}
-"""Leaves whose answers are written in the file."""
+        known = bits(spec.outcomes)
+        return known | known << _SHIFT if known and spec.cls is not None else _UNKNOWN
+    least, most = spec.child_count
+    if not least <= len(children) <= (most or len(children)):
+        return _UNKNOWN
+    may = possible(bound, [child & ALL for child in children], ALLOWED)
+    return may | possible(bound, [child >> _SHIFT for child in children], SURE) << _SHIFT

@@ -1,38 +1,21 @@
 """Nodes that do nothing, or not what they are for."""
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator
 
 from py_trees.common import OneShotPolicy
 
-from sar_compiler.checks.rules.natures import ORDERED, PARALLELS, Natures
-from sar_compiler.checks.rules.outcomes import F, K, R, S, number
+from sar_compiler.checks.rules.natures import Natures
 from sar_compiler.checks.rules.subject import Subject, information, warning
 from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.nodes.outcome_sets import ALLOWED, ANSWERS, F, K, R, S
+from sar_compiler.nodes.semantics import Order
 from sar_compiler.tree.diagnostic import Diagnostic
 
 DEFAULT_PERIOD = 0.5
 """Seconds between two ticks, where the mission says nothing."""
-_MILLISECONDS = 1000.0
-
-_NEEDS: Mapping[str, tuple[int, str]] = {
-    "Retry": (F, "never fails"),
-    "RetryUntilSuccessful": (F, "never fails"),
-    "ForceSuccess": (F, "never fails"),
-    "FailureIsSuccess": (F, "never fails"),
-    "FailureIsRunning": (F, "never fails"),
-    "Repeat": (S | K, "never succeeds"),
-    "ForceFailure": (S, "never succeeds"),
-    "SuccessIsFailure": (S, "never succeeds"),
-    "SuccessIsRunning": (S, "never succeeds"),
-    "KeepRunningUntilFailure": (S | K, "never succeeds"),
-    "Timeout": (R, "always ends in its first tick"),
-    "RunningIsSuccess": (R, "always ends in its first tick"),
-    "RunningIsFailure": (R, "always ends in its first tick"),
-}
-"""What the child of a decorator must be able to answer, or the decorator has no effect."""
-_INTERRUPTING = frozenset({"RunningIsSuccess", "RunningIsFailure"})
-_ROUNDS = frozenset({"Repeat", "Retry", "RetryUntilSuccessful", "KeepRunningUntilFailure"})
-_GROUPS = ORDERED | PARALLELS
+_NEVER = {F: "never fails", S: "never succeeds", R: "always ends in its first tick"}
+"""Of a child that cannot answer what its decorator is there for."""
 
 
 def check_needless(subject: Subject) -> Iterator[Diagnostic]:
@@ -50,37 +33,41 @@ def check_needless(subject: Subject) -> Iterator[Diagnostic]:
 
 
 def _of_one(bound: BoundNode, child: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
-    tag = bound.spec.tag
-    if tag in _NEEDS and not natures.may(child) & _NEEDS[tag][0]:
-        message = f"'{bound.name}' has no effect: '{child.name}' {_NEEDS[tag][1]}"
-        yield warning(
-            "without-effect", message, bound, hint=f"delete <{bound.element.tag}>, or put it elsewhere"
-        )
-    elif tag in _INTERRUPTING:
-        yield from _interrupting(bound, child, natures)
-    elif tag in _ROUNDS:
-        yield from _spent(bound, child, natures)
-    elif tag == "Timeout":
+    means = bound.spec.semantics
+    never = _NEVER.get(means.changes & ~K)
+    if never is not None and not natures.may(child) & means.changes:
+        message = f"'{bound.name}' has no effect: '{child.name}' {never}"
+        hint = f"delete <{bound.element.tag}>, or put it elsewhere"
+        yield warning("without-effect", message, bound, hint=hint)
+    elif means.limit_sec is not None:
         yield from _timeout(bound)
+    elif means.changes == R:
+        yield from _interrupting(bound, child, natures)
+    elif means.repeats:
+        yield from _spent(bound, child, natures)
 
 
 def _needless(bound: BoundNode, child: BoundNode) -> Diagnostic | None:
-    tag, hint = bound.spec.tag, f"delete <{bound.element.tag}>"
-    if tag in _GROUPS:
+    means, hint = bound.spec.semantics, f"delete <{bound.element.tag}>"
+    if means.order in (Order.IN_ORDER, Order.TOGETHER):
         why = f"there is only '{child.name}' in it"
-    elif tag == "Inverter" and child.spec.tag == "Inverter" and not child.conditions:
+    elif _takes_back(bound, child) and not child.conditions:
         why, hint = f"it takes back what '{child.name}' does", "delete both"
-    elif _is_once(bound):
+    elif means.rounds is not None and means.rounds(bound) == 1:
         why = "a single time is what a node is ticked without it"
     else:
         return None
     return information("needless-node", f"'{bound.name}' is not needed: {why}", bound, hint=hint)
 
 
-def _is_once(bound: BoundNode) -> bool:
-    failures = number(bound, "num_failures")
-    attempts = number(bound, "num_cycles", "num_success", "num_attempts")
-    return attempts == 1 or (failures is not None and failures <= 1)
+def _takes_back(bound: BoundNode, child: BoundNode) -> bool:
+    """Return whether a decorator turns back every answer that the one in it has turned."""
+    outer, inner = bound.spec.semantics, child.spec.semantics
+    turns = outer.steady and inner.steady and outer.changes and inner.changes
+    if not turns or outer.possible is None or inner.possible is None or len(child.children) != 1:
+        return False
+    once, twice = inner.possible, outer.possible
+    return all(twice(bound, [once(child, [answer], ALLOWED)], ALLOWED) == answer for answer in ANSWERS)
 
 
 def _interrupting(bound: BoundNode, child: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
@@ -96,7 +83,7 @@ def _interrupting(bound: BoundNode, child: BoundNode, natures: Natures) -> Itera
 
 def _spent(bound: BoundNode, child: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
     """Yield rounds around something that is done only once."""
-    retries = bound.spec.tag in ("Retry", "RetryUntilSuccessful")
+    retries = bound.spec.semantics.repeats == F
     once, within = _done_once(child)
     if once is None or (retries and not natures.may(within) & F):
         return
@@ -109,14 +96,14 @@ def _spent(bound: BoundNode, child: BoundNode, natures: Natures) -> Iterator[Dia
 def _done_once(child: BoundNode) -> tuple[BoundNode | None, BoundNode]:
     if child.oneshot is not None:
         return child, child
-    if child.spec.tag in ("OneShot", "RunOnce") and child.children:
+    if child.spec.semantics.once and child.children:
         return child, child.children[0]
     return None, child
 
 
 def _timeout(bound: BoundNode) -> Iterator[Diagnostic]:
-    seconds = time_limit(bound)
-    if number(bound, "msec") == 0:
+    seconds = _limit_sec(bound)
+    if seconds == math.inf:
         message = f"'{bound.name}' has no effect: msec=\"0\" is no limit"
         yield warning("without-effect", message, bound, hint="write how long it may take, or delete it")
     elif seconds is not None and seconds <= DEFAULT_PERIOD:
@@ -133,20 +120,17 @@ def _longer_inside(bound: BoundNode, seconds: float | None) -> Iterator[Diagnost
     waiting = list(bound.children) if seconds is not None else []
     while waiting:
         inner = waiting.pop()
-        limit = time_limit(inner)
-        if limit is not None and seconds is not None and limit >= seconds:
+        limit = _limit_sec(inner)
+        if limit is not None and seconds is not None and seconds <= limit < math.inf:
             message = (
                 f"'{inner.name}' has no effect: its {limit:g} s are never over before the {seconds:g} s of "
                 f"'{bound.name}' around it"
             )
             yield warning("without-effect", message, inner, hint="write a shorter time, or delete it")
-        elif limit is None:
+        elif limit is None or limit == math.inf:
             waiting.extend(inner.children)
 
 
-def time_limit(bound: BoundNode) -> float | None:
-    """Return how long the child of a Timeout may take, in seconds; None for another node, or where it is a key."""
-    if bound.spec.tag != "Timeout":
-        return None
-    milliseconds = number(bound, "msec")
-    return milliseconds / _MILLISECONDS if milliseconds else number(bound, "duration")
+def _limit_sec(bound: BoundNode) -> float | None:
+    limit = bound.spec.semantics.limit_sec
+    return None if limit is None else limit(bound)

@@ -5,21 +5,22 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from sar_compiler.checks.rules.entries import Use, Ways, comes_first, parting
-from sar_compiler.checks.rules.mentions import Deed, Mention
-from sar_compiler.checks.rules.natures import SEQUENCES
+from sar_compiler.checks.rules.mentions import Mention
 from sar_compiler.checks.rules.subject import Subject, warning
 from sar_compiler.nodes.answers import SELF, filled_text, number_text
 from sar_compiler.nodes.bound import BoundNode
 from sar_compiler.nodes.instances import Instance
+from sar_compiler.nodes.semantics import AccessKind
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.runtime.answers import Fact
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.expressions import Access, Script, name_uses
 from sar_compiler.runtime.script import parse
-from sar_compiler.runtime.variables import UnknownVariableError, Value
+from sar_compiler.runtime.variables import PlainVariables
 from sar_compiler.tree.diagnostic import Diagnostic
 
 _UNKNOWN = "unknown"
+_DOING_AND_UNDOING = 2
 
 
 def check_order(subject: Subject) -> Iterator[Diagnostic]:
@@ -57,7 +58,7 @@ class _Words:
         self.reads = frozenset(map(filled, spec.reads))
         self.writes = frozenset(map(filled, spec.writes))
         self.conditions = [filled(answer.when) for answer in spec.answers if answer.status != "FAILURE"]
-        if any(not script or _holds(script, _Facts(self.facts)) for script in self.conditions):
+        if any(not script or _holds(script, _variables(self.facts)) for script in self.conditions):
             self.conditions = []  # it may do something from the start
         self.needs = frozenset(use.name for script in self.conditions for use in name_uses(_parsed(script)))
         uses = (use for script in self.results for use in name_uses(_parsed(script)))
@@ -66,7 +67,7 @@ class _Words:
     def enables(self, other: "_Words") -> bool:
         """Say whether something that the leaf does lets another leaf do anything but fail, as things are at first."""
         for script in self.results:
-            facts = _Facts({**self.facts, **other.facts})
+            facts = _variables({**self.facts, **other.facts})
             if _run(script, facts) and any(_holds(condition, facts) for condition in other.conditions):
                 return True
         return False
@@ -104,7 +105,7 @@ def _leaves(top: Instance) -> Iterator[_Leaf]:
                 known[key] = _Words(spec, names)
             words = known[key]
             if words.needs or words.reads or words.changes:
-                yield _Leaf(Use(instance, Mention(bound, "", "", Deed.READ), ways), words)
+                yield _Leaf(Use(instance, Mention(bound, "", "", AccessKind.READ), ways), words)
 
 
 def _numbers(bound: BoundNode) -> dict[str, str]:
@@ -119,28 +120,10 @@ def _numbers(bound: BoundNode) -> dict[str, str]:
     }
 
 
-class _Facts:
-    """Facts as the variables of scripts.
-
-    Args:
-        facts: Their values at first.
-    """
-
-    def __init__(self, facts: Mapping[str, Fact]) -> None:
-        self._values: dict[str, Value] = {
-            name: float(value) if isinstance(value, bool) else value for name, value in facts.items()
-        }
-
-    def read(self, name: str) -> Value:
-        if name not in self._values:
-            raise UnknownVariableError(name)
-        return self._values[name]
-
-    def create(self, name: str, value: Value) -> Value:
-        self._values[name] = value
-        return value
-
-    assign = create
+def _variables(facts: Mapping[str, Fact]) -> PlainVariables:
+    return PlainVariables(
+        {name: float(value) if isinstance(value, bool) else value for name, value in facts.items()}
+    )
 
 
 @functools.lru_cache(maxsize=256)
@@ -148,7 +131,7 @@ def _parsed(script: str) -> Script:
     return parse(script)
 
 
-def _holds(script: str, facts: _Facts) -> bool:
+def _holds(script: str, facts: PlainVariables) -> bool:
     """Say whether a script over facts is true, or cannot be worked out."""
     try:
         return Program(_parsed(script)).holds(facts)
@@ -156,7 +139,7 @@ def _holds(script: str, facts: _Facts) -> bool:
         return True
 
 
-def _run(script: str, facts: _Facts) -> bool:
+def _run(script: str, facts: PlainVariables) -> bool:
     """Let a script change facts; return whether it could be worked out."""
     try:
         Program(_parsed(script)).run(facts)
@@ -182,9 +165,9 @@ def _undone(leaf: _Leaf, changing: Mapping[str, list[_Leaf]], leaves: Sequence[_
     """Return a finding about a leaf in a sequence that works with what one before it did and another one undid."""
     others = {other: None for fact in leaf.words.reads for other in changing.get(fact, ())}
     before = [other for other in others if _leads_to(other, leaf)]
-    if len(before) < len(("doing", "undoing")):
+    if len(before) < _DOING_AND_UNDOING:
         return None
-    doing, undoing = before[-2], before[-1]
+    doing, undoing = before[-2:]
     facts = doing.words.changes & undoing.words.changes & leaf.words.reads
     between = (other for other in leaves if other.words.reads & facts and _leads_to(doing, other))
     if not facts or not undoing.words.writes or any(_leads_to(other, undoing) for other in between):
@@ -201,6 +184,6 @@ def _leads_to(first: _Leaf, second: _Leaf) -> bool:
     """Say whether two leaves stand in one sequence, the first before the second."""
     together = parting(first.use, second.use)
     inside = 0 < together < min(len(first.use.path), len(second.use.path))
-    if not inside or first.use.path[together - 1][1].spec.tag not in SEQUENCES:
+    if not inside or not first.use.path[together - 1][1].spec.semantics.is_sequence:
         return False
     return comes_first(first.use, second.use)

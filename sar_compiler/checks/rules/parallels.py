@@ -3,9 +3,10 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from sar_compiler.checks.rules.natures import PARALLELS, Found, Natures, acts
+from sar_compiler.checks.rules.natures import Found, Natures, acts
 from sar_compiler.checks.rules.subject import Subject, warning
 from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.nodes.semantics import Order
 from sar_compiler.nodes.spec import Use
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
@@ -14,7 +15,8 @@ def check_parallels(subject: Subject) -> Iterator[Diagnostic]:
     """Yield what one child of a Parallel does to another."""
     for tree in subject.trees:
         for bound in tree.parents:
-            if bound.spec.tag in PARALLELS and len(bound.children) > 1 and bound not in subject.broken:
+            is_parallel = bound.spec.semantics.order is Order.TOGETHER
+            if is_parallel and len(bound.children) > 1 and bound not in subject.broken:
                 yield from _cancelled(bound, subject.natures)
                 yield from _out_of_step(bound, subject.natures)
                 yield from _shared_actions(bound)

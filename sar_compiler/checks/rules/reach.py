@@ -3,21 +3,14 @@
 import itertools
 from collections.abc import Iterator, Sequence
 
-from sar_compiler.checks.rules.natures import ORDERED, SEQUENCES, Natures
-from sar_compiler.checks.rules.outcomes import F, K, R, S, number
+from sar_compiler.checks.rules.natures import Natures
 from sar_compiler.checks.rules.subject import Subject, warning
 from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.nodes.outcome_sets import F, K, R, S
+from sar_compiler.nodes.semantics import Gate, Order
 from sar_compiler.tree.diagnostic import Diagnostic
 
-_STATUS_NAMES = {S: "succeeds", F: "fails"}
-_NO_END: dict[str, str] = {
-    "Repeat": "fails",
-    "KeepRunningUntilFailure": "fails",
-    "SuccessIsRunning": "fails",
-    "RetryUntilSuccessful": "succeeds",
-    "FailureIsRunning": "succeeds",
-}
-"""What the child of a decorator must do so that it can end."""
+_VERBS = {S: "succeeds", F: "fails", R: "runs"}
 
 
 def check_reach(subject: Subject) -> Iterator[Diagnostic]:
@@ -27,10 +20,10 @@ def check_reach(subject: Subject) -> Iterator[Diagnostic]:
     natures = subject.natures
     for bound in natures.blocked:
         if bound not in subject.broken:
-            yield from _behind(bound.children, S if bound.spec.tag in SEQUENCES else F, natures)
+            yield from _after_the_last(bound, natures)
     for tree in subject.trees:
         for bound in tree.parents:
-            if bound.spec.tag not in ORDERED and bound not in subject.broken:
+            if bound.spec.semantics.order is not Order.IN_ORDER and bound not in subject.broken:
                 yield from _endless(bound, natures)
                 yield from _unreached(bound, natures)
 
@@ -38,43 +31,43 @@ def check_reach(subject: Subject) -> Iterator[Diagnostic]:
 def _endless(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
     if natures.may(bound) != R or any(natures.may(child) == R for child in bound.children):
         return
-    child, tag = bound.children[0], bound.spec.tag
-    why = f"'{child.name}' never {_NO_END[tag]}" if tag in _NO_END else "nothing in it can end it"
-    if tag == "Condition":
-        why = f"'{child.name}' never answers {bound.values.get('status')}"
-    message = f"'{bound.name}' never ends: {why}"
-    yield warning(
-        "never-ends", message, bound, hint=f"let '{child.name}' be able to end it, or take <{tag}> away"
-    )
+    child = bound.children[0]
+    ends = bound.spec.semantics.ends_by(bound) & ~K if len(bound.children) == 1 else 0
+    why = f"'{child.name}' never {_VERBS[ends]}" if ends in _VERBS else "nothing in it can end it"
+    hint = f"let '{child.name}' be able to end it, or take <{bound.spec.tag}> away"
+    yield warning("never-ends", f"'{bound.name}' never ends: {why}", bound, hint=hint)
 
 
 def _unreached(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
-    tag, children = bound.spec.tag, bound.children
-    if (
-        tag == "TryCatch"
-        and bound.values.get("catch_on_halt") is not True
-        and "catch_on_halt" not in bound.keys
-    ):
-        if len(children) > 1 and not any(natures.may(child) & F for child in children[:-1]):
-            yield _unreachable(children[-1], "what is tried before it never fails")
-    elif tag in ("IfThenElse", "WhileDoElse"):
-        for branch, outcome in zip(children[1:], (S, F), strict=False):
-            if not natures.may(children[0]) & outcome:
-                yield _unreachable(branch, f"'{children[0].name}' never {_STATUS_NAMES[outcome]}")
-    elif tag in ("Repeat", "RetryUntilSuccessful"):
-        count = number(bound, "num_cycles", "num_attempts")
-        if children and count is not None and (count == 0 or count < -1):
-            yield _unreachable(children[0], f"'{bound.name}' ticks it {count} times")
+    children, means = bound.children, bound.spec.semantics
+    if means.rounds is not None and means.rounds(bound) == 0:
+        yield _unreachable(children[0], f"'{bound.name}' ticks it 0 times")
+    for number, gate in means.gates(bound).items():
+        if number < len(children) and not _opens(gate, children, natures):
+            yield _unreachable(children[number], _shut(gate, children))
 
 
-def _behind(children: Sequence[BoundNode], passing: int, natures: Natures) -> Iterator[Diagnostic]:
-    """Yield the first child behind one that never answers so that a tick goes on to the next."""
-    for before, child in itertools.pairwise(children):
+def _opens(gate: Gate, children: Sequence[BoundNode], natures: Natures) -> bool:
+    return any(natures.may(children[number]) & gate.answers for number in gate.children)
+
+
+def _shut(gate: Gate, children: Sequence[BoundNode]) -> str:
+    """Return why a child is never ticked that is ticked only after certain answers."""
+    verb = _VERBS[gate.answers & ~K]
+    if len(gate.children) > 1:
+        return f"what is tried before it never {verb}"
+    return f"'{children[gate.children[0]].name}' never {verb}"
+
+
+def _after_the_last(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
+    """Yield the first child after one that never answers so that a tick goes on to the next."""
+    goes_on = bound.spec.semantics.goes_on
+    for before, child in itertools.pairwise(bound.children):
         answers = natures.may(before)
-        if not answers & (passing | K):
+        if not answers & (goes_on | K):
             # Of what runs for ever by a mistake, `_endless` speaks.
             if answers != R or not before.children:
-                yield _unreachable(child, f"'{before.name}' before it never {_STATUS_NAMES[passing]}")
+                yield _unreachable(child, f"'{before.name}' before it never {_VERBS[goes_on]}")
             return
 
 

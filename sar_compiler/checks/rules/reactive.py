@@ -3,23 +3,16 @@
 from collections.abc import Iterator
 
 from sar_compiler.checks.rules.natures import (
-    SELECTORS,
-    SEQUENCES,
     Found,
     Natures,
     acts,
     consequence,
     is_question,
 )
-from sar_compiler.checks.rules.outcomes import F, R, S
 from sar_compiler.checks.rules.subject import Subject, information, warning
 from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.nodes.outcome_sets import F, R, S
 from sar_compiler.tree.diagnostic import Diagnostic
-
-_TRANSPARENT = frozenset(
-    {"SubTree", "Inverter", "PassThrough", "Count", "ForceSuccess", "FailureIsSuccess", "Timeout"}
-)
-"""Decorators whose child is ticked again whenever they are."""
 
 
 def check_reactive(subject: Subject) -> Iterator[Diagnostic]:
@@ -28,17 +21,12 @@ def check_reactive(subject: Subject) -> Iterator[Diagnostic]:
         return
     natures = subject.natures
     for bound in natures.running:
-        if is_reactive(bound) and bound not in subject.broken:
-            yield from (_sequence if bound.spec.tag in SEQUENCES else _selector)(bound, natures)
+        if bound.is_reactive and bound not in subject.broken:
+            yield from (_sequence if bound.spec.semantics.is_sequence else _selector)(bound, natures)
     main = subject.forest.main_tree()
     for top in subject.bound.tops:
         if top.tree.element is main and top.tree.root is not None:
             yield from _finished(top.tree.root, natures)
-
-
-def is_reactive(bound: BoundNode) -> bool:
-    """Say whether a sequence or selector looks at every child again in every tick."""
-    return bound.spec.fixed.get("memory", bound.values.get("memory")) is False
 
 
 def _sequence(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
@@ -76,7 +64,9 @@ def _selector(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
 
 def _beginning(bound: BoundNode) -> BoundNode:
     """Return the first node in sequences, in which what comes later may depend on it."""
-    while bound.children and bound.spec.tag in SEQUENCES and not bound.conditions and bound.oneshot is None:
+    while (
+        bound.children and bound.spec.semantics.is_sequence and not bound.conditions and bound.oneshot is None
+    ):
         bound = bound.children[0]
     return bound
 
@@ -92,7 +82,7 @@ def _restarted(found: Found, later: BoundNode, bound: BoundNode, when: str) -> D
 def _lost_progress(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
     for index, child in enumerate(bound.children):
         before = [each for each in bound.children[:index] if natures.can(each) & (S | R)]
-        if not before or child.spec.tag != "Sequence" or is_reactive(child) or child.oneshot is not None:
+        if not before or not _starts_over(child):
             continue
         steps = [found for step in child.children if (found := natures.begun_again(step, natures.is_work))]
         if len(steps) > 1:
@@ -104,6 +94,12 @@ def _lost_progress(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
             yield information("lost-progress", message, child, hint=hint)
 
 
+def _starts_over(bound: BoundNode) -> bool:
+    """Return whether a node is a sequence that remembers where it was, but begins again after an interruption."""
+    means = bound.spec.semantics
+    return means.is_sequence and not means.resumes and not bound.is_reactive and bound.oneshot is None
+
+
 def _finished(root: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
     """Yield work under the root that is started again once it is done, since nothing before it has changed."""
     waiting = [root]
@@ -113,9 +109,9 @@ def _finished(root: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
             continue
         if bound.subtree is not None and bound.subtree.root is not None:
             waiting.append(bound.subtree.root)
-        elif bound.spec.tag in _TRANSPARENT:
+        elif bound.spec.semantics.steady:
             waiting.extend(bound.children)
-        elif bound.spec.tag in SELECTORS and is_reactive(bound):
+        elif bound.spec.semantics.is_selector and bound.is_reactive:
             yield from _done_again(bound, natures)
             waiting.extend(bound.children)
 
@@ -153,5 +149,7 @@ def _gives_up(bound: BoundNode, natures: Natures) -> bool:
 def _remember(bound: BoundNode) -> str:
     if "memory" in bound.element.attributes:
         return f"write memory=\"true\" in '{bound.name}'"
-    plain = "Sequence" if bound.spec.tag in SEQUENCES else "Fallback"
-    return f"write <{plain}> instead of <{bound.spec.tag}>"
+    other = bound.spec.semantics.with_memory
+    return (
+        f"write <{other}> instead of <{bound.spec.tag}>" if other else "take a node that goes on where it was"
+    )

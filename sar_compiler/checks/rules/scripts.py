@@ -4,11 +4,11 @@ from collections.abc import Iterator
 
 from sar_compiler.checks.rules.subject import Subject
 from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.nodes.values import CONDITION
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
 _CONDITIONS = frozenset({"_failureIf", "_successIf", "_skipIf", "_while"})
-_CONDITIONS_OF = {"ScriptCondition": "code", "Precondition": "if", "EternalGuard": "condition"}
 
 
 def check_scripts(subject: Subject) -> Iterator[Diagnostic]:
@@ -23,7 +23,8 @@ def check_scripts(subject: Subject) -> Iterator[Diagnostic]:
 
 def is_condition(bound: BoundNode, attribute: str) -> bool:
     """Say whether an attribute's script is asked for being true."""
-    return attribute in _CONDITIONS or _CONDITIONS_OF.get(bound.spec.tag) == attribute
+    parameter = bound.spec.parameters.get(attribute)
+    return attribute in _CONDITIONS or (parameter is not None and parameter.value_type is CONDITION)
 
 
 def _assigning(bound: BoundNode, attribute: str, script: Script) -> Iterator[Diagnostic]:

@@ -38,7 +38,7 @@ def entries() -> dict[str, object]:
 @functools.cache
 def registry() -> Registry:
     """Return everything installed, and the probes."""
-    known = Registry(default_registry().registrations())
+    known = Registry(default_registry().specs())
     known.add_module(probes)
     return known
 

@@ -1,0 +1,172 @@
+"""From a constructor to the parameters of a tag: the constructor is the manifest."""
+
+import inspect
+import re
+import typing
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+from sar_compiler.errors import SarError
+from sar_compiler.nodes.answers import SELF, mistake_in, placeholders
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role
+from sar_compiler.nodes.values import ANYTHING, ValueType, is_class, value_type_of, without_none
+from sar_compiler.runtime.context import is_mission_context
+from sar_compiler.runtime.ports import InOut, Input, Output
+
+_DIRECTIONS: dict[object, Direction] = {
+    Input: Direction.INPUT,
+    Output: Direction.OUTPUT,
+    InOut: Direction.INOUT,
+}
+_STRUCTURE = {"name": Role.NAME, "child": Role.CHILD, "children": Role.CHILDREN}
+_VARIADIC = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+
+
+class RegistrationError(SarError):
+    """A class cannot be the meaning of a tag."""
+
+
+def parameters_of(spec: NodeSpec) -> Mapping[str, Parameter]:
+    """Return the parameters of what makes a node, by the names of their attributes, in their order.
+
+    Args:
+        spec: The node.
+
+    Raises:
+        RegistrationError: If one cannot be written in a tree file, or the answers speak of others.
+    """
+    made_by = _constructor(spec)
+    try:
+        hints = typing.get_type_hints(made_by, include_extras=True)
+    except Exception as error:
+        message = f"<{spec.tag}>: the annotations of {_name_of(spec)} cannot be resolved: {error}"
+        raise RegistrationError(message) from error
+    docs = {**_documentation(spec.maker)[1], **spec.signature.parameter_docs}
+    found = (
+        _parameter(spec, parameter, hints.get(name), docs.get(name, ""))
+        for name, parameter in _written(spec, made_by)
+        if name not in spec.signature.hidden
+    )
+    parameters = {parameter.name: parameter for parameter in found}
+    _complain_unless_structured(spec, parameters)
+    _complain_unless_answerable(spec, parameters)
+    return parameters
+
+
+def summary_of(maker: Callable[..., Any] | None) -> str:
+    """Return the first paragraph of a docstring, as one line."""
+    return _documentation(maker)[0]
+
+
+def _constructor(spec: NodeSpec) -> Callable[..., Any]:
+    made_by: Callable[..., Any] = spec.signature.factory or spec.cls.__init__  # type: ignore[misc]
+    return made_by
+
+
+def _written(spec: NodeSpec, made_by: Callable[..., Any]) -> Iterator[tuple[str, inspect.Parameter]]:
+    """Yield the parameters without `self`, and without `*args` and `**kwargs`."""
+    parameters = list(inspect.signature(made_by).parameters.items())
+    for name, parameter in parameters if spec.signature.factory else parameters[1:]:
+        if parameter.kind not in _VARIADIC:
+            yield name, parameter
+
+
+def _parameter(spec: NodeSpec, parameter: inspect.Parameter, annotation: object, doc: str) -> Parameter:
+    keyword, name = parameter.name, parameter.name.removesuffix("_")
+    default = spec.signature.defaults.get(name, parameter.default)
+    required = default is inspect.Parameter.empty or name in spec.signature.required
+    common: dict[str, Any] = {
+        "required": required,
+        "default": None if required else default,
+        "doc": doc,
+        "keyword": "" if keyword == name else keyword,
+    }
+    structure = _STRUCTURE.get(name)
+    if structure is Role.NAME:
+        return Parameter(name, structure, required=False, value_type=value_type_of(str), doc=doc)
+    if structure is not None and not spec.kind.is_leaf:
+        return Parameter(name, structure, required=required, doc=doc)
+    if annotation is None:
+        message = f"<{spec.tag}>: parameter '{keyword}' of {_name_of(spec)} has no annotation"
+        raise RegistrationError(message)
+    target = without_none(annotation)
+    direction = _DIRECTIONS.get(typing.get_origin(target) or target)
+    carried = _carried_type(target) if direction else value_type_of(target)
+    value_type = spec.signature.types.get(name) or carried
+    if value_type is not None:
+        return Parameter(name, Role.ATTRIBUTE, value_type=value_type, direction=direction, **common)
+    if is_class(target) and is_mission_context(target):
+        return Parameter(name, Role.CONTEXT, target=target, **common)
+    if is_class(target) and _is_behaviour(target):
+        return Parameter(name, Role.REFERENCE, target=target, **common)
+    message = (
+        f"<{spec.tag}>: parameter '{keyword}' of {_name_of(spec)} is annotated with {annotation!r}, which is "
+        "neither a value that can be written in a file (float, int, bool, str, an enum, Path, timedelta, a list "
+        "of such, or a port such as Input[float]) nor a leaf class nor marked with @mission_context"
+    )
+    raise RegistrationError(message)
+
+
+def _complain_unless_structured(spec: NodeSpec, parameters: Mapping[str, Parameter]) -> None:
+    roles = {parameter.role for parameter in parameters.values()}
+    wanted = {Kind.CONTROL: Role.CHILDREN, Kind.DECORATOR: Role.CHILD}.get(spec.kind)
+    if wanted is not None and wanted not in roles:
+        message = (
+            f"<{spec.tag}>: {_name_of(spec)} is a {spec.kind.value} without a parameter '{wanted.value}'"
+        )
+        raise RegistrationError(message)
+    if Role.NAME not in roles:
+        message = f"<{spec.tag}>: the constructor of {_name_of(spec)} has no parameter 'name'"
+        raise RegistrationError(message)
+
+
+def _complain_unless_answerable(spec: NodeSpec, parameters: Mapping[str, Parameter]) -> None:
+    known = [SELF, *(p.name for p in parameters.values() if p.role is Role.REFERENCE)]
+    numbers = [p.name for p in parameters.values() if p.is_whole_number]
+    for fact in spec.facts:
+        _complain_of_placeholders(spec, fact, known)
+    for answer in spec.answers:
+        for text in (answer.when, answer.then):
+            _complain_of_placeholders(spec, text, [*known, *numbers])
+        mistake = mistake_in(answer, known, numbers)
+        if mistake is not None:
+            part, text, error = mistake
+            message = f"<{spec.tag}>: answer '{answer.name}': {part} '{text}': {error}"
+            raise RegistrationError(message)
+
+
+def _complain_of_placeholders(spec: NodeSpec, text: str, known: Sequence[str]) -> None:
+    for placeholder in placeholders(text):
+        if placeholder not in known:
+            braced = ", ".join(f"{{{name}}}" for name in known)
+            message = f"<{spec.tag}>: '{text}': nothing stands for {{{placeholder}}}; there is {braced}"
+            raise RegistrationError(message)
+
+
+def _carried_type(port: object) -> ValueType | None:
+    """Return the type of what a port carries: `T` of `Input[T]`, anything for a bare `Input`."""
+    carried = typing.get_args(port)[0] if typing.get_args(port) else object
+    return ANYTHING if carried in (object, Any) else value_type_of(carried)
+
+
+def _is_behaviour(cls: type) -> bool:
+    from py_trees.behaviour import Behaviour
+
+    return issubclass(cls, Behaviour)
+
+
+def _name_of(spec: NodeSpec) -> str:
+    assert spec.cls is not None  # noqa: S101 - what has a constructor has a class
+    return f"{spec.cls.__module__}.{spec.cls.__qualname__}"
+
+
+def _documentation(maker: object) -> tuple[str, dict[str, str]]:
+    """Return a docstring's first paragraph and the descriptions of its `Args:`."""
+    text = inspect.cleandoc(maker.__doc__ or "") if maker is not None else ""
+    summary = " ".join(text.split("\n\n", 1)[0].split())
+    section = re.search(r"^Args:\n((?:[ ]+.*(?:\n|$)|\n)*)", text, re.MULTILINE)
+    described: dict[str, str] = {}
+    if section:
+        for entry in re.finditer(r"^ {4}(\w+)[^:\n]*:((?:.*)(?:\n {8,}.*)*)", section.group(1), re.MULTILINE):
+            described[entry.group(1)] = " ".join(entry.group(2).split())
+    return summary, described

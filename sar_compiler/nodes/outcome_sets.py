@@ -1,0 +1,374 @@
+"""What the tick of a node can come to, by what the nodes in it can answer: the calculus of `Semantics.possible`.
+
+An outcome set is a number with a bit for each answer. A function of this module takes a node, the sets of its
+children, and whether only what is *sure* counts. If not, it returns everything that a tick may answer; if so, only
+what some run answers, provided that each child answers each of its own set in some run, whatever its neighbours
+do. Of a child of which nothing is sure the set is then empty.
+
+What depends on a key or a script with variables may come out either way, and is sure to do so in some run: whoever
+wrote it wants both. What is written as a constant comes out in one way.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from functools import reduce
+from operator import and_, or_
+from typing import TYPE_CHECKING, TypeAlias
+
+from py_trees.common import Status
+
+from sar_compiler.runtime.branches import equal_texts
+from sar_compiler.runtime.evaluation import EvaluationError, Program
+from sar_compiler.runtime.expressions import Script, name_uses
+from sar_compiler.runtime.outcomes import Outcome
+from sar_compiler.runtime.variables import PlainVariables
+
+if TYPE_CHECKING:
+    from sar_compiler.nodes.bound import BoundNode
+
+S, F, R, K = 1, 2, 4, 8
+"""SUCCESS, FAILURE, RUNNING and skipped."""
+ALL = S | F | R | K
+BITS = {"SUCCESS": S, "FAILURE": F, "RUNNING": R, "SKIPPED": K}
+ANSWERS = (S, F, R, K)
+ALLOWED, SURE = False, True
+"""What counts: everything that a tick may answer, or only what some run certainly does."""
+
+Possible: TypeAlias = Callable[["BoundNode", Sequence[int], bool], int]
+
+# Counting goes through all combinations; those of more children are only estimated.
+_MOST_COUNTED = 12
+
+
+def bit_of(status: Status) -> int:
+    """Return the set of one answer; INVALID is what `update` returns for skipped."""
+    return K if status is Status.INVALID else BITS[status.name]
+
+
+def bits(answers: Iterable[str]) -> int:
+    """Return the set of some answers, by their names."""
+    return union(BITS[answer] for answer in answers)
+
+
+def union(sets: Iterable[int]) -> int:
+    """Return what is in any of some sets."""
+    return reduce(or_, sets, 0)
+
+
+def swapped(outcomes: int) -> int:
+    """Return a set with success for failure and the other way round."""
+    return outcomes & (R | K) | (F if outcomes & S else 0) | (S if outcomes & F else 0)
+
+
+def unknown(_bound: "BoundNode", _children: Sequence[int], sure: bool) -> int:
+    """Return the set of a node of which nothing is known."""
+    return 0 if sure else ALL
+
+
+def in_order(goes_on: int, *, pauses: bool = False, keeps_place: bool = False) -> Possible:
+    """Return the function of a node that ticks its children in order.
+
+    Args:
+        goes_on: After which end the next one is ticked: `S` for a sequence, `F` for a selector.
+        pauses: Whether it answers RUNNING between two children.
+        keeps_place: Whether it begins with the child that ended it or was running when it is started again.
+    """
+    turn = swapped if goes_on == F else int
+
+    def possible(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+        if sure and bound.is_reactive:
+            children = _before_restarts(bound, children)
+        return turn(_sequence([turn(child) for child in children], sure, pauses, keeps_place))
+
+    return possible
+
+
+def _before_restarts(bound: "BoundNode", children: Sequence[int]) -> Sequence[int]:
+    """Return the sets of children, without those that one before them may interrupt whenever it is ticked again.
+
+    A leaf can end in any tick. What consists of several nodes may have to run for some ticks first, in which a node
+    that looks at every child again resets those after it: they may never come to their end.
+    """
+    running = [
+        not child.spec.kind.is_leaf and bool(known & R)
+        for child, known in zip(bound.children, children, strict=True)
+    ]
+    first = running.index(True) + 1 if True in running else len(children)
+    return [*children[:first], *[0] * (len(children) - first)]
+
+
+def _sequence(children: Sequence[int], sure: bool, pauses: bool, keeps_place: bool) -> int:
+    found = 0
+    for number, child in enumerate(children, 1):
+        found |= child & (F | R)
+        if pauses and child & S and number < len(children):
+            found |= R
+        if not child & (S | K):
+            return found
+    # Who begins in the middle has not been skipped as a whole, even if all that is left is.
+    goes_back = keeps_place and union(children[1:]) & (F if sure else F | R)
+    succeeds = goes_back or union(children) & S
+    return found | (S if succeeds else 0) | (K if all(child & K for child in children) else 0)
+
+
+def branches(_bound: "BoundNode", children: Sequence[int], _sure: bool) -> int:
+    """Return the set of a node that asks its first child which of the next two to tick."""
+    asked, then, *otherwise = children
+    found = asked & (R | K)
+    return found | (then if asked & S else 0) | ((otherwise[0] if otherwise else F) if asked & F else 0)
+
+
+def selection(bound: "BoundNode", children: Sequence[int], _sure: bool) -> int:
+    """Return the set of a node that ticks the child whose case a variable is equal to, or else the last one."""
+    names = ("variable", *(f"case_{number}" for number in range(1, len(children))))
+    variable, *cases = (bound.values.get(name) for name in names)
+    if variable is None or None in cases:
+        return union(children)
+    equal = (number for number, case in enumerate(cases) if equal_texts(str(variable), str(case), {}))
+    return children[next(equal, -1)]
+
+
+def attempt(_bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+    """Return the set of a node that ticks its last child when one of the others has failed, and then fails."""
+    *tried, caught = children
+    found = _sequence(tried, sure, pauses=False, keeps_place=False)
+    ends = (caught & R) | (F if caught & ~R else 0)
+    return found & ~F | (ends if found & F else 0)
+
+
+def counting(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+    """Return the set of a parallel that stops at the child with which enough have succeeded, or failed."""
+    wanted, failures = bound.value("success_count"), bound.value("failure_count")
+    if len(children) > _MOST_COUNTED or not (isinstance(wanted, int) and isinstance(failures, int)):
+        return _estimate(children, sure)
+    count = len(children)
+    enough, too_many = _threshold(wanted, count), _threshold(failures, count)
+
+    def decide(succeeded: int, failed: int, skipped: int) -> int:
+        if succeeded + (skipped if wanted < 0 else 0) >= enough:
+            return S
+        return F if count - failed < enough or failed == too_many else 0
+
+    return _counted(children, decide, lambda _succeeded, _failed, skipped: K if skipped == count else R)
+
+
+def counting_all(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+    """Return the set of a parallel that waits for all its children, and then counts."""
+    failures, count = bound.value("max_failures"), len(children)
+    if count > _MOST_COUNTED or not isinstance(failures, int):
+        return _estimate(children, sure)
+    too_many = _threshold(failures, count)
+
+    def decide(succeeded: int, failed: int, skipped: int) -> int:
+        if skipped == count:
+            return K
+        through = succeeded + failed + skipped == count
+        return (F if failed >= too_many else S) if through else R
+
+    return _counted(children, lambda *_: 0, decide)
+
+
+Decision: TypeAlias = Callable[[int, int, int], int]
+
+
+def _counted(children: Sequence[int], at_once: Decision, at_the_end: Decision) -> int:
+    """Return what counting comes to over all combinations of answers.
+
+    Args:
+        children: The sets of the children.
+        at_once: What is decided by how many have succeeded, failed and been skipped so far; 0 to go on.
+        at_the_end: What is decided when every child had its turn.
+    """
+    found, counts = 0, {(0, 0, 0)}
+    for child in children:
+        following = set()
+        for succeeded, failed, skipped in counts:
+            for answer in ANSWERS:
+                if child & answer:
+                    now = (succeeded + (answer == S), failed + (answer == F), skipped + (answer == K))
+                    decision = at_once(*now)
+                    found |= decision
+                    if not decision:
+                        following.add(now)
+        counts = following
+    return found | union(at_the_end(*now) for now in counts)
+
+
+def _threshold(wanted: int, count: int) -> int:
+    return wanted if wanted >= 0 else max(count + wanted + 1, 0)
+
+
+def _estimate(children: Sequence[int], sure: bool) -> int:
+    """Return what is known of counting where it cannot be gone through."""
+    return reduce(and_, children, ALL) & R if sure else ALL
+
+
+def by_policy(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+    """Return the set of py_trees' Parallel, which judges when all its children were ticked."""
+    policy = bound.value("policy")
+    if policy is None:
+        return unknown(bound, children, sure)
+    going = [child & (S | R) for child in children]
+    found = F if union(children) & F else 0
+    if not all(going):
+        return found
+    on_one = policy == "SuccessOnOne"
+    # Which children are selected is not looked at.
+    selects = policy == "SuccessOnSelected"
+    succeeds = union(going) & S if on_one or (selects and not sure) else all(child & S for child in going)
+    runs = all(child & R for child in going) if on_one or (selects and sure) else union(going) & R
+    return found | (S if succeeds else 0) | (R if runs else 0)
+
+
+def passing(_bound: "BoundNode", children: Sequence[int], _sure: bool) -> int:
+    """Return the set of a decorator that answers what its child does."""
+    return children[0]
+
+
+def turning(turns: dict[int, int]) -> Possible:
+    """Return the function of a decorator that answers something else for some answers of its child."""
+    turned = {each: turns.get(each, each) for each in ANSWERS}
+
+    def possible(_bound: "BoundNode", children: Sequence[int], _sure: bool) -> int:
+        return union(new for old, new in turned.items() if children[0] & old)
+
+    return possible
+
+
+def adding(own: int) -> Possible:
+    """Return the function of a decorator that has an answer of its own besides its child's."""
+
+    def possible(_bound: "BoundNode", children: Sequence[int], _sure: bool) -> int:
+        return children[0] | own
+
+    return possible
+
+
+def run_once(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+    """Return the set of a decorator that is skipped once its child has ended."""
+    skips = bound.value("then_skip") is True if sure else bound.value("then_skip") is not False
+    return children[0] | (K if skips and children[0] & (S | F) else 0)
+
+
+def guard(condition: str) -> Possible:
+    """Return the function of a decorator that answers something else where a condition is false.
+
+    Args:
+        condition: The attribute with the condition.
+    """
+
+    def possible(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+        otherwise = _otherwise(bound, "else", F, sure)
+        holds = _constant(bound.values.get(condition))
+        if holds is None:
+            return children[0] | otherwise
+        return children[0] if holds else otherwise
+
+    return possible
+
+
+def rounds(count: "Callable[[BoundNode], float | None]", again: int) -> Possible:
+    """Return the function of a decorator that ticks its child again.
+
+    Args:
+        count: How many rounds there are at most; None where that is not known.
+        again: The end after which there is another round: `S` or `F`.
+    """
+
+    def possible(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+        child, most = children[0], count(bound)
+        if most is None:
+            return child & ~again if sure else child | again | R
+        if most < 1:
+            return again
+        if most == 1:
+            return child
+        return (child & ~again if most == math.inf else child) | (R if child & again else 0)
+
+    return possible
+
+
+def time_limit(limit_sec: "Callable[[BoundNode], float | None]") -> Possible:
+    """Return the function of a decorator that fails when its child has run for too long.
+
+    Args:
+        limit_sec: How long it may run, in seconds; None where that is not known.
+    """
+
+    def possible(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+        child, limit = children[0], limit_sec(bound)
+        if limit is not None and limit <= 0:
+            return child & ~R | (F if child & R else 0)
+        # A child that is skipped may be running all the same, as one that repeats what is skipped.
+        late = child & R and limit not in (None, math.inf) if sure else child & (R | K)
+        return child | (F if late else 0)
+
+    return possible
+
+
+def loop(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+    """Return the set of a decorator that ticks its child once for each item of a queue."""
+    child, queue = children[0], bound.value("queue")
+    empty = _otherwise(bound, "if_empty", S, sure)
+    if queue == "":
+        return empty
+    progress = child & (S | K)
+    ends = progress or queue is None
+    return child & (F | R) | (R if progress else 0) | (empty if ends else 0)
+
+
+def each_item(_bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+    """Return the set of py_trees' ForEach, whose list is never written in the file."""
+    return children[0] & (F | R) if sure else ALL
+
+
+def awaiting(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+    """Return the set of a decorator that succeeds once its child answers a status, and runs until then."""
+    wanted = BITS.get(str(bound.value("status")))
+    if wanted is None:
+        return unknown(bound, children, sure)
+    return (S if children[0] & wanted else 0) | (R if children[0] & ~wanted else 0)
+
+
+def queued(bound: "BoundNode", _children: Sequence[int], sure: bool) -> int:
+    """Return the set of a leaf whose answers are written in the file."""
+    queue, eventually = bound.value("queue"), bound.value("eventually")
+    if not isinstance(queue, list) or "eventually" in bound.keys:
+        return unknown(bound, (), sure)
+    return bits(map(str, queue)) | (BITS[str(eventually)] if eventually else 0)
+
+
+def ticks_counted(bound: "BoundNode", _children: Sequence[int], sure: bool) -> int:
+    """Return the set of a leaf that runs for some ticks, and then answers what is written."""
+    end = BITS.get(str(bound.value("completion_status")))
+    return unknown(bound, (), sure) if end is None else R | end
+
+
+def number(bound: "BoundNode", *names: str) -> float | None:
+    """Return the first of some attributes that is written as a number."""
+    return next(_numbers(bound, names), None)
+
+
+def _numbers(bound: "BoundNode", names: Iterable[str]) -> Iterator[float]:
+    for name in names:
+        value = bound.values.get(name)
+        if isinstance(value, (int, float)):
+            yield value
+
+
+def _otherwise(bound: "BoundNode", attribute: str, default: int, sure: bool) -> int:
+    """Return what an attribute says is answered; *default* where it is not written."""
+    if attribute not in bound.element.attributes:
+        return default
+    outcome = bound.values.get(attribute)
+    return BITS[outcome.name] if isinstance(outcome, Outcome) else 0 if sure else ALL
+
+
+def _constant(condition: object) -> bool | None:
+    """Return whether a script without variables is true; None for any other."""
+    if not isinstance(condition, Script) or any(name_uses(condition)):
+        return None
+    with suppress(EvaluationError):
+        return Program(condition).holds(PlainVariables({}))
+    return None
