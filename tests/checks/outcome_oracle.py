@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from py_trees.behaviour import Behaviour
 
-from sar_compiler.checks.rules.subject import Subject
+from sar_compiler.checks.rules.check_context import CheckContext
 from sar_compiler.checks.verify.exploring import explore
 from sar_compiler.checks.verify.outcomes import WORDS
 from sar_compiler.checks.verify.prepared import Prepared
@@ -174,10 +174,10 @@ def answers_of(body: str) -> Answers | None:
     if _reads_keys(body):
         body = _SURROUNDINGS.replace("{body}", body)
     forest = forest_of(f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>')
-    subject = Subject(forest, REGISTRY)
-    if not subject.sound:
+    context = CheckContext(forest, REGISTRY)
+    if not context.sound:
         return None
-    root = subject.trees[-1].root
+    root = context.trees[-1].root
     assert root is not None
     graph = explore(
         TreeStepper(Prepared.of(rehearse(bind_main(forest, REGISTRY), {})), without_properties().rules),
@@ -186,7 +186,12 @@ def answers_of(body: str) -> Answers | None:
     if graph.error is not None:
         return None
     seen = frozenset(WORDS[key.outcome] for key in graph.keys if isinstance(key, State)) - {""}
-    return Answers(seen, _words(subject.natures.may(root)), _words(subject.natures.can(root)), graph.complete)
+    return Answers(
+        seen,
+        _words(context.outcomes.may_return(root)),
+        _words(context.outcomes.known_to_return(root)),
+        graph.complete,
+    )
 
 
 def _words(bits: int) -> frozenset[str]:

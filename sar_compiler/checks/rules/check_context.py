@@ -5,7 +5,7 @@ import functools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from sar_compiler.checks.rules.natures import Natures, is_telling
+from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes, is_telling
 from sar_compiler.nodes.binding import BoundForest, bind_all
 from sar_compiler.nodes.bound import BoundNode, BoundTree
 from sar_compiler.nodes.nesting import trees_in
@@ -16,7 +16,7 @@ from sar_compiler.tree.model import SECTIONS, TreeFile
 
 
 @dataclass(frozen=True)
-class Subject:
+class CheckContext:
     """A forest and what is known of it; whatever takes time to find out is found out once.
 
     Attributes:
@@ -53,9 +53,9 @@ class Subject:
         return any(bound.spec.cls is None for tree in self.trees for bound in tree.demanding)
 
     @functools.cached_property
-    def natures(self) -> Natures:
+    def outcomes(self) -> PossibleOutcomes:
         """What every node can answer."""
-        return Natures(self.trees, self.broken)
+        return PossibleOutcomes(self.trees, self.broken)
 
     @functools.cached_property
     def is_telling(self) -> bool:

@@ -13,7 +13,7 @@ from sar_compiler.runtime.expressions import Access, Script, name_uses
 from sar_compiler.tree.source import Span
 
 
-class Moment(enum.IntEnum):
+class AccessTime(enum.IntEnum):
     """When a node does it, seen from the nodes in it."""
 
     BEFORE = 0
@@ -21,7 +21,7 @@ class Moment(enum.IntEnum):
 
 
 @dataclass(frozen=True)
-class Mention:
+class KeyAccess:
     """A node's use of a key.
 
     Attributes:
@@ -29,7 +29,7 @@ class Mention:
         attribute: The attribute that has it.
         key: The key, as the node's tree calls it.
         kind: What is done with it.
-        moment: Whether that is before or after the nodes in it are ticked.
+        time: Whether that is before or after the nodes in it are ticked.
         place: Where it stands in the attribute's value; None for all of it.
         is_certain: Whether it is done whenever the node is ticked.
     """
@@ -38,7 +38,7 @@ class Mention:
     attribute: str
     key: str
     kind: AccessKind
-    moment: Moment = Moment.BEFORE
+    time: AccessTime = AccessTime.BEFORE
     place: tuple[int, int] | None = None
     is_certain: bool = True
 
@@ -51,15 +51,15 @@ class Mention:
 
 
 @dataclass(frozen=True)
-class Mentions:
+class KeyAccesses:
     """All that the nodes of a tree do with keys, without its subtrees.
 
     Attributes:
-        mentions: In the order of the file.
+        accesses: In the order of the file.
         is_open: Whether some node may do with any key what the file does not say.
     """
 
-    mentions: tuple[Mention, ...]
+    accesses: tuple[KeyAccess, ...]
     is_open: bool
 
 
@@ -78,23 +78,23 @@ _POST = ("_onSuccess", "_onFailure", "_onHalted", "_post")
 _OUR_OWN = ("sar_compiler.", "py_trees.")
 
 
-def mentions_of(tree: BoundTree) -> Mentions:
+def key_accesses_of(tree: BoundTree) -> KeyAccesses:
     """Return what the nodes of a tree do with keys."""
     involved = dict.fromkeys([*tree.keyed, *tree.demanding])
     if tree.wrappers:
         involved.update(dict.fromkeys(node for node in tree.nodes if node.conditions))
-    mentions = [mention for bound in involved for mention in _of_node(bound)]
-    mentions.sort(key=lambda mention: (mention.bound.element.line, mention.bound.element.column))
-    return Mentions(tuple(mentions), any(_is_open(bound) for bound in involved))
+    accesses = [access for bound in involved for access in _of_node(bound)]
+    accesses.sort(key=lambda access: (access.bound.element.line, access.bound.element.column))
+    return KeyAccesses(tuple(accesses), any(_is_open(bound) for bound in involved))
 
 
-def _of_node(bound: BoundNode) -> Iterator[Mention]:
+def _of_node(bound: BoundNode) -> Iterator[KeyAccess]:
     if bound.conditions:
         for attribute in CONDITIONS:
             if attribute in bound.conditions:
-                moment = Moment.AFTER if attribute in _POST else Moment.BEFORE
+                time = AccessTime.AFTER if attribute in _POST else AccessTime.BEFORE
                 # The scripts after a node belong to one answer each, and may never be run.
-                yield from _of_script(bound, attribute, bound.conditions[attribute], moment)
+                yield from _of_script(bound, attribute, bound.conditions[attribute], time)
     for name, key in bound.keys.items():
         parameter = bound.spec.parameters.get(name)
         if parameter is not None:
@@ -105,15 +105,15 @@ def _of_node(bound: BoundNode) -> Iterator[Mention]:
             yield from _accesses(bound, name, [entry_of(key) if names_key else key], kind)
     for name, value in bound.values.items():
         if isinstance(value, Script):
-            yield from _of_script(bound, name, value, Moment.BEFORE)
+            yield from _of_script(bound, name, value, AccessTime.BEFORE)
         else:
             kind = _role(bound, bound.spec.parameters[name]).kind
             yield from _accesses(bound, name, _keys_in(bound, name, value), kind)
 
 
-def _accesses(bound: BoundNode, name: str, keys: Iterable[str], kind: AccessKind) -> Iterator[Mention]:
+def _accesses(bound: BoundNode, name: str, keys: Iterable[str], kind: AccessKind) -> Iterator[KeyAccess]:
     if kind is not AccessKind.NONE:
-        yield from (Mention(bound, name, key, kind) for key in keys)
+        yield from (KeyAccess(bound, name, key, kind) for key in keys)
 
 
 def _role(bound: BoundNode, parameter: Parameter) -> KeyRole:
@@ -133,10 +133,10 @@ def _keys_in(bound: BoundNode, name: str, value: object) -> Iterable[str]:
     return (value,) if _role(bound, parameter).by_name else ()
 
 
-def _of_script(bound: BoundNode, attribute: str, script: Script, moment: Moment) -> Iterator[Mention]:
+def _of_script(bound: BoundNode, attribute: str, script: Script, time: AccessTime) -> Iterator[KeyAccess]:
     for use in name_uses(script):
         place = (use.start, use.end)
-        yield Mention(bound, attribute, use.name, _BY_ACCESS[use.access], moment, place, use.certain)
+        yield KeyAccess(bound, attribute, use.name, _BY_ACCESS[use.access], time, place, use.certain)
 
 
 def _is_open(bound: BoundNode) -> bool:

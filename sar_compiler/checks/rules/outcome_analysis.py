@@ -20,7 +20,7 @@ _UNKNOWN = ALL
 _POSSIBLE = {"_failureIf": F, "_successIf": S, "_skipIf": K, "_while": K}
 """What conditions add."""
 
-Nature = int
+OutcomeSets = int
 """What a node may answer, in the lower bits, and what it is known to be able to answer, above them."""
 
 
@@ -45,8 +45,8 @@ class Found:
         return f"'{self.leaf.name}'{inside}"
 
 
-class Natures:
-    """The natures of all nodes of some trees.
+class PossibleOutcomes:
+    """The outcomes of all nodes of some trees.
 
     Args:
         trees: The trees, the inner ones first.
@@ -59,25 +59,25 @@ class Natures:
 
     def __init__(self, trees: Iterable[BoundTree], broken: Collection[BoundNode] = ()) -> None:
         self._broken = broken
-        self._leaves: dict[int, Nature] = {}
-        self._known: dict[BoundNode, Nature] = {}
-        self._alike: dict[object, tuple[Nature, bool, bool]] = {}
+        self._leaves: dict[int, OutcomeSets] = {}
+        self._known: dict[BoundNode, OutcomeSets] = {}
+        self._alike: dict[object, tuple[OutcomeSets, bool, bool]] = {}
         self.blocked: list[BoundNode] = []
         self.running: list[BoundNode] = []
         for tree in trees:
             self._look_at(tree)
 
-    def may(self, bound: BoundNode) -> int:
+    def may_return(self, bound: BoundNode) -> int:
         """Return everything that a tick of a node could answer."""
         return self._of(bound) & ALL
 
-    def can(self, bound: BoundNode) -> int:
+    def known_to_return(self, bound: BoundNode) -> int:
         """Return what a tick of a node is known to be able to answer."""
         return self._of(bound) >> _SHIFT
 
     def takes_time(self, bound: BoundNode) -> bool:
         """Say whether a node is known to run for more than a tick."""
-        return bool(self.can(bound) & R)
+        return bool(self.known_to_return(bound) & R)
 
     def begun_again(self, bound: BoundNode, wanted: Callable[[BoundNode], bool]) -> Found | None:
         """Return the first leaf that is begun again whenever a node is, if one is as wanted.
@@ -119,7 +119,7 @@ class Natures:
         """Say whether a leaf does something to the world, and takes time for it."""
         return acts(leaf) and self.works(leaf)
 
-    def _of(self, bound: BoundNode) -> Nature:
+    def _of(self, bound: BoundNode) -> OutcomeSets:
         return self._known.get(bound) or self._leaves.get(id(bound.spec)) or self._leaf(bound)
 
     def _look_at(self, tree: BoundTree) -> None:
@@ -140,16 +140,18 @@ class Natures:
                 self._known[parent] = _UNKNOWN
                 continue
             if parent.spec.semantics.order is Order.IN_ORDER:
-                nature = self._ordered(parent, children)
+                outcome_sets = self._ordered(parent, children)
             else:
-                nature = _made_of(parent, children)
+                outcome_sets = _made_of(parent, children)
             if parent.conditions or parent in self._broken:
-                nature = self._conditioned(parent, nature)
-            self._known[parent] = nature
+                outcome_sets = self._conditioned(parent, outcome_sets)
+            self._known[parent] = outcome_sets
 
-    def _ordered(self, bound: BoundNode, children: tuple[Nature, ...]) -> Nature:
-        """Return the nature of a sequence or selector, which depends on its children alone."""
-        key = (id(bound.spec), children)
+    def _ordered(self, bound: BoundNode, children: tuple[OutcomeSets, ...]) -> OutcomeSets:
+        """Return the outcome_sets of a sequence or selector, which depends on its children alone."""
+        # Of a reactive one it matters which children are leaves.
+        leaves = bound.is_reactive and tuple(child.spec.kind.is_leaf for child in bound.children)
+        key = (id(bound.spec), children, leaves)
         known = self._alike.get(key)
         if known is None:
             passing = bound.spec.semantics.goes_on | K
@@ -158,29 +160,29 @@ class Natures:
                 any(not child & passing for child in children[:-1]),
                 any(child >> _SHIFT & R for child in children),
             )
-        nature, is_blocked, is_running = known
+        outcome_sets, is_blocked, is_running = known
         if is_blocked:
             self.blocked.append(bound)
         if is_running:
             self.running.append(bound)
-        return nature
+        return outcome_sets
 
-    def _leaf(self, bound: BoundNode) -> Nature:
-        """Return the nature of a leaf without conditions; nodes without the children that they need are unknown."""
+    def _leaf(self, bound: BoundNode) -> OutcomeSets:
+        """Return the outcome_sets of a leaf without conditions; nodes without the children that they need are unknown."""
         spec = bound.spec
         if not spec.kind.is_leaf:
             return _UNKNOWN
-        nature = _made_of(bound, ())
+        outcome_sets = _made_of(bound, ())
         if spec.semantics.possible is None:
-            self._leaves[id(spec)] = nature
-        return nature
+            self._leaves[id(spec)] = outcome_sets
+        return outcome_sets
 
-    def _conditioned(self, bound: BoundNode, nature: Nature) -> Nature:
+    def _conditioned(self, bound: BoundNode, outcome_sets: OutcomeSets) -> OutcomeSets:
         if bound in self._broken:
             return _UNKNOWN
         for condition in bound.conditions:
-            nature |= _POSSIBLE.get(condition, 0)
-        return nature
+            outcome_sets |= _POSSIBLE.get(condition, 0)
+        return outcome_sets
 
 
 def is_telling(spec: NodeSpec) -> bool:
@@ -225,8 +227,8 @@ def _drives(spec: NodeSpec) -> bool:
     return any(use.kind == "action" for use in spec.uses)
 
 
-def _made_of(bound: BoundNode, children: Sequence[Nature]) -> Nature:
-    """Return the nature of a node without conditions."""
+def _made_of(bound: BoundNode, children: Sequence[OutcomeSets]) -> OutcomeSets:
+    """Return the outcome_sets of a node without conditions."""
     spec, possible = bound.spec, bound.spec.semantics.possible
     if possible is None:
         # Somebody's own: it may do anything with its children.

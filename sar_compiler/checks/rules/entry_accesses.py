@@ -5,7 +5,13 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from sar_compiler.checks.rules.mentions import Mention, Mentions, Moment, is_of_root, mentions_of
+from sar_compiler.checks.rules.key_accesses import (
+    AccessTime,
+    KeyAccess,
+    KeyAccesses,
+    is_of_root,
+    key_accesses_of,
+)
 from sar_compiler.nodes.bound import BoundNode, BoundTree
 from sar_compiler.nodes.instances import Instance
 from sar_compiler.nodes.semantics import AccessKind, Order
@@ -16,26 +22,26 @@ _READS = (AccessKind.READ, AccessKind.PEEK, AccessKind.BOTH, AccessKind.FIXED)
 
 
 @dataclass(eq=False)
-class Use:
+class EntryAccess:
     """What a node of one instance of a tree does with an entry."""
 
     instance: Instance
-    mention: Mention
-    way: "Ways"
+    access: KeyAccess
+    way: "PathFinder"
 
     @functools.cached_property
     def path(self) -> tuple[Step, ...]:
         """The nodes around it and itself, from the root of the main tree."""
-        return self.way.to(self.instance, self.mention.bound)
+        return self.way.to(self.instance, self.access.bound)
 
     @property
     def bound(self) -> BoundNode:
         """The node."""
-        return self.mention.bound
+        return self.access.bound
 
 
 @dataclass(eq=False)
-class EntryUses:
+class EntryAccesses:
     """Everything that is done with an entry, in the order of the tree.
 
     Attributes:
@@ -48,19 +54,19 @@ class EntryUses:
 
     scope: Scope
     key: str
-    uses: list[Use] = field(default_factory=list)
+    uses: list[EntryAccess] = field(default_factory=list)
     given: list[BoundNode] = field(default_factory=list)
     is_parameter: bool = False
 
-    def of(self, *kinds: AccessKind) -> list[Use]:
+    def of(self, *kinds: AccessKind) -> list[EntryAccess]:
         """Return those uses that do one of some things."""
-        return [use for use in self.uses if use.mention.kind in kinds]
+        return [use for use in self.uses if use.access.kind in kinds]
 
     # An entry may have as many uses as its tree has nodes, so these are put together once, when all uses are there.
     @functools.cached_property
-    def writers(self) -> list[Use]:
+    def writers(self) -> list[EntryAccess]:
         """Whoever may write it first; a script's `=` may do so where a port has the key."""
-        has_port = any(use.mention.place is None for use in self.uses)
+        has_port = any(use.access.place is None for use in self.uses)
         return self.of(AccessKind.WRITE, AccessKind.BOTH, *((AccessKind.CHANGE,) if has_port else ()))
 
     @property
@@ -69,12 +75,12 @@ class EntryUses:
         return bool(self.given or self.writers)
 
     @functools.cached_property
-    def readers(self) -> list[Use]:
+    def readers(self) -> list[EntryAccess]:
         """Whoever may read it."""
         return self.of(*_READS)
 
 
-class Ways:
+class PathFinder:
     """The way from the root to each node of a tree with its subtrees in place."""
 
     def __init__(self) -> None:
@@ -100,7 +106,7 @@ class Ways:
 
 
 @dataclass(frozen=True)
-class Board:
+class EntryTable:
     """All entries of a tree with its subtrees in place.
 
     Attributes:
@@ -111,54 +117,54 @@ class Board:
     """
 
     top: Instance
-    entries: Sequence[EntryUses]
+    entries: Sequence[EntryAccesses]
     is_open: bool
     is_foreign: bool
 
 
-def board_of(top: Instance, known: dict[BoundTree, Mentions]) -> Board:
+def entry_table_of(top: Instance, known: dict[BoundTree, KeyAccesses]) -> EntryTable:
     """Gather what is done with each entry.
 
     Args:
         top: A tree with its subtrees in place.
         known: What is known of trees already; is added to.
     """
-    entries: dict[tuple[Scope, str], EntryUses] = {}
-    ways, is_open, is_foreign = Ways(), False, False
+    entries: dict[tuple[Scope, str], EntryAccesses] = {}
+    paths, is_open, is_foreign = PathFinder(), False, False
     for instance in top.iterate():
         if instance.tree not in known:
-            known[instance.tree] = mentions_of(instance.tree)
+            known[instance.tree] = key_accesses_of(instance.tree)
         of_tree = known[instance.tree]
         is_open = is_open or of_tree.is_open
         is_foreign = is_foreign or any(bound.spec.cls is None for bound in instance.tree.demanding)
-        for mention in of_tree.mentions:
-            entry = _entry(entries, instance.scope, mention.key)
-            entry.uses.append(Use(instance, mention, ways))
-            at_root = instance.around is None and mention.kind is AccessKind.FIXED
-            entry.is_parameter = entry.is_parameter or at_root or is_of_root(mention.key)
+        for access in of_tree.accesses:
+            entry = _entry(entries, instance.scope, access.key)
+            entry.uses.append(EntryAccess(instance, access, paths))
+            at_root = instance.around is None and access.kind is AccessKind.FIXED
+            entry.is_parameter = entry.is_parameter or at_root or is_of_root(access.key)
         for place, inner in instance.inner.items():
             for key in place.remapping.constants:
                 _entry(entries, inner.scope, key).given.append(place)
             for key in place.remapping.keys.values():
                 if is_of_root(key):
                     _entry(entries, instance.scope, key).is_parameter = True
-    return Board(top, tuple(entries.values()), is_open, is_foreign)
+    return EntryTable(top, tuple(entries.values()), is_open, is_foreign)
 
 
-def _entry(entries: dict[tuple[Scope, str], EntryUses], scope: Scope, key: str) -> EntryUses:
+def _entry(entries: dict[tuple[Scope, str], EntryAccesses], scope: Scope, key: str) -> EntryAccesses:
     owner = scope.owner(key)
     if owner not in entries:
-        entries[owner] = EntryUses(*owner)
+        entries[owner] = EntryAccesses(*owner)
     return entries[owner]
 
 
-def argument_of(use: Use, entry: EntryUses) -> tuple[BoundNode, str] | None:
+def argument_of(use: EntryAccess, entry: EntryAccesses) -> tuple[BoundNode, str] | None:
     """Return the outermost `SubTree` that gives an entry to the tree of a use, and the attribute by which it does.
 
     None if the use stands in the tree that the entry belongs to, or no attribute is written for it.
     """
     found = None
-    instance, key = use.instance, use.mention.key
+    instance, key = use.instance, use.access.key
     while instance.scope is not entry.scope and instance.place is not None and instance.around is not None:
         place = instance.place
         if key in place.remapping.keys and key in place.element.attributes:
@@ -167,7 +173,7 @@ def argument_of(use: Use, entry: EntryUses) -> tuple[BoundNode, str] | None:
     return found
 
 
-def parting(first: Use, second: Use) -> int:
+def parting(first: EntryAccess, second: EntryAccess) -> int:
     """Return how many steps from the root two uses have in common."""
     together = 0
     for mine, theirs in zip(first.path, second.path, strict=False):
@@ -177,34 +183,34 @@ def parting(first: Use, second: Use) -> int:
     return together
 
 
-def comes_first(first: Use, second: Use) -> bool:
+def comes_first(first: EntryAccess, second: EntryAccess) -> bool:
     """Say whether, when second is done for the first time, first has certainly been done."""
-    if not first.mention.is_certain:
+    if not first.access.is_certain:
         return False
     if first.path == second.path:
-        return _comes_first_in_node(first.mention, second.mention)
+        return _comes_first_in_node(first.access, second.access)
     together = parting(first, second)
     if together == len(second.path):
-        return second.mention.moment is Moment.AFTER and _is_straight(first, together - 1)
+        return second.access.time is AccessTime.AFTER and _is_straight(first, together - 1)
     if not _is_straight(first, together):
         return False
     return (
-        first.mention.moment is Moment.BEFORE
+        first.access.time is AccessTime.BEFORE
         if together == len(first.path)
         else _precedes(first, second, together)
     )
 
 
-def _comes_first_in_node(first: Mention, second: Mention) -> bool:
+def _comes_first_in_node(first: KeyAccess, second: KeyAccess) -> bool:
     if first.attribute == second.attribute and first.place and second.place:
         # `x := x + 1` writes last what stands first.
         return first.kind is AccessKind.READ and (
             first.place[0] > second.place[0] or second.kind is not AccessKind.WRITE
         )
-    return first.moment < second.moment
+    return first.time < second.time
 
 
-def _precedes(first: Use, second: Use, together: int) -> bool:
+def _precedes(first: EntryAccess, second: EntryAccess, together: int) -> bool:
     """Say whether a use comes before another in a node around both."""
     around = first.path[together - 1][1]
     if _place(first, together, around) >= _place(second, together, around):
@@ -215,12 +221,12 @@ def _precedes(first: Use, second: Use, together: int) -> bool:
     return (means.is_selector or means.order is Order.TOGETHER) and _is_first(first, together)
 
 
-def _place(use: Use, together: int, around: BoundNode) -> int:
+def _place(use: EntryAccess, together: int, around: BoundNode) -> int:
     child = use.path[together][1]
     return next((index for index, each in enumerate(around.children) if each is child), 0)
 
 
-def _is_straight(use: Use, together: int) -> bool:
+def _is_straight(use: EntryAccess, together: int) -> bool:
     """Say whether what is around a use, below a common node, goes on only after it has been done."""
     inner = [bound for _, bound in use.path[together:]]
     for number, bound in enumerate(inner):
@@ -238,12 +244,12 @@ def _is_straight(use: Use, together: int) -> bool:
     return True
 
 
-def _asks(use: Use) -> bool:
+def _asks(use: EntryAccess) -> bool:
     """Say whether a use stands in the first script that its node runs."""
-    return use.mention.attribute == next(iter(use.bound.conditions), None)
+    return use.access.attribute == next(iter(use.bound.conditions), None)
 
 
-def _is_first(use: Use, together: int) -> bool:
+def _is_first(use: EntryAccess, together: int) -> bool:
     """Say whether a use is the first thing done in what is around it, below a common node."""
     steps = use.path[together:]
     return all(
@@ -252,7 +258,7 @@ def _is_first(use: Use, together: int) -> bool:
     )
 
 
-def between(first: Use, second: Use) -> Iterator[BoundNode]:
+def between(first: EntryAccess, second: EntryAccess) -> Iterator[BoundNode]:
     """Yield the nodes that stand between two uses in the same sequence, that of the first use with them."""
     together = parting(first, second)
     around = first.path[together - 1][1]
