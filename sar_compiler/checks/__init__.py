@@ -21,9 +21,9 @@ from sar_compiler.checks.rules.scripts import check_scripts
 from sar_compiler.checks.rules.subtrees import check_subtrees
 from sar_compiler.checks.rules.texts import check_texts
 from sar_compiler.checks.schema import check_schema
-from sar_compiler.nodes.collector import Collector
-from sar_compiler.nodes.model_comparison import compare
-from sar_compiler.nodes.models import described_specs, read_models
+from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.models.model_comparison import compare
+from sar_compiler.nodes.models.models import described_specs, read_models
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.forest import Forest

@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 
 from sar_compiler.checks.rules.check_context import CheckContext
-from sar_compiler.nodes.attributes import NOTES
-from sar_compiler.nodes.main_tree import find_main_tree
+from sar_compiler.nodes.binding.attributes import NOTES
+from sar_compiler.nodes.binding.main_tree import find_main_tree
+from sar_compiler.nodes.binding.tree_ids import fault_of
 from sar_compiler.nodes.registry import Registry
-from sar_compiler.nodes.tree_ids import fault_of
 from sar_compiler.nodes.values import nearest
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.forest import Forest

@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from sar_compiler.nodes.attributes import CONDITIONS, ONESHOT, closed
+from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, closed
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.model import Element, TreeFile
 from sar_compiler.tree.source import Form, Source

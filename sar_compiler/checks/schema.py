@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from lxml import etree
 
 from sar_compiler.nodes.registry import Registry
-from sar_compiler.nodes.schema import xml_schema
+from sar_compiler.nodes.schemas.xml_schema import xml_schema
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.model import Element, TreeFile

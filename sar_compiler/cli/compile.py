@@ -164,8 +164,8 @@ def _nodes(arguments: argparse.Namespace) -> int:
 
 
 def _schema(arguments: argparse.Namespace) -> int:
-    from sar_compiler.nodes.json_schema import json_schema
-    from sar_compiler.nodes.schema import xml_schema
+    from sar_compiler.nodes.schemas.json_schema import json_schema
+    from sar_compiler.nodes.schemas.xml_schema import xml_schema
 
     registry = _registry(arguments)
     if arguments.format == "json":

@@ -50,7 +50,7 @@ def convert_file(arguments: argparse.Namespace) -> int:
 
 def _converted(tree_file: "TreeFile", arguments: argparse.Namespace) -> "Converted":
     if arguments.to == "btcpp":
-        from sar_compiler.nodes.btcpp import convert_to_btcpp
+        from sar_compiler.nodes.btcpp.to_btcpp import convert_to_btcpp
         from sar_compiler.nodes.registry import load_registry
 
         return convert_to_btcpp(tree_file, load_registry(arguments.nodes), palettes(arguments))

@@ -32,7 +32,7 @@ from sar_compiler.missions.search_and_rescue.parameters import (
 )
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
-from sar_compiler.nodes.bound import Binding
+from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.nodes.registry import load_registry
 from sar_compiler.resources import shipped
 from sar_compiler.ros.arguments import (

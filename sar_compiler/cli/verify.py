@@ -12,7 +12,7 @@ from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_model, loa
 if TYPE_CHECKING:
     from sar_compiler.checks.verify import Progress, PropertyFile, Verification
     from sar_compiler.compiler.rehearsal import Assumptions, Rehearsal
-    from sar_compiler.nodes.bound import Binding
+    from sar_compiler.nodes.binding.bound import Binding
 
 # A tree with these leaves is a mission with zones.
 _MISSION_LEAVES = {"ZonesRemaining", "NavigateToBase"}

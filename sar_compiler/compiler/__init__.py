@@ -9,11 +9,11 @@ from py_trees.behaviour import Behaviour
 from sar_compiler.compiler.arguments import Arguments, PreviewArguments, given
 from sar_compiler.compiler.building import Builder, PreviewBuilder
 from sar_compiler.compiler.origins import Origin, Origins
-from sar_compiler.nodes.binding import bind
-from sar_compiler.nodes.bound import Binding
-from sar_compiler.nodes.collector import Collector
-from sar_compiler.nodes.instances import Instance, expand
-from sar_compiler.nodes.main_tree import find_main_tree
+from sar_compiler.nodes.binding.binder import bind
+from sar_compiler.nodes.binding.bound import Binding
+from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.instances import Instance, expand
+from sar_compiler.nodes.binding.main_tree import find_main_tree
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import Role, Use
 from sar_compiler.runtime.blackboard import Board

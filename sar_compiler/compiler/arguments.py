@@ -4,9 +4,9 @@ from array import array
 from collections.abc import Mapping
 from typing import Any
 
-from sar_compiler.nodes.bound import BoundNode
-from sar_compiler.nodes.collector import Collector
-from sar_compiler.nodes.instances import Instance
+from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.spec import Direction, Parameter
 from sar_compiler.nodes.values import ConversionError, nearest
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Entry, Scope

@@ -11,10 +11,10 @@ from py_trees.decorators import OneShot, PassThrough
 
 from sar_compiler.compiler.arguments import Arguments, given
 from sar_compiler.compiler.origins import Making
-from sar_compiler.nodes.bound import Binding, BoundNode
-from sar_compiler.nodes.collector import Collector
-from sar_compiler.nodes.instances import Instance
-from sar_compiler.nodes.skips import Skipping
+from sar_compiler.nodes.binding.bound import Binding, BoundNode
+from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.instances import Instance
+from sar_compiler.nodes.binding.skips import Skipping
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.nodes.values import literal_value
 from sar_compiler.runtime.conditions import Conditions, ConditionScripts

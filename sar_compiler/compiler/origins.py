@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 from uuid import UUID
 
-from sar_compiler.nodes.bound import BoundNode
-from sar_compiler.nodes.instances import Instance
+from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.spec import Role, Use
 
 

@@ -14,7 +14,6 @@ from py_trees.behaviour import Behaviour
 from sar_compiler.compiler import CompiledTree, compile_with
 from sar_compiler.compiler.arguments import Arguments
 from sar_compiler.compiler.building import Builder
-from sar_compiler.nodes import leaves as language
 from sar_compiler.nodes.answers import (
     NOBODY,
     SELF,
@@ -25,9 +24,10 @@ from sar_compiler.nodes.answers import (
     filled_text,
     number_text,
 )
-from sar_compiler.nodes.bound import Binding, BoundNode
-from sar_compiler.nodes.collector import Collector
-from sar_compiler.nodes.instances import Instance
+from sar_compiler.nodes.binding.bound import Binding, BoundNode
+from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.instances import Instance
+from sar_compiler.nodes.language import leaves as language
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter
 from sar_compiler.runtime import controls, decorators
 from sar_compiler.runtime.answering import AnsweringLeaf, Chooser, Event, FactVariables

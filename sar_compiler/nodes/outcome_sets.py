@@ -25,7 +25,7 @@ from sar_compiler.runtime.outcomes import Outcome
 from sar_compiler.runtime.variables import PlainVariables
 
 if TYPE_CHECKING:
-    from sar_compiler.nodes.bound import BoundNode
+    from sar_compiler.nodes.binding.bound import BoundNode
 
 S, F, R, K = 1, 2, 4, 8
 """SUCCESS, FAILURE, RUNNING and skipped."""

@@ -113,7 +113,7 @@ def load_registry(modules: Iterable[str] = ()) -> Registry:
     Raises:
         RegistryError: If a module cannot be imported or has no leaves; names it and says why.
     """
-    from sar_compiler.nodes import controls, decorators, leaves
+    from sar_compiler.nodes.language import controls, decorators, leaves
 
     registry = Registry([*controls.SPECS, *decorators.SPECS, *leaves.SPECS])
     for entry_point in importlib.metadata.entry_points(group=ENTRY_POINTS):

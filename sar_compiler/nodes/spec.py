@@ -12,8 +12,8 @@ from sar_compiler.nodes.values import ValueType
 from sar_compiler.runtime.answers import Answer, Fact
 
 if TYPE_CHECKING:
-    from sar_compiler.nodes.bound import BoundNode
-    from sar_compiler.nodes.collector import Collector
+    from sar_compiler.nodes.binding.bound import BoundNode
+    from sar_compiler.nodes.binding.collector import Collector
 
 Rule: TypeAlias = "Callable[[BoundNode, Collector], None]"
 """Reports what is wrong with a node though each of its attributes is right by itself."""

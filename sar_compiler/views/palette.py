@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from sar_compiler.nodes.palette import describe
+from sar_compiler.nodes.models.palette import describe
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.tree.made import made, made_file
 from sar_compiler.tree.model import ROOT_TAG

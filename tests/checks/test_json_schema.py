@@ -10,8 +10,8 @@ from hypothesis import given
 
 from sar_compiler.checks import RULES, check
 from sar_compiler.checks.rules.check_context import CheckContext
-from sar_compiler.nodes.json_schema import json_schema
 from sar_compiler.nodes.registry import default_registry
+from sar_compiler.nodes.schemas.json_schema import json_schema
 from sar_compiler.tree.conversion import convert
 from sar_compiler.tree.diagnostic import Severity
 from sar_compiler.tree.forest import Forest

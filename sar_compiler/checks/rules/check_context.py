@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes, is_telling
-from sar_compiler.nodes.binding import BoundForest, bind_all
-from sar_compiler.nodes.bound import BoundNode, BoundTree
-from sar_compiler.nodes.nesting import trees_in
+from sar_compiler.nodes.binding.binder import BoundForest, bind_all
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.binding.nesting import trees_in
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.forest import Forest

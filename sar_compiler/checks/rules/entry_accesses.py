@@ -12,8 +12,8 @@ from sar_compiler.checks.rules.key_accesses import (
     is_of_root,
     key_accesses_of,
 )
-from sar_compiler.nodes.bound import BoundNode, BoundTree
-from sar_compiler.nodes.instances import Instance
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.semantics import AccessKind, Order
 from sar_compiler.runtime.blackboard import Scope
 

@@ -4,8 +4,8 @@ import enum
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from sar_compiler.nodes.attributes import CONDITIONS
-from sar_compiler.nodes.bound import BoundNode, BoundTree
+from sar_compiler.nodes.binding.attributes import CONDITIONS
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.semantics import AccessKind, KeyRole
 from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Scope, entry_of

@@ -18,11 +18,11 @@ from sar_compiler.checks.rules.entry_accesses import (
 from sar_compiler.checks.rules.key_accesses import AccessTime, KeyAccesses, key_accesses_of
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
 from sar_compiler.checks.rules.scripts import is_condition
-from sar_compiler.nodes.attributes import closed
-from sar_compiler.nodes.bound import BoundNode, BoundTree
-from sar_compiler.nodes.collector import file_of
+from sar_compiler.nodes.binding.attributes import closed
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.binding.collector import file_of
+from sar_compiler.nodes.language.py_trees_nodes import WRITES
 from sar_compiler.nodes.outcome_sets import K, S
-from sar_compiler.nodes.py_trees_nodes import WRITES
 from sar_compiler.nodes.semantics import AccessKind, Order
 from sar_compiler.nodes.values import nearest
 from sar_compiler.tree.diagnostic import Diagnostic, Severity

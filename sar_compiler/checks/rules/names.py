@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 
 from sar_compiler.checks.rules.check_context import CheckContext
-from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
 # One with a blank beside it is punctuation.

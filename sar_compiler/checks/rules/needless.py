@@ -7,7 +7,7 @@ from py_trees.common import OneShotPolicy
 
 from sar_compiler.checks.rules.check_context import CheckContext, information, warning
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
-from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.outcome_sets import ALLOWED, ANSWERS, F, K, R, S
 from sar_compiler.nodes.semantics import Order
 from sar_compiler.tree.diagnostic import Diagnostic

@@ -8,8 +8,8 @@ from sar_compiler.checks.rules.check_context import CheckContext, warning
 from sar_compiler.checks.rules.entry_accesses import EntryAccess, PathFinder, comes_first, parting
 from sar_compiler.checks.rules.key_accesses import KeyAccess
 from sar_compiler.nodes.answers import SELF, filled_text, number_text
-from sar_compiler.nodes.bound import BoundNode
-from sar_compiler.nodes.instances import Instance
+from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.semantics import AccessKind
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.runtime.answers import Fact

@@ -8,9 +8,9 @@ anything, and is known to be able to answer nothing.
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 
-from sar_compiler.nodes.bound import BoundNode, BoundTree
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.language.py_trees_nodes import REMOVES, WRITES
 from sar_compiler.nodes.outcome_sets import ALL, ALLOWED, SURE, F, K, R, S, bits
-from sar_compiler.nodes.py_trees_nodes import REMOVES, WRITES
 from sar_compiler.nodes.semantics import Order
 from sar_compiler.nodes.spec import Kind, NodeSpec
 

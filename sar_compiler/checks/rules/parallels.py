@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from sar_compiler.checks.rules.check_context import CheckContext, warning
 from sar_compiler.checks.rules.outcome_analysis import Found, PossibleOutcomes, acts
-from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.semantics import Order
 from sar_compiler.nodes.spec import Use
 from sar_compiler.tree.diagnostic import Diagnostic, Severity

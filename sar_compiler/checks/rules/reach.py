@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 
 from sar_compiler.checks.rules.check_context import CheckContext, warning
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
-from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.outcome_sets import F, K, R, S
 from sar_compiler.nodes.semantics import Gate, Order
 from sar_compiler.tree.diagnostic import Diagnostic

@@ -10,7 +10,7 @@ from sar_compiler.checks.rules.outcome_analysis import (
     consequence,
     is_question,
 )
-from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.outcome_sets import F, R, S
 from sar_compiler.tree.diagnostic import Diagnostic
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from sar_compiler.checks.rules.check_context import CheckContext
-from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.values import CONDITION
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.tree.diagnostic import Diagnostic, Severity

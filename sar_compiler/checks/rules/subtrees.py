@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 from sar_compiler.checks.rules.check_context import CheckContext
 from sar_compiler.checks.rules.key_accesses import key_accesses_of
-from sar_compiler.nodes.attributes import underscored
-from sar_compiler.nodes.bound import BoundNode, BoundTree
-from sar_compiler.nodes.nesting import trees_in
+from sar_compiler.nodes.binding.attributes import underscored
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.binding.nesting import trees_in
 from sar_compiler.nodes.values import nearest
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 

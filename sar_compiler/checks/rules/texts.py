@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 from sar_compiler.checks.rules.check_context import CheckContext
-from sar_compiler.nodes.attributes import closed
-from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.nodes.binding.attributes import closed
+from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.spec import NodeSpec, Role
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 

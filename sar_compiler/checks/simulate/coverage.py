@@ -6,7 +6,7 @@ from uuid import UUID
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.checks.simulate.running import Run
-from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.runtime.answering import AnsweringLeaf
 from sar_compiler.runtime.answers import STATUSES
 

@@ -12,7 +12,7 @@ from sar_compiler.checks.simulate.steps import read_scripts
 from sar_compiler.checks.yaml_values import Document, Value, raise_findings
 from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.rehearsal import Assumptions, Rehearsal, rehearse
-from sar_compiler.nodes.bound import Binding
+from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.model import TreeFile

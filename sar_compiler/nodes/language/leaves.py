@@ -6,10 +6,11 @@ from py_trees import behaviours
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler.nodes import btcpp_rules, outcome_sets
-from sar_compiler.nodes.bound import BoundNode
-from sar_compiler.nodes.collector import Collector
-from sar_compiler.nodes.comparisons import (
+from sar_compiler.nodes import outcome_sets
+from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.btcpp import rewrites as btcpp_rules
+from sar_compiler.nodes.language.comparisons import (
     CHECKS,
     COMPARISONS,
     JUNCTIONS,
@@ -19,8 +20,8 @@ from sar_compiler.nodes.comparisons import (
     expression,
     read_check,
 )
-from sar_compiler.nodes.narrow_types import CHANCES, KEY, NTH, STATUS_NAMES, VARIABLE, StatusName
-from sar_compiler.nodes.py_trees_nodes import REMOVES, WRITES, Keys, made_by, since_2_4
+from sar_compiler.nodes.language.narrow_types import CHANCES, KEY, NTH, STATUS_NAMES, VARIABLE, StatusName
+from sar_compiler.nodes.language.py_trees_nodes import REMOVES, WRITES, Keys, made_by, since_2_4
 from sar_compiler.nodes.semantics import AccessKind, Counterpart, KeyRole, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Signature
 from sar_compiler.nodes.values import AS_WRITTEN, CONDITION, UNSIGNED, ValueType

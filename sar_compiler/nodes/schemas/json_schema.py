@@ -8,7 +8,7 @@ message "is not valid under any of the given schemas".
 from collections.abc import Iterable
 from typing import Any
 
-from sar_compiler.nodes.attributes import CONDITIONS, NOTES, ONESHOT, ONESHOT_TYPE
+from sar_compiler.nodes.binding.attributes import CONDITIONS, NOTES, ONESHOT, ONESHOT_TYPE
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import CHILD_COUNTS, Kind, NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import CONDITION, ValueType

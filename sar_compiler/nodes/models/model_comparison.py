@@ -1,7 +1,7 @@
 """What a `TreeNodesModel` says of nodes, compared with the registry and with itself."""
 
-from sar_compiler.nodes.collector import Collector
-from sar_compiler.nodes.models import Model, Models, Port
+from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.models.models import Model, Models, Port
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter
 from sar_compiler.nodes.values import (

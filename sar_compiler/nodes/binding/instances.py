@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from sar_compiler.nodes.bound import BoundNode, BoundTree
-from sar_compiler.nodes.collector import Collector, file_of
-from sar_compiler.nodes.references import Candidates, choose, report_missing
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.binding.collector import Collector, file_of
+from sar_compiler.nodes.binding.references import Candidates, choose, report_missing
 from sar_compiler.nodes.spec import Parameter
 from sar_compiler.nodes.values import literal_value
 from sar_compiler.runtime.blackboard import STROKE, Board, Scope

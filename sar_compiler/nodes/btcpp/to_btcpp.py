@@ -9,16 +9,16 @@ from collections.abc import Iterable, Iterator
 
 from py_trees.common import OneShotPolicy
 
-from sar_compiler.nodes.attributes import ONESHOT, ONESHOT_TYPE
-from sar_compiler.nodes.btcpp_notes import Notes
-from sar_compiler.nodes.btcpp_rules import NO_ONESHOT, Draft, Rule
-from sar_compiler.nodes.collector import Collector
-from sar_compiler.nodes.models import read_models
-from sar_compiler.nodes.palette import described_by_use, description, is_built_in
+from sar_compiler.nodes.binding.attributes import ONESHOT, ONESHOT_TYPE
+from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.tree_ids import refused_in
+from sar_compiler.nodes.btcpp.notes import Notes
+from sar_compiler.nodes.btcpp.rewrites import NO_ONESHOT, Draft, Rule
+from sar_compiler.nodes.language.subtree import SUBTREE
+from sar_compiler.nodes.models.models import read_models
+from sar_compiler.nodes.models.palette import described_by_use, description, is_built_in
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import Kind, NodeSpec, Role
-from sar_compiler.nodes.subtree import SUBTREE
-from sar_compiler.nodes.tree_ids import refused_in
 from sar_compiler.nodes.values import ConversionError
 from sar_compiler.tree.conversion import Converted, convert
 from sar_compiler.tree.diagnostic import Diagnostic

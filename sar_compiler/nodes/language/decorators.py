@@ -7,11 +7,12 @@ from py_trees import decorators
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler.nodes import btcpp_rules, outcome_sets
-from sar_compiler.nodes.bound import BoundNode
-from sar_compiler.nodes.narrow_types import KEY, VARIABLE, StatusName, queue_of
+from sar_compiler.nodes import outcome_sets
+from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.nodes.btcpp import rewrites as btcpp_rules
+from sar_compiler.nodes.language.narrow_types import KEY, VARIABLE, StatusName, queue_of
+from sar_compiler.nodes.language.py_trees_nodes import WRITES, Keys, made_by, since_2_4
 from sar_compiler.nodes.outcome_sets import F, K, R, S, number
-from sar_compiler.nodes.py_trees_nodes import WRITES, Keys, made_by, since_2_4
 from sar_compiler.nodes.semantics import AccessKind, Counterpart, KeyRole, Number, Semantics, endless
 from sar_compiler.nodes.spec import Kind, NodeSpec, Signature, Skipping, Skips
 from sar_compiler.nodes.values import CONDITION, UNSIGNED

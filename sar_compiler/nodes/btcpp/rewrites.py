@@ -6,8 +6,8 @@ from typing import TypeVar
 
 from py_trees.common import OneShotPolicy
 
-from sar_compiler.nodes.attributes import ONESHOT_TYPE
-from sar_compiler.nodes.btcpp_notes import Notes
+from sar_compiler.nodes.binding.attributes import ONESHOT_TYPE
+from sar_compiler.nodes.btcpp.notes import Notes
 from sar_compiler.nodes.values import ConversionError, ValueType, blackboard_key, value_type_of
 from sar_compiler.tree.model import Element
 

@@ -8,18 +8,18 @@ builds from what it made.
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from sar_compiler.nodes.attributes import CONDITIONS, ONESHOT, AttributeBinder
-from sar_compiler.nodes.bound import Binding, BoundNode, BoundTree, Remapping
-from sar_compiler.nodes.collector import Collector
-from sar_compiler.nodes.instances import Instance, expand, report_shared_keys
-from sar_compiler.nodes.model_comparison import compare
-from sar_compiler.nodes.models import Model, Models, read_models
-from sar_compiler.nodes.nesting import cut_circles, fits, trees_in
-from sar_compiler.nodes.references import resolve_references
+from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, AttributeBinder
+from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree, Remapping
+from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.instances import Instance, expand, report_shared_keys
+from sar_compiler.nodes.binding.nesting import cut_circles, fits, trees_in
+from sar_compiler.nodes.binding.references import resolve_references
+from sar_compiler.nodes.binding.skips import by_itself, report_misread
+from sar_compiler.nodes.language.subtree import FORMER_ATTRIBUTES, SUBTREE
+from sar_compiler.nodes.models.model_comparison import compare
+from sar_compiler.nodes.models.models import Model, Models, read_models
 from sar_compiler.nodes.registry import Registry
-from sar_compiler.nodes.skips import by_itself, report_misread
 from sar_compiler.nodes.spec import Kind, NodeSpec
-from sar_compiler.nodes.subtree import FORMER_ATTRIBUTES, SUBTREE
 from sar_compiler.nodes.values import blackboard_key, nearest
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.forest import Forest

@@ -4,8 +4,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from sar_compiler.nodes.answers import answers_of
-from sar_compiler.nodes.attributes import CONDITIONS, ONESHOT
-from sar_compiler.nodes.collector import Collector, file_of
+from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT
+from sar_compiler.nodes.binding.collector import Collector, file_of
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Signature
 from sar_compiler.nodes.values import ANYTHING, nearest, type_of_cpp_name, value_type_of

@@ -9,14 +9,15 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy
 from py_trees.decorators import OneShot
 
-from sar_compiler.nodes import btcpp_rules, outcome_sets
-from sar_compiler.nodes.bound import BoundNode
-from sar_compiler.nodes.collector import Collector
-from sar_compiler.nodes.narrow_types import NAMES
+from sar_compiler.nodes import outcome_sets
+from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.btcpp import rewrites as btcpp_rules
+from sar_compiler.nodes.language.narrow_types import NAMES
+from sar_compiler.nodes.language.thresholds import within_reach
 from sar_compiler.nodes.outcome_sets import F, K, S
 from sar_compiler.nodes.semantics import Counterpart, Gate, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Signature, Skipping, Skips
-from sar_compiler.nodes.thresholds import within_reach
 from sar_compiler.nodes.values import ConversionError, items_of, nearest
 from sar_compiler.runtime import branches, controls, parallel
 from sar_compiler.runtime.conditions import Conditions

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterable, Sequence
 
-from sar_compiler.nodes.bound import BoundNode, BoundTree
-from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.spec import NodeSpec, Skips
 from sar_compiler.runtime.parents import Parent
 

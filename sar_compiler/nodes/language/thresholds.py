@@ -1,7 +1,7 @@
 """Counts of a Parallel that its children cannot reach."""
 
-from sar_compiler.nodes.bound import BoundNode
-from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.spec import Rule
 
 

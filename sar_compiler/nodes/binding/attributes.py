@@ -6,8 +6,8 @@ from typing import Any
 
 from py_trees.common import OneShotPolicy
 
-from sar_compiler.nodes.bound import BoundNode
-from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import (
     CONDITION,

@@ -1,7 +1,7 @@
 """Which node a reference by name means, within one tree."""
 
-from sar_compiler.nodes.bound import BoundNode, BoundTree
-from sar_compiler.nodes.collector import Collector, file_of
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.binding.collector import Collector, file_of
 from sar_compiler.nodes.spec import Parameter
 from sar_compiler.nodes.values import nearest
 from sar_compiler.tree.model import Element

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterable, Iterator
 
-from sar_compiler.nodes.bound import BoundNode, BoundTree
-from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.binding.collector import Collector
 
 MAX_NODES = 300_000
 """A tree with its subtrees in place has at most so many nodes."""

@@ -1,6 +1,6 @@
 """Nodes as BehaviorTree.CPP and Groot2 read of them: the `TreeNodesModel`.
 
-What `nodes.models` reads is written here.
+What `nodes.models.models` reads is written here.
 """
 
 from collections.abc import Iterable, Sequence

@@ -6,7 +6,7 @@ from typing import Any, Literal, NamedTuple
 
 from py_trees.common import ComparisonExpression
 
-from sar_compiler.nodes.narrow_types import VARIABLE
+from sar_compiler.nodes.language.narrow_types import VARIABLE
 from sar_compiler.nodes.values import ConversionError, ValueType, items_of, literal_value, nearest
 from sar_compiler.runtime.blackboard import entry_of
 from sar_compiler.runtime.ports import Input

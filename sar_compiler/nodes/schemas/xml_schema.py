@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterable
 from html import escape
 
-from sar_compiler.nodes.attributes import CONDITIONS, NOTES, ONESHOT, ONESHOT_TYPE
+from sar_compiler.nodes.binding.attributes import CONDITIONS, NOTES, ONESHOT, ONESHOT_TYPE
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import CONDITION, ValueType
