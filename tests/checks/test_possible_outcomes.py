@@ -4,7 +4,8 @@ import itertools
 
 import pytest
 
-from tests.checks.outcome_oracle import SUBSETS, Form, RandomTrees, answers_of, forms, leaf
+from tests.checks.outcome_oracle import SUBSETS, RandomTrees, answers_of, leaf
+from tests.node_forms import Form, forms
 
 FORMS = forms()
 # One in so many combinations of what the children answer is tried where several have to be told apart; the

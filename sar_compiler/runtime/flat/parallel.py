@@ -10,8 +10,9 @@ from sar_compiler.runtime.flat.cells import (
     Stop,
     Tick,
 )
-from sar_compiler.runtime.flat.parts import Part, halted_with_children, reset_all
+from sar_compiler.runtime.flat.parts import Part, builds, halted_with_children, reset_all
 from sar_compiler.runtime.flat.times import Times
+from sar_compiler.runtime.parallel import Parallel, ParallelAll
 
 
 class _Counting:
@@ -53,6 +54,7 @@ class _Counting:
         return halted_with_children(self.part, self.through, self.failures)
 
 
+@builds(Parallel)
 def parallel(part: Part) -> tuple[Tick, Stop]:
     """Build a Parallel."""
     at, behaviour, count = part.at, part.behaviour, len(part.children)
@@ -78,6 +80,7 @@ def parallel(part: Part) -> tuple[Tick, Stop]:
     return tick, counting.stop()
 
 
+@builds(ParallelAll)
 def parallel_all(part: Part) -> tuple[Tick, Stop]:
     """Build a ParallelAll."""
     at, behaviour, count = part.at, part.behaviour, len(part.children)

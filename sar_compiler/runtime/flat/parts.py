@@ -53,6 +53,20 @@ Build = Callable[[Part], tuple[Tick, Stop]]
 """Brings a node of one class into flat form."""
 
 
+BUILDERS: dict[type[Behaviour], Build] = {}
+"""The builder of each class that is known; a subclass of one of them is not."""
+
+
+def builds(*classes: type[Behaviour]) -> Callable[[Build], Build]:
+    """Return a decorator that makes a function the builder of some classes."""
+
+    def mark(build: Build) -> Build:
+        BUILDERS.update(dict.fromkeys(classes, build))
+        return build
+
+    return mark
+
+
 def is_reset(behaviour: Behaviour) -> bool:
     """Say whether a node is reset before it is started again: not by a stock parent, see `Parent._starts`."""
     around = behaviour.parent

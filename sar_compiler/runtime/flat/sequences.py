@@ -2,12 +2,13 @@
 
 from typing import Any
 
-from sar_compiler.runtime.controls import AsyncFallback, AsyncSequence, SequenceWithMemory
+from sar_compiler.runtime.controls import AsyncFallback, AsyncSequence, Fallback, Sequence, SequenceWithMemory
 from sar_compiler.runtime.flat.cells import FAILURE, RUNNING, SKIPPED, Cells, Stop, Tick, number_of
-from sar_compiler.runtime.flat.parts import Part, halted_with_children, reset, reset_all
+from sar_compiler.runtime.flat.parts import Part, builds, halted_with_children, reset, reset_all
 from sar_compiler.runtime.flat.times import Times
 
 
+@builds(Sequence, Fallback, AsyncSequence, AsyncFallback, SequenceWithMemory)
 def in_order(part: Part) -> tuple[Tick, Stop]:
     """Build one of them."""
     if not part.behaviour.memory:

@@ -4,7 +4,7 @@ import pytest
 from py_trees.decorators import Decorator
 
 from sar_compiler.nodes.registry import default_registry
-from sar_compiler.runtime.flat.table import BUILDERS
+from sar_compiler.runtime.flat.parts import BUILDERS
 from tests.runtime.flat.stage import FlatStage, PyTreesStage, Stage, random_beats, random_bindings
 
 TREES = 250
