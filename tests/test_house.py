@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from sar_compiler.nodes.registry import default_registry
+
 PACKAGE = Path("sar_compiler")
 
 # What each room may import of the others, besides `errors` and `resources`, which belong to nobody.
@@ -99,5 +101,49 @@ def test_no_code_of_a_file_is_ever_evaluated():
         for path in FILES
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in {"eval", "exec"}
+    ]
+    assert wrong == []
+
+
+# Where a node is said what it is, or is written: nowhere else does a text of the code name one.
+HOMES = (
+    "nodes/language/",  # what each tag means
+    "nodes/btcpp/",  # writes trees in BehaviorTree.CPP's nodes
+    "missions/search_and_rescue/",  # registers its leaves
+)
+NAMED_ELSEWHERE = {
+    "tree/model.py": {"SubTree"},  # a part of the file's grammar, before any node has a meaning
+    "tree/matching.py": {"Condition"},  # the explicit form, <Condition ID="...">, not py_trees' decorator
+    "nodes/spec.py": {"Condition"},  # the kind, likewise
+    "cli/verify.py": {"ZonesRemaining", "NavigateToBase"},  # an example in its help
+    "runtime/flat/stock_composites.py": {"ForEach"},  # the name of a class that an old py_trees does not have
+    "runtime/flat/stock_decorators.py": {"ForEach"},
+}
+
+
+def texts_of(path):
+    """Yield the texts of a file's code: no docstrings, no annotations, no parts of messages."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    passed = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Expr):
+            passed.add(node.value)
+        elif isinstance(node, ast.JoinedStr):
+            passed.update(ast.walk(node))
+        else:
+            passed.update(each for name in ("annotation", "returns") if (each := getattr(node, name, None)))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and node not in passed:
+            yield node.value, node.lineno
+
+
+def test_no_text_outside_its_home_names_a_node():
+    tags = {*default_registry().by_tag(), "SubTree"}
+    wrong = [
+        f"{path}:{line} names <{text}>; ask its record (nodes.semantics)"
+        for path in FILES
+        if not (name := str(path.relative_to(PACKAGE))).startswith(HOMES)
+        for text, line in texts_of(path)
+        if text in tags - NAMED_ELSEWHERE.get(name, set())
     ]
     assert wrong == []

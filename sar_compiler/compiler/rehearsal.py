@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import Any
 
 from py_trees.behaviour import Behaviour
+from py_trees.behaviours import ProbabilisticBehaviour
 
 from sar_compiler.compiler import CompiledTree, compile_with
 from sar_compiler.compiler.arguments import Arguments
@@ -38,8 +39,7 @@ from sar_compiler.runtime.variables import UnknownVariableError
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
 # A leaf of the language that answers by chance would make every run another one.
-_BY_CHANCE = "ProbabilisticBehaviour"
-_LANGUAGE = {(each.tag, each.cls) for each in language.SPECS if each.tag != _BY_CHANCE}
+_LANGUAGE = {(each.tag, each.cls) for each in language.SPECS if each.cls is not ProbabilisticBehaviour}
 
 
 def is_answered(spec: NodeSpec) -> bool:
