@@ -7,7 +7,6 @@ is a module in `rules`, and `RULES` lists them.
 import itertools
 from collections.abc import Callable, Iterable
 
-from sar_compiler.checks.allowing import allowed
 from sar_compiler.checks.document import check_document
 from sar_compiler.checks.rules.keys import check_keys
 from sar_compiler.checks.rules.names import check_names
@@ -20,7 +19,8 @@ from sar_compiler.checks.rules.scripts import check_scripts
 from sar_compiler.checks.rules.subject import Subject
 from sar_compiler.checks.rules.subtrees import check_subtrees
 from sar_compiler.checks.rules.texts import check_texts
-from sar_compiler.checks.schema import check_schema
+from sar_compiler.checks.schema_validation import check_schema
+from sar_compiler.checks.suppressions import without_suppressed
 from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.model_comparison import compare
 from sar_compiler.nodes.models import described_specs, read_models
@@ -91,4 +91,4 @@ def check(forest: Forest, registry: Registry, palettes: Palettes = ()) -> list[D
     def place(finding: Diagnostic) -> tuple[int, int, int, str]:
         return order.get(finding.source.path, 0), finding.span.line, finding.span.column, finding.code
 
-    return sorted(allowed(forest, findings), key=place)
+    return sorted(without_suppressed(forest, findings), key=place)

@@ -10,7 +10,7 @@ from sar_compiler.tree.diagnostic import Severity
 
 
 @dataclass(frozen=True)
-class Kind:
+class FindingKind:
     """A kind of finding.
 
     Attributes:
@@ -140,7 +140,7 @@ _INFOS = {
 }
 
 KINDS = {
-    code: Kind(code, severity, summary)
+    code: FindingKind(code, severity, summary)
     for severity, summaries in (
         (Severity.ERROR, _ERRORS),
         (Severity.WARNING, _WARNINGS),

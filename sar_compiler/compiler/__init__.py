@@ -6,8 +6,8 @@ from uuid import UUID
 
 from py_trees.behaviour import Behaviour
 
-from sar_compiler.compiler.arguments import Arguments, PreviewArguments, given
 from sar_compiler.compiler.building import Builder, PreviewBuilder
+from sar_compiler.compiler.constructor_arguments import Arguments, PreviewArguments, given
 from sar_compiler.compiler.origins import Origin, Origins
 from sar_compiler.nodes.binding import bind
 from sar_compiler.nodes.bound import Binding
@@ -19,7 +19,7 @@ from sar_compiler.nodes.spec import Role, Use
 from sar_compiler.runtime.blackboard import Board
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.growing import uncollected
+from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import TreeFile
 
 __all__ = [
@@ -143,7 +143,7 @@ def compile_with(
     builder.prepare(top)
     if collector.findings:
         raise TreeError(_in_order(collector.findings))
-    with uncollected():
+    with gc_paused():
         return CompiledTree(builder.place(top, binding.main.root), Origins(builder.makings), top)
 
 

@@ -9,7 +9,7 @@ from py_trees.behaviours import Dummy
 from py_trees.composites import Sequence
 from py_trees.decorators import OneShot, PassThrough
 
-from sar_compiler.compiler.arguments import Arguments, given
+from sar_compiler.compiler.constructor_arguments import Arguments, given
 from sar_compiler.compiler.origins import Making
 from sar_compiler.nodes.bound import Binding, BoundNode
 from sar_compiler.nodes.collector import Collector

@@ -21,9 +21,9 @@ from sar_compiler.nodes.tree_ids import refused_in
 from sar_compiler.nodes.values import ConversionError
 from sar_compiler.tree.conversion import Converted, convert
 from sar_compiler.tree.diagnostic import Diagnostic
-from sar_compiler.tree.made import made
 from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
 from sar_compiler.tree.source import Form
+from sar_compiler.tree.synthetic import synthetic_element
 
 _KIND_TAGS = frozenset(kind.value for kind in Kind)
 _DROPS_EXPLICIT = "ReactiveSequence"
@@ -250,7 +250,7 @@ def _with_models(sections: list[Element], models: list[Element]) -> list[Element
         if section.tag == MODEL_TAG:
             extended = dataclasses.replace(section, children=(*section.children, *models))
             return [*sections[:number], extended, *sections[number + 1 :]]
-    return [*sections, made(MODEL_TAG, children=models)]
+    return [*sections, synthetic_element(MODEL_TAG, children=models)]
 
 
 def _with_ids(sections: Iterable[Element]) -> Iterator[Element]:
@@ -267,4 +267,4 @@ def _with_ids(sections: Iterable[Element]) -> Iterator[Element]:
 
 def _copied(element: Element) -> Element:
     """Return an element of another file as one of none."""
-    return made(element.tag, element.attributes, map(_copied, element.children), element.text)
+    return synthetic_element(element.tag, element.attributes, map(_copied, element.children), element.text)

@@ -12,11 +12,11 @@ from sar_compiler.nodes.values import CONDITION, UNSIGNED
 from sar_compiler.runtime import decorators as own
 from sar_compiler.runtime import entries, loops, repetition, script_nodes, timers
 from sar_compiler.runtime.blackboard import Scope
+from sar_compiler.runtime.chosen_outcome import Outcome
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
-from sar_compiler.runtime.outcomes import Outcome
 from sar_compiler.runtime.ports import InOut, Input
-from sar_compiler.runtime.py_trees_timers import Timeout
+from sar_compiler.runtime.py_trees_timers import PyTreesTimeout
 from sar_compiler.runtime.scripting import NodeScript
 
 
@@ -198,7 +198,7 @@ PY_TREES = [
     ),
     Registration(
         "Timeout",
-        Timeout,
+        PyTreesTimeout,
         Kind.DECORATOR,
         _ALL,
         skip_advice='msec="..."',

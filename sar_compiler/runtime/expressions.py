@@ -35,7 +35,7 @@ class Prefix:
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class OperatorTerm:
     """An operator with the operand on its right; the place is the operator's."""
 
     operator: str
@@ -49,7 +49,7 @@ class Operation:
     """Operators of one rank, applied from left to right: `a + b - c`."""
 
     first: "Expression"
-    steps: tuple[Step, ...]
+    steps: tuple[OperatorTerm, ...]
     start: int = field(compare=False)
     end: int = field(compare=False)
 
@@ -59,7 +59,7 @@ class Comparison:
     """Neighbours compared: `a < b <= c` is true if `a < b` and `b <= c` are."""
 
     first: "Expression"
-    steps: tuple[Step, ...]
+    steps: tuple[OperatorTerm, ...]
     start: int = field(compare=False)
     end: int = field(compare=False)
 

@@ -14,7 +14,7 @@ from py_trees.common import Status
 from py_trees.composites import Composite
 from py_trees.decorators import Decorator
 
-from sar_compiler.runtime.leaf import Wake, stay_asleep
+from sar_compiler.runtime.leaf_protocol import Wake, stay_asleep
 from sar_compiler.runtime.skipping import SKIPPED, reset, was_skipped
 
 Ticking = Generator[Behaviour, None, Status]

@@ -12,7 +12,7 @@ from sar_compiler.runtime import timers
 from sar_compiler.runtime.clock import Clock
 
 
-class Timeout(decorators.Timeout):
+class PyTreesTimeout(decorators.Timeout):
     """Fails if its child is still running after a time, measured on the mission's clock.
 
     py_trees' own Timeout reads the machine's clock, which is wrong for a robot on simulated time.
@@ -46,7 +46,7 @@ class Timeout(decorators.Timeout):
         return Status.RUNNING
 
 
-class Timer(stock.Timer):
+class PyTreesTimer(stock.Timer):
     """Runs until a time has passed on the mission's clock, then succeeds.
 
     py_trees' own Timer reads the machine's clock, which is wrong for a robot on simulated time.

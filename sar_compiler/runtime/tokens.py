@@ -67,7 +67,7 @@ class ScriptError(SarError):
         self.hint = hint
 
 
-class Kind(enum.Enum):
+class TokenKind(enum.Enum):
     """What a token is."""
 
     LITERAL = enum.auto()
@@ -88,7 +88,7 @@ class Token:
         value: What a literal stands for.
     """
 
-    kind: Kind
+    kind: TokenKind
     text: str
     start: int
     end: int
@@ -111,7 +111,7 @@ def tokenize(text: str) -> Iterator[Token]:
             _check_end_of_number(text, match)
         if match.lastgroup != "space":
             yield _token(match)
-    yield Token(Kind.END, "", position, position)
+    yield Token(TokenKind.END, "", position, position)
 
 
 def excerpt(text: str) -> str:
@@ -122,14 +122,14 @@ def excerpt(text: str) -> str:
 def _token(match: re.Match[str]) -> Token:
     word, start, end = match.group(), match.start(), match.end()
     if match.lastgroup == "integer":
-        return Token(Kind.LITERAL, word, start, end, _integer(word, start))
+        return Token(TokenKind.LITERAL, word, start, end, _integer(word, start))
     if match.lastgroup == "real":
-        return Token(Kind.LITERAL, word, start, end, _real(word, start))
+        return Token(TokenKind.LITERAL, word, start, end, _real(word, start))
     if match.lastgroup == "text":
-        return Token(Kind.LITERAL, word, start, end, word[1:-1])
+        return Token(TokenKind.LITERAL, word, start, end, word[1:-1])
     if word in _BOOLS:
-        return Token(Kind.LITERAL, word, start, end, _BOOLS[word])
-    return Token(Kind.NAME if match.lastgroup == "name" else Kind.SIGN, word, start, end)
+        return Token(TokenKind.LITERAL, word, start, end, _BOOLS[word])
+    return Token(TokenKind.NAME if match.lastgroup == "name" else TokenKind.SIGN, word, start, end)
 
 
 def _integer(word: str, start: int) -> int:

@@ -8,7 +8,7 @@ from typing import Protocol
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.tokens import LARGEST_INTEGER, excerpt
 
-Value = int | float | str
+ScriptValue = int | float | str
 """What a script calculates with."""
 
 LARGEST_EXACT = 2**53 - 1
@@ -47,7 +47,7 @@ class RefusedValueError(VariableError):
 class Variables(Protocol):
     """What a script reads and writes: names in the script's scope, those with `@` in the root's."""
 
-    def read(self, name: str) -> Value:
+    def read(self, name: str) -> ScriptValue:
         """Return a variable's value.
 
         Raises:
@@ -55,7 +55,7 @@ class Variables(Protocol):
         """
         ...
 
-    def create(self, name: str, value: Value) -> Value:
+    def create(self, name: str, value: ScriptValue) -> ScriptValue:
         """Make a variable, or give the one that exists a value, as `assign` does; for `:=`.
 
         Returns:
@@ -66,7 +66,7 @@ class Variables(Protocol):
         """
         ...
 
-    def assign(self, name: str, value: Value) -> Value:
+    def assign(self, name: str, value: ScriptValue) -> ScriptValue:
         """Give a variable that exists a value, which keeps its type (see `fit`).
 
         Returns:
@@ -79,7 +79,7 @@ class Variables(Protocol):
         ...
 
 
-def fit(value: Value, kind: type, enums: Mapping[str, int] | None = None) -> Value:
+def fit(value: ScriptValue, kind: type, enums: Mapping[str, int] | None = None) -> ScriptValue:
     """Return what a variable with a type makes of a value that it is given.
 
     Args:
@@ -141,7 +141,7 @@ def number_of(text: str) -> int | float:
     raise RefusedValueError(message)
 
 
-def as_real(value: Value) -> float:
+def as_real(value: ScriptValue) -> float:
     """Return a number as a real one.
 
     Raises:
@@ -158,7 +158,7 @@ def as_real(value: Value) -> float:
     return float(value)
 
 
-def as_whole(value: Value) -> int:
+def as_whole(value: ScriptValue) -> int:
     """Return a number as a whole one of 64 bits.
 
     Raises:

@@ -82,7 +82,7 @@ def match(old: TreeFile, new: TreeFile) -> tuple[Node, Node]:
     Returns:
         The roots of both files; `partner` says of every node in them which one it is in the other file.
     """
-    reader = _Reader()
+    reader = _NodeReader()
     first, second = (reader.node(tree_file.root, None, ordered=True) for tree_file in (old, new))
     _pair(first, second)
     _align(first, second)
@@ -101,7 +101,7 @@ def in_place(old: Node, new: Node) -> list[tuple[Node, Node]]:
     return [pairs[j] for _, j in kept]
 
 
-class _Reader:
+class _NodeReader:
     """Makes nodes of elements, and gives equal marks to those that say the same."""
 
     def __init__(self) -> None:

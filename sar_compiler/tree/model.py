@@ -30,15 +30,15 @@ class Comment:
             around them.
         index: The child before which it stands; the number of children if it stands behind the last one.
         attribute: The attribute to which it belongs instead, which only YAML can have.
-        beside: It shares the line of what it belongs to: of the attribute, or else of the element's tag.
-        apart: A blank line stands before it.
+        trailing: It shares the line of what it belongs to: of the attribute, or else of the element's tag.
+        after_blank_line: A blank line stands before it.
     """
 
     text: str
     index: int = 0
     attribute: str | None = None
-    beside: bool = False
-    apart: bool = False
+    trailing: bool = False
+    after_blank_line: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -70,7 +70,7 @@ class Spans(Protocol):
         """
         ...
 
-    def stands_apart(self, source: "Source", element: "Element") -> bool:
+    def follows_blank_line(self, source: "Source", element: "Element") -> bool:
         """Say whether a blank line stands directly before the element."""
         ...
 
@@ -84,14 +84,14 @@ class Source:
         text: The whole text.
         spans: Finds parts of elements in it.
         encoding: How the text is encoded in the file.
-        mark: The byte order mark before it; empty where there is none.
+        bom: The byte order mark before it; empty where there is none.
     """
 
     path: str
     text: str = field(repr=False)
     spans: Spans = field(repr=False)
     encoding: str = "utf-8"
-    mark: str = field(default="", repr=False)
+    bom: str = field(default="", repr=False)
 
     @property
     def form(self) -> Form:

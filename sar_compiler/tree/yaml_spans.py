@@ -75,7 +75,7 @@ class YamlSpans:
         offsets = offsets_in_scalar(source.text, places[2], places[3], element.attributes[name])
         return source.span(*(offsets[min(index, len(offsets) - 1)] for index in (start, end)))
 
-    def stands_apart(self, source: Source, element: Element) -> bool:
+    def follows_blank_line(self, source: Source, element: Element) -> bool:
         """Say whether a blank line stands directly before the element."""
         return source.blank_before(source.offset(element.line, element.column), passing="- \t\r\n")
 

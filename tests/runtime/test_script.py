@@ -14,9 +14,9 @@ from sar_compiler.runtime.expressions import (
     Literal,
     Name,
     Operation,
+    OperatorTerm,
     Prefix,
     Script,
-    Step,
     name_uses,
 )
 from sar_compiler.runtime.script import MAX_DEPTH, parse
@@ -326,7 +326,9 @@ def names():
 
 def chains(kind, operators, parts):
     steps = st.lists(
-        st.builds(Step, st.sampled_from(operators), parts, st.just(0), st.just(0)), min_size=1, max_size=3
+        st.builds(OperatorTerm, st.sampled_from(operators), parts, st.just(0), st.just(0)),
+        min_size=1,
+        max_size=3,
     )
     return st.builds(kind, parts, steps.map(tuple), st.just(0), st.just(0))
 

@@ -203,14 +203,14 @@ def test_comments_are_kept_with_the_elements_that_they_stand_before_behind_and_b
 <!-- behind -->"""
     tree_file = parse_xml(text)
     assert [(one.text, one.index) for one in tree_file.comments] == [("before", 0), ("behind", 1)]
-    assert [(one.text, one.index, one.beside, one.apart) for one in tree_file.root.comments] == [
+    assert [(one.text, one.index, one.trailing, one.after_blank_line) for one in tree_file.root.comments] == [
         ("beside root", 0, True, False),
         ("Before B,\n  in lines.", 1, False, False),
         ("also before B", 1, False, True),
         ("at the end", 2, False, False),
     ]
     first, second = tree_file.root.children
-    assert [(one.text, one.beside) for one in first.comments] == [("beside A", True)]
+    assert [(one.text, one.trailing) for one in first.comments] == [("beside A", True)]
     assert second.comments == ()
 
 

@@ -16,7 +16,7 @@ from sar_compiler.runtime.answers import Fact
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.expressions import Access, Script, name_uses
 from sar_compiler.runtime.script import parse
-from sar_compiler.runtime.variables import UnknownVariableError, Value
+from sar_compiler.runtime.variables import ScriptValue, UnknownVariableError
 from sar_compiler.tree.diagnostic import Diagnostic
 
 _UNKNOWN = "unknown"
@@ -127,16 +127,16 @@ class _Facts:
     """
 
     def __init__(self, facts: Mapping[str, Fact]) -> None:
-        self._values: dict[str, Value] = {
+        self._values: dict[str, ScriptValue] = {
             name: float(value) if isinstance(value, bool) else value for name, value in facts.items()
         }
 
-    def read(self, name: str) -> Value:
+    def read(self, name: str) -> ScriptValue:
         if name not in self._values:
             raise UnknownVariableError(name)
         return self._values[name]
 
-    def create(self, name: str, value: Value) -> Value:
+    def create(self, name: str, value: ScriptValue) -> ScriptValue:
         self._values[name] = value
         return value
 

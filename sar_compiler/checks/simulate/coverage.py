@@ -7,8 +7,8 @@ from py_trees.behaviour import Behaviour
 
 from sar_compiler.checks.simulate.running import Run
 from sar_compiler.nodes.bound import BoundNode
-from sar_compiler.runtime.answering import AnsweringLeaf
 from sar_compiler.runtime.answers import STATUSES
+from sar_compiler.runtime.stub_leaf import StubLeaf
 
 
 @dataclass
@@ -56,9 +56,9 @@ class Coverage:
 
     def add(self, run: Run) -> None:
         """Take in what a run has shown."""
-        origins = run.rehearsal.compiled.origins
+        origins = run.simulated.compiled.origins
         nodes: dict[UUID, Covered] = {}
-        for behaviour in run.rehearsal.root.iterate():
+        for behaviour in run.simulated.root.iterate():
             bound = origins[behaviour.id].bound
             # What is wrapped around a node (conditions, a OneShot) has another name, and is not the node.
             if behaviour.name == bound.name:
@@ -75,7 +75,7 @@ class Coverage:
 
 def _outcomes(behaviour: Behaviour, bound: BoundNode) -> list[str]:
     """Return all that a leaf can come to."""
-    if isinstance(behaviour, AnsweringLeaf):
+    if isinstance(behaviour, StubLeaf):
         return [answer.name for answer in behaviour.answers]
     leaf = bound.spec.kind.is_leaf and not behaviour.children
     return [status for status in STATUSES if leaf and status in bound.spec.outcomes]

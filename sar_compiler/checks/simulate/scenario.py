@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from sar_compiler.checks.leaf_words import Deed
-from sar_compiler.runtime.answering import AnsweringLeaf
+from sar_compiler.checks.leaf_words import EventPattern
 from sar_compiler.runtime.answers import Fact
 from sar_compiler.runtime.expressions import Script
+from sar_compiler.runtime.stub_leaf import StubLeaf
 
 PERIOD_SEC = 0.5
 """The time between two ticks where nothing else is said: 2 Hz, as `sar-run` ticks."""
@@ -16,7 +16,7 @@ MAX_TICKS = 1000
 
 
 @dataclass(frozen=True)
-class Step:
+class AnswerStep:
     """What a leaf answers once, or as often as is said.
 
     Attributes:
@@ -75,9 +75,9 @@ class Expectations:
     within_ticks: int | None = None
     within_sec: float | None = None
     facts: Mapping[str, Fact] = field(default_factory=dict)
-    order: tuple[Deed, ...] = ()
-    never: tuple[Deed, ...] = ()
-    counts: tuple[tuple[Deed, Bounds], ...] = ()
+    order: tuple[EventPattern, ...] = ()
+    never: tuple[EventPattern, ...] = ()
+    counts: tuple[tuple[EventPattern, Bounds], ...] = ()
     trace: Path | None = None
     lines: Mapping[str, int] = field(default_factory=dict)
 
@@ -101,5 +101,5 @@ class Scenario:
     period_sec: float = PERIOD_SEC
     max_ticks: int = MAX_TICKS
     until: Script | None = None
-    scripts: Mapping[AnsweringLeaf, tuple[Step, ...]] = field(default_factory=dict)
+    scripts: Mapping[StubLeaf, tuple[AnswerStep, ...]] = field(default_factory=dict)
     expect: Expectations = field(default_factory=Expectations)

@@ -4,14 +4,14 @@ from collections.abc import Callable, Collection
 
 from sar_compiler.checks.verify.facts import RememberedFacts
 from sar_compiler.checks.yaml_values import Document, Value
-from sar_compiler.compiler.rehearsal import Rehearsal
+from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.values import nearest
-from sar_compiler.runtime.answering import FactVariables
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.expressions import Access, Script, name_uses
-from sar_compiler.runtime.variables import Value as ScriptValue
+from sar_compiler.runtime.stub_leaf import FactVariables
+from sar_compiler.runtime.variables import ScriptValue
 
 ROOT = "root"
 """What the root came to in the last tick."""
@@ -33,15 +33,15 @@ class Surroundings(FactVariables):
     """What conditions read: facts, keys of the tree, and how the last tick ended.
 
     Args:
-        rehearsal: The tree.
+        simulated: The tree.
         facts: Its facts.
 
     Attributes:
         facts: Its facts.
     """
 
-    def __init__(self, rehearsal: Rehearsal, facts: RememberedFacts) -> None:
-        super().__init__(rehearsal.facts, rehearsal.compiled.instance.scope, Enums())
+    def __init__(self, simulated: SimulatedTree, facts: RememberedFacts) -> None:
+        super().__init__(simulated.facts, simulated.compiled.instance.scope, Enums())
         self.facts = facts
         self._ended: dict[str, ScriptValue | None] = {}
 

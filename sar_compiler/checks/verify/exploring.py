@@ -10,7 +10,7 @@ from sar_compiler.checks.verify.graph import Breach, Graph
 _REPORT_EVERY = 2048
 
 
-class Step(NamedTuple):
+class Transition(NamedTuple):
     """One thing that a tick can come to.
 
     Attributes:
@@ -49,7 +49,7 @@ class Stepper(Protocol):
         """Return the state before the first tick."""
         ...
 
-    def steps(self, state: Hashable) -> Iterator[Step]:
+    def steps(self, state: Hashable) -> Iterator[Transition]:
         """Yield everything that the next tick can come to."""
         ...
 
@@ -194,6 +194,6 @@ class _Exploration:
             broken >>= 1
             rule += 1
 
-    def _note_error(self, source: int, step: Step) -> None:
+    def _note_error(self, source: int, step: Transition) -> None:
         if self._graph.error is None:
             self._graph.error = Breach(source, self._stepper.path, step.error)

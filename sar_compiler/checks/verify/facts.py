@@ -7,11 +7,11 @@ a number, and what a script makes of a number is remembered.
 from collections.abc import Callable, Sequence
 
 from sar_compiler.checks.verify.snapshots import Snapshots
-from sar_compiler.compiler.rehearsal import Rehearsal
-from sar_compiler.runtime.answering import AnsweringLeaf
+from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.expressions import Script, name_uses
 from sar_compiler.runtime.script import parse
+from sar_compiler.runtime.stub_leaf import StubLeaf
 
 _UNKNOWN = -1
 
@@ -22,18 +22,18 @@ class RememberedFacts:
     The board of the facts is brought up to date only where somebody looks at it: `write_out` does that.
 
     Args:
-        rehearsal: The tree.
+        simulated: The tree.
     """
 
-    def __init__(self, rehearsal: Rehearsal) -> None:
-        self._snapshots = Snapshots(rehearsal.facts.board)
-        self._names = frozenset(rehearsal.fact_values())
+    def __init__(self, simulated: SimulatedTree) -> None:
+        self._snapshots = Snapshots(simulated.facts.board)
+        self._names = frozenset(simulated.fact_values())
         self._written = self.number = self._snapshots.take()
         """The number of the facts as they are now."""
         # The leaves whose scripts look at facts only, and change nothing else.
         self._known = {
             id(leaf)
-            for leaf in rehearsal.leaves
+            for leaf in simulated.leaves
             if all(
                 self.alone(parse(text)) for each in leaf.answers for text in (each.when, each.then) if text
             )
@@ -50,17 +50,17 @@ class RememberedFacts:
             self._snapshots.restore(self.number)
             self._written = self.number
 
-    def decide_alone(self, leaf: AnsweringLeaf) -> bool:
+    def decide_alone(self, leaf: StubLeaf) -> bool:
         """Say whether nothing but facts decides what a leaf can answer, and nothing else is changed by it."""
         return id(leaf) in self._known
 
-    def options(self, leaf: AnsweringLeaf) -> Sequence[Answer]:
-        """Return the answers of a leaf that are possible now; raises as `AnsweringLeaf.options`."""
+    def options(self, leaf: StubLeaf) -> Sequence[Answer]:
+        """Return the answers of a leaf that are possible now; raises as `StubLeaf.options`."""
         self.write_out()
         return leaf.options()
 
-    def change(self, leaf: AnsweringLeaf, answer: Answer) -> None:
-        """Change what an answer of a leaf changes; raises as `AnsweringLeaf.change`."""
+    def change(self, leaf: StubLeaf, answer: Answer) -> None:
+        """Change what an answer of a leaf changes; raises as `StubLeaf.change`."""
         place = (id(leaf), id(answer), self.number)
         number = self._changes.get(place)
         if number is None:

@@ -12,12 +12,12 @@ from sar_compiler.checks.verify.choices import Choices
 from sar_compiler.checks.verify.outcomes import NUMBERS
 from sar_compiler.checks.verify.prepared import Prepared
 from sar_compiler.checks.verify.trail import Trail
-from sar_compiler.runtime.answering import ANSWERED, HALTED, STARTED, AnsweringLeaf
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.flat import Times
 from sar_compiler.runtime.flat.cells import INVALID, RUNNING, SKIPPED, Cells, Stop, Tick
 from sar_compiler.runtime.flat.parts import Build, Part
 from sar_compiler.runtime.flat.table import builder_of
+from sar_compiler.runtime.stub_leaf import ANSWERED, HALTED, STARTED, StubLeaf
 
 
 class _Reply(NamedTuple):
@@ -59,7 +59,7 @@ class FlatLeaves:
         Raises:
             NotFlatError: If its rules are not known.
         """
-        if isinstance(behaviour, AnsweringLeaf):
+        if isinstance(behaviour, StubLeaf):
             return self._answering
         build = builder_of(behaviour)
         return build if behaviour.children else self._noting(build)
@@ -80,7 +80,7 @@ class FlatLeaves:
         return noting
 
     def _answering(self, part: Part) -> tuple[Tick, Stop]:
-        """Build a leaf that does what `AnsweringLeaf` does in `initialise`, `update` and `terminate`."""
+        """Build a leaf that does what `StubLeaf` does in `initialise`, `update` and `terminate`."""
         leaf, index, at, bit = part.behaviour, part.index, part.at, 1 << part.index
         note, pick, trail, facts = self.ran.add, self._pick, self._trail, self._facts
         take = trail.take
@@ -115,7 +115,7 @@ class FlatLeaves:
 
         return tick, stop
 
-    def _replies(self, leaf: AnsweringLeaf, known: dict[int, Sequence[_Reply]]) -> Sequence[_Reply]:
+    def _replies(self, leaf: StubLeaf, known: dict[int, Sequence[_Reply]]) -> Sequence[_Reply]:
         """Return what a leaf can answer now, and keep it if it depends on facts only.
 
         The last one comes first: leaves name their setbacks behind their successes, and among runs of as many

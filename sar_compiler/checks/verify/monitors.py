@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 
-class Form(Enum):
+class PropertyPattern(Enum):
     """What a property says, in the words of the specification patterns of Dwyer, Avrunin and Corbett."""
 
     NEVER = "never"
@@ -32,7 +32,7 @@ class Monitor:
         owes: Whether what must come can come at any time, so that it is owed until it comes.
     """
 
-    form: Form
+    form: PropertyPattern
     roles: Mapping[int, int]
     owes: bool = False
 
@@ -70,11 +70,11 @@ def _at_most_once(flag: bool, roles: int) -> tuple[bool, bool]:
     return happened or bool(roles & MAIN), happened and bool(roles & MAIN)
 
 
-_RULES: Mapping[Form, Callable[[bool, int], tuple[bool, bool]]] = {
-    Form.NEVER: _never,
-    Form.BEFORE: _before,
-    Form.AFTER: _after,
-    Form.AT_MOST_ONCE: _at_most_once,
+_RULES: Mapping[PropertyPattern, Callable[[bool, int], tuple[bool, bool]]] = {
+    PropertyPattern.NEVER: _never,
+    PropertyPattern.BEFORE: _before,
+    PropertyPattern.AFTER: _after,
+    PropertyPattern.AT_MOST_ONCE: _at_most_once,
 }
 
 

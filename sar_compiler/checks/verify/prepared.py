@@ -4,24 +4,24 @@ from dataclasses import dataclass
 
 from sar_compiler.checks.verify.alphabet import Alphabet
 from sar_compiler.checks.verify.facts import RememberedFacts
-from sar_compiler.compiler.rehearsal import Rehearsal
+from sar_compiler.compiler.simulated_tree import SimulatedTree
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A tree with answering leaves, and what is kept of it while its states are gone through.
+    """A tree with stub leaves, and what is kept of it while its states are gone through.
 
     Attributes:
-        rehearsal: The tree.
+        simulated: The tree.
         alphabet: Its events.
         facts: Its facts.
     """
 
-    rehearsal: Rehearsal
+    simulated: SimulatedTree
     alphabet: Alphabet
     facts: RememberedFacts
 
     @classmethod
-    def of(cls, rehearsal: Rehearsal) -> "Prepared":
+    def of(cls, simulated: SimulatedTree) -> "Prepared":
         """Make a tree ready."""
-        return cls(rehearsal, Alphabet(rehearsal), RememberedFacts(rehearsal))
+        return cls(simulated, Alphabet(simulated), RememberedFacts(simulated))

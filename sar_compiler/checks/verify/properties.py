@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.verify.conditions import Condition, Surroundings, read_condition
 from sar_compiler.checks.verify.known_names import names_of
-from sar_compiler.checks.verify.monitors import LIMIT, MAIN, OTHER, Form, Monitor, Monitors
+from sar_compiler.checks.verify.monitors import LIMIT, MAIN, OTHER, Monitor, Monitors, PropertyPattern
 from sar_compiler.checks.verify.prepared import Prepared
 from sar_compiler.checks.verify.property_files import EventProperty, PropertyFile
 from sar_compiler.checks.verify.rules import Rules
@@ -107,10 +107,10 @@ class _Reading:
         self.left_out: list[LeftOut] = []
         self._document = document
         self._alphabet = prepared.alphabet
-        self._words = LeafWords(prepared.rehearsal)
+        self._words = LeafWords(prepared.simulated)
         self._tags = tags
-        self._known = names_of(prepared.rehearsal)
-        self._surroundings = Surroundings(prepared.rehearsal, prepared.facts)
+        self._known = names_of(prepared.simulated)
+        self._surroundings = Surroundings(prepared.simulated, prepared.facts)
 
     def take(self, written: EventProperty) -> None:
         """Take a property."""
@@ -124,12 +124,14 @@ class _Reading:
             return
         counted = main.numbers
         if condition is not None:
-            counted = {self._guard(main.numbers, condition, comes_first=written.form is Form.BEFORE)}
+            counted = {
+                self._guard(main.numbers, condition, comes_first=written.form is PropertyPattern.BEFORE)
+            }
         roles: dict[int, int] = {}
         for numbers, role in ((counted, MAIN), (other.numbers, OTHER), (limit.numbers, LIMIT)):
             for number in numbers:
                 roles[number] = roles.get(number, 0) | role
-        owes = written.form is Form.AFTER and not written.limit
+        owes = written.form is PropertyPattern.AFTER and not written.limit
         self.monitors.append(Monitor(written.form, roles, owes))
         self.names.append(written.name)
 

@@ -7,7 +7,7 @@ from sar_compiler.checks.verify.lassos import lasso
 from sar_compiler.checks.verify.liveness import endings, owing_for_ever
 from sar_compiler.checks.verify.properties import Properties
 from sar_compiler.checks.verify.traces import Retracing, Trace
-from sar_compiler.checks.verify.verdicts import Outcome, Verdict
+from sar_compiler.checks.verify.verdicts import ProofStatus, Verdict
 from sar_compiler.runtime.flat import FlatNode
 
 NO_ERROR = "no tick raises an error"
@@ -37,17 +37,17 @@ class Questions:
             return self._unbroken(NO_ERROR)
         assert error.error is not None  # noqa: S101 - that is what kind of breach it is
         reason = f"{error.error}{self._advice_on(error.error)}"
-        return Verdict(NO_ERROR, Outcome.BROKEN, reason, self._retracing.breach(error))
+        return Verdict(NO_ERROR, ProofStatus.BROKEN, reason, self._retracing.breach(error))
 
     def every_leaf(self, leaves: Sequence[FlatNode], ran: Collection[int]) -> Verdict:
         """Say whether every leaf is ticked in some run."""
         never = [f"'{node.behaviour.name}'" for node in leaves if node.index not in ran]
         if not never:
-            return Verdict(EVERY_LEAF, Outcome.PROVED)
+            return Verdict(EVERY_LEAF, ProofStatus.PROVED)
         names = ", ".join(never)
         if self._graph.complete:
-            return Verdict(EVERY_LEAF, Outcome.BROKEN, f"in no run is it the turn of {names}")
-        return Verdict(EVERY_LEAF, Outcome.UNDECIDED, f"so far it was not the turn of {names}")
+            return Verdict(EVERY_LEAF, ProofStatus.BROKEN, f"in no run is it the turn of {names}")
+        return Verdict(EVERY_LEAF, ProofStatus.UNDECIDED, f"so far it was not the turn of {names}")
 
     def endings(self) -> Iterator[Verdict]:
         """Say whether the runs end."""
@@ -56,13 +56,16 @@ class Questions:
             yield self._unbroken(AN_END)
         else:
             yield Verdict(
-                AN_END, Outcome.BROKEN, "after this no end comes any more", self._retracing.to(found.stuck)
+                AN_END,
+                ProofStatus.BROKEN,
+                "after this no end comes any more",
+                self._retracing.to(found.stuck),
             )
         if found.circling is None:
             yield self._unbroken(NO_LIVELOCK)
         else:
             yield Verdict(
-                NO_LIVELOCK, Outcome.BROKEN, "this run goes on for ever", self._round(found.circling)
+                NO_LIVELOCK, ProofStatus.BROKEN, "this run goes on for ever", self._round(found.circling)
             )
 
     def properties(self, properties: Properties) -> Iterator[Verdict]:
@@ -71,7 +74,7 @@ class Questions:
             breach = self._graph.breaches.get(rule)
             if breach is not None:
                 yield Verdict(
-                    name, Outcome.BROKEN, "it is broken in the last tick", self._retracing.breach(breach)
+                    name, ProofStatus.BROKEN, "it is broken in the last tick", self._retracing.breach(breach)
                 )
                 continue
             circling = owing_for_ever(self._graph, 1 << rule) if rule in properties.owing else None
@@ -79,7 +82,7 @@ class Questions:
                 yield self._unbroken(name)
             else:
                 reason = "what must come never comes in this run"
-                yield Verdict(name, Outcome.BROKEN, reason, self._round(circling))
+                yield Verdict(name, ProofStatus.BROKEN, reason, self._round(circling))
 
     def _round(self, component: list[int]) -> Trace:
         return self._retracing.lasso(lasso(self._graph, component))
@@ -88,11 +91,11 @@ class Questions:
         graph = self._graph
         if graph.error is not None:
             return Verdict(
-                question, Outcome.UNDECIDED, "a run that raises an error was not followed beyond it"
+                question, ProofStatus.UNDECIDED, "a run that raises an error was not followed beyond it"
             )
         if graph.complete:
-            return Verdict(question, Outcome.PROVED)
+            return Verdict(question, ProofStatus.PROVED)
         seen = {0: "what was seen of the first tick", 1: "the first tick of every run"}
         where = seen.get(graph.depth, f"the first {graph.depth:,} ticks of every run")
         reason = f"nothing speaks against it in {where}"
-        return Verdict(question, Outcome.UNDECIDED, reason)
+        return Verdict(question, ProofStatus.UNDECIDED, reason)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from sar_compiler.checks.verify.choices import Choices, UnsteadyError
 from sar_compiler.checks.verify.conditions import ConditionError
-from sar_compiler.checks.verify.exploring import Judgement, Step
+from sar_compiler.checks.verify.exploring import Judgement, Transition
 from sar_compiler.checks.verify.flat_leaves import FlatLeaves
 from sar_compiler.checks.verify.outcomes import NOT_TICKED, WORDS
 from sar_compiler.checks.verify.prepared import Prepared
@@ -14,9 +14,9 @@ from sar_compiler.checks.verify.rules import Rules
 from sar_compiler.checks.verify.snapshots import Snapshots
 from sar_compiler.checks.verify.timers import Timers
 from sar_compiler.checks.verify.trail import Trail
-from sar_compiler.runtime.answering import Event
 from sar_compiler.runtime.flat import flatten
 from sar_compiler.runtime.flat.cells import Cells
+from sar_compiler.runtime.stub_leaf import Event
 
 # How many states are looked at for what grows, and how much of it is told.
 _SAMPLE = 5000
@@ -42,7 +42,7 @@ class State(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Played:
+class PlayedTick:
     """What happened in a tick, for those who read of it.
 
     Attributes:
@@ -57,10 +57,10 @@ class Played:
 
 
 class TreeStepper:
-    """Plays ticks of a rehearsed tree in its flat form.
+    """Plays ticks of a simulated tree in its flat form.
 
     Args:
-        prepared: The tree with answering leaves.
+        prepared: The tree with stub leaves.
         rules: What is watched.
 
     Raises:
@@ -72,19 +72,19 @@ class TreeStepper:
     """
 
     def __init__(self, prepared: Prepared, rules: Rules) -> None:
-        self._rehearsal = prepared.rehearsal
+        self._simulated = prepared.simulated
         self._alphabet = prepared.alphabet
         self._facts = prepared.facts
         self._rules = rules
         self._choices = Choices()
         self._trail = Trail(rules.guarded)
         leaves = FlatLeaves(prepared, self._choices, self._trail)
-        self.flat = flatten(self._rehearsal.root, leaves.builder)
+        self.flat = flatten(self._simulated.root, leaves.builder)
         self.ran = leaves.ran
         self._times = Timers(self._choices, self._trail)
         self._cells: Cells = self.flat.initial()
         self._outcome = NOT_TICKED
-        self._keys = Snapshots(self._rehearsal.compiled.board)
+        self._keys = Snapshots(self._simulated.compiled.board)
         self._start = self._state(NOT_TICKED, rules.monitors.start)
 
     def start(self) -> State:
@@ -96,7 +96,7 @@ class TreeStepper:
         """The choices of the last tick."""
         return self._choices.path
 
-    def steps(self, state: Hashable) -> Iterator[Step]:
+    def steps(self, state: Hashable) -> Iterator[Transition]:
         """Yield everything that the next tick can come to.
 
         Raises:
@@ -117,12 +117,12 @@ class TreeStepper:
         self._go_to(state)
         return self._rules.judge(WORDS[state.outcome], state.watched, idle=idle)
 
-    def played(self) -> Played:
+    def played(self) -> PlayedTick:
         """Tell of the step that was yielded last."""
         known = self._alphabet.events
         # What is behind them follows an event while a condition holds.
         events = tuple(known[number] for number in self._trail.numbers if number < len(known))
-        return Played(events, WORDS[self._outcome], self._values())
+        return PlayedTick(events, WORDS[self._outcome], self._values())
 
     def values_in(self, state: Hashable) -> dict[str, object]:
         """Return the facts and the keys of the tree in a state."""
@@ -146,12 +146,12 @@ class TreeStepper:
 
     def _values(self) -> dict[str, object]:
         self._facts.write_out()
-        board = self._rehearsal.compiled.board
+        board = self._simulated.compiled.board
         prefix = f"{board.prefix}/"
         keys = {name.removeprefix(prefix): board.get(name) for name in board.names() if board.has(name)}
-        return {**keys, **self._rehearsal.fact_values()}
+        return {**keys, **self._simulated.fact_values()}
 
-    def _play(self, state: State) -> Step:
+    def _play(self, state: State) -> Transition:
         cells = self._cells
         cells[:] = state.cells
         self._go_to(state)
@@ -162,9 +162,9 @@ class TreeStepper:
         except (ConditionError, UnsteadyError):
             raise
         except Exception as error:  # noqa: BLE001 - whatever a leaf raises would end the mission
-            return Step(None, error=error)
+            return Transition(None, error=error)
         watched, broken = self._rules.monitors.after(state.watched, tuple(self._trail.numbers))
-        return Step(self._state(outcome, watched), self._trail.waits, broken)
+        return Transition(self._state(outcome, watched), self._trail.waits, broken)
 
     def _state(self, outcome: int, watched: int) -> State:
         self.flat.renumber(self._cells)

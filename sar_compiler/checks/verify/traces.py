@@ -4,11 +4,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from sar_compiler.checks.verify.exploring import Step
+from sar_compiler.checks.verify.exploring import Transition
 from sar_compiler.checks.verify.graph import Breach, Graph
 from sar_compiler.checks.verify.lassos import Lasso
 from sar_compiler.checks.verify.stepping import TreeStepper
-from sar_compiler.runtime.answering import Event
+from sar_compiler.runtime.stub_leaf import Event
 
 Change = tuple[object, object]
 """A value before and after; None where there is none."""
@@ -90,7 +90,7 @@ class Retracing:
         end, waits = graph.keys[graph.targets[edge]], graph.waiting[graph.waits[edge]]
         return self._tick(source, lambda step: step.state == end and step.waits == waits)
 
-    def _tick(self, source: int, wanted: Callable[[Step], bool]) -> TraceTick:
+    def _tick(self, source: int, wanted: Callable[[Transition], bool]) -> TraceTick:
         """Play the first tick of a state that is wanted."""
         key = self._graph.keys[source]
         before = self._stepper.values_in(key)

@@ -5,10 +5,10 @@ from enum import Enum
 
 from sar_compiler.checks.verify.properties import LeftOut
 from sar_compiler.checks.verify.traces import Trace
-from sar_compiler.runtime.answering import AnsweringLeaf
+from sar_compiler.runtime.stub_leaf import StubLeaf
 
 
-class Outcome(str, Enum):
+class ProofStatus(str, Enum):
     """What is known of a question."""
 
     PROVED = "proved"
@@ -28,7 +28,7 @@ class Verdict:
     """
 
     question: str
-    outcome: Outcome
+    outcome: ProofStatus
     reason: str = ""
     trace: Trace | None = None
 
@@ -56,9 +56,9 @@ class Verification:
     complete: bool
     left_out: tuple[LeftOut, ...] = ()
     growing: tuple[tuple[str, int], ...] = ()
-    leaves: tuple[AnsweringLeaf, ...] = ()
+    leaves: tuple[StubLeaf, ...] = ()
 
     @property
     def proved(self) -> bool:
         """Whether everything is proved."""
-        return all(verdict.outcome is Outcome.PROVED for verdict in self.verdicts)
+        return all(verdict.outcome is ProofStatus.PROVED for verdict in self.verdicts)

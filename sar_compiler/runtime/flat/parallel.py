@@ -14,7 +14,7 @@ from sar_compiler.runtime.flat.parts import Part, halted_with_children, reset_al
 from sar_compiler.runtime.flat.times import Times
 
 
-class _Counting:
+class _FlatCounting:
     """What both count: the children that have ended, as bits of a number, and how many of them have failed."""
 
     def __init__(self, part: Part) -> None:
@@ -56,7 +56,7 @@ class _Counting:
 def parallel(part: Part) -> tuple[Tick, Stop]:
     """Build a Parallel."""
     at, behaviour, count = part.at, part.behaviour, len(part.children)
-    counting = _Counting(part)
+    counting = _FlatCounting(part)
     failures = counting.failures
 
     def tick(cells: Cells, times: Times) -> int:
@@ -81,7 +81,7 @@ def parallel(part: Part) -> tuple[Tick, Stop]:
 def parallel_all(part: Part) -> tuple[Tick, Stop]:
     """Build a ParallelAll."""
     at, behaviour, count = part.at, part.behaviour, len(part.children)
-    counting = _Counting(part)
+    counting = _FlatCounting(part)
 
     def tick(cells: Cells, times: Times) -> int:
         too_many = behaviour._threshold("max_failures", behaviour._max_failures.get())

@@ -25,7 +25,7 @@ class _NoSpans:
     def within_value(self, _source: Source, _element: Element, _name: str, _start: int, _end: int) -> Span:
         return _NOWHERE
 
-    def stands_apart(self, _source: Source, _element: Element) -> bool:
+    def follows_blank_line(self, _source: Source, _element: Element) -> bool:
         return False
 
 
@@ -35,13 +35,13 @@ NO_SPANS = _NoSpans()
 _SOURCE = Source("<made>", "", NO_SPANS)
 
 
-def made(
+def synthetic_element(
     tag: str, attributes: Mapping[str, str] | None = None, children: Iterable[Element] = (), text: str = ""
 ) -> Element:
     """Make an element; its line is 0."""
     return Element(tag, attributes or {}, tuple(children), _SOURCE, 0, 0, text)
 
 
-def made_file(root: Element) -> TreeFile:
+def synthetic_file(root: Element) -> TreeFile:
     """Make a file of an element."""
     return TreeFile(_SOURCE, root)

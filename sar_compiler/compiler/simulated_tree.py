@@ -1,7 +1,7 @@
-"""A tree with answering leaves: what flies, but for the robot.
+"""A tree with stub leaves: what flies, but for the robot.
 
 Controls, decorators and the leaves of the language itself are made for real, on a clock that is moved by hand. Every
-other leaf, installed or only described, is an `AnsweringLeaf`: it answers what a chooser takes of what it can answer.
+other leaf, installed or only described, is a `StubLeaf`: it answers what an outcome policy takes of what it can answer.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -12,8 +12,8 @@ from typing import Any
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.compiler import CompiledTree, compile_with
-from sar_compiler.compiler.arguments import Arguments
 from sar_compiler.compiler.building import Builder
+from sar_compiler.compiler.constructor_arguments import Arguments
 from sar_compiler.nodes import leaves as language
 from sar_compiler.nodes.answers import (
     NOBODY,
@@ -30,10 +30,10 @@ from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.instances import Instance
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter
 from sar_compiler.runtime import controls, decorators
-from sar_compiler.runtime.answering import AnsweringLeaf, Chooser, Event, FactVariables
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Scope
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.context import preview_of
+from sar_compiler.runtime.stub_leaf import Event, FactVariables, OutcomePolicy, StubLeaf
 from sar_compiler.runtime.variables import UnknownVariableError
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
@@ -43,7 +43,7 @@ _LANGUAGE = {(each.tag, each.cls) for each in language.REGISTRATIONS if each.tag
 
 
 def is_answered(spec: NodeSpec) -> bool:
-    """Say whether a node is a leaf that stands for something outside the tree, and so answers in a rehearsal."""
+    """Say whether a node is a leaf that stands for something outside the tree, and so answers in a simulated tree."""
     return spec.kind.is_leaf and (spec.tag, spec.cls) not in _LANGUAGE
 
 
@@ -61,13 +61,13 @@ class Assumptions:
     answers: Mapping[str, tuple[Answer, ...]] = field(default_factory=dict)
 
 
-class Rehearsal:
-    """A compiled tree whose leaves answer what a chooser takes.
+class SimulatedTree:
+    """A compiled tree whose leaves answer what an outcome policy takes.
 
     Args:
         compiled: The tree.
         facts: The facts.
-        leaves: Its answering leaves, in the order of the tree.
+        leaves: Its stub leaves, in the order of the tree.
         clock: What its durations are measured with, seconds.
         notes: What is not as it would fly.
         disputes: The facts that leaves start with different values and nobody has settled, with what to say of
@@ -79,7 +79,7 @@ class Rehearsal:
         self,
         compiled: CompiledTree,
         facts: Scope,
-        leaves: tuple[AnsweringLeaf, ...],
+        leaves: tuple[StubLeaf, ...],
         clock: ManualClock,
         notes: tuple[Diagnostic, ...] = (),
         disputes: Mapping[str, str] = MappingProxyType({}),
@@ -103,14 +103,14 @@ class Rehearsal:
         return self.compiled.root
 
     @property
-    def chooser(self) -> Chooser | None:
-        """What decides the leaves' answers; None for a tree without answering leaves."""
-        return self.leaves[0].chooser if self.leaves else None
+    def policy(self) -> OutcomePolicy | None:
+        """What decides the leaves' answers; None for a tree without stub leaves."""
+        return self.leaves[0].policy if self.leaves else None
 
-    @chooser.setter
-    def chooser(self, chooser: Chooser) -> None:
+    @policy.setter
+    def policy(self, policy: OutcomePolicy) -> None:
         for leaf in self.leaves:
-            leaf.chooser = chooser
+            leaf.policy = policy
 
     def advice_on(self, error: BaseException) -> str:
         """Return what to do about what a tick has raised, as the end of a sentence; empty if nobody knows."""
@@ -133,10 +133,10 @@ class Rehearsal:
         return {name: value for name, value in values.items() if isinstance(value, (bool, int, float, str))}
 
 
-def rehearse(
+def compile_simulated(
     binding: Binding, parameters: Mapping[str, object], assumptions: Assumptions | None = None
-) -> Rehearsal:
-    """Compile a bound tree with answering leaves.
+) -> SimulatedTree:
+    """Compile a bound tree with stub leaves.
 
     Args:
         binding: The tree, without findings.
@@ -147,16 +147,16 @@ def rehearse(
         TreeError: If the tree cannot be compiled; carries the findings.
     """
     collector, clock = Collector(), ManualClock()
-    arguments = RehearsalArguments({Clock: clock}, parameters, collector)
-    builder = RehearsalBuilder(binding, arguments, collector, assumptions or Assumptions())
+    arguments = SimulationArguments({Clock: clock}, parameters, collector)
+    builder = SimulationBuilder(binding, arguments, collector, assumptions or Assumptions())
     compiled = compile_with(binding, builder, parameters, collector)
     builder.start_facts()
-    leaves = tuple(each for each in compiled.root.iterate() if isinstance(each, AnsweringLeaf))
+    leaves = tuple(each for each in compiled.root.iterate() if isinstance(each, StubLeaf))
     notes = tuple(dict.fromkeys(builder.notes))
-    return Rehearsal(compiled, builder.facts, leaves, clock, notes, builder.disputes, builder.outputs)
+    return SimulatedTree(compiled, builder.facts, leaves, clock, notes, builder.disputes, builder.outputs)
 
 
-class RehearsalArguments(Arguments):
+class SimulationArguments(Arguments):
     """The arguments of what is made for real; whoever answers needs none."""
 
     parameter_advice = "give it a value: parameters: {{{name}: ...}}"
@@ -182,8 +182,8 @@ class RehearsalArguments(Arguments):
         return super()._handed_over(instance, bound, parameter)
 
 
-class RehearsalBuilder(Builder):
-    """Makes a tree with answering leaves.
+class SimulationBuilder(Builder):
+    """Makes a tree with stub leaves.
 
     Args:
         binding: The tree.
@@ -275,7 +275,7 @@ class RehearsalBuilder(Builder):
         for parameter in bound.spec.ports:
             if parameter.direction is not Direction.INPUT and parameter.name in bound.keys:
                 self.outputs.setdefault(bound.keys[parameter.name].removeprefix(ROOT_SIGN), bound.name)
-        leaf = AnsweringLeaf(
+        leaf = StubLeaf(
             bound.name, bound.spec.tag, [filled(answer, names) for answer in said], variables, enums
         )
         leaf.path = path

@@ -9,7 +9,7 @@ LARGE = 500_000
 
 
 @contextmanager
-def uncollected(acyclic: int = 0) -> Iterator[None]:
+def gc_paused(acyclic: int = 0) -> Iterator[None]:
     """Keep the garbage collector from looking again and again at what grows and leaves no garbage.
 
     For large trees that would take as long as everything else together.
