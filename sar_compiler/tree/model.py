@@ -2,8 +2,7 @@
 
 import functools
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields
-from typing import Any
+from dataclasses import dataclass, field
 
 from sar_compiler.tree.source import Source, Span
 
@@ -41,7 +40,7 @@ class Comment:
     after_blank_line: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Element:
     """One element of a tree file.
 
@@ -91,41 +90,6 @@ class Element:
             yield element
             if element.children:
                 waiting.extend(reversed(element.children))
-
-
-class _Unfrozen:
-    """What an element is while it is made."""
-
-    __slots__ = tuple(each.name for each in fields(Element))
-
-
-def new_element(
-    tag: str,
-    attributes: Mapping[str, str],
-    children: tuple[Element, ...],
-    source: Source,
-    line: int,
-    column: int,
-    text: str,
-    comments: tuple[Comment, ...],
-) -> Element:
-    """Make an element as its constructor does, in half the time, for the thousands that a large file has.
-
-    What @dataclass writes for a frozen class sets each attribute by `object.__setattr__`. Here they are set
-    as any other class's, and then the class is changed.
-    """
-    new: Any = _Unfrozen()
-    new.tag = tag
-    new.attributes = attributes
-    new.children = children
-    new.source = source
-    new.line = line
-    new.column = column
-    new.text = text
-    new.comments = comments
-    new.__class__ = Element
-    element: Element = new
-    return element
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from sar_compiler.tree.comments import text_of_xml
 from sar_compiler.tree.content import MAX_DEPTH, read_bytes, source_of
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.gc_pause import gc_paused
-from sar_compiler.tree.model import MODEL_TAG, Comment, Element, TreeFile, new_element
+from sar_compiler.tree.model import MODEL_TAG, Comment, Element, TreeFile
 from sar_compiler.tree.source import Form, Source, Span
 from sar_compiler.tree.xml_mistakes import mistake_at
 
@@ -152,7 +152,7 @@ class _XmlReader:
             text, notes = self._extras() if comments or texts else _NOTHING
             children = tuple(levels.pop())
             _, attributes, line, column = opened.pop()
-            levels[-1].append(new_element(tag, attributes, children, source, line, column, text, notes))
+            levels[-1].append(Element(tag, attributes, children, source, line, column, text, notes))
             if tag == MODEL_TAG:
                 parser.CharacterDataHandler = None
 
