@@ -144,7 +144,7 @@ def compile_with(
     if collector.findings:
         raise TreeError(_in_order(collector.findings))
     with gc_paused():
-        return CompiledTree(builder.place(top, binding.main.root), Origins(builder.makings), top)
+        return CompiledTree(builder.place(top, binding.main.root), Origins(builder.constructions), top)
 
 
 def _has_error(findings: Iterable[Diagnostic]) -> bool:

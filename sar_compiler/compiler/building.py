@@ -10,7 +10,7 @@ from py_trees.composites import Sequence
 from py_trees.decorators import OneShot, PassThrough
 
 from sar_compiler.compiler.constructor_arguments import Arguments, given
-from sar_compiler.compiler.origins import Making
+from sar_compiler.compiler.origins import Construction
 from sar_compiler.nodes.bound import Binding, BoundNode
 from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.instances import Instance
@@ -41,11 +41,11 @@ class Builder:
         collector: Is told what keeps the tree from being made.
 
     Attributes:
-        makings: How each behaviour was made.
+        constructions: How each behaviour was constructed.
     """
 
     def __init__(self, binding: Binding, arguments: Arguments, collector: Collector) -> None:
-        self.makings: list[Making] = []
+        self.constructions: list[Construction] = []
         self._source = arguments
         self._collector = collector
         self._skipping = Skipping(binding.trees())
@@ -85,7 +85,7 @@ class Builder:
         if bound.oneshot is not None:
             policy = bound.oneshot
             behaviour = OneShot(name=f"{bound.name}OneShot", child=behaviour, policy=policy)
-            self.makings.append((behaviour.id, instance, bound, {"policy": policy}, None))
+            self.constructions.append(Construction(behaviour.id, instance, bound, {"policy": policy}))
         return behaviour
 
     def _conditions(self, instance: Instance, bound: BoundNode, child: Behaviour) -> Behaviour:
@@ -93,7 +93,7 @@ class Builder:
         name = f"{bound.name}Conditions"
         wrapper = Conditions(name, child, scripts, instance.scope, self._source.enums)
         shown = {name: script.text for name, script in bound.conditions.items()}
-        self.makings.append((wrapper.id, instance, bound, shown, None))
+        self.constructions.append(Construction(wrapper.id, instance, bound, shown))
         return wrapper
 
     def _remembered(self, instance: Instance, bound: BoundNode) -> Behaviour:
@@ -128,7 +128,9 @@ class Builder:
             if stand_in is None:
                 raise _cannot_be_made(bound, error) from error
             behaviour = stand_in
-        self.makings.append((behaviour.id, instance, bound, None, known and self.known(bound, known)))
+        self.constructions.append(
+            Construction(behaviour.id, instance, bound, None, known and self.known(bound, known))
+        )
         return behaviour
 
     def stand_in(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Behaviour | None:  # noqa: ARG002

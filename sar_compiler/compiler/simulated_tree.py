@@ -14,6 +14,7 @@ from py_trees.behaviour import Behaviour
 from sar_compiler.compiler import CompiledTree, compile_with
 from sar_compiler.compiler.building import Builder
 from sar_compiler.compiler.constructor_arguments import Arguments
+from sar_compiler.compiler.origins import Construction
 from sar_compiler.nodes import leaves as language
 from sar_compiler.nodes.answers import (
     NOBODY,
@@ -279,7 +280,7 @@ class SimulationBuilder(Builder):
             bound.name, bound.spec.tag, [filled(answer, names) for answer in said], variables, enums
         )
         leaf.path = path
-        self.makings.append((leaf.id, instance, bound, None, None))
+        self.constructions.append(Construction(leaf.id, instance, bound))
         return leaf
 
     def _add_fact(self, name: str, value: Fact, leaf: str) -> None:

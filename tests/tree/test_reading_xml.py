@@ -1,6 +1,5 @@
 """What the XML reader makes of a file: elements with their places, or one finding."""
 
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
