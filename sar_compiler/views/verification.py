@@ -4,7 +4,7 @@ import json
 import textwrap
 from collections.abc import Iterator, Mapping
 
-from sar_compiler.checks.verify.traces import Change, Trace, TraceTick
+from sar_compiler.checks.verify.traces import Trace, TraceTick, ValueChange
 from sar_compiler.checks.verify.verdicts import Verdict, Verification
 from sar_compiler.runtime.stub_leaf import ANSWERED, HALTED, Event, StubLeaf
 from sar_compiler.views.plain import plain
@@ -70,7 +70,7 @@ def _tick_lines(number: int, tick: TraceTick, labels: Mapping[StubLeaf, str]) ->
             label = " " * len(label)
 
 
-def _change(change: Change) -> str:
+def _change(change: ValueChange) -> str:
     before, after = map(_value, change)
     return f"{before} -> {after}"
 
@@ -144,5 +144,5 @@ def _event(event: Event) -> dict[str, object]:
     return told
 
 
-def _changes(changes: Mapping[str, Change]) -> dict[str, list[object]]:
+def _changes(changes: Mapping[str, ValueChange]) -> dict[str, list[object]]:
     return {name: [plain(before), plain(after)] for name, (before, after) in changes.items()}

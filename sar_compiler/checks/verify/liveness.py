@@ -1,9 +1,10 @@
-"""What must come one day: an end of the run, and what the run owes."""
+"""What must come one day (an end of the run, and what the run owes), and the runs in which it does not."""
 
-from collections.abc import Iterable
+from array import array
+from collections import deque
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from sar_compiler.checks.verify.components import components, is_fair
 from sar_compiler.checks.verify.graph import Graph
 
 
@@ -75,3 +76,153 @@ def _sooner(graph: Graph, component: list[int], known: list[int] | None) -> list
 def _first(component: Iterable[int], known: int | None) -> int:
     least = min(component)
     return least if known is None else min(least, known)
+
+
+_NEW = 0
+
+
+def components(graph: Graph, excluded: bytearray) -> Iterator[list[int]]:
+    """Yield the strongly connected components of a graph, each behind all that can be reached from it.
+
+    Tarjan's way, with a stack of its own in place of recursion.
+
+    Args:
+        graph: The graph.
+        excluded: 1 for each state that is taken for not being there.
+    """
+    count = len(graph.keys)
+    order, low = array("I", bytes(4 * count)), array("I", bytes(4 * count))
+    on_stack = bytearray(count)
+    following = array("Q", bytes(8 * count))
+    stack: list[int] = []
+    number = _NEW
+    for root in range(count):
+        if excluded[root] or order[root]:
+            continue
+        work = [root]
+        while work:
+            state = work[-1]
+            edges = graph.edges(state)
+            if order[state] == _NEW:
+                number += 1
+                order[state] = low[state] = number
+                following[state] = edges.start
+                stack.append(state)
+                on_stack[state] = 1
+            entered = _enter(graph, state, edges.stop, (order, low, on_stack, following, excluded))
+            if entered is not None:
+                work.append(entered)
+                continue
+            work.pop()
+            if work:
+                low[work[-1]] = min(low[work[-1]], low[state])
+            if low[state] == order[state]:
+                yield _popped(stack, on_stack, state)
+
+
+_Arrays = tuple["array[int]", "array[int]", bytearray, "array[int]", bytearray]
+
+
+def _enter(graph: Graph, state: int, stop: int, arrays: _Arrays) -> int | None:
+    """Go on through the ticks of a state; return the first state that is new, None at the end."""
+    order, low, on_stack, following, excluded = arrays
+    targets = graph.targets
+    edge, least = following[state], low[state]
+    found = None
+    while edge < stop:
+        target = targets[edge]
+        edge += 1
+        if excluded[target]:
+            continue
+        if order[target] == _NEW:
+            found = target
+            break
+        if on_stack[target] and order[target] < least:
+            least = order[target]
+    following[state], low[state] = edge, least
+    return found
+
+
+def _popped(stack: list[int], on_stack: bytearray, first: int) -> list[int]:
+    component = []
+    while True:
+        state = stack.pop()
+        on_stack[state] = 0
+        component.append(state)
+        if state == first:
+            return component
+
+
+def is_fair(graph: Graph, component: list[int]) -> bool:
+    """Say whether one can go round in a component for ever without waiting for the same thing all the time.
+
+    What is waited for (the answer of a leaf, the end of a time) comes one day. A round that never leaves off
+    waiting for one of them is none that a run can stay in.
+    """
+    inside = set(component)
+    waiting, found = -1, False
+    for state in component:
+        for edge in graph.edges(state):
+            if graph.targets[edge] in inside:
+                found = True
+                waiting &= graph.waiting[graph.waits[edge]]
+                if not waiting:
+                    return True
+    return found and not waiting
+
+
+@dataclass(frozen=True)
+class Lasso:
+    """A way and a round.
+
+    Attributes:
+        stem: The states on the way, from the first one to that where the round begins.
+        loop: The ticks of the round, as numbers of edges.
+    """
+
+    stem: list[int]
+    loop: list[int]
+
+
+def lasso(graph: Graph, component: list[int]) -> Lasso:
+    """Return a run that goes round in a component and waits for nothing all the time; both parts are short.
+
+    Args:
+        graph: The graph.
+        component: A component for which `is_fair` holds.
+    """
+    entry = min(component)
+    return Lasso(graph.stem(entry), _round(graph, entry, set(component)))
+
+
+def _round(graph: Graph, entry: int, inside: set[int]) -> list[int]:
+    """Return the ticks of a shortest way from a state back to it in which nothing is waited for all the time."""
+    # What has been waited for all the way is part of the place: -1 stands for everything.
+    start = (entry, -1)
+    ways: dict[tuple[int, int], tuple[tuple[int, int], int]] = {}
+    queue = deque([start])
+    while queue:
+        place = queue.popleft()
+        state, waiting = place
+        for edge in graph.edges(state):
+            target = graph.targets[edge]
+            following = (target, waiting & graph.waiting[graph.waits[edge]])
+            if target not in inside or following in ways:
+                continue
+            ways[following] = (place, edge)
+            if following == (entry, 0):
+                return _retraced(ways, start, following)
+            queue.append(following)
+    message = "one cannot go round in this component"
+    raise ValueError(message)
+
+
+def _retraced(
+    ways: dict[tuple[int, int], tuple[tuple[int, int], int]], start: tuple[int, int], end: tuple[int, int]
+) -> list[int]:
+    way: list[int] = []
+    place = end
+    while place != start:
+        place, edge = ways[place]
+        way.append(edge)
+    return way[::-1]

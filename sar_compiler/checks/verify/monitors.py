@@ -1,8 +1,12 @@
-"""Watching a run for what a property forbids: one small automaton for each, and all of them as one."""
+"""Watching a run for what the properties forbid: an automaton for each, all of them as one, and its end."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
+
+from sar_compiler.checks.verify.events import Guarded
+from sar_compiler.checks.verify.exploring import Judgement
+from sar_compiler.checks.verify.property_conditions import IdleUnknownError
 
 
 class PropertyPattern(Enum):
@@ -117,3 +121,55 @@ class Monitors:
                 broken |= wrong << bit
             following |= flag << bit
         return following, broken
+
+
+AfterTickCondition = Callable[[str, bool | None], bool]
+"""Says whether a condition holds after a tick; is given what the root came to, and whether the tree idles: every
+tick from now on leaves it as it is. None where nobody knows yet: then it may raise `IdleUnknownError`."""
+
+
+@dataclass(frozen=True)
+class Rules:
+    """The properties of a tree, ready to be watched.
+
+    Attributes:
+        monitors: Those over events; the first rules.
+        guarded: The events that count only while a condition holds, by the number of the event without it.
+        ends: Says whether a run is over.
+        at_end: What must hold when it is over; the rules behind those over events.
+    """
+
+    monitors: Monitors
+    guarded: Mapping[int, Sequence[Guarded]]
+    ends: AfterTickCondition
+    at_end: Sequence[AfterTickCondition] = field(default_factory=tuple)
+
+    def judge(self, root: str, watched: int, *, idle: bool | None) -> Judgement:
+        """Judge the state after a tick.
+
+        Args:
+            root: What the root came to; empty before the first tick.
+            watched: What the monitors remember.
+            idle: Whether every tick leaves it as it is; None if that is not known yet.
+        """
+        owed = self.monitors.owed(watched)
+        if not root:
+            return Judgement(pending=owed)
+        ends = _answer(self.ends, root, idle=idle)
+        if not ends:
+            return Judgement(pending=owed, is_open=ends is None)
+        broken, is_open = owed, False
+        for place, condition in enumerate(self.at_end):
+            holds = _answer(condition, root, idle=idle)
+            is_open = is_open or holds is None
+            if holds is False:
+                broken |= 1 << (self.monitors.count + place)
+        return Judgement(ends=True, broken=broken, pending=owed, is_open=is_open)
+
+
+def _answer(condition: AfterTickCondition, root: str, *, idle: bool | None) -> bool | None:
+    """Say whether a condition holds; None if that depends on what is not known yet."""
+    try:
+        return condition(root, idle)
+    except IdleUnknownError:
+        return None

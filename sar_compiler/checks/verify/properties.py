@@ -4,13 +4,11 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 from sar_compiler.checks.leaf_words import LeafWords
-from sar_compiler.checks.verify.conditions import Condition, Surroundings, read_condition
-from sar_compiler.checks.verify.known_names import names_of
-from sar_compiler.checks.verify.monitors import LIMIT, MAIN, OTHER, Monitor, Monitors, PropertyPattern
-from sar_compiler.checks.verify.prepared import Prepared
+from sar_compiler.checks.verify.events import Guarded
+from sar_compiler.checks.verify.monitors import LIMIT, MAIN, OTHER, Monitor, Monitors, PropertyPattern, Rules
+from sar_compiler.checks.verify.property_conditions import Condition, Surroundings, names_of, read_condition
 from sar_compiler.checks.verify.property_files import EventProperty, PropertyFile
-from sar_compiler.checks.verify.rules import Rules
-from sar_compiler.checks.verify.trail import Guarded
+from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.yaml_values import Document, Value, raise_findings
 
 

@@ -6,11 +6,11 @@ from itertools import pairwise
 
 from sar_compiler.checks.verify.exploring import Transition
 from sar_compiler.checks.verify.graph import Breach, Graph
-from sar_compiler.checks.verify.lassos import Lasso
+from sar_compiler.checks.verify.liveness import Lasso
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.runtime.stub_leaf import Event
 
-Change = tuple[object, object]
+ValueChange = tuple[object, object]
 """A value before and after; None where there is none."""
 
 
@@ -27,7 +27,7 @@ class TraceTick:
 
     events: tuple[Event, ...]
     root: str
-    changes: Mapping[str, Change]
+    changes: Mapping[str, ValueChange]
     error: str = ""
 
 
@@ -93,7 +93,7 @@ class Retracing:
     def _tick(self, source: int, wanted: Callable[[Transition], bool]) -> TraceTick:
         """Play the first tick of a state that is wanted."""
         key = self._graph.keys[source]
-        before = self._stepper.values_in(key)
+        before = self._stepper.states.values_in(key)
         step = next(step for step in self._stepper.steps(key) if wanted(step))
         played = self._stepper.played()
         after = played.values

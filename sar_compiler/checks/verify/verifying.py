@@ -3,15 +3,14 @@
 from collections.abc import Callable, Collection
 
 from sar_compiler.checks.verify.choices import UnsteadyError
-from sar_compiler.checks.verify.conditions import ConditionError
 from sar_compiler.checks.verify.exploring import Progress, explore, keep_quiet
-from sar_compiler.checks.verify.prepared import Prepared
 from sar_compiler.checks.verify.properties import properties_of, without_properties
+from sar_compiler.checks.verify.property_conditions import ConditionError
 from sar_compiler.checks.verify.property_files import PropertyFile
-from sar_compiler.checks.verify.questions import Questions
+from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.checks.verify.traces import Retracing
-from sar_compiler.checks.verify.verdicts import Verification
+from sar_compiler.checks.verify.verdicts import Questions, Verification
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.flat import NotFlatError
@@ -57,7 +56,7 @@ def verify(
             *questions.endings(),
             *questions.properties(properties),
         )
-        growing = () if graph.complete else stepper.growing(graph.keys)
+        growing = () if graph.complete else stepper.states.growing(graph.keys)
     except (NotFlatError, UnsteadyError, ConditionError, FrozenValueError) as error:
         raise UndecidableError(str(error)) from error
     return Verification(

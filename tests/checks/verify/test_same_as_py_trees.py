@@ -6,8 +6,8 @@ import pytest
 
 from sar_compiler.checks.verify.choices import Choices
 from sar_compiler.checks.verify.exploring import explore
-from sar_compiler.checks.verify.prepared import Prepared
 from sar_compiler.checks.verify.properties import without_properties
+from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.checks.verify.traces import Retracing
 from sar_compiler.runtime.flat.cells import STATUSES
@@ -52,7 +52,7 @@ class Explored:
 
     def looked_at(self, number):
         state = self.graph.keys[number]
-        self.stepper.values_in(state)
+        self.stepper.states.values_in(state)
         cells = list(state.cells)
         return (
             tuple(STATUSES[cells[index]] for index in self._order),

@@ -1,7 +1,37 @@
-"""What happens in one tick: events as numbers, and what is waited for."""
+"""What leaves do in a tick: events as numbers, and what is still waited for."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+
+from sar_compiler.checks.leaf_words import EventPattern
+from sar_compiler.compiler.simulated_tree import SimulatedTree
+from sar_compiler.runtime.stub_leaf import ANSWERED, HALTED, STARTED, Event
+
+
+class Alphabet:
+    """What the stub leaves of a tree can do.
+
+    Args:
+        simulated: The tree.
+
+    Attributes:
+        events: What each number means.
+        numbers: The number of each event, by the identities of the leaf and of the answer (or of None).
+    """
+
+    def __init__(self, simulated: SimulatedTree) -> None:
+        self.events: list[Event] = []
+        for leaf in simulated.leaves:
+            self.events += [Event(leaf, ANSWERED, answer) for answer in leaf.answers]
+            self.events += [Event(leaf, STARTED), Event(leaf, HALTED)]
+        # By identity: two answers of a leaf may say the same.
+        self.numbers: Mapping[tuple[int, str, int], int] = {
+            (id(event.leaf), event.what, id(event.answer)): number for number, event in enumerate(self.events)
+        }
+
+    def meant_by(self, deed: EventPattern) -> set[int]:
+        """Return the numbers of all events that are what a file says."""
+        return {number for number, event in enumerate(self.events) if deed.matches(event)}
 
 
 @dataclass(frozen=True)
