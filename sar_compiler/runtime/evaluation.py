@@ -7,7 +7,7 @@ from sar_compiler.errors import SarError
 from sar_compiler.runtime import operators
 from sar_compiler.runtime.expressions import (
     Assignment,
-    Comparison,
+    ComparisonChain,
     Conditional,
     Expression,
     Literal,
@@ -119,7 +119,7 @@ class _Maker:
             Name: self._name,
             Prefix: self._prefix,
             Operation: self._operation,
-            Comparison: self._comparison,
+            ComparisonChain: self._comparison,
             Conditional: self._conditional,
             Assignment: self._assignment,
         }
@@ -176,7 +176,7 @@ class _Maker:
 
         return run
 
-    def _comparison(self, node: Comparison) -> Evaluate:
+    def _comparison(self, node: ComparisonChain) -> Evaluate:
         first = self.make(node.first)
         steps = [(step.operator, self.make(step.operand), step) for step in node.steps]
         compare, enums = operators.compare, self._enums
@@ -245,7 +245,7 @@ class _Maker:
 
     def _step_failure(
         self,
-        node: Operation | Comparison,
+        node: Operation | ComparisonChain,
         step: OperatorTerm,
         error: VariableError,
         left: ScriptValue,

@@ -55,7 +55,7 @@ class Operation:
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class ComparisonChain:
     """Neighbours compared: `a < b <= c` is true if `a < b` and `b <= c` are."""
 
     first: "Expression"
@@ -87,7 +87,7 @@ class Assignment:
 
 
 Expression = Union[  # noqa: UP007 - the union names classes by text
-    Literal, Name, Prefix, Operation, Comparison, Conditional, Assignment
+    Literal, Name, Prefix, Operation, ComparisonChain, Conditional, Assignment
 ]
 
 
@@ -155,7 +155,7 @@ def children(expression: Expression) -> tuple[Expression, ...]:
     """Return the parts of an expression, in the order in which they are evaluated; not an assignment's target."""
     if isinstance(expression, Prefix):
         return (expression.operand,)
-    if isinstance(expression, (Operation, Comparison)):
+    if isinstance(expression, (Operation, ComparisonChain)):
         return (expression.first, *(step.operand for step in expression.steps))
     if isinstance(expression, Conditional):
         return (expression.condition, expression.then, expression.otherwise)
@@ -183,6 +183,6 @@ def _always_evaluated(expression: Expression, parts: int) -> int:
     """Return how many of an expression's parts every evaluation comes to."""
     if isinstance(expression, Conditional):
         return 1
-    if isinstance(expression, Comparison):
+    if isinstance(expression, ComparisonChain):
         return 2
     return parts

@@ -20,7 +20,7 @@ rank operators
 
 from sar_compiler.runtime.expressions import (
     Assignment,
-    Comparison,
+    ComparisonChain,
     Conditional,
     Expression,
     Literal,
@@ -219,14 +219,14 @@ class _Parser:
         otherwise = self._expression(_CONDITIONAL)
         return Conditional(condition, then, otherwise, start, self._end)
 
-    def _chain(self, first: Expression, rank: int, start: int) -> Operation | Comparison:
+    def _chain(self, first: Expression, rank: int, start: int) -> Operation | ComparisonChain:
         steps: list[OperatorTerm] = []
         while self._rank() == rank:
             operator = self._advance()
             operand = self._expression(rank + 1)
             steps.append(OperatorTerm(operator.text, operand, operator.start, operator.end))
         if rank == _COMPARISON:
-            return Comparison(first, tuple(steps), start, self._end)
+            return ComparisonChain(first, tuple(steps), start, self._end)
         return Operation(first, tuple(steps), start, self._end)
 
     def _check_name(self, name: Token) -> None:

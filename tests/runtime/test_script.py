@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from sar_compiler.runtime.expressions import (
     Access,
     Assignment,
-    Comparison,
+    ComparisonChain,
     Conditional,
     Literal,
     Name,
@@ -32,7 +32,7 @@ def bracketed(expression):
             return name
         case Prefix(operator, operand):
             return f"({operator}{bracketed(operand)})"
-        case Operation(first, steps) | Comparison(first, steps):
+        case Operation(first, steps) | ComparisonChain(first, steps):
             rest = "".join(f" {step.operator} {bracketed(step.operand)}" for step in steps)
             return f"({bracketed(first)}{rest})"
         case Conditional(condition, then, otherwise):
@@ -339,7 +339,7 @@ def larger(parts):
     return st.one_of(
         st.builds(Prefix, st.sampled_from("-~!"), parts, *nowhere),
         *(chains(Operation, rank, parts) for rank in ranks),
-        chains(Comparison, ["==", "!=", "<", ">", "<=", ">="], parts),
+        chains(ComparisonChain, ["==", "!=", "<", ">", "<=", ">="], parts),
         st.builds(Conditional, parts, parts, parts, *nowhere),
         st.builds(Assignment, st.sampled_from([":=", "=", "+=", "-=", "*=", "/="]), names(), parts, *nowhere),
     )
