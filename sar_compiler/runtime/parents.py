@@ -65,10 +65,15 @@ class Parent(Behaviour):
         """Tick the children that are to be ticked now, and return what comes of it."""
 
     def _starts(self) -> bool:
-        """Whether this tick starts the node, rather than goes on with it.
+        """Return whether this tick starts the node, rather than goes on with it.
 
-        A parent that keeps these rules resets a child before it starts it again. If it has not, as WhileDoElse
-        has not with its condition, the child is still in the middle of the parent's work.
+        The status alone cannot tell. BehaviorTree.CPP starts a node that is IDLE, and its controls and decorators
+        reset their children to that (here INVALID) when their own work is over. A child with SUCCESS or FAILURE below
+        such a parent was therefore ticked earlier in the same work and goes on: WhileDoElse ticks its condition again
+        without resetting it. py_trees never resets a child that has ended; it starts any that is not RUNNING. So
+        below a stock parent, SUCCESS and FAILURE mean that the node starts, and so they do at the root, which is
+        ticked again after its end. A parent that is one node with its child (`is_its_child`) resets nothing by
+        itself; the one around it decides.
         """
         if self.status == Status.RUNNING:
             return False

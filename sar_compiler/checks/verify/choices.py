@@ -10,8 +10,10 @@ class UnsteadyError(SarError):
 class Choices:
     """Goes through the combinations of a tick in order, like the digits of a number.
 
-    The tick is played again and again. Each time it asks `pick` as it goes; the first answers are those of
-    the combination in hand, and where that ends the first option is taken.
+    A tick cannot be forked in the middle, where leaves and timers choose: what has happened in it is on Python's
+    stack. So it is restarted from the state before it, once for each combination. Each time it asks `pick` as it
+    goes; the first answers are those of the combination in hand, and where that ends the first option is taken.
+    Restarting is right only if the same choices lead to the same questions, which `pick` checks.
     """
 
     def __init__(self) -> None:

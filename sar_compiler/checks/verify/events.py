@@ -74,7 +74,11 @@ class Trail:
 
     @property
     def waits(self) -> int:
-        """What this tick has left running as it was: the bits of leaves and timers."""
+        """The leaves and timers that this tick has left running as they were, as bits.
+
+        One that was halted and started again in the same tick is not among them although it runs before and
+        after: it is another activation, which has its whole time before it. See `liveness` for what that decides.
+        """
         return self.going_on & ~self.changed
 
     def take(self, number: int) -> None:

@@ -166,7 +166,12 @@ class _Exploration:
             graph.waiting = list(self._waiting)
 
     def _judge_again(self, index: int, *, idle: bool) -> None:
-        """Judge a state once more, all of whose ticks are known now."""
+        """Judge a state again now that all of its ticks are known.
+
+        Whether a state is idle depends on its ticks, and whether a run ends there may depend on that. When the
+        state is found its ticks are not known, so it is judged twice. Nothing asks for its end in between: that
+        is for `liveness`, after the search.
+        """
         self._open.remove(index)
         judgement = self._stepper.judge(self._graph.keys[index], idle=idle)
         self._graph.ends[index] = judgement.ends

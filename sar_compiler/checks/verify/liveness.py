@@ -1,4 +1,13 @@
-"""What must come one day (an end of the run, and what the run owes), and the runs in which it does not."""
+"""Liveness: what must happen one day (an end of the run, and what the run owes), and the runs in which it does not.
+
+There are finitely many states, so a run that never ends stays in one strongly connected component from some tick on.
+Not every component is one that a run can stay in. The search lets a leaf answer RUNNING for ever and a timer never be
+up, which no robot does: nothing would ever be proved to end. So a run counts only if it is *fair*: whatever it waits
+for comes one day. Waiting means that one activation of a leaf or timer goes on through a whole tick. One that is halted
+and started again in each tick is not waited for: a reactive branch that restarts its leaf for ever is a true livelock,
+and the one most often asked about. Nor is a leaf that fails each time it is tried: nothing says that it ever
+succeeds.
+"""
 
 from array import array
 from collections import deque
@@ -31,7 +40,7 @@ def endings(graph: Graph) -> Endings:
     stuck: int | None = None
     circling: list[int] | None = None
     for component in components(graph, graph.ends):
-        # What can be reached from it has its answer already.
+        # Components come in reverse topological order: what can be reached from this one is decided already.
         if any(_goes_on(graph, state, can_end) for state in component):
             for state in component:
                 can_end[state] = 1
@@ -82,9 +91,10 @@ _NEW = 0
 
 
 def components(graph: Graph, excluded: bytearray) -> Iterator[list[int]]:
-    """Yield the strongly connected components of a graph, each behind all that can be reached from it.
+    """Yield the strongly connected components of a graph, each after all that can be reached from it.
 
-    Tarjan's way, with a stack of its own in place of recursion.
+    Tarjan's algorithm. Its recursion is as deep as the longest path, which may be a million states, so the path is
+    a list, and `following` holds where each state on it goes on.
 
     Args:
         graph: The graph.
@@ -154,10 +164,10 @@ def _popped(stack: list[int], on_stack: bytearray, first: int) -> list[int]:
 
 
 def is_fair(graph: Graph, component: list[int]) -> bool:
-    """Say whether one can go round in a component for ever without waiting for the same thing all the time.
+    """Return whether a fair run can stay in a component for ever.
 
-    What is waited for (the answer of a leaf, the end of a time) comes one day. A round that never leaves off
-    waiting for one of them is none that a run can stay in.
+    It can if there is nothing that every tick in the component waits for: in a strongly connected component one
+    round can take all of the ticks. If there is something, every round waits for it, so no run can stay.
     """
     inside = set(component)
     waiting, found = -1, False
@@ -197,7 +207,8 @@ def lasso(graph: Graph, component: list[int]) -> Lasso:
 
 def _round(graph: Graph, entry: int, inside: set[int]) -> list[int]:
     """Return the ticks of a shortest way from a state back to it in which nothing is waited for all the time."""
-    # What has been waited for all the way is part of the place: -1 stands for everything.
+    # A shortest round back to the state may be an unfair one. So breadth first over states together with what was
+    # waited for in every tick so far: -1 stands for everything, 0 is what the round must arrive with.
     start = (entry, -1)
     ways: dict[tuple[int, int], tuple[tuple[int, int], int]] = {}
     queue = deque([start])

@@ -45,7 +45,13 @@ class Trace:
 
 
 class Retracing:
-    """Tells the runs of a graph.
+    """Plays runs of a graph again, to report what happened in them.
+
+    The search keeps of each tick only the state that it leads to and what it waits for; events and changes of a million
+    ticks would not fit. A run is restored from that: each of its ticks is tried in the order of the search until one
+    leads to the next state. Several may. For a way to a state any will do, because the state is all that later
+    ticks depend on. For a breach it must be the one with the choices that were noted, since the events break the
+    property; and in a round the one that waits for the same, or the run that is shown might not be fair.
 
     Args:
         stepper: What the graph was made with.

@@ -54,7 +54,11 @@ Build = Callable[[Part], tuple[Tick, Stop]]
 
 
 def is_reset(behaviour: Behaviour) -> bool:
-    """Say whether a node is reset before it is started again: not by a stock parent, see `Parent._starts`."""
+    """Return whether a node's parent resets it to INVALID before starting it again; stock parents do not.
+
+    `Parent._starts` says why that decides which ticks are starts. It depends on the tree alone, so a builder asks once,
+    where the generators ask in every tick.
+    """
     around = behaviour.parent
     while isinstance(around, Parent) and around.is_its_child:
         around = around.parent
