@@ -12,7 +12,7 @@ MODEL_TAG = "TreeNodesModel"
 INCLUDE_TAG = "include"
 SUBTREE_TAG = "SubTree"
 SECTIONS = (TREE_TAG, INCLUDE_TAG, MODEL_TAG)
-"""What stands directly in the root element."""
+"""The sections that may be directly in the root element."""
 
 
 CHILDREN_KEY = "children"
@@ -71,15 +71,15 @@ class Element:
         return self.source.spans.tag(self.source, self)
 
     def name_span(self, attribute: str) -> Span:
-        """Return where the name of one of its attributes stands."""
+        """Return where the name of one of its attributes is."""
         return self.source.spans.attribute_name(self.source, self, attribute)
 
     def value_span(self, attribute: str) -> Span:
-        """Return where the value of one of its attributes stands, without quotes."""
+        """Return where the value of one of its attributes is, without quotes."""
         return self.source.spans.attribute_value(self.source, self, attribute)
 
     def within_value(self, attribute: str, start: int, end: int) -> Span:
-        """Return where the characters from *start* to *end* of an attribute's value stand."""
+        """Return where the characters from *start* to *end* of an attribute's value are."""
         return self.source.spans.within_value(self.source, self, attribute, start, end)
 
     def iterate(self) -> Iterator["Element"]:

@@ -51,15 +51,15 @@ class Spans(Protocol):
         ...
 
     def attribute_name(self, source: "Source", element: "Element", name: str) -> Span:
-        """Return where an attribute's name stands."""
+        """Return where an attribute's name is."""
         ...
 
     def attribute_value(self, source: "Source", element: "Element", name: str) -> Span:
-        """Return where an attribute's value stands, without its quotes."""
+        """Return where an attribute's value is, without its quotes."""
         ...
 
     def within_value(self, source: "Source", element: "Element", name: str, start: int, end: int) -> Span:
-        """Return where the characters from *start* to *end* of an attribute's value stand.
+        """Return where the characters from *start* to *end* of an attribute's value are.
 
         Args:
             source: The file.
@@ -71,7 +71,7 @@ class Spans(Protocol):
         ...
 
     def follows_blank_line(self, source: "Source", element: "Element") -> bool:
-        """Say whether a blank line stands directly before the element."""
+        """Return whether a blank line is directly before the element."""
         ...
 
 
@@ -124,7 +124,7 @@ class Source:
         return line, offset - self.line_starts[line - 1] + 1
 
     def blank_before(self, offset: int, passing: str = " \t\r\n") -> bool:
-        """Say whether a blank line stands before an offset, with nothing in between but *passing*."""
+        """Return whether a blank line is before an offset, with only characters of *passing* in between."""
         start = offset
         while start and self.text[start - 1] in passing:
             start -= 1

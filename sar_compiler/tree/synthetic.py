@@ -1,4 +1,4 @@
-"""Elements that stand in no file: what a command adds to a tree, or writes of its own."""
+"""Elements that come from no file: what a command adds to a tree, or generates."""
 
 from collections.abc import Iterable, Mapping
 
@@ -9,7 +9,7 @@ _NOWHERE = Span(1, 1, 1, 1)
 
 
 class _NoSpans:
-    """Finds nothing, for there is no text."""
+    """Finds nothing, because there is no text."""
 
     form = Form.XML
 
@@ -30,7 +30,7 @@ class _NoSpans:
 
 
 NO_SPANS = _NoSpans()
-"""For a text in which no element stands."""
+"""For a text without elements."""
 
 _SOURCE = Source("<made>", "", NO_SPANS)
 

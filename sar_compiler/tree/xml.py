@@ -135,7 +135,7 @@ class _XmlReader:
         return TreeFile(self._source, self._levels[0][0], tuple(self._comments.get(0, ())))
 
     def _handlers(self) -> tuple[Callable[[str, dict[str, str]], None], Callable[[str], None]]:
-        """Return what is called for every tag; closures, which reach what they need faster than methods."""
+        """Return the handlers for start and end tags; closures, which are faster than methods."""
         parser, source, opened, levels = self._parser, self._source, self._open, self._levels
         comments, texts = self._comments, self._texts
 
@@ -225,6 +225,6 @@ class _XmlReader:
 
 
 def _ends_with_leaf(text: str, element: Element) -> bool:
-    """Say whether a text ends with the end of an element that has no children, and no comment yet."""
+    """Return whether a text ends with the end of an element that has no children, and no comment yet."""
     ending = text.endswith(("/>", f"</{element.tag}>"))
     return ending and not element.children and not element.comments

@@ -1,4 +1,4 @@
-"""Characters that XML does not take where they stand, in words that say what to write instead."""
+"""Characters that XML does not allow at their place, with what to write instead."""
 
 import re
 from dataclasses import dataclass
@@ -12,12 +12,12 @@ _OPEN_VALUE = re.compile(r"=\s*(\"[^\"<]*|'[^'<]*)\Z")
 
 @dataclass(frozen=True)
 class XmlMistake:
-    """What is written wrong in a file that is not well-formed.
+    """A mistake in a file that is not well-formed.
 
     Attributes:
         message: What is wrong.
         start: The offset of the first character that is.
-        end: The offset behind the last one.
+        end: The offset after the last one.
         suggestion: What to write there.
     """
 
@@ -28,7 +28,7 @@ class XmlMistake:
 
 
 def mistake_at(text: str, place: int, words: str) -> XmlMistake | None:
-    """Return what was probably meant where expat gave up.
+    """Return the probable mistake at the place where expat gave up.
 
     Args:
         text: The file.
@@ -70,7 +70,7 @@ def _in_tag(text: str, place: int) -> XmlMistake | None:
 
 
 def _in_value(text: str, place: int, quote: int) -> XmlMistake:
-    """Say whether a < is part of a value, or the value has no end."""
+    """Return the mistake of a < in a value: unescaped, or after a missing closing quote."""
     if text[quote:place].rstrip().endswith((">", "/")):
         return XmlMistake("the value that begins here has no closing quotation mark", quote, quote + 1)
     return XmlMistake("a < in a value is written &lt; in XML", place, place + 1, "&lt;")

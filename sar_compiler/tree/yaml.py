@@ -60,7 +60,7 @@ def parse_yaml(data: bytes | str, path: str = "<text>") -> TreeFile:
 
 
 class _Parts:
-    """What is known of an element while it is read."""
+    """The parts of an element while it is read."""
 
     __slots__ = ("attributes", "children", "comments", "places", "seen", "text")
 
@@ -76,7 +76,7 @@ class _Parts:
 
 
 class _YamlReader:
-    """One pass over the events of a text; goes on behind what is wrong, so that everything is found."""
+    """One pass over the events of a text; continues after an error, so that all are found."""
 
     def __init__(self, source: Source, spans: YamlSpans) -> None:
         self._source = source
@@ -145,7 +145,7 @@ class _YamlReader:
         return element
 
     def _bare(self, tag: Any) -> Element | None:
-        """Make an element of a tag that stands for itself."""
+        """Make an element of a tag without contents."""
         if tag.start_mark.index == tag.end_mark.index:
             message = "there is nothing behind this '-'"
             start = self._source.text.rfind("-", 0, tag.start_mark.index)
@@ -157,7 +157,7 @@ class _YamlReader:
         return self._element(tag, parts, self._spans.begin(*_place(tag)))
 
     def _tagged(self, tag: Any, trailing: str | None) -> Element | None:
-        """Read what stands below a tag."""
+        """Read the contents of a tag."""
         events, parts = self._events, _Parts()
         number = self._spans.begin(*_place(tag))
         if trailing is not None:
@@ -332,7 +332,7 @@ class _YamlReader:
         self._report("wrong-name", message, *_place(scalar), hint=hint)
 
     def _stray_key(self, tag: Any) -> None:
-        """Say of a key beside a node's tag that it does not belong there."""
+        """Report a key beside a node's tag, which does not belong there."""
         key = self._key()
         self._events.skip()
         if key is None or tag is None:
@@ -360,7 +360,7 @@ def _comment(waiting: Any, index: int, attribute: str | None = None) -> Comment:
 
 
 def _header_comment(text: str, value: Any) -> str | None:
-    """Return the comment behind the `|` or `>` of a block."""
+    """Return the comment after the `|` or `>` of a block."""
     if value.style not in ("|", ">"):
         return None
     match = _HEADER_COMMENT.match(text, value.start_mark.index)

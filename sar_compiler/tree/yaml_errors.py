@@ -1,4 +1,4 @@
-"""What is wrong with a text that is not YAML, in words for those who write trees in it."""
+"""Errors of the YAML parser, reworded for authors of trees."""
 
 import re
 from typing import NamedTuple

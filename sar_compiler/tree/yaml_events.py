@@ -121,7 +121,7 @@ class Events:
                 return int(event.end_mark.index)
 
     def comments(self, from_column: int = 0) -> list[Waiting]:
-        """Take the comments that stand before the next event.
+        """Take the comments before the next event.
 
         Args:
             from_column: The first that stands further left, and all behind it, are left to others.

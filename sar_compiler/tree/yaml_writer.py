@@ -56,7 +56,7 @@ def scalar(text: str) -> str:
 
 
 def _node(element: Element, indent: str, dash: str) -> Iterator[str]:
-    """Yield the lines of an element; what is below its tag stands four columns behind its dash."""
+    """Yield the lines of an element; the contents of its tag are indented four columns from its dash."""
     key = scalar(element.tag)
     below = indent + ("    " if dash else "  ")
     content = [*_attributes(element, below), *_children(element, below)]
@@ -121,7 +121,7 @@ def _marked(line: str) -> str:
 
 
 def _value(text: str, indent: str) -> list[str]:
-    """Return the lines of a value; those behind the first are those of a block."""
+    """Return the lines of a value; those after the first are the lines of a block."""
     lines = text.split("\n")
     body = lines[:-1] if lines[-1] == "" else lines
     fits = all(line.isprintable() and line == line.rstrip() for line in body)
