@@ -1,4 +1,4 @@
-"""Evaluate scripts: each is made into functions once, which every tick then calls."""
+"""Evaluating scripts: each is compiled to functions once, which every tick then calls."""
 
 from collections.abc import Callable, Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""What a script says: expressions with their places, and what can be known of them without running."""
+"""Parsed scripts: expressions with their places, and what can be told of them without running them."""
 
 import enum
 from collections.abc import Iterator
@@ -113,7 +113,7 @@ class Script:
 
 
 class Access(enum.Enum):
-    """What a script does with a name."""
+    """How a script uses a name."""
 
     READ = "read"
     CREATE = "create"
@@ -180,7 +180,7 @@ def _uses(expression: Expression, *, certain: bool) -> Iterator[NameUse]:
 
 
 def _always_evaluated(expression: Expression, parts: int) -> int:
-    """Return how many of an expression's parts every evaluation comes to."""
+    """Return how many of an expression's parts every evaluation reaches."""
     if isinstance(expression, Conditional):
         return 1
     if isinstance(expression, ComparisonChain):

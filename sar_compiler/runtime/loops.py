@@ -22,7 +22,7 @@ _SEPARATOR = ";"
 
 
 class QueueError(SarError):
-    """What a loop is to go through is no queue, or an item of it has the wrong type."""
+    """The value that a loop should iterate over is no queue, or an item of it has the wrong type."""
 
 
 class Loop(Wrapper):

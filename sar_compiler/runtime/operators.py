@@ -1,4 +1,4 @@
-"""What the operators of scripts make of values: BehaviorTree.CPP's rules, on Python's numbers and texts.
+"""The operators of scripts: BehaviorTree.CPP's rules, on Python's numbers and strings.
 
 Every number that comes out is a real one. A `RefusedValueError` says which operand does not fit.
 """
@@ -57,13 +57,13 @@ def join(left: ScriptValue, right: ScriptValue) -> ScriptValue:
 
 
 def both(left: ScriptValue, right: ScriptValue) -> ScriptValue:
-    """Say whether two values are true; both have been calculated."""
+    """Return whether two values are true; both have been calculated."""
     left_holds, right_holds = _truth(left), _truth(right)
     return float(left_holds and right_holds)
 
 
 def either(left: ScriptValue, right: ScriptValue) -> ScriptValue:
-    """Say whether one of two values is true; both have been calculated."""
+    """Return whether one of two values is true; both have been calculated."""
     left_holds, right_holds = _truth(left), _truth(right)
     return float(left_holds or right_holds)
 
@@ -80,7 +80,7 @@ def complement(value: ScriptValue) -> ScriptValue:
 
 
 def negation(value: ScriptValue) -> ScriptValue:
-    """Say whether a number is zero."""
+    """Return whether a number is zero."""
     return float(as_real(value) == 0)
 
 
@@ -103,7 +103,7 @@ PREFIX: Mapping[str, Callable[[ScriptValue], ScriptValue]] = {"-": negative, "~"
 
 
 def compare(operator: str, left: ScriptValue, right: ScriptValue, enums: Mapping[str, int]) -> bool:
-    """Say whether a comparison is true.
+    """Return whether a comparison is true.
 
     Two texts are compared letter by letter, so that '10' is less than '9'. Of a text and a number, the text
     is the number that it says. What is not a number (NaN) is different from everything, and as no order
@@ -121,7 +121,7 @@ def compare(operator: str, left: ScriptValue, right: ScriptValue, enums: Mapping
 
 
 def chosen(condition: ScriptValue) -> bool:
-    """Say whether the condition of `?:` chooses the first value: a number but zero, or a text that says one."""
+    """Return whether the condition of `?:` chooses the first value: a number but zero, or a text that says one."""
     if isinstance(condition, str):
         condition = float(number_of(condition))
     return as_real(condition) != 0

@@ -66,7 +66,7 @@ class PyTreesTimer(stock.Timer):
         self._timer.start(self.duration)
 
     def update(self) -> Status:
-        """Say whether the time is over."""
+        """Return RUNNING until the time is over, then SUCCESS."""
         if self._timer.remaining():
             # Without the time left, which would make every tick look like a change.
             self.feedback_message = "still running"

@@ -1,4 +1,4 @@
-"""Read scripts: what stands in `<Script code="...">` and in pre- and postconditions.
+"""Parsing scripts: the `code` of `<Script>`, and pre- and postconditions.
 
 By precedence climbing, in the ranks of BehaviorTree.CPP 4; a higher rank binds tighter:
 
@@ -122,7 +122,7 @@ class _Parser:
         return self._tokens[self._index]
 
     def _before(self, count: int = 1) -> Token | None:
-        """Return the token that stands so many before the next one."""
+        """Return the token a number of places before the next one."""
         return self._tokens[self._index - count] if self._index >= count else None
 
     def _advance(self) -> Token:
@@ -242,7 +242,7 @@ class _Parser:
             raise ScriptError(message, name.start, following.end, hint=hint)
 
     def _refuse_word(self) -> None:
-        """Refuse `and` and `or` behind an expression; a variable may have such a name, but stands elsewhere."""
+        """Refuse `and` and `or` after an expression, where no variable of such a name can be."""
         word = self._next
         if word.kind is not TokenKind.NAME or word.text not in _WORDS:
             return
@@ -253,7 +253,7 @@ class _Parser:
         raise ScriptError(message, word.start, word.end, suggestion=_WORDS[word.text])
 
     def _no_operand(self) -> ScriptError:
-        """Explain why no operand stands where the next token is."""
+        """Explain why there is no operand at the next token."""
         token, before = self._next, self._before()
         if before is not None and before.kind is TokenKind.SIGN:
             other = self._other_operator(before, token)

@@ -1,4 +1,4 @@
-"""A leaf that answers what somebody chooses: it stands for a real one where there is no robot.
+"""A leaf that answers what a policy chooses, in place of a real one where there is no robot.
 
 It has no state of its own but py_trees' status. What the answers change are facts: entries of a board beside the
 tree's, so that scripts and snapshots work on them as on any entry.
@@ -25,7 +25,7 @@ STATUSES: Mapping[str, Status] = {
     "RUNNING": Status.RUNNING,
     "SKIPPED": SKIPPED,
 }
-"""What `update` returns for the status of an answer."""
+"""The return value of `update` for the status of an answer."""
 
 STARTED = "started"
 ANSWERED = "answered"
@@ -53,10 +53,10 @@ class OutcomePolicy(Protocol):
 
 
 class NominalPolicy:
-    """Chooses what happens on a day without surprises."""
+    """Chooses the usual answers."""
 
     def choose(self, leaf: "StubLeaf", options: Sequence[Answer]) -> Answer:  # noqa: ARG002 - as the protocol has it
-        """Return the first possible answer that is an end."""
+        """Return the first possible answer that is not RUNNING."""
         return nominal(options)
 
 

@@ -36,7 +36,7 @@ class Timer:
 
     @property
     def started(self) -> bool:
-        """Whether it counts, or has come to the end."""
+        """Whether it is running or has run out."""
         return self._end is not None
 
     def start(self, seconds: float) -> None:
@@ -168,7 +168,7 @@ class Sleep(Behaviour):
         self._timer.start(seconds_of(self.name, "msec", self._msec.get()))
 
     def update(self) -> Status:
-        """Say whether the time is over."""
+        """Return RUNNING until the time is over, then SUCCESS."""
         remaining = self._timer.remaining()
         self.feedback_message = time_left(remaining) if remaining else ""
         return Status.RUNNING if remaining else Status.SUCCESS

@@ -68,7 +68,7 @@ class ScriptError(SarError):
 
 
 class TokenKind(enum.Enum):
-    """What a token is."""
+    """The kind of a token."""
 
     LITERAL = enum.auto()
     NAME = enum.auto()
@@ -115,7 +115,7 @@ def tokenize(text: str) -> Iterator[Token]:
 
 
 def excerpt(text: str) -> str:
-    """Return what somebody wrote, shortened for a message."""
+    """Return a piece of a script, shortened for a message."""
     return text if len(text) <= _LONGEST_EXCERPT else text[: _LONGEST_EXCERPT - 3] + "..."
 
 

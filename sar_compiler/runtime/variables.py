@@ -9,7 +9,7 @@ from sar_compiler.errors import SarError
 from sar_compiler.runtime.tokens import LARGEST_INTEGER, excerpt
 
 ScriptValue = int | float | str
-"""What a script calculates with."""
+"""A value in a script."""
 
 LARGEST_EXACT = 2**53 - 1
 """Above it, not every whole number is a real number."""
@@ -45,7 +45,7 @@ class RefusedValueError(VariableError):
 
 
 class Variables(Protocol):
-    """What a script reads and writes: names in the script's scope, those with `@` in the root's."""
+    """The variables of a script: names in its scope, those with `@` in the root's."""
 
     def read(self, name: str) -> ScriptValue:
         """Return a variable's value.

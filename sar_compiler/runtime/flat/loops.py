@@ -11,7 +11,7 @@ from sar_compiler.runtime.frozen import freeze, thaw
 from sar_compiler.runtime.tokens import excerpt
 
 _UNSEEN = 0
-"""In the place of a queue at which nobody has looked yet."""
+"""In place of a queue that was not read yet."""
 
 
 def loop(part: Part) -> tuple[Tick, Stop]:

@@ -15,7 +15,7 @@ from sar_compiler.runtime.flat.times import Times
 
 
 class _FlatCounting:
-    """What both count: the children that have ended, as bits of a number, and how many of them have failed."""
+    """The counts of both: the children that have ended, as bits of a number, and how many of these have failed."""
 
     def __init__(self, part: Part) -> None:
         self.part = part

@@ -1,4 +1,4 @@
-"""What a builder of the flat form is given of its node, and what it makes; what builders have in common."""
+"""The input and output of the builders of the flat form, and the functions that they share."""
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
