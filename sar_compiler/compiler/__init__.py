@@ -109,7 +109,7 @@ def compile_tree(
 
 
 def preview_tree(binding: Binding) -> CompiledTree:
-    """Compile a bound tree to be looked at: with stand-ins for what only a mission has.
+    """Compile a bound tree for display, with stand-ins for what only a mission has.
 
     Blackboard keys that are not known get the parameter's default or some value of its type; a node that
     only a model describes becomes a stock behaviour of its kind.

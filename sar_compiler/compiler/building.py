@@ -1,4 +1,4 @@
-"""Making the behaviours of a tree."""
+"""Building the behaviours of a tree."""
 
 import functools
 from collections.abc import Callable, Mapping
@@ -77,7 +77,7 @@ class Builder:
         self._collector.tag(bound.element, "not-installed", message, hint=hint)
 
     def place(self, instance: Instance, bound: BoundNode) -> Behaviour:
-        """Make a node where it stands in the tree, with what is wrapped around it there."""
+        """Build a node in place, with its wrappers."""
         make = self._remembered if bound in self._targets else self._make
         behaviour = make(instance, bound)
         if bound.conditions:
@@ -158,7 +158,7 @@ class PreviewBuilder(Builder):
     """Makes a tree to be looked at, whatever only a mission or a module of leaves has."""
 
     def only_described(self, bound: BoundNode) -> None:
-        """Let it be: a stock behaviour of its kind stands for it."""
+        """Do nothing: a stock behaviour of its kind is used instead."""
 
     def stand_in(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Behaviour | None:
         """Return a stock behaviour where a key's value, which is made up here, may be what was refused."""

@@ -46,7 +46,7 @@ class Construction(NamedTuple):
 
 
 class Origins(Mapping[UUID, Origin]):
-    """The origins of all behaviours, by their ids; each is worked out when somebody asks.
+    """The origins of all behaviours, by their ids; each is computed on request.
 
     Args:
         constructions: How each was constructed.

@@ -1,7 +1,7 @@
-"""A tree with stub leaves: what flies, but for the robot.
+"""A tree with stub leaves: the tree of a real run, without the robot.
 
 Controls, decorators and the leaves of the language itself are made for real, on a clock that is moved by hand. Every
-other leaf, installed or only described, is a `StubLeaf`: it answers what an outcome policy takes of what it can answer.
+other leaf, installed or only described, is a `StubLeaf`: an outcome policy chooses among its possible answers.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -44,13 +44,13 @@ _LANGUAGE = {(each.tag, each.cls) for each in language.REGISTRATIONS if each.tag
 
 
 def is_answered(spec: NodeSpec) -> bool:
-    """Say whether a node is a leaf that stands for something outside the tree, and so answers in a simulated tree."""
+    """Return whether a node is a leaf that acts on something outside the tree, and so becomes a stub leaf."""
     return spec.kind.is_leaf and (spec.tag, spec.cls) not in _LANGUAGE
 
 
 @dataclass(frozen=True)
 class Assumptions:
-    """What is taken for granted of the world around a tree, besides what its leaves say of themselves.
+    """Assumptions about the world around a tree, besides what its leaves declare.
 
     Attributes:
         facts: Facts with their values at the start; they replace those of the leaves, or add to them.
@@ -63,17 +63,17 @@ class Assumptions:
 
 
 class SimulatedTree:
-    """A compiled tree whose leaves answer what an outcome policy takes.
+    """A compiled tree whose leaves answer what an outcome policy chooses.
 
     Args:
         compiled: The tree.
         facts: The facts.
         leaves: Its stub leaves, in the order of the tree.
         clock: What its durations are measured with, seconds.
-        notes: What is not as it would fly.
-        disputes: The facts that leaves start with different values and nobody has settled, with what to say of
+        notes: What is not as in a real run.
+        disputes: The facts that leaves start with different values and no file has settled, with what to say of
             them; the first leaf's value counts.
-        outputs: The leaves that would write a key when they fly, by the key as it is written in the file.
+        outputs: The leaves that would write a key in a real run, by the key as it is written in the file.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class SimulatedTree:
         self.disputes = disputes
         self._outputs = outputs
         self.events: list[Event] = []
-        """What the leaves have done, in order, since somebody cleared it."""
+        """What the leaves have done, in order, since the list was last cleared."""
         for leaf in leaves:
             leaf.events = self.events
 
@@ -105,7 +105,7 @@ class SimulatedTree:
 
     @property
     def policy(self) -> OutcomePolicy | None:
-        """What decides the leaves' answers; None for a tree without stub leaves."""
+        """The policy of the leaves' answers; None for a tree without stub leaves."""
         return self.leaves[0].policy if self.leaves else None
 
     @policy.setter
@@ -114,7 +114,7 @@ class SimulatedTree:
             leaf.policy = policy
 
     def advice_on(self, error: BaseException) -> str:
-        """Return what to do about what a tick has raised, as the end of a sentence; empty if nobody knows."""
+        """Return advice on an exception of a tick, as the end of a sentence; empty if there is none."""
         cause: BaseException | None = error
         while cause is not None:
             key = getattr(cause, "name" if isinstance(cause, UnknownVariableError) else "key", None)
@@ -158,7 +158,7 @@ def compile_simulated(
 
 
 class SimulationArguments(Arguments):
-    """The arguments of what is made for real; whoever answers needs none."""
+    """The arguments of the nodes that are real; stub leaves need none."""
 
     parameter_advice = "give it a value: parameters: {{{name}: ...}}"
 
@@ -194,9 +194,9 @@ class SimulationBuilder(Builder):
 
     Attributes:
         facts: The facts.
-        notes: What is not as it would fly.
+        notes: What is not as in a real run.
         disputes: The facts that leaves start with different values.
-        outputs: The leaves that would write a key when they fly.
+        outputs: The leaves that would write a key in a real run.
     """
 
     def __init__(
@@ -236,7 +236,7 @@ class SimulationBuilder(Builder):
         }
 
     def only_described(self, bound: BoundNode) -> None:
-        """Note what stands for a control or a decorator that is only described."""
+        """Note the substitute of a control or a decorator that only a model describes."""
         if not bound.spec.kind.is_leaf:
             what = "a Sequence with memory" if bound.spec.kind is Kind.CONTROL else "its child alone"
             message = f"<{bound.spec.tag}> is only described by a model; {what} stands for it here"
@@ -247,7 +247,7 @@ class SimulationBuilder(Builder):
             )
 
     def _maker(self, bound: BoundNode) -> Callable[..., Any]:
-        """Return what makes a node; what stands for one that is only described knows of skipped children."""
+        """Return the constructor of a node; the substitute of one that is only described handles skipped children."""
         if bound.spec.cls is not None:
             return super()._maker(bound)
         return _sequence if bound.spec.kind is Kind.CONTROL else decorators.SubTree
@@ -293,7 +293,7 @@ class SimulationBuilder(Builder):
 
 
 class Places:
-    """Where the nodes of a bound tree stand.
+    """The paths of the nodes of a bound tree.
 
     Args:
         binding: The tree.
@@ -320,7 +320,7 @@ class Places:
 
 
 def fits(key: str, path: Sequence[str], tag: str) -> int:
-    """Say how well a key of a file names a leaf.
+    """Return how specifically a key of a file names a leaf.
 
     Args:
         key: What is written: a path, whose parts are names of nodes around the leaf, in their order but perhaps
