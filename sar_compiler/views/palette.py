@@ -1,4 +1,4 @@
-"""What can be written in a tree file, as a palette for Groot2."""
+"""The nodes of the registry as a palette for Groot2."""
 
 from collections.abc import Iterable
 

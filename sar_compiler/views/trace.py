@@ -79,7 +79,7 @@ def _place(node: Covered) -> str:
 
 
 def _is_news(tick: TickRecord, before: TickRecord | None) -> bool:
-    """Say whether something happens in a tick that did not in the one before."""
+    """Return whether something happens in a tick that did not in the one before."""
     if before is None or tick.facts or tick.keys or tick.root != before.root:
         return True
     known = _seen(before.events)
@@ -123,7 +123,7 @@ class _Writer:
         return [f"{which}, until {last.time_sec:g} s: {said}"]
 
     def _is_done(self, event: Event) -> bool:
-        """Say whether an event is more than going on with something, or looking."""
+        """Return whether an event is more than going on with something, or looking."""
         running = event.answer is not None and event.answer.status == "RUNNING"
         return not running and self._origins[event.leaf.id].bound.spec.kind is not Kind.CONDITION
 

@@ -1,4 +1,4 @@
-"""What verification has found out about a tree, as text and as JSON."""
+"""The result of verifying a tree, as text and as JSON."""
 
 import json
 import textwrap
