@@ -1,4 +1,4 @@
-"""What is wrong with a tree.
+"""Checking trees.
 
 A rule is a function from a `Subject`, which is a file with all that is known of it, to findings. Each family of rules
 is a module in `rules`, and `RULES` lists them.
@@ -41,7 +41,7 @@ def check_meaning(subject: Subject) -> Iterable[Diagnostic]:
 
 
 MOST = 1000
-"""More findings of one rule than these help nobody; the rest come when these are mended."""
+"""The most findings reported for one rule; the rest appear when these are corrected."""
 
 RULES: tuple[Callable[[Subject], Iterable[Diagnostic]], ...] = (
     check_document,

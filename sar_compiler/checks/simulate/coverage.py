@@ -1,4 +1,4 @@
-"""What a set of runs has not shown of a tree."""
+"""The coverage of a tree by a set of runs."""
 
 from dataclasses import dataclass, field
 from uuid import UUID
@@ -13,7 +13,7 @@ from sar_compiler.runtime.stub_leaf import StubLeaf
 
 @dataclass
 class Covered:
-    """What was seen of one node of the file, wherever it stands.
+    """The outcomes seen of one node of the file, in all instances of its tree.
 
     Attributes:
         bound: The node.
@@ -29,7 +29,7 @@ class Covered:
 
     @property
     def unseen(self) -> list[str]:
-        """What has not been seen of it."""
+        """The outcomes that were not seen."""
         return [outcome for outcome in self.outcomes if outcome not in self.seen]
 
 
@@ -74,7 +74,7 @@ class Coverage:
 
 
 def _outcomes(behaviour: Behaviour, bound: BoundNode) -> list[str]:
-    """Return all that a leaf can come to."""
+    """Return all outcomes that a leaf can have."""
     if isinstance(behaviour, StubLeaf):
         return [answer.name for answer in behaviour.answers]
     leaf = bound.spec.kind.is_leaf and not behaviour.children

@@ -1,4 +1,4 @@
-"""What a scenario expects of its run: `expect:`."""
+"""The expectations of a scenario: `expect:`."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -40,7 +40,7 @@ def read_expectations(
 
 
 def _lines(document: Document, parts: Mapping[str, Value]) -> Iterator[tuple[str, int]]:
-    """Yield the words of the expectations, and what stands below them, with their lines."""
+    """Yield the names of the expectations, and their contents, with their lines."""
     for word, value in parts.items():
         yield word, document.source.place(value.start)[0]
         below = [key for key, _ in value.entries] if value.entries is not None else document.listed(value)

@@ -1,4 +1,4 @@
-"""What of a scenario's expectations does not hold in its run."""
+"""Comparing a run with the scenario's expectations."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ def failures(run: Run) -> list[Failure]:
 
 
 def _all(run: Run) -> Iterator[tuple[str, str]]:
-    """Yield where an expectation stands, as `Expectations.lines` has it, and what is the case instead."""
+    """Yield the key of each failed expectation in `Expectations.lines`, and the actual result."""
     expect = run.scenario.expect
     yield from _ending(run)
     if expect.root is not None and run.root != expect.root:
@@ -72,7 +72,7 @@ def _ending(run: Run) -> Iterator[tuple[str, str]]:
 
 
 def _order(run: Run) -> Iterator[tuple[str, str]]:
-    """Look for the events of an order, each behind the one before."""
+    """Search for the events of an order, each after the one before."""
     events = _events(run)
     before: EventPattern | None = None
     for deed in run.scenario.expect.order:

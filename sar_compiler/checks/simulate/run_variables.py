@@ -1,4 +1,4 @@
-"""What the scripts of a scenario see: the run, the facts, and the keys of the main tree."""
+"""The variables of the scripts of a scenario: the run, the facts, and the keys of the main tree."""
 
 from collections.abc import Mapping
 
@@ -9,7 +9,7 @@ from sar_compiler.runtime.stub_leaf import FactVariables
 from sar_compiler.runtime.variables import ScriptValue, UnknownVariableError, VariableError
 
 OWN = ("root", "tick", "time")
-"""The names that stand for the run itself."""
+"""The names of values of the run itself."""
 
 
 class RunVariables:

@@ -25,7 +25,7 @@ class UntilError(SarError):
 
 @dataclass(frozen=True)
 class TickRecord:
-    """What one tick came to.
+    """The result of one tick.
 
     Attributes:
         number: Which tick it was, from 1.
@@ -48,7 +48,7 @@ class TickRecord:
 
 @dataclass
 class Run:
-    """A run, as far as it has come.
+    """A run so far.
 
     Attributes:
         simulated: The tree.
@@ -66,7 +66,7 @@ class Run:
 
     @property
     def root(self) -> str:
-        """What the root came to in the last tick; `INVALID` before the first one."""
+        """The root's status after the last tick; `INVALID` before the first one."""
         return self.ticks[-1].root if self.ticks else "INVALID"
 
     @property
@@ -125,7 +125,7 @@ class ScenarioPlayer:
         return run.ticks[-1]
 
     def is_over(self) -> bool:
-        """Say whether the condition for the end is true now.
+        """Return whether the condition for the end is true now.
 
         Raises:
             UntilError: If that cannot be said.

@@ -1,4 +1,4 @@
-"""What a scenario says, as plain data."""
+"""Scenarios as plain data."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -10,21 +10,21 @@ from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.stub_leaf import StubLeaf
 
 PERIOD_SEC = 0.5
-"""The time between two ticks where nothing else is said: 2 Hz, as `sar-run` ticks."""
+"""The default time between two ticks, seconds: 2 Hz, as `sar-run` ticks."""
 MAX_TICKS = 1000
-"""After so many ticks a run is broken off where nothing else is said."""
+"""The default limit: a run is stopped after this many ticks."""
 
 
 @dataclass(frozen=True)
 class AnswerStep:
-    """What a leaf answers once, or as often as is said.
+    """One step of a script: an answer given once, or a number of times.
 
     Attributes:
         answer: The label or the status of the answer.
         after_sec: For how long it runs before, seconds.
         when: Takes the step only where this is true; None: always.
         times: How often the step is taken; None for any number.
-        every: Takes the step only at every so manieth chance.
+        every: Takes the step only at every n-th chance.
     """
 
     answer: str
@@ -54,10 +54,10 @@ class Bounds:
 
 @dataclass(frozen=True)
 class Expectations:
-    """What must be true of a run.
+    """The expected results of a run.
 
     Attributes:
-        root: What the root comes to in the last tick: `SUCCESS`, `FAILURE`, `RUNNING` or `SKIPPED`.
+        root: The root's status after the last tick: `SUCCESS`, `FAILURE`, `RUNNING` or `SKIPPED`.
         ends: Whether the run ends, before it is broken off.
         within_ticks: It ends within so many ticks.
         within_sec: It ends within so many seconds.

@@ -45,7 +45,7 @@ class Scripted:
 
 
 class _Plan:
-    """What one leaf answers."""
+    """The answers of one leaf."""
 
     def __init__(
         self, leaf: StubLeaf, steps: Sequence[AnswerStep], variables: RunVariables, clock: Clock

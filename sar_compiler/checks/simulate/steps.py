@@ -1,4 +1,4 @@
-"""What a scenario says of its leaves: `leaves:`."""
+"""The scripts of the leaves of a scenario: `leaves:`."""
 
 from collections.abc import Sequence
 
@@ -34,7 +34,7 @@ def read_scripts(
 def _steps(
     document: Document, value: Value, words: LeafWords, leaves: Sequence[StubLeaf]
 ) -> tuple[AnswerStep, ...]:
-    """Read one step for every time, or a list of steps for one time each."""
+    """Read one step that is always taken, or a list of steps that are taken once each."""
     one = value.items is None
     steps = [_step(document, item, words, leaves, always=one) for item in document.listed(value)]
     return tuple(step for step in steps if step is not None)

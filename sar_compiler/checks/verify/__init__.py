@@ -1,4 +1,4 @@
-"""All possible runs of a tree: whether what should be so is so in every one of them.
+"""Verifying a tree: whether properties hold in all of its possible runs.
 
 The tree is compiled with stub leaves and brought into flat form; every combination of answers is played in
 every state that can be reached, those that fewest ticks lead to first.

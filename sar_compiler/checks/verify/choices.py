@@ -1,4 +1,4 @@
-"""All that one tick can come to: every combination of choices, one after another."""
+"""The possible results of one tick: every combination of choices, one after another."""
 
 from sar_compiler.errors import SarError
 
@@ -23,7 +23,7 @@ class Choices:
 
     @property
     def path(self) -> tuple[int, ...]:
-        """What was picked so far in this tick; questions with one option are left out."""
+        """The options picked so far in this tick; questions with one option are left out."""
         return tuple(self._path[: self._asked])
 
     def begin(self) -> None:
@@ -39,7 +39,7 @@ class Choices:
         self._asked = 0
 
     def pick(self, count: int) -> int:
-        """Return which of so many options is taken, from 0.
+        """Return the option to take, from 0 to *count* - 1.
 
         Raises:
             UnsteadyError: If another number of options was there when the same choices were made before.
@@ -62,7 +62,7 @@ class Choices:
         return self._path[asked]
 
     def advance(self) -> bool:
-        """Turn to the next combination; False if that was the last one."""
+        """Go to the next combination; return False if that was the last one."""
         path, counts = self._path, self._counts
         # What is left of a longer combination was not asked for this time.
         del path[self._asked :], counts[self._asked :]

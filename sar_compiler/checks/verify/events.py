@@ -1,4 +1,4 @@
-"""What leaves do in a tick: events as numbers, and what is still waited for."""
+"""The events of a tick as numbers, and what is still waited for."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from sar_compiler.runtime.stub_leaf import ANSWERED, HALTED, STARTED, Event
 
 
 class Alphabet:
-    """What the stub leaves of a tree can do.
+    """The possible events of the stub leaves of a tree.
 
     Args:
         simulated: The tree.
@@ -41,7 +41,7 @@ class Guarded:
     Attributes:
         number: The number of the second event.
         holds: Says whether the condition holds now.
-        comes_first: Whether the second event comes before the other one, not behind it. That matters where the
+        comes_first: Whether the second event comes before the other one, not after it. That matters where the
             other one bounds the same property.
     """
 

@@ -1,4 +1,4 @@
-"""Going through the states of a tree, those that fewest ticks lead to first."""
+"""Searching the states of a tree breadth first."""
 
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import dataclass
@@ -6,12 +6,12 @@ from typing import NamedTuple, Protocol
 
 from sar_compiler.checks.verify.graph import Breach, Graph
 
-# So many ticks take less than a tenth of a second.
+# This many ticks take less than a tenth of a second.
 _REPORT_EVERY = 2048
 
 
 class Transition(NamedTuple):
-    """One thing that a tick can come to.
+    """One possible result of a tick.
 
     Attributes:
         state: The state after it; None if it raised.
@@ -27,7 +27,7 @@ class Transition(NamedTuple):
 
 
 class Judgement(NamedTuple):
-    """What there is to say of a state.
+    """The judgement of a state.
 
     Attributes:
         ends: Whether the run is over in it.
@@ -43,14 +43,14 @@ class Judgement(NamedTuple):
 
 
 class Stepper(Protocol):
-    """What can be gone through."""
+    """The states that can be searched."""
 
     def start(self) -> Hashable:
         """Return the state before the first tick."""
         ...
 
     def steps(self, state: Hashable) -> Iterator[Transition]:
-        """Yield everything that the next tick can come to."""
+        """Yield every possible result of the next tick."""
         ...
 
     def judge(self, state: Hashable, *, idle: bool | None) -> Judgement:
@@ -70,7 +70,7 @@ class Stepper(Protocol):
 
 @dataclass(frozen=True)
 class Progress:
-    """How far it has come.
+    """The progress of the search.
 
     Attributes:
         states: How many states were found.
@@ -86,16 +86,16 @@ class Progress:
 
 
 def keep_quiet(progress: Progress) -> None:
-    """Tell nobody how far it is."""
+    """Report nothing."""
 
 
 def explore(stepper: Stepper, max_states: int, report: Callable[[Progress], None] = keep_quiet) -> Graph:
-    """Go through all states that can be reached, breadth first.
+    """Search all states that can be reached, breadth first.
 
     Args:
         stepper: Knows the states.
         max_states: How many to find at most; where there are more, the graph is not complete.
-        report: Is told now and then how far it is.
+        report: Is called with the progress now and then.
     """
     return _Exploration(stepper, max_states, report).run()
 
@@ -124,7 +124,7 @@ class _Exploration:
         return graph
 
     def _expand(self, index: int) -> None:
-        """Find what follows a state; a state that only fits in part does not count as gone through."""
+        """Find the successors of a state; one whose successors do not all fit does not count as expanded."""
         graph, numbers, waiting = self._graph, self._numbers, self._waiting
         edges: dict[tuple[int, int], None] = {}
         idle = True
@@ -149,7 +149,7 @@ class _Exploration:
             self._judge_again(index, idle=idle)
 
     def _count(self) -> None:
-        """Count a tick, and report now and then."""
+        """Count a tick, and report the progress now and then."""
         self._played += 1
         if self._played % _REPORT_EVERY == 0:
             graph = self._graph

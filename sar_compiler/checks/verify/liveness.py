@@ -32,7 +32,7 @@ class Endings:
 
 
 def endings(graph: Graph) -> Endings:
-    """Find the states that cannot end, and those that need not.
+    """Find the first state that cannot end, and the first component that need not.
 
     A state that was not gone through counts as one that can end.
     """
@@ -52,7 +52,7 @@ def endings(graph: Graph) -> Endings:
 
 
 def owing_for_ever(graph: Graph, debt: int) -> list[int] | None:
-    """Return the states of the first component that a run can go round in and owe something for ever.
+    """Return the states of the first component in which a run can stay for ever while it owes something.
 
     Args:
         graph: The graph.
@@ -76,7 +76,7 @@ def _goes_on(graph: Graph, state: int, can_end: bytearray) -> bool:
 
 
 def _sooner(graph: Graph, component: list[int], known: list[int] | None) -> list[int]:
-    """Return the component that fewer ticks lead to; where they are as many, the later one, which leads to the other."""
+    """Return the component at the lesser distance; at the same distance the later one, which leads to the other."""
     if known is None or graph.distance(min(component)) <= graph.distance(min(known)):
         return component
     return known
@@ -134,7 +134,7 @@ _Arrays = tuple["array[int]", "array[int]", bytearray, "array[int]", bytearray]
 
 
 def _enter(graph: Graph, state: int, stop: int, arrays: _Arrays) -> int | None:
-    """Go on through the ticks of a state; return the first state that is new, None at the end."""
+    """Continue through the ticks of a state; return the first new state, None at the end."""
     order, low, on_stack, following, excluded = arrays
     targets = graph.targets
     edge, least = following[state], low[state]
@@ -195,7 +195,7 @@ class Lasso:
 
 
 def lasso(graph: Graph, component: list[int]) -> Lasso:
-    """Return a run that goes round in a component and waits for nothing all the time; both parts are short.
+    """Return a short fair run into a component and once round in it.
 
     Args:
         graph: The graph.
@@ -206,7 +206,7 @@ def lasso(graph: Graph, component: list[int]) -> Lasso:
 
 
 def _round(graph: Graph, entry: int, inside: set[int]) -> list[int]:
-    """Return the ticks of a shortest way from a state back to it in which nothing is waited for all the time."""
+    """Return the ticks of a shortest fair round from a state back to it."""
     # A shortest round back to the state may be an unfair one. So breadth first over states together with what was
     # waited for in every tick so far: -1 stands for everything, 0 is what the round must arrive with.
     start = (entry, -1)

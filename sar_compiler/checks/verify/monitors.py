@@ -10,7 +10,7 @@ from sar_compiler.checks.verify.property_conditions import IdleUnknownError
 
 
 class PropertyPattern(Enum):
-    """What a property says, in the words of the specification patterns of Dwyer, Avrunin and Corbett."""
+    """The pattern of a property, after the specification patterns of Dwyer, Avrunin and Corbett."""
 
     NEVER = "never"
     """Absence: the event does not happen."""
@@ -23,7 +23,7 @@ class PropertyPattern(Enum):
 
 
 MAIN, OTHER, LIMIT = 1, 2, 4
-"""What an event can be in a property: the one that it is about; the one that must come; the one that bounds it."""
+"""The roles of an event in a property: the one that it is about, the one that must come, the one that bounds it."""
 
 
 @dataclass(frozen=True)
@@ -124,8 +124,8 @@ class Monitors:
 
 
 AfterTickCondition = Callable[[str, bool | None], bool]
-"""Says whether a condition holds after a tick; is given what the root came to, and whether the tree idles: every
-tick from now on leaves it as it is. None where nobody knows yet: then it may raise `IdleUnknownError`."""
+"""Returns whether a condition holds after a tick, given the root's status and whether the tree idles: every tick from
+now on leaves it as it is. None if that is not known yet: then it may raise `IdleUnknownError`."""
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ class Rules:
 
 
 def _answer(condition: AfterTickCondition, root: str, *, idle: bool | None) -> bool | None:
-    """Say whether a condition holds; None if that depends on what is not known yet."""
+    """Return whether a condition holds; None if that depends on what is not known yet."""
     try:
         return condition(root, idle)
     except IdleUnknownError:

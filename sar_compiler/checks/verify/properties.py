@@ -1,4 +1,4 @@
-"""Properties in force: those of a file that a tree can keep or break, ready to be watched."""
+"""The properties of a file that a tree can keep or break, as monitors."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from sar_compiler.checks.yaml_values import Document, Value, raise_findings
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A property that says nothing about a tree.
+    """A property that does not apply to a tree.
 
     Attributes:
         name: What it is called.
@@ -27,7 +27,7 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class Properties:
-    """What is watched in the runs of a tree.
+    """The properties of a tree, as they are checked.
 
     Attributes:
         rules: The properties, as the exploration uses them.
@@ -43,12 +43,12 @@ class Properties:
 
 
 def without_properties() -> Properties:
-    """Return what is watched where no file says anything: a run is over when the root has succeeded or failed."""
+    """Return the properties without a file: none, and a run is over when the root has succeeded or failed."""
     return Properties(Rules(Monitors(()), {}, _root_is_over))
 
 
 def properties_of(file: PropertyFile, prepared: Prepared, tags: Collection[str]) -> Properties:
-    """Return what a file demands of a tree.
+    """Return the properties that a file demands of a tree.
 
     Args:
         file: The file.
@@ -79,7 +79,7 @@ def properties_of(file: PropertyFile, prepared: Prepared, tags: Collection[str])
 
 @dataclass
 class _Events:
-    """What some texts of a property mean.
+    """The events that some texts of a property mean.
 
     Attributes:
         numbers: The events.
@@ -111,7 +111,7 @@ class _Reading:
         self._surroundings = Surroundings(prepared.simulated, prepared.facts)
 
     def take(self, written: EventProperty) -> None:
-        """Take a property."""
+        """Add a property."""
         main, other, limit = map(self._events, (written.main, written.other, written.limit))
         condition = None
         if written.condition is not None:

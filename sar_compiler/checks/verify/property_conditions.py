@@ -14,23 +14,23 @@ from sar_compiler.runtime.stub_leaf import FactVariables
 from sar_compiler.runtime.variables import ScriptValue
 
 ROOT = "root"
-"""What the root came to in the last tick."""
+"""The root's status after the last tick."""
 IDLE = "idle"
 """Whether every tick from now on leaves the tree as it is."""
 AFTER_A_TICK = (ROOT, IDLE)
-"""What is known when a tick is over."""
+"""The names that are known only when a tick is over."""
 
 
 class ConditionError(SarError):
-    """A condition of a property cannot be evaluated in a state that a run comes to."""
+    """A condition of a property cannot be evaluated in a state that a run reaches."""
 
 
 class IdleUnknownError(SarError):
-    """A condition asks whether the tree idles, and nobody knows yet."""
+    """A condition asks whether the tree idles, which is not known yet."""
 
 
 class Surroundings(FactVariables):
-    """What conditions read: facts, keys of the tree, and how the last tick ended.
+    """The variables of conditions: facts, keys of the tree, and the end of the last tick.
 
     Args:
         simulated: The tree.
@@ -46,10 +46,10 @@ class Surroundings(FactVariables):
         self._ended: dict[str, ScriptValue | None] = {}
 
     def end_tick(self, root: str, *, idle: bool | None) -> None:
-        """Take how a tick has ended.
+        """Set the result of the last tick.
 
         Args:
-            root: What the root came to.
+            root: The root's status.
             idle: Whether every tick from now on leaves the tree as it is; None if that is not known yet.
         """
         self._ended[ROOT] = root
@@ -73,7 +73,7 @@ class Condition:
     Args:
         script: What it says.
         surroundings: What it reads.
-        owner: Whose it is, for messages.
+        owner: The name of its property, for messages.
     """
 
     def __init__(self, script: Script, surroundings: Surroundings, owner: str) -> None:
@@ -88,7 +88,7 @@ class Condition:
         """
 
     def after_tick(self, root: str, idle: bool | None) -> bool:
-        """Say whether it holds when a tick is over; see `Surroundings.end_tick`.
+        """Return whether it holds when a tick is over; see `Surroundings.end_tick`.
 
         Raises:
             IdleUnknownError: If it asks whether the tree idles, and that is not known.

@@ -60,15 +60,15 @@ class Snapshots:
         return self._number
 
     def restore(self, number: int) -> None:
-        """Make all entries as they were."""
+        """Restore the entries of a number."""
         self._board.restore(self._snapshots[number])
         self._last, self._number = self._snapshots[number], number
 
 
 class RememberedFacts:
-    """The facts of a tree.
+    """The facts of a tree as numbers, with what scripts make of each.
 
-    The board of the facts is brought up to date only where somebody looks at it: `write_out` does that.
+    The board of the facts is brought up to date only where it is read: `write_out` does that.
 
     Args:
         simulated: The tree.
@@ -90,7 +90,7 @@ class RememberedFacts:
         self._changes: dict[tuple[int, int, int], int] = {}
 
     def alone(self, script: Script) -> bool:
-        """Say whether a script speaks of facts only."""
+        """Return whether a script uses nothing but facts."""
         return self._names.issuperset(use.name for use in name_uses(script))
 
     def write_out(self) -> None:
@@ -100,7 +100,7 @@ class RememberedFacts:
             self._written = self.number
 
     def decide_alone(self, leaf: StubLeaf) -> bool:
-        """Say whether nothing but facts decides what a leaf can answer, and nothing else is changed by it."""
+        """Return whether the answers of a leaf depend on facts only, and change nothing else."""
         return id(leaf) in self._known
 
     def options(self, leaf: StubLeaf) -> Sequence[Answer]:
@@ -109,7 +109,7 @@ class RememberedFacts:
         return leaf.options()
 
     def change(self, leaf: StubLeaf, answer: Answer) -> None:
-        """Change what an answer of a leaf changes; raises as `StubLeaf.change`."""
+        """Apply the effect of an answer of a leaf; raises as `StubLeaf.change`."""
         place = (id(leaf), id(answer), self.number)
         number = self._changes.get(place)
         if number is None:
@@ -146,7 +146,7 @@ class RememberedFacts:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A tree with stub leaves, and what is kept of it while its states are gone through.
+    """A tree with stub leaves, prepared for the search.
 
     Attributes:
         simulated: The tree.
@@ -160,7 +160,7 @@ class Prepared:
 
     @classmethod
     def of(cls, simulated: SimulatedTree) -> "Prepared":
-        """Make a tree ready."""
+        """Prepare a tree."""
         return cls(simulated, Alphabet(simulated), RememberedFacts(simulated))
 
 

@@ -28,7 +28,7 @@ class _Reply(NamedTuple):
 
     Attributes:
         event: The number of its event.
-        outcome: What the tick comes to.
+        outcome: The outcome of the tick.
         change: The answer, if it changes facts or keys.
     """
 
@@ -121,7 +121,7 @@ class FlatLeaves:
     def _replies(self, leaf: StubLeaf, known: dict[int, Sequence[_Reply]]) -> Sequence[_Reply]:
         """Return what a leaf can answer now, and keep it if it depends on facts only.
 
-        The last one comes first: leaves name their setbacks behind their successes, and among runs of as many
+        The last one comes first: leaves name their setbacks after their successes, and among runs of as many
         ticks those with setbacks are found first, which are shorter to read.
         """
         replies = [
@@ -166,17 +166,17 @@ class Timers:
         return False
 
     def remaining(self, index: int, token: int) -> float:  # noqa: ARG002 - as the protocol has it
-        """Return 0: nobody knows how long it takes."""
+        """Return 0: the time left is not known."""
         return 0.0
 
 
 @dataclass(frozen=True)
 class PlayedTick:
-    """What happened in a tick, for those who read of it.
+    """The events and results of a tick, for reports.
 
     Attributes:
         events: What the leaves did, in order.
-        root: What the root came to; empty if the tick was not finished.
+        root: The root's status; empty if the tick was not finished.
         values: The facts and the keys of the tree afterwards.
     """
 

@@ -1,4 +1,4 @@
-"""Runs as somebody can read them: the states of a way, played again tick by tick."""
+"""Runs as they are reported: played again tick by tick."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,11 +16,11 @@ ValueChange = tuple[object, object]
 
 @dataclass(frozen=True)
 class TraceTick:
-    """What happened in one tick.
+    """The events and results of one tick.
 
     Attributes:
         events: What the leaves did, in order.
-        root: What the root came to; empty if the tick was not finished.
+        root: The root's status; empty if the tick was not finished.
         changes: The facts and keys that have changed.
         error: What was raised.
     """
@@ -86,12 +86,12 @@ class Retracing:
         return [self._way(source, target) for source, target in pairwise(states)]
 
     def _way(self, source: int, target: int) -> TraceTick:
-        """Tell a tick from one state to another."""
+        """Return a tick from one state to another."""
         end = self._graph.keys[target]
         return self._tick(source, lambda step: step.state == end)
 
     def _edge(self, source: int, edge: int) -> TraceTick:
-        """Tell a tick of the graph."""
+        """Return a tick of the graph."""
         graph = self._graph
         end, waits = graph.keys[graph.targets[edge]], graph.waiting[graph.waits[edge]]
         return self._tick(source, lambda step: step.state == end and step.waits == waits)

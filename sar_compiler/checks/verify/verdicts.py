@@ -13,7 +13,7 @@ from sar_compiler.runtime.stub_leaf import StubLeaf
 
 
 class ProofStatus(str, Enum):
-    """What is known of a question."""
+    """The status of a question."""
 
     PROVED = "proved"
     BROKEN = "does not hold"
@@ -39,7 +39,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Verification:
-    """All that was found out about a tree.
+    """The result of verifying a tree.
 
     Attributes:
         verdicts: The questions with their answers.
@@ -89,7 +89,7 @@ class Questions:
         self._advice_on = advice_on
 
     def no_error(self) -> Verdict:
-        """Say whether no tick of any run raises an error."""
+        """Return the verdict on whether a tick of any run raises an error."""
         error = self._graph.error
         if error is None:
             return self._unbroken(NO_ERROR)
@@ -98,7 +98,7 @@ class Questions:
         return Verdict(NO_ERROR, ProofStatus.BROKEN, reason, self._retracing.breach(error))
 
     def every_leaf(self, leaves: Sequence[FlatNode], ran: Collection[int]) -> Verdict:
-        """Say whether every leaf is ticked in some run."""
+        """Return the verdict on whether every leaf is ticked in some run."""
         never = [f"'{node.behaviour.name}'" for node in leaves if node.index not in ran]
         if not never:
             return Verdict(EVERY_LEAF, ProofStatus.PROVED)
@@ -108,7 +108,7 @@ class Questions:
         return Verdict(EVERY_LEAF, ProofStatus.UNDECIDED, f"so far it was not the turn of {names}")
 
     def endings(self) -> Iterator[Verdict]:
-        """Say whether the runs end."""
+        """Yield the verdicts on whether the runs end."""
         found = endings(self._graph)
         if found.stuck is None:
             yield self._unbroken(AN_END)
@@ -127,7 +127,7 @@ class Questions:
             )
 
     def properties(self, properties: Properties) -> Iterator[Verdict]:
-        """Say which properties hold."""
+        """Yield a verdict for each property."""
         for rule, name in enumerate(properties.names):
             breach = self._graph.breaches.get(rule)
             if breach is not None:

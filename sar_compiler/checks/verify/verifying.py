@@ -1,4 +1,4 @@
-"""Verifying a tree: its states are gone through once, and every question is answered from them."""
+"""Verifying a tree: its states are searched once, and every question is answered from them."""
 
 from collections.abc import Callable, Collection
 
@@ -18,7 +18,7 @@ from sar_compiler.runtime.frozen import FrozenValueError
 
 
 class UndecidableError(SarError):
-    """The runs of a tree cannot be gone through."""
+    """The runs of a tree cannot be searched."""
 
 
 def verify(
@@ -28,7 +28,7 @@ def verify(
     max_states: int,
     report: Callable[[Progress], None] = keep_quiet,
 ) -> Verification:
-    """Go through the states of a tree and answer every question.
+    """Search the states of a tree and answer every question.
 
     Args:
         simulated: The tree with stub leaves; it is used up.
@@ -72,7 +72,7 @@ def verify(
 
 
 def _unknown_nodes(simulated: SimulatedTree) -> str:
-    """Say which nodes nobody knows the rules of; what stands for them in a simulation would prove nothing."""
+    """Return the message about nodes with unknown rules; their substitutes in a simulation would prove nothing."""
     described = ", ".join(dict.fromkeys(note.message.partition(";")[0] for note in simulated.notes))
     return (
         f"{described}, and when it ticks its children is not known; load the module that has it "
