@@ -86,6 +86,7 @@ NAMESAKES = {
     "Board": "of the keys that a check has seen, beside the blackboard's",
     "Pose": "of a zone in a file, beside that of a goal",
     "Rule": "of the conversion for BehaviorTree.CPP, beside that of a node",
+    "Timeout": "BehaviorTree.CPP's, and py_trees' own; outlines of users' trees show both with their modules",
     "Use": "of a key, beside that of a topic",
     "Verdict": "on a mission, beside that on a property",
 }

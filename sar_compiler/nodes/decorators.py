@@ -16,7 +16,7 @@ from sar_compiler.runtime.chosen_outcome import Outcome
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.ports import InOut, Input
-from sar_compiler.runtime.py_trees_timers import PyTreesTimeout
+from sar_compiler.runtime.py_trees_timers import Timeout
 from sar_compiler.runtime.scripting import NodeScript
 
 
@@ -198,7 +198,7 @@ PY_TREES = [
     ),
     Registration(
         "Timeout",
-        PyTreesTimeout,
+        Timeout,
         Kind.DECORATOR,
         _ALL,
         skip_advice='msec="..."',

@@ -24,7 +24,7 @@ from sar_compiler.nodes.values import AS_WRITTEN, CONDITION, UNSIGNED, ValueType
 from sar_compiler.runtime import entries, script_nodes, timers
 from sar_compiler.runtime.blackboard import Scope
 from sar_compiler.runtime.ports import InOut, Input
-from sar_compiler.runtime.py_trees_timers import PyTreesTimer
+from sar_compiler.runtime.py_trees_timers import Timer
 
 
 def status_queue(name: str, queue: list[str], eventually: StatusName | None = None) -> behaviours.StatusQueue:
@@ -323,7 +323,7 @@ PY_TREES = [
     made_by("SuccessEveryN", success_every_n, _SUCCESS, _FAILURE, n=NTH),
     made_by("TickCounter", tick_counter, *_ALL),
     made_by("ProbabilisticBehaviour", probabilistic_behaviour, *_ALL, weights=CHANCES),
-    Registration("Timer", PyTreesTimer, Kind.ACTION, frozenset({_SUCCESS, _RUNNING})),
+    Registration("Timer", Timer, Kind.ACTION, frozenset({_SUCCESS, _RUNNING})),
     made_by("BlackboardToStatus", blackboard_to_status, *_ALL, variable_name=VARIABLE),
     made_by(
         "CheckBlackboardVariableExists",

@@ -12,7 +12,7 @@ from sar_compiler.runtime import timers
 from sar_compiler.runtime.clock import Clock
 
 
-class PyTreesTimeout(decorators.Timeout):
+class Timeout(decorators.Timeout):
     """Fails if its child is still running after a time, measured on the mission's clock.
 
     py_trees' own Timeout reads the machine's clock, which is wrong for a robot on simulated time.
@@ -26,7 +26,7 @@ class PyTreesTimeout(decorators.Timeout):
 
     def __init__(self, name: str, child: Behaviour, duration: float, clock: Clock) -> None:
         super().__init__(name=name, child=child, duration=duration)
-        self._timer = timers.Timer(clock)
+        self._timer = timers.Countdown(clock)
 
     def initialise(self) -> None:
         """Start the time."""
@@ -46,7 +46,7 @@ class PyTreesTimeout(decorators.Timeout):
         return Status.RUNNING
 
 
-class PyTreesTimer(stock.Timer):
+class Timer(stock.Timer):
     """Runs until a time has passed on the mission's clock, then succeeds.
 
     py_trees' own Timer reads the machine's clock, which is wrong for a robot on simulated time.
@@ -59,7 +59,7 @@ class PyTreesTimer(stock.Timer):
 
     def __init__(self, name: str, clock: Clock, duration: float = 5.0) -> None:
         super().__init__(name, duration)
-        self._timer = timers.Timer(clock)
+        self._timer = timers.Countdown(clock)
 
     def initialise(self) -> None:
         """Start the time."""

@@ -18,7 +18,7 @@ from sar_compiler.nodes import leaves
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.nodes.schema import xml_schema
 from sar_compiler.runtime.clock import Clock, ManualClock
-from sar_compiler.runtime.py_trees_timers import PyTreesTimeout, PyTreesTimer
+from sar_compiler.runtime.py_trees_timers import Timeout, Timer
 from sar_compiler.tree.diagnostic import TreeError
 from tests.trees import document, errors, forest_of
 
@@ -77,7 +77,7 @@ WRITTEN: dict[str, tuple[str, Any, dict[str, Any]]] = {
         decorators.OneShot,
         {"policy": OneShotPolicy.ON_COMPLETION},
     ),
-    "Timeout": ('<Timeout duration="2.5"><Success/></Timeout>', PyTreesTimeout, {"duration": 2.5}),
+    "Timeout": ('<Timeout duration="2.5"><Success/></Timeout>', Timeout, {"duration": 2.5}),
     "Retry": ('<Retry num_failures="3"><Success/></Retry>', decorators.Retry, {"num_failures": 3}),
     "Repeat": ('<Repeat num_success="-1"><Success/></Repeat>', decorators.Repeat, {"num_success": -1}),
     "Condition": (
@@ -130,7 +130,7 @@ WRITTEN: dict[str, tuple[str, Any, dict[str, Any]]] = {
         behaviours.ProbabilisticBehaviour,
         {"_weights": [1.0, 0.0, 2.5]},
     ),
-    "Timer": ('<Timer duration="3"/>', PyTreesTimer, {"duration": 3.0}),
+    "Timer": ('<Timer duration="3"/>', Timer, {"duration": 3.0}),
     "BlackboardToStatus": (
         '<BlackboardToStatus variable_name="{how}"/>',
         behaviours.BlackboardToStatus,

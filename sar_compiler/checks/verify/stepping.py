@@ -224,7 +224,7 @@ class TreeStepper:
         return self._choices.path
 
     def steps(self, state: Hashable) -> Iterator[Transition]:
-        """Yield everything that the next tick can come to.
+        """Yield every possible result of the next tick.
 
         Raises:
             ConditionError: If a condition of a property cannot be evaluated.

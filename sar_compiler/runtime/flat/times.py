@@ -33,7 +33,7 @@ class Times(Protocol):
 class ClockTimes:
     """Timers on a clock that may stand still, and may go back.
 
-    A clock that goes back counts as one that stood still, as for `runtime.timers.Timer`. A token is the end of
+    A clock that goes back counts as one that stood still, as for `runtime.timers.Countdown`. A token is the end of
     a timer, in seconds of the clock as it would be if it had never gone back.
 
     Args:
