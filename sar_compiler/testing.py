@@ -30,12 +30,12 @@ from sar_compiler.checks.golden import RENEW, difference
 from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.simulate.expecting import read_expectations
 from sar_compiler.checks.simulate.judging import Failure, failures
-from sar_compiler.checks.simulate.reading import Play, Stage, read_scenario, understand
-from sar_compiler.checks.simulate.running import Run, Simulation
+from sar_compiler.checks.simulate.running import Run, ScenarioPlayer
 from sar_compiler.checks.simulate.scenario import Scenario
+from sar_compiler.checks.simulate.scenario_files import Play, Stage, read_scenario, understand
 from sar_compiler.checks.yaml_values import Document, raise_findings
 from sar_compiler.compiler import CompiledTree, bind_main, preview_tree
-from sar_compiler.compiler.rehearsal import Rehearsal
+from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.tree.forest import load_forest
 from sar_compiler.tree.reading import read_tree_file
@@ -135,7 +135,7 @@ def assert_scenario_holds(tree: str | Path, scenario: str | Path, registry: Regi
         AssertionError: If something does not hold, with the trace.
         TreeError: If the tree or the scenario is not valid.
     """
-    run = Simulation(*_parts(read_scenario(scenario, _stage(tree, registry)))).go()
+    run = ScenarioPlayer(*_parts(read_scenario(scenario, _stage(tree, registry)))).go()
     _complain(run, failures(run), run.scenario.expect.trace)
 
 
@@ -147,7 +147,7 @@ class Simulated:
     """
 
     def __init__(self, play: Play) -> None:
-        self._simulation = Simulation(*_parts(play))
+        self._simulation = ScenarioPlayer(*_parts(play))
 
     @property
     def run(self) -> Run:
@@ -162,7 +162,7 @@ class Simulated:
     @property
     def facts(self) -> Mapping[str, object]:
         """The facts as they are now."""
-        return self.run.rehearsal.fact_values()
+        return self.run.simulated.fact_values()
 
     @property
     def trace(self) -> str:
@@ -199,7 +199,7 @@ class Simulated:
         """
         run = self.run
         document = _written(expectations)
-        expect = read_expectations(document, document.root, run.rehearsal, LeafWords(run.rehearsal))
+        expect = read_expectations(document, document.root, run.simulated, LeafWords(run.simulated))
         raise_findings([document])
         if "ends" not in expectations:
             expect = replace(expect, ends=run.ended)
@@ -216,8 +216,8 @@ def _written(said: Mapping[str, object]) -> Document:
     return Document(text, "script", "say what the leaves answer")
 
 
-def _parts(play: Play) -> tuple[Rehearsal, Scenario]:
-    return play.rehearsal, play.scenario
+def _parts(play: Play) -> tuple[SimulatedTree, Scenario]:
+    return play.simulated, play.scenario
 
 
 def _complain(run: Run, missed: list[Failure], golden: Path | None = None) -> None:

@@ -1,6 +1,9 @@
 """The house's rules: who may import whom, and what is imported when."""
 
 import ast
+import collections
+import itertools
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -58,6 +61,72 @@ def test_a_room_imports_only_from_the_rooms_below_it(room):
 
 def test_every_room_has_its_rule():
     assert {room_of(path) for path in FILES} - COMMON - {"__init__", "cli"} == set(MAY_IMPORT)
+
+
+def names_given_by(path):
+    """Yield the classes of a file, wherever in it, and its aliases of types, with the line."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    yield from ((node.name, node.lineno) for node in ast.walk(tree) if isinstance(node, ast.ClassDef))
+    for node in tree.body:
+        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+        for target in targets:
+            if isinstance(target, ast.Name) and re.fullmatch(r"_?[A-Z][a-z]\w*", target.id):
+                yield target.id, node.lineno
+
+
+def shared(pairs):
+    """Return the names that stand for more than one thing, with these."""
+    found = collections.defaultdict(list)
+    for name, thing in pairs:
+        found[name].append(thing)
+    return {name: things for name, things in found.items() if len(things) > 1}
+
+
+# Classes and aliases that still share a name, with the reason.
+NAMESAKES = {
+    "Answer": "of a server that misbehaves, beside that of a leaf",
+    "Pose": "of a zone in a file, beside that of a goal",
+    "Timeout": "BehaviorTree.CPP's, and py_trees' own; outlines of users' trees show both with their modules",
+    "Verdict": "on a mission, beside that on a property",
+}
+
+
+def test_no_two_classes_have_one_name():
+    twice = shared((name, f"{path}:{line}") for path in FILES for name, line in names_given_by(path))
+    assert {name: where for name, where in twice.items() if name not in NAMESAKES} == {}
+    assert NAMESAKES.keys() <= twice.keys()
+
+
+# A module may have the name of what it mirrors.
+MIRRORS = {
+    frozenset({"runtime", "runtime/flat"}): "the flat form of the same nodes",
+    frozenset({"runtime", "nodes"}): "the tags of these nodes",
+    frozenset({"runtime/flat", "nodes"}): "the tags of these nodes",
+    frozenset({"views", "tree"}): "how it is shown",
+    frozenset({"views", "nodes"}): "how they are shown",
+    frozenset({"ros", "runtime"}): "what it is made of with ROS",
+    frozenset({"cli", "ros"}): "the command for it",
+}
+# Modules that share a name without mirroring each other, with the reason.
+SAME_MODULE_NAMES = {
+    "conditions.py": "leaves of the mission, beside the attributes of any node",
+    "errors.py": "each room has its own",
+    "parameters.py": "of a mission, beside those of any run",
+}
+
+
+def side_of(path):
+    return "runtime/flat" if path.parent.name == "flat" else room_of(path)
+
+
+def test_no_two_modules_have_one_name_unless_one_mirrors_the_other():
+    twice = shared((path.name, side_of(path)) for path in FILES if path.stem != "__init__")
+    unlike = {
+        name
+        for name, sides in twice.items()
+        if any(frozenset(pair) not in MIRRORS for pair in itertools.combinations(sides, 2))
+    }
+    assert unlike == SAME_MODULE_NAMES.keys()
 
 
 def test_ros_is_imported_only_at_the_edge():
@@ -124,7 +193,7 @@ NAMED_ELSEWHERE = {
 def texts_of(path):
     """Yield the texts of a file's code: no docstrings, no annotations, no parts of messages."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    passed = set()
+    passed: set[ast.AST] = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Expr):
             passed.add(node.value)

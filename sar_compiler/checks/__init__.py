@@ -1,4 +1,4 @@
-"""What is wrong with a tree.
+"""Checking trees.
 
 A rule is a function from a `CheckContext`, which is a file with all that is known of it, to findings. Each family of rules
 is a module in `rules`, and `RULES` lists them.
@@ -7,7 +7,6 @@ is a module in `rules`, and `RULES` lists them.
 import itertools
 from collections.abc import Callable, Iterable
 
-from sar_compiler.checks.allowing import allowed
 from sar_compiler.checks.document import check_document
 from sar_compiler.checks.rules.check_context import CheckContext
 from sar_compiler.checks.rules.keys import check_keys
@@ -20,7 +19,8 @@ from sar_compiler.checks.rules.reactive import check_reactive
 from sar_compiler.checks.rules.scripts import check_scripts
 from sar_compiler.checks.rules.subtrees import check_subtrees
 from sar_compiler.checks.rules.texts import check_texts
-from sar_compiler.checks.schema import check_schema
+from sar_compiler.checks.schema_validation import check_schema
+from sar_compiler.checks.suppressions import without_suppressed
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.models.model_comparison import compare
 from sar_compiler.nodes.models.models import described_specs, read_models
@@ -41,7 +41,7 @@ def check_meaning(context: CheckContext) -> Iterable[Diagnostic]:
 
 
 MOST = 1000
-"""More findings of one rule than these help nobody; the rest come when these are mended."""
+"""The most findings reported for one rule; the rest appear when these are corrected."""
 
 RULES: tuple[Callable[[CheckContext], Iterable[Diagnostic]], ...] = (
     check_document,
@@ -91,4 +91,4 @@ def check(forest: Forest, registry: Registry, palettes: Palettes = ()) -> list[D
     def place(finding: Diagnostic) -> tuple[int, int, int, str]:
         return order.get(finding.source.path, 0), finding.span.line, finding.span.column, finding.code
 
-    return sorted(allowed(forest, findings), key=place)
+    return sorted(without_suppressed(forest, findings), key=place)

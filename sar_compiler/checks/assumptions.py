@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.yaml_values import Document, Value
-from sar_compiler.compiler.rehearsal import Assumptions, Rehearsal
+from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.answers import SELF, is_fact_name, mistake_in, placeholders
 from sar_compiler.nodes.spec import NodeSpec, Role
@@ -21,18 +21,18 @@ class DisputedFactError(SarError):
     """Leaves start a fact with different values, and nobody says which counts."""
 
 
-def raise_disputes(rehearsal: Rehearsal) -> None:
+def raise_disputes(simulated: SimulatedTree) -> None:
     """Raise what the leaves of a tree do not agree on.
 
     Raises:
         DisputedFactError: If there is anything.
     """
-    if rehearsal.disputes:
-        raise DisputedFactError("; ".join(rehearsal.disputes.values()))
+    if simulated.disputes:
+        raise DisputedFactError("; ".join(simulated.disputes.values()))
 
 
 def read_assumptions(
-    document: Document, facts: Value | None, answers: Value | None, rehearsal: Rehearsal
+    document: Document, facts: Value | None, answers: Value | None, simulated: SimulatedTree
 ) -> Assumptions:
     """Read what a file assumes; what is wrong with it becomes findings of the document.
 
@@ -40,12 +40,12 @@ def read_assumptions(
         document: The file.
         facts: The value of its `facts:`, if it has any.
         answers: The value of its `answers:`, if it has any.
-        rehearsal: The tree, rehearsed without any of it.
+        simulated: The tree, simulated without any of it.
     """
-    words = LeafWords(rehearsal)
+    words = LeafWords(simulated)
     said = {} if answers is None else _read_answers(document, answers, words)
     used = {use for options in said.values() for answer in options for use in _names_in(answer)}
-    values = {} if facts is None else _read_facts(document, facts, rehearsal.fact_values(), used)
+    values = {} if facts is None else _read_facts(document, facts, simulated.fact_values(), used)
     return Assumptions(values, said)
 
 

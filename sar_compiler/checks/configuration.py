@@ -16,8 +16,8 @@ from sar_compiler.checks.kinds import KINDS, is_firm
 from sar_compiler.nodes.values import nearest
 from sar_compiler.tree.content import read_bytes
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError, UnreadableFileError
-from sar_compiler.tree.made import NO_SPANS
 from sar_compiler.tree.source import Source
+from sar_compiler.tree.synthetic import NO_SPANS
 
 OWN_FILE = "sar.toml"
 SHARED_FILE = "pyproject.toml"
@@ -76,15 +76,15 @@ def configuration_for(tree_file: Path) -> Configuration:
 def _of_folder(folder: Path) -> Configuration:
     own, shared = folder / OWN_FILE, folder / SHARED_FILE
     if own.is_file():
-        return _Reader(own, ()).read()
+        return _SettingsReader(own, ()).read()
     if shared.is_file() and _OWN_WORD.search(read_bytes(shared)):
-        reader = _Reader(shared, _SHARED_TABLE)
+        reader = _SettingsReader(shared, _SHARED_TABLE)
         if reader.is_there:
             return reader.read()
     return NOTHING_DECIDED if folder == folder.parent else _of_folder(folder.parent)
 
 
-class _Reader:
+class _SettingsReader:
     """Understands one file; goes on behind what is wrong, so that everything is found.
 
     Args:

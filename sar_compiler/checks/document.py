@@ -32,7 +32,7 @@ def check_document(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def _is_palette(forest: Forest) -> bool:
-    """Say whether a file only describes nodes, for `--model` and for editors."""
+    """Return whether a file only describes nodes, for `--model` and for editors."""
     root = forest.main.root
     describes = any(child.tag == MODEL_TAG for child in root.children)
     names_tree = "main_tree_to_execute" in root.attributes

@@ -16,7 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 from sar_compiler.checks import check
 from sar_compiler.checks.configuration import configuration_for
 from sar_compiler.cli.arguments import FINDINGS, OK
-from sar_compiler.cli.output import Output
+from sar_compiler.cli.output import RunOutput
 from sar_compiler.compiler import CompiledTree, bind_main, compile_tree, context_types
 from sar_compiler.errors import SarError
 from sar_compiler.missions.search_and_rescue.ending import Ending, Until, Verdict
@@ -238,7 +238,7 @@ class _Flight:
         self._record = MissionRecord()
         self._zones = ZoneManager(mission.zones, mission.base_station) if mission else None
         self._ending = self._make_ending()
-        self._output = Output()
+        self._output = RunOutput()
         self._verdict: Verdict | None = None
         self._started = 0.0
         self.context: dict[type, object] = {

@@ -11,7 +11,7 @@ from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_model, loa
 
 if TYPE_CHECKING:
     from sar_compiler.checks.verify import Progress, PropertyFile, Verification
-    from sar_compiler.compiler.rehearsal import Assumptions, Rehearsal
+    from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree
     from sar_compiler.nodes.binding.bound import Binding
 
 # A tree with these leaves is a mission with zones.
@@ -83,7 +83,7 @@ def _verify(arguments: argparse.Namespace) -> "Verification":
     from sar_compiler.checks.assumptions import raise_disputes
     from sar_compiler.checks.verify import verify
     from sar_compiler.compiler import bind_main
-    from sar_compiler.compiler.rehearsal import Assumptions, rehearse
+    from sar_compiler.compiler.simulated_tree import Assumptions, compile_simulated
     from sar_compiler.nodes.registry import load_registry
     from sar_compiler.tree.diagnostic import Severity, TreeError
 
@@ -97,17 +97,17 @@ def _verify(arguments: argparse.Namespace) -> "Verification":
     binding = bind_main(forest, registry, arguments.tree, described)
     file = _properties(arguments, binding)
     parameters = {} if file is None else file.parameters
-    rehearsal = rehearse(binding, parameters)
-    assumed = Assumptions() if file is None else _of_the_file(file, rehearsal)
+    simulated = compile_simulated(binding, parameters)
+    assumed = Assumptions() if file is None else _of_the_file(file, simulated)
     if arguments.set:
         # What the file says may be about facts of its own.
-        typed = _typed(arguments.set, rehearse(binding, parameters, assumed))
+        typed = _typed(arguments.set, compile_simulated(binding, parameters, assumed))
         assumed = Assumptions({**assumed.facts, **typed.facts}, assumed.answers)
-    rehearsal = rehearse(binding, parameters, assumed)
-    raise_disputes(rehearsal)
+    simulated = compile_simulated(binding, parameters, assumed)
+    raise_disputes(simulated)
     tags = {spec.tag for spec in registry if spec.kind.is_leaf}
     with contextlib.closing(_Shown()) as shown:
-        return verify(rehearsal, file, tags, arguments.max_states, shown.show)
+        return verify(simulated, file, tags, arguments.max_states, shown.show)
 
 
 def _properties(arguments: argparse.Namespace, binding: "Binding") -> "PropertyFile | None":
@@ -122,17 +122,17 @@ def _properties(arguments: argparse.Namespace, binding: "Binding") -> "PropertyF
     return None
 
 
-def _of_the_file(file: "PropertyFile", rehearsal: "Rehearsal") -> "Assumptions":
+def _of_the_file(file: "PropertyFile", simulated: "SimulatedTree") -> "Assumptions":
     """Return what a file of properties says of the world."""
     from sar_compiler.checks.assumptions import read_assumptions
     from sar_compiler.checks.yaml_values import raise_findings
 
-    said = read_assumptions(file.document, file.facts, file.answers, rehearsal)
+    said = read_assumptions(file.document, file.facts, file.answers, simulated)
     raise_findings([file.document])
     return said
 
 
-def _typed(pairs: "list[tuple[str, str]]", rehearsal: "Rehearsal") -> "Assumptions":
+def _typed(pairs: "list[tuple[str, str]]", simulated: "SimulatedTree") -> "Assumptions":
     """Return what the command line says of facts."""
     from sar_compiler.checks.assumptions import read_assumptions
     from sar_compiler.checks.yaml_values import Document, raise_findings
@@ -140,7 +140,7 @@ def _typed(pairs: "list[tuple[str, str]]", rehearsal: "Rehearsal") -> "Assumptio
     # One line for each, so that what is wrong with one is shown as in a file.
     text = "".join(f"{name}: {value}\n" for name, value in pairs)
     document = Document(text, "--set", "write FACT=VALUE")
-    said = read_assumptions(document, document.root, None, rehearsal)
+    said = read_assumptions(document, document.root, None, simulated)
     raise_findings([document])
     return said
 

@@ -6,8 +6,8 @@ from uuid import UUID
 
 from py_trees.behaviour import Behaviour
 
-from sar_compiler.compiler.arguments import Arguments, PreviewArguments, given
 from sar_compiler.compiler.building import Builder, PreviewBuilder
+from sar_compiler.compiler.constructor_arguments import Arguments, PreviewArguments, given
 from sar_compiler.compiler.origins import Origin, Origins
 from sar_compiler.nodes.binding.binder import bind
 from sar_compiler.nodes.binding.bound import Binding
@@ -19,7 +19,7 @@ from sar_compiler.nodes.spec import Role, Use
 from sar_compiler.runtime.blackboard import Board
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.growing import uncollected
+from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import TreeFile
 
 __all__ = [
@@ -109,7 +109,7 @@ def compile_tree(
 
 
 def preview_tree(binding: Binding) -> CompiledTree:
-    """Compile a bound tree to be looked at: with stand-ins for what only a mission has.
+    """Compile a bound tree for display, with stand-ins for what only a mission has.
 
     Blackboard keys that are not known get the parameter's default or some value of its type; a node that
     only a model describes becomes a stock behaviour of its kind.
@@ -143,8 +143,8 @@ def compile_with(
     builder.prepare(top)
     if collector.findings:
         raise TreeError(_in_order(collector.findings))
-    with uncollected():
-        return CompiledTree(builder.place(top, binding.main.root), Origins(builder.makings), top)
+    with gc_paused():
+        return CompiledTree(builder.place(top, binding.main.root), Origins(builder.constructions), top)
 
 
 def _has_error(findings: Iterable[Diagnostic]) -> bool:

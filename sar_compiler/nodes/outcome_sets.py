@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, TypeAlias
 from py_trees.common import Status
 
 from sar_compiler.runtime.branches import equal_texts
+from sar_compiler.runtime.chosen_outcome import Outcome
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.expressions import Script, name_uses
-from sar_compiler.runtime.outcomes import Outcome
 from sar_compiler.runtime.variables import PlainVariables
 
 if TYPE_CHECKING:

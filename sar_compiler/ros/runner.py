@@ -2,7 +2,7 @@
 
 The interface is that of `py_trees_ros.trees.BehaviourTree`, so that a tree and the program around it
 run with either. What is added: the tree is ticked at once when a leaf says that there is news
-(`runtime.leaf`), it goes on being ticked while the node's clock stands still, and it is always stopped
+(`runtime.leaf_protocol`), it goes on being ticked while the node's clock stands still, and it is always stopped
 from the root, so that a robot is not left driving.
 """
 

@@ -1,4 +1,4 @@
-"""What can be written in a tree file, from the registry."""
+"""The nodes of the registry, as text and as JSON."""
 
 import json
 from collections.abc import Sequence
@@ -41,7 +41,7 @@ def _in_full(spec: NodeSpec) -> str:
 
 
 def _answers(spec: NodeSpec) -> list[str]:
-    """Return what a tick can come to; each answer in a line where more is known of them than their statuses."""
+    """Return the possible outcomes of a node; one answer a line where more is known than their statuses."""
     if not any(answer.label or answer.when or answer.then for answer in spec.answers):
         return [f"answers: {', '.join(sorted(spec.outcomes))}"] if spec.outcomes else []
     return [

@@ -9,12 +9,11 @@ from py_trees.behaviour import Behaviour
 
 from sar_compiler.checks.rules.check_context import CheckContext
 from sar_compiler.checks.verify.exploring import explore
-from sar_compiler.checks.verify.outcomes import WORDS
-from sar_compiler.checks.verify.prepared import Prepared
 from sar_compiler.checks.verify.properties import without_properties
-from sar_compiler.checks.verify.stepping import State, TreeStepper
+from sar_compiler.checks.verify.state import WORDS, Prepared, State
+from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.compiler import bind_main
-from sar_compiler.compiler.rehearsal import rehearse
+from sar_compiler.compiler.simulated_tree import compile_simulated
 from sar_compiler.nodes.outcome_sets import BITS
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Kind, NodeSpec
@@ -91,7 +90,9 @@ def answers_of(body: str) -> Answers | None:
     root = context.trees[-1].root
     assert root is not None
     graph = explore(
-        TreeStepper(Prepared.of(rehearse(bind_main(forest, REGISTRY), {})), without_properties().rules),
+        TreeStepper(
+            Prepared.of(compile_simulated(bind_main(forest, REGISTRY), {})), without_properties().rules
+        ),
         MOST_STATES,
     )
     if graph.error is not None:

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from sar_compiler.checks.simulate import expecting, reading, steps
+from sar_compiler.checks.simulate import expecting, scenario_files, steps
 from sar_compiler.cli.simulate import add_simulate
 from sar_compiler.nodes.registry import load_registry
 from sar_compiler.testing import simulate
@@ -26,7 +26,7 @@ def first_codes(heading):
 
 
 def test_every_key_of_a_scenario_is_in_the_table():
-    assert first_codes("The scenario") == list(reading._KEYS)
+    assert first_codes("The scenario") == list(scenario_files._KEYS)
 
 
 def test_every_expectation_is_in_the_table():

@@ -4,7 +4,7 @@ import argparse
 import re
 from pathlib import Path
 
-from sar_compiler.checks.verify import property_files, questions
+from sar_compiler.checks.verify import property_files, verdicts
 from sar_compiler.cli.verify import add_verify
 from tests.docs.markdown import codes, tables
 from tests.docs.test_tables_and_drawings import options_of
@@ -24,7 +24,7 @@ def test_the_page_about_verifying_does_what_it_says(tmp_path):
 
 
 def test_every_question_is_in_the_table():
-    asked = [questions.NO_ERROR, questions.EVERY_LEAF, questions.AN_END, questions.NO_LIVELOCK]
+    asked = [verdicts.NO_ERROR, verdicts.EVERY_LEAF, verdicts.AN_END, verdicts.NO_LIVELOCK]
     assert cells("What is asked of every tree") == asked
 
 

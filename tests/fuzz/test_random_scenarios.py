@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sar_compiler.checks.simulate.judging import failures
-from sar_compiler.checks.simulate.reading import Play, Stage, understand
-from sar_compiler.checks.simulate.running import Simulation
+from sar_compiler.checks.simulate.running import ScenarioPlayer
+from sar_compiler.checks.simulate.scenario_files import Play, Stage, understand
 from sar_compiler.checks.yaml_values import Document
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
@@ -61,7 +61,7 @@ def test_a_changed_scenario_is_played_or_has_findings_with_places(stage, text):
     if play is None:
         assert findings
         return
-    run = Simulation(play.rehearsal, play.scenario).go()
+    run = ScenarioPlayer(play.simulated, play.scenario).go()
     assert "Error:" not in run.trouble  # nothing but what the project raises itself
     assert trace(run)
     assert isinstance(failures(run), list)

@@ -428,7 +428,7 @@ BODIES = st.recursive(
 
 
 def named(body):
-    """Give every answering leaf a name of its own."""
+    """Give every stub leaf a name of its own."""
     first, *rest = body.split("<Answer ")
     return first + "".join(f'<Answer name="a{number}" {part}' for number, part in enumerate(rest))
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from sar_compiler.sim.fleet import check_placements, make_robots, seed_of
 from sar_compiler.sim.geometry import Box, Pose2D
 from sar_compiler.sim.lidar import Lidar
-from sar_compiler.sim.navigator import Drive, Ending, Outcome
+from sar_compiler.sim.navigator import Drive, DriveEnd, DriveOutcome
 from sar_compiler.sim.occupancy import OccupancyMap
 from sar_compiler.sim.placement import Placement, PlacementError, parse_placement
 from sar_compiler.sim.planner import NavCode, Planner
@@ -248,13 +248,13 @@ class TestNavigators:
 
     def drive(
         self, robots: list[Robot], goals: list[Pose2D], planner: Planner
-    ) -> list[tuple[Outcome, float]]:
+    ) -> list[tuple[DriveOutcome, float]]:
         """Drive each robot to its goal, and return how and when (simulated seconds) each ended."""
         drives = [
             Drive(planner, robot.limits, goal, robot.state.pose, 0.0)
             for robot, goal in zip(robots, goals, strict=True)
         ]
-        ends: dict[int, tuple[Outcome, float]] = {}
+        ends: dict[int, tuple[DriveOutcome, float]] = {}
         for step in range(6000):
             for number, (drive, robot) in enumerate(zip(drives, robots, strict=True)):
                 if number not in ends:
@@ -272,7 +272,7 @@ class TestNavigators:
         robots = make_robots(disaster_zone, PAIR)
         goals = [Pose2D(-3.0, 3.0), Pose2D(4.0, -3.0, 3.14)]
         outcomes = [outcome for outcome, _ in self.drive(robots, goals, planner)]
-        assert outcomes == [Outcome(Ending.SUCCEEDED)] * 2
+        assert outcomes == [DriveOutcome(DriveEnd.SUCCEEDED)] * 2
         assert all(
             robot.state.pose.distance_to(goal) < 0.1 for robot, goal in zip(robots, goals, strict=True)
         )
@@ -290,7 +290,7 @@ class TestNavigators:
         robots = make_robots(disaster_zone, PAIR)
         ends = self.drive(robots, [Pose2D(0.7, 0.0), Pose2D(-0.7, 0.0)], planner)
         for outcome, after_sec in ends:
-            assert (outcome.ending, outcome.code) == (Ending.ABORTED, NavCode.FAILED_TO_MAKE_PROGRESS)
+            assert (outcome.ending, outcome.code) == (DriveEnd.ABORTED, NavCode.FAILED_TO_MAKE_PROGRESS)
             assert outcome.text.endswith("something that is not on the map is in its way")
             assert after_sec < 20.0
 

@@ -1,13 +1,13 @@
-"""What a scenario expects of its run: `expect:`."""
+"""The expectations of a scenario: `expect:`."""
 
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from sar_compiler.checks.leaf_words import Deed, LeafWords
+from sar_compiler.checks.leaf_words import EventPattern, LeafWords
 from sar_compiler.checks.simulate.scenario import Bounds, Expectations
 from sar_compiler.checks.yaml_values import Document, Value
-from sar_compiler.compiler.rehearsal import Rehearsal
+from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.nodes.values import nearest
 from sar_compiler.runtime.answers import Fact
 
@@ -18,7 +18,7 @@ _TICKS = re.compile(r"([0-9]{1,9}) ticks?")
 
 
 def read_expectations(
-    document: Document, value: Value | None, rehearsal: Rehearsal, words: LeafWords
+    document: Document, value: Value | None, simulated: SimulatedTree, words: LeafWords
 ) -> Expectations:
     """Read what a scenario expects; reports what cannot be expected."""
     parts = {} if value is None else document.mapping(value, _KEYS, "expect")
@@ -30,7 +30,7 @@ def read_expectations(
         ends=ends is None or document.truth(ends, "ends") is not False,
         within_ticks=ticks,
         within_sec=seconds,
-        facts=_facts(document, facts, rehearsal.fact_values()) if facts else {},
+        facts=_facts(document, facts, simulated.fact_values()) if facts else {},
         order=_deeds(document, order, words) if order else (),
         never=_deeds(document, never, words) if never else (),
         counts=_counts(document, count, words) if count else (),
@@ -40,7 +40,7 @@ def read_expectations(
 
 
 def _lines(document: Document, parts: Mapping[str, Value]) -> Iterator[tuple[str, int]]:
-    """Yield the words of the expectations, and what stands below them, with their lines."""
+    """Yield the names of the expectations, and their contents, with their lines."""
     for word, value in parts.items():
         yield word, document.source.place(value.start)[0]
         below = [key for key, _ in value.entries] if value.entries is not None else document.listed(value)
@@ -73,12 +73,12 @@ def _facts(document: Document, value: Value, known: Mapping[str, Fact]) -> dict[
     return facts
 
 
-def _deeds(document: Document, value: Value, words: LeafWords) -> tuple[Deed, ...]:
+def _deeds(document: Document, value: Value, words: LeafWords) -> tuple[EventPattern, ...]:
     deeds = [words.deed(document, item) for item in document.listed(value)]
     return tuple(deed for deed in deeds if deed is not None)
 
 
-def _counts(document: Document, value: Value, words: LeafWords) -> tuple[tuple[Deed, Bounds], ...]:
+def _counts(document: Document, value: Value, words: LeafWords) -> tuple[tuple[EventPattern, Bounds], ...]:
     counts = []
     for key, inner in document.entries(value, None, "count"):
         deed = words.deed(document, key)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from sar_compiler.checks.verify.monitors import Form
+from sar_compiler.checks.verify.monitors import PropertyPattern
 from sar_compiler.checks.yaml_values import Document, Value, raise_findings
 from sar_compiler.runtime.answers import Fact
 
@@ -34,12 +34,12 @@ class _Shape:
         return [key for key in (self.main, self.other, self.limit, _WHILE) if key]
 
 
-_SHAPES: Mapping[Form, _Shape] = {
-    Form.AFTER: _Shape("after", "eventually", "before"),
-    Form.NEVER: _Shape("never"),
-    Form.AT_MOST_ONCE: _Shape("at_most_once", limit="per"),
+_SHAPES: Mapping[PropertyPattern, _Shape] = {
+    PropertyPattern.AFTER: _Shape("after", "eventually", "before"),
+    PropertyPattern.NEVER: _Shape("never"),
+    PropertyPattern.AT_MOST_ONCE: _Shape("at_most_once", limit="per"),
     # Last, because what comes after something may have to come before something else.
-    Form.BEFORE: _Shape("before", "comes", "since"),
+    PropertyPattern.BEFORE: _Shape("before", "comes", "since"),
 }
 _ALL_KEYS = list(dict.fromkeys([*(key for shape in _SHAPES.values() for key in shape.keys), _AT_END]))
 
@@ -58,7 +58,7 @@ class EventProperty:
     """
 
     name: str
-    form: Form
+    form: PropertyPattern
     main: tuple[Value, ...]
     other: tuple[Value, ...] = ()
     limit: tuple[Value, ...] = ()

@@ -23,7 +23,7 @@ from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.nodes.values import blackboard_key, nearest
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.growing import uncollected
+from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import SUBTREE_TAG, TREE_TAG, Element, TreeFile
 
 _KIND_TAGS = frozenset(kind.value for kind in Kind)
@@ -65,7 +65,7 @@ def bind(forest: Forest, registry: Registry, tree: Element, palettes: Iterable[T
     """
     collector = Collector()
     binder = Binder(forest, registry, read_models([*palettes, *forest.files], Collector()), collector)
-    with uncollected(_characters(forest)):
+    with gc_paused(_characters(forest)):
         main = binder.tree(tree)
     cut_circles([main], collector)
     if fits(main, collector) is not None:
@@ -89,7 +89,7 @@ def bind_all(forest: Forest, registry: Registry, palettes: Iterable[TreeFile] = 
     models = read_models([*palettes, *forest.files], collector)
     compare(models, registry, collector)
     binder = Binder(forest, registry, models, collector)
-    with uncollected(_characters(forest)):
+    with gc_paused(_characters(forest)):
         trees = [binder.tree(tree) for tree in forest.iterate()]
     cut_circles(trees, collector)
     used = {node.subtree for tree in trees for node in tree.subtrees()}

@@ -10,7 +10,7 @@ from sar_compiler.runtime.parents import Parent
 _CONDITIONS = ("_skipIf", "_while")
 
 
-class Skipping:
+class SkipAnalysis:
     """Answers for the nodes of one tree and its subtrees, each looked at once.
 
     Args:
@@ -62,7 +62,7 @@ def _as_it_is_written(bound: BoundNode) -> bool:
 
 def report_misread(trees: Sequence[BoundTree], collector: Collector) -> None:
     """Report children that can be skipped where the node around them would take that for an interruption."""
-    skipping = Skipping(trees)
+    skipping = SkipAnalysis(trees)
     if not skipping.possible:
         return
     for bound in [bound for tree in trees for bound in tree.nodes]:
@@ -80,7 +80,7 @@ def _misreads(spec: NodeSpec) -> bool:
     return not spec.kind.is_leaf and not known
 
 
-def _report_children(bound: BoundNode, skipping: Skipping, collector: Collector) -> None:
+def _report_children(bound: BoundNode, skipping: SkipAnalysis, collector: Collector) -> None:
     for child in bound.children:
         if skipping.of(child):
             message = f"'{child.name}' can be skipped, which <{bound.element.tag}> takes for an interruption"

@@ -56,10 +56,10 @@ class Draft:
         return None
 
 
-Rule = Callable[[Draft, Notes], None]
+Rewrite = Callable[[Draft, Notes], None]
 
 
-def renamed(tag: str) -> Rule:
+def renamed(tag: str) -> Rewrite:
     """Return a rewriting that only changes the tag."""
 
     def rule(draft: Draft, _notes: Notes) -> None:
@@ -68,7 +68,7 @@ def renamed(tag: str) -> Rule:
     return rule
 
 
-def by_memory(with_memory: str, without: str) -> Rule:
+def by_memory(with_memory: str, without: str) -> Rewrite:
     """Return a rewriting that chooses the tag by the attribute `memory`."""
 
     def rule(draft: Draft, notes: Notes) -> None:

@@ -13,7 +13,7 @@ from sar_compiler.nodes.binding.attributes import ONESHOT, ONESHOT_TYPE
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.tree_ids import refused_in
 from sar_compiler.nodes.btcpp.notes import Notes
-from sar_compiler.nodes.btcpp.rewrites import NO_ONESHOT, Draft, Rule
+from sar_compiler.nodes.btcpp.rewrites import NO_ONESHOT, Draft, Rewrite
 from sar_compiler.nodes.language.subtree import SUBTREE
 from sar_compiler.nodes.models.models import read_models
 from sar_compiler.nodes.models.palette import described_by_use, description, is_built_in
@@ -22,9 +22,9 @@ from sar_compiler.nodes.spec import Kind, NodeSpec, Role
 from sar_compiler.nodes.values import ConversionError
 from sar_compiler.tree.conversion import Converted, convert
 from sar_compiler.tree.diagnostic import Diagnostic
-from sar_compiler.tree.made import made
 from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
 from sar_compiler.tree.source import Form
+from sar_compiler.tree.synthetic import synthetic_element
 
 _KIND_TAGS = frozenset(kind.value for kind in Kind)
 _DROPS_EXPLICIT = "ReactiveSequence"
@@ -148,7 +148,7 @@ class _Conversion:
     def _is_built_in(self, tag: str) -> bool:
         return is_built_in([SUBTREE] if tag == SUBTREE_TAG else self._registry.variants(tag))
 
-    def _rewrites(self, tag: str) -> Iterator[Rule]:
+    def _rewrites(self, tag: str) -> Iterator[Rewrite]:
         """Yield what turns a node of this tag into one of BehaviorTree.CPP's; all that it can mean is tried."""
         for spec in self._registry.variants(tag):
             if spec.semantics.counterpart.rewrite is not None:
@@ -260,7 +260,7 @@ def _with_models(sections: list[Element], models: list[Element]) -> list[Element
         if section.tag == MODEL_TAG:
             extended = dataclasses.replace(section, children=(*section.children, *models))
             return [*sections[:number], extended, *sections[number + 1 :]]
-    return [*sections, made(MODEL_TAG, children=models)]
+    return [*sections, synthetic_element(MODEL_TAG, children=models)]
 
 
 def _with_ids(sections: Iterable[Element]) -> Iterator[Element]:
@@ -277,4 +277,4 @@ def _with_ids(sections: Iterable[Element]) -> Iterator[Element]:
 
 def _copied(element: Element) -> Element:
     """Return an element of another file as one of none."""
-    return made(element.tag, element.attributes, map(_copied, element.children), element.text)
+    return synthetic_element(element.tag, element.attributes, map(_copied, element.children), element.text)

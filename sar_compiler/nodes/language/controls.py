@@ -12,7 +12,7 @@ from py_trees.decorators import OneShot
 from sar_compiler.nodes import outcome_sets
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.collector import Collector
-from sar_compiler.nodes.btcpp import rewrites as btcpp_rules
+from sar_compiler.nodes.btcpp import rewrites
 from sar_compiler.nodes.language.narrow_types import NAMES
 from sar_compiler.nodes.language.thresholds import within_reach
 from sar_compiler.nodes.outcome_sets import F, K, S
@@ -62,11 +62,11 @@ def _ordered(
 
 _IN_ORDER = {True: Semantics.sequence(), False: Semantics.selector()}
 _REMEMBERING = {True: "Sequence", False: "Fallback"}
-_REACTIVE_ONE = Counterpart(built_in=True, rewrite=btcpp_rules.reactive)
+_REACTIVE_ONE = Counterpart(built_in=True, rewrite=rewrites.reactive)
 
 
 def _by_memory(with_memory: str, without: str, *, built_in: bool = True) -> Counterpart:
-    return Counterpart(built_in, btcpp_rules.by_memory(with_memory, without))
+    return Counterpart(built_in, rewrites.by_memory(with_memory, without))
 
 
 def report_interruptions(bound: BoundNode, collector: Collector) -> None:
@@ -280,7 +280,7 @@ SPECS = [
         parallel.Parallel,
         replace(
             Semantics.parallel(outcome_sets.counting),
-            counterpart=Counterpart(built_in=True, rewrite=btcpp_rules.parallel),
+            counterpart=Counterpart(built_in=True, rewrite=rewrites.parallel),
         ),
         signature=Signature(defaults={"success_count": -1, "failure_count": 1}),
         rule=within_reach("success_count", "failure_count"),

@@ -9,7 +9,7 @@ from py_trees.common import Status
 
 from sar_compiler.nodes import outcome_sets
 from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.nodes.btcpp import rewrites as btcpp_rules
+from sar_compiler.nodes.btcpp import rewrites
 from sar_compiler.nodes.language.narrow_types import KEY, VARIABLE, StatusName, queue_of
 from sar_compiler.nodes.language.py_trees_nodes import WRITES, Keys, made_by, since_2_4
 from sar_compiler.nodes.outcome_sets import F, K, R, S, number
@@ -19,9 +19,9 @@ from sar_compiler.nodes.values import CONDITION, UNSIGNED
 from sar_compiler.runtime import decorators as own
 from sar_compiler.runtime import entries, loops, repetition, script_nodes, timers
 from sar_compiler.runtime.blackboard import Scope
+from sar_compiler.runtime.chosen_outcome import Outcome
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
-from sar_compiler.runtime.outcomes import Outcome
 from sar_compiler.runtime.ports import InOut, Input
 from sar_compiler.runtime.py_trees_timers import Timeout
 from sar_compiler.runtime.scripting import NodeScript
@@ -127,7 +127,7 @@ def _duration(bound: BoundNode) -> float | None:
     return number(bound, "duration")
 
 
-def _again(rounds: Number, end: int, rewrite: "btcpp_rules.Rule | None", *, built_in: bool) -> Semantics:
+def _again(rounds: Number, end: int, rewrite: "rewrites.Rewrite | None", *, built_in: bool) -> Semantics:
     """Return the semantics of a decorator that ticks its child again after one end of it."""
     return Semantics(
         outcome_sets.rounds(rounds, end),
@@ -145,13 +145,13 @@ def _limit(limit_sec: Number) -> Semantics:
         steady=True,
         changes=R,
         limit_sec=limit_sec,
-        counterpart=Counterpart(built_in=True, rewrite=btcpp_rules.timeout),
+        counterpart=Counterpart(built_in=True, rewrite=rewrites.timeout),
     )
 
 
 def _turning(
     turns: dict[Status, Status],
-    rewrite: "btcpp_rules.Rule | None" = None,
+    rewrite: "rewrites.Rewrite | None" = None,
     *,
     built_in: bool = False,
     hint: str = Counterpart.hint,
@@ -264,7 +264,7 @@ BEHAVIORTREE_CPP = [
         frozenset({"FAILURE", "RUNNING"}),
         skips=Skips.NEVER,
     ),
-    _own("Repeat", repetition.Repeat, _again(_cycles, S, btcpp_rules.repeat, built_in=True)),
+    _own("Repeat", repetition.Repeat, _again(_cycles, S, rewrites.repeat, built_in=True)),
     _own("RetryUntilSuccessful", repetition.RetryUntilSuccessful, _again(_attempts, F, None, built_in=True)),
     _own(
         "RunOnce",
@@ -309,7 +309,7 @@ PY_TREES = [
         Semantics(
             outcome_sets.passing,
             once=True,
-            counterpart=Counterpart(rewrite=btcpp_rules.oneshot, hint=btcpp_rules.NO_ONESHOT),
+            counterpart=Counterpart(rewrite=rewrites.oneshot, hint=rewrites.NO_ONESHOT),
         ),
         instead="RunOnce",
         policy="What counts as finished: any end, or only success.",
@@ -326,7 +326,7 @@ PY_TREES = [
     _stock(
         decorators.Retry,
         "Ticks its child again after a failure, until it has failed too often.",
-        _again(_failures, F, btcpp_rules.retry, built_in=False),
+        _again(_failures, F, rewrites.retry, built_in=False),
         instead="RetryUntilSuccessful",
         num_failures="With how many failures to fail; 1 or less: with the first one.",
     ),
@@ -334,7 +334,7 @@ PY_TREES = [
         _stock(
             decorators.Repeat,
             "Ticks its child again after a success, until it has succeeded often enough.",
-            _again(_successes, S, btcpp_rules.repeat, built_in=True),
+            _again(_successes, S, rewrites.repeat, built_in=True),
             instead='num_cycles="..."',
             num_success="With how many successes to succeed; 0 or less: never.",
         ),
@@ -389,28 +389,28 @@ PY_TREES = [
     _stock(
         decorators.SuccessIsRunning,
         "Turns success into running.",
-        _turning({Status.SUCCESS: Status.RUNNING}, btcpp_rules.renamed("KeepRunningUntilFailure")),
+        _turning({Status.SUCCESS: Status.RUNNING}, rewrites.renamed("KeepRunningUntilFailure")),
         frozenset({"FAILURE", "RUNNING"}),
         instead="KeepRunningUntilFailure",
     ),
     _stock(
         decorators.SuccessIsFailure,
         "Turns success into failure.",
-        _turning({Status.SUCCESS: Status.FAILURE}, btcpp_rules.renamed("ForceFailure")),
+        _turning({Status.SUCCESS: Status.FAILURE}, rewrites.renamed("ForceFailure")),
         frozenset({"FAILURE", "RUNNING"}),
         instead="ForceFailure",
     ),
     _stock(
         decorators.FailureIsSuccess,
         "Turns failure into success.",
-        _turning({Status.FAILURE: Status.SUCCESS}, btcpp_rules.renamed("ForceSuccess")),
+        _turning({Status.FAILURE: Status.SUCCESS}, rewrites.renamed("ForceSuccess")),
         frozenset({"SUCCESS", "RUNNING"}),
         instead="ForceSuccess",
     ),
     _stock(
         decorators.FailureIsRunning,
         "Turns failure into running.",
-        _turning({Status.FAILURE: Status.RUNNING}, hint=btcpp_rules.NO_FAILURE_IS_RUNNING),
+        _turning({Status.FAILURE: Status.RUNNING}, hint=rewrites.NO_FAILURE_IS_RUNNING),
         frozenset({"SUCCESS", "RUNNING"}),
     ),
     _stock(

@@ -9,7 +9,7 @@ from py_trees.common import Status
 from sar_compiler.nodes import outcome_sets
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.collector import Collector
-from sar_compiler.nodes.btcpp import rewrites as btcpp_rules
+from sar_compiler.nodes.btcpp import rewrites
 from sar_compiler.nodes.language.comparisons import (
     CHECKS,
     COMPARISONS,
@@ -296,7 +296,7 @@ def _stock(
     doc: str,
     *outcomes: str,
     semantics: Semantics | None = None,
-    rewrite: btcpp_rules.Rule | None = None,
+    rewrite: rewrites.Rewrite | None = None,
     **parameter_docs: str,
 ) -> NodeSpec:
     """Return a leaf of py_trees' whose constructor can be written as it is."""
@@ -338,9 +338,9 @@ BEHAVIORTREE_CPP = [
 ]
 
 PY_TREES = [
-    _stock(behaviours.Success, "Succeeds.", _SUCCESS, rewrite=btcpp_rules.renamed("AlwaysSuccess")),
-    _stock(behaviours.Failure, "Fails.", _FAILURE, rewrite=btcpp_rules.renamed("AlwaysFailure")),
-    _stock(behaviours.Running, "Runs for ever.", _RUNNING, rewrite=btcpp_rules.running),
+    _stock(behaviours.Success, "Succeeds.", _SUCCESS, rewrite=rewrites.renamed("AlwaysSuccess")),
+    _stock(behaviours.Failure, "Fails.", _FAILURE, rewrite=rewrites.renamed("AlwaysFailure")),
+    _stock(behaviours.Running, "Runs for ever.", _RUNNING, rewrite=rewrites.running),
     _stock(behaviours.Dummy, "Runs for ever, in the place of something still to be written.", _RUNNING),
     _stock(
         behaviours.Periodic,
@@ -372,7 +372,7 @@ PY_TREES = [
         Timer,
         Kind.ACTION,
         frozenset({_SUCCESS, _RUNNING}),
-        semantics=Semantics(counterpart=Counterpart(rewrite=btcpp_rules.timer)),
+        semantics=Semantics(counterpart=Counterpart(rewrite=rewrites.timer)),
     ),
     made_by(
         "BlackboardToStatus",

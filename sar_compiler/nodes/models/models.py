@@ -10,7 +10,7 @@ from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Signature
 from sar_compiler.nodes.values import ANYTHING, nearest, type_of_cpp_name, value_type_of
 from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
-from sar_compiler.tree.names import is_name
+from sar_compiler.tree.xml_names import is_name
 
 _KINDS = {kind.value: kind for kind in Kind}
 _DIRECTIONS = {direction.value: direction for direction in Direction}

@@ -9,8 +9,8 @@ from enum import Enum
 
 from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import as_text
-from sar_compiler.tree.made import made
 from sar_compiler.tree.model import MODEL_TAG, Element
+from sar_compiler.tree.synthetic import synthetic_element
 
 
 def describe(specs: Iterable[NodeSpec]) -> Element:
@@ -22,7 +22,7 @@ def describe(specs: Iterable[NodeSpec]) -> Element:
     by_tag: dict[str, list[NodeSpec]] = {}
     for spec in specs:
         by_tag.setdefault(spec.tag, []).append(spec)
-    return made(
+    return synthetic_element(
         MODEL_TAG,
         children=[description(variants) for variants in by_tag.values() if not is_built_in(variants)],
     )
@@ -41,13 +41,13 @@ def description(specs: Sequence[NodeSpec]) -> Element:
         for parameter in spec.attributes
         if parameter.role is not Role.NAME and parameter.name not in spec.fixed
     }
-    return made(specs[0].kind.value, {"ID": specs[0].tag, "editable": "true"}, ports.values())
+    return synthetic_element(specs[0].kind.value, {"ID": specs[0].tag, "editable": "true"}, ports.values())
 
 
 def described_by_use(kind: str, tag: str, ports: Iterable[str]) -> Element:
     """Return the model of a node of which nothing is known but how a tree uses it."""
-    inputs = [made(Direction.INPUT.value, {"name": port}) for port in ports]
-    return made(kind, {"ID": tag, "editable": "true"}, inputs)
+    inputs = [synthetic_element(Direction.INPUT.value, {"name": port}) for port in ports]
+    return synthetic_element(kind, {"ID": tag, "editable": "true"}, inputs)
 
 
 def _port(parameter: Parameter, spec: NodeSpec) -> Element:
@@ -58,7 +58,7 @@ def _port(parameter: Parameter, spec: NodeSpec) -> Element:
         attributes["type"] = type_name
     if not parameter.required and parameter.default is not None and parameter.name not in spec.fixed:
         attributes["default"] = _written(parameter.default)
-    return made((parameter.direction or Direction.INPUT).value, attributes, text=_doc(parameter))
+    return synthetic_element((parameter.direction or Direction.INPUT).value, attributes, text=_doc(parameter))
 
 
 def _doc(parameter: Parameter) -> str:

@@ -12,7 +12,7 @@ from weakref import WeakMethod
 
 from sar_compiler.ros.leaves.deadline import Deadline
 from sar_compiler.ros.leaves.leaf import alive
-from sar_compiler.runtime.leaf import Wake
+from sar_compiler.runtime.leaf_protocol import Wake
 
 if TYPE_CHECKING:
     from rclpy.action.client import ClientGoalHandle

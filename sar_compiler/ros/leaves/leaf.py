@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.ros.leaves.errors import MissingNodeError
-from sar_compiler.runtime.leaf import Wake, stay_asleep
+from sar_compiler.runtime.leaf_protocol import Wake, stay_asleep
 
 if TYPE_CHECKING:
     from rclpy.node import Node

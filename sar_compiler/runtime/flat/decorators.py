@@ -64,7 +64,7 @@ def _turning(part: Part, *, success: int, failure: int, skipped: int) -> tuple[T
 
 @builds(RunOnce)
 def run_once(part: Part) -> tuple[Tick, Stop]:
-    """Build a RunOnce. How its child has ended is kept for ever."""
+    """Build a RunOnce. The outcome of its child is kept for good."""
     at, behaviour = part.at, part.behaviour
     tick_child = ticked(part)
     answer = part.cell(INVALID)

@@ -12,7 +12,7 @@ from sar_compiler.runtime.loops import LoopBool, LoopDouble, LoopInt, LoopString
 from sar_compiler.runtime.tokens import excerpt
 
 _UNSEEN = 0
-"""In the place of a queue at which nobody has looked yet."""
+"""In place of a queue that was not read yet."""
 
 
 @builds(LoopInt, LoopDouble, LoopBool, LoopString)

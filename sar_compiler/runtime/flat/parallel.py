@@ -15,8 +15,8 @@ from sar_compiler.runtime.flat.times import Times
 from sar_compiler.runtime.parallel import Parallel, ParallelAll
 
 
-class _Counting:
-    """What both count: the children that have ended, as bits of a number, and how many of them have failed."""
+class _FlatCounting:
+    """The counts of both: the children that have ended, as bits of a number, and how many of these have failed."""
 
     def __init__(self, part: Part) -> None:
         self.part = part
@@ -58,7 +58,7 @@ class _Counting:
 def parallel(part: Part) -> tuple[Tick, Stop]:
     """Build a Parallel."""
     at, behaviour, count = part.at, part.behaviour, len(part.children)
-    counting = _Counting(part)
+    counting = _FlatCounting(part)
     failures = counting.failures
 
     def tick(cells: Cells, times: Times) -> int:
@@ -84,7 +84,7 @@ def parallel(part: Part) -> tuple[Tick, Stop]:
 def parallel_all(part: Part) -> tuple[Tick, Stop]:
     """Build a ParallelAll."""
     at, behaviour, count = part.at, part.behaviour, len(part.children)
-    counting = _Counting(part)
+    counting = _FlatCounting(part)
 
     def tick(cells: Cells, times: Times) -> int:
         too_many = behaviour._threshold("max_failures", behaviour._max_failures.get())

@@ -10,11 +10,11 @@ from sar_compiler.runtime.repetition import ENDLESS, Repeat, RetryUntilSuccessfu
 @builds(Repeat, RetryUntilSuccessful)
 def again(part: Part) -> tuple[Tick, Stop]:
     """Build a Repeat or a RetryUntilSuccessful."""
-    node = _Again(part)
+    node = _FlatAgain(part)
     return node.tick, halted_by(part, node.halt)
 
 
-class _Again:
+class _FlatAgain:
     """A decorator that ticks its child again after one end; the other end ends it."""
 
     def __init__(self, part: Part) -> None:

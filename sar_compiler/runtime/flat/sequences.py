@@ -19,7 +19,7 @@ def in_order(part: Part) -> tuple[Tick, Stop]:
 
 
 class _Resuming:
-    """One that goes on with the child that was running."""
+    """A control that resumes with the child that was running."""
 
     def __init__(self, part: Part) -> None:
         self.part = part
@@ -58,7 +58,7 @@ class _Resuming:
         return self.finish(cells, times)
 
     def decide(self, outcome: int, cells: Cells, times: Times) -> int:
-        """End because of the child that it has come to."""
+        """End because of the child that was ticked last."""
         _tell(self.part.behaviour, cells[self.position], outcome)
         cells[self.skips] = 0
         if self.goes_back:

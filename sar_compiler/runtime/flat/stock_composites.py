@@ -144,7 +144,7 @@ def parallel(part: Part) -> tuple[Tick, Stop]:
 def _decider(
     policy: ParallelPolicy.Base, children: list[Child]
 ) -> Callable[[Cells], tuple[int, Behaviour | None]]:
-    """Return what says how a Parallel stands once its children have been ticked, and because of which child."""
+    """Return a function that gives the status of a Parallel after its children were ticked, and the child that decided it."""
     all_of = children
     if isinstance(policy, ParallelPolicy.SuccessOnSelected):
         of_behaviour = {child.behaviour.id: child for child in children}

@@ -111,7 +111,7 @@ def _holds(guard: Any) -> bool:
 
 @builds(stock.OneShot)
 def one_shot(part: Part) -> tuple[Tick, Stop]:
-    """Build a OneShot. How its child has ended is kept for ever, whatever is stopped."""
+    """Build a OneShot. The outcome of its child is kept for good, whatever is stopped."""
     at, behaviour, (child,) = part.at, part.behaviour, part.children
     final = part.cell(number_of(behaviour.final_status))
     counts = frozenset(number_of(status) for status in behaviour.policy.value)

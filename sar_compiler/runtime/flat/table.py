@@ -57,5 +57,5 @@ def builder_of(behaviour: Behaviour) -> Build:
 
 
 def shares_status(behaviour: Behaviour) -> bool:
-    """Say whether a behaviour and its child have one status between them."""
+    """Return whether a behaviour and its child have one status between them."""
     return isinstance(behaviour, Parent) and behaviour.is_its_child

@@ -41,7 +41,7 @@ class _Timer:
         cells[self._token] = times.start(self._index, seconds)
 
     def is_up(self, cells: Cells, times: Times) -> bool:
-        """Say whether the time is over."""
+        """Return whether the time is over."""
         if cells[self.state] == _COUNTING and times.is_up(self._index, cells[self._token]):
             self.stop(cells, _UP)
         return bool(cells[self.state] == _UP)

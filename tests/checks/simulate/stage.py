@@ -3,8 +3,8 @@
 from textwrap import dedent
 
 from sar_compiler.checks.simulate.judging import failures
-from sar_compiler.checks.simulate.reading import Play, Stage, understand
-from sar_compiler.checks.simulate.running import Run, Simulation
+from sar_compiler.checks.simulate.running import Run, ScenarioPlayer
+from sar_compiler.checks.simulate.scenario_files import Play, Stage, understand
 from sar_compiler.checks.yaml_values import Document
 from sar_compiler.nodes.registry import default_registry
 from tests.trees import forest
@@ -35,7 +35,7 @@ def read(text: str, body: str = PATROL) -> Play:
 def played(text: str, body: str = PATROL) -> Run:
     """Play a scenario to its end."""
     play = read(text, body)
-    return Simulation(play.rehearsal, play.scenario).go()
+    return ScenarioPlayer(play.simulated, play.scenario).go()
 
 
 def missed(text: str, body: str = PATROL) -> list[tuple[str, str, int]]:

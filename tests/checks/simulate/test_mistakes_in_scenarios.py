@@ -2,7 +2,7 @@
 
 import pytest
 
-from sar_compiler.checks.simulate.reading import read_scenario
+from sar_compiler.checks.simulate.scenario_files import read_scenario
 from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
 from tests.checks.simulate.stage import read, stage
 
@@ -146,7 +146,7 @@ def test_facts_that_only_an_answer_of_the_scenario_uses_may_be_given():
     facts: {battery: 20}
     answers: {AdvanceZone: {status: SUCCESS, when: "battery > 10"}}
     """
-    assert read(text).rehearsal.fact_values()["battery"] == 20
+    assert read(text).simulated.fact_values()["battery"] == 20
 
 
 def test_a_scalar_is_taken_as_it_is_written():
@@ -155,6 +155,6 @@ def test_a_scalar_is_taken_as_it_is_written():
     parameters: {a: 1.5, b: true, c: "1", d: 12:30}
     """
     play = read(text)
-    assert play.rehearsal.fact_values()["at"] == "no"
-    scope = play.rehearsal.compiled.instance.scope
+    assert play.simulated.fact_values()["at"] == "no"
+    scope = play.simulated.compiled.instance.scope
     assert [scope.resolve(key).read() for key in "abcd"] == [1.5, True, "1", "12:30"]

@@ -11,7 +11,7 @@ from tests.checks.verify.stage import (
     REGISTRY,
     TAGS,
     outcome,
-    rehearsed,
+    simulated_tree,
     told,
     verdict,
     verified,
@@ -112,7 +112,7 @@ def test_a_condition_reads_a_key_that_the_main_tree_only_passes_on():
         forest_of(f'<root BTCPP_format="4" main_tree_to_execute="Main">{main}{inner}</root>'), REGISTRY
     )
     file = parse_property_file("properties: {p: {at_end: shared == 1}}")
-    assert outcome(verify(rehearsed(binding, file), file, TAGS, 100), "p") is PROVED
+    assert outcome(verify(simulated_tree(binding, file), file, TAGS, 100), "p") is PROVED
 
 
 def test_there_may_be_more_properties_than_a_word_has_bits():

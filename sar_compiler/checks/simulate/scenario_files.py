@@ -11,7 +11,7 @@ from sar_compiler.checks.simulate.scenario import MAX_TICKS, PERIOD_SEC, Scenari
 from sar_compiler.checks.simulate.steps import read_scripts
 from sar_compiler.checks.yaml_values import Document, Value, raise_findings
 from sar_compiler.compiler import bind_main
-from sar_compiler.compiler.rehearsal import Assumptions, Rehearsal, rehearse
+from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.tree.forest import Forest
@@ -73,21 +73,21 @@ class Stage:
             TreeError: If the tree cannot be used.
             DisputedFactError: If its leaves start a fact with different values.
         """
-        rehearsal = rehearse(self.binding(), {})
-        raise_disputes(rehearsal)
-        return Play(rehearsal, Scenario())
+        simulated = compile_simulated(self.binding(), {})
+        raise_disputes(simulated)
+        return Play(simulated, Scenario())
 
 
 @dataclass(frozen=True)
 class Play:
-    """A tree, rehearsed for a scenario.
+    """A tree, simulated for a scenario.
 
     Attributes:
-        rehearsal: The tree.
+        simulated: The tree.
         scenario: The scenario.
     """
 
-    rehearsal: Rehearsal
+    simulated: SimulatedTree
     scenario: Scenario
 
 
@@ -118,8 +118,8 @@ def understand(document: Document, stage: Stage) -> Play:
     parts = document.mapping(document.root, _KEYS, "a scenario")
     binding = _binding(document, parts.get("tree"), stage)
     parameters = _parameters(document, parts.get("parameters"))
-    rehearsal = _rehearsal(document, parts, binding, parameters)
-    words = LeafWords(rehearsal)
+    simulated = _simulated(document, parts, binding, parameters)
+    words = LeafWords(simulated)
     name, period, ticks = (parts.get(key) for key in ("name", "period", "ticks"))
     path = document.source.path
     scenario = Scenario(
@@ -129,10 +129,10 @@ def understand(document: Document, stage: Stage) -> Play:
         max_ticks=(document.whole(ticks, "ticks", 1) if ticks else None) or MAX_TICKS,
         until=document.script(parts["until"], "until") if "until" in parts else None,
         scripts=read_scripts(document, parts["leaves"], words) if "leaves" in parts else {},
-        expect=read_expectations(document, parts.get("expect"), rehearsal, words),
+        expect=read_expectations(document, parts.get("expect"), simulated, words),
     )
     raise_findings([document])
-    return Play(rehearsal, scenario)
+    return Play(simulated, scenario)
 
 
 def _binding(document: Document, tree: Value | None, stage: Stage) -> Binding:
@@ -154,18 +154,18 @@ def _parameters(document: Document, value: Value | None) -> dict[str, object]:
     return given
 
 
-def _rehearsal(
+def _simulated(
     document: Document, parts: Mapping[str, Value], binding: Binding, parameters: Mapping[str, object]
-) -> Rehearsal:
+) -> SimulatedTree:
     """Rehearse the tree with all that the scenario assumes."""
     facts, answers = parts.get("facts"), parts.get("answers")
     # What a scenario may say depends on the leaves, so the tree is looked at first.
-    plain = rehearse(binding, parameters)
+    plain = compile_simulated(binding, parameters)
     assumed = read_assumptions(document, facts, answers, plain)
-    rehearsal = plain if assumed == Assumptions() else rehearse(binding, parameters, assumed)
-    for message in rehearsal.disputes.values():
+    simulated = plain if assumed == Assumptions() else compile_simulated(binding, parameters, assumed)
+    for message in simulated.disputes.values():
         document.report(facts or document.root, "missing-value", message)
-    return rehearsal
+    return simulated
 
 
 def _period(document: Document, value: Value) -> float | None:

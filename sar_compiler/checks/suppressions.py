@@ -24,7 +24,7 @@ _FORM = "sar: allow some-code, another-code: the reason"
 
 
 @dataclass
-class _Allowance:
+class _Suppression:
     """One comment.
 
     Attributes:
@@ -47,27 +47,27 @@ class _Allowance:
         return [code.strip() for code in match[1].split(",")] if match else []
 
 
-def allowed(forest: Forest, findings: Iterable[Diagnostic]) -> list[Diagnostic]:
+def without_suppressed(forest: Forest, findings: Iterable[Diagnostic]) -> list[Diagnostic]:
     """Return the findings that no comment silences, and what is wrong with the comments themselves."""
     kept = list(findings)
     whole = all(finding.severity is not Severity.ERROR for finding in kept)
     for tree_file in forest.files:
         if _MARK not in tree_file.source.text:
             continue
-        allowances = list(_allowances(tree_file))
-        kept = _silenced(tree_file, allowances, kept)
-        for allowance in allowances:
+        suppressions = list(_suppressions(tree_file))
+        kept = _silenced(tree_file, suppressions, kept)
+        for suppression in suppressions:
             # While there are errors, some rules are not asked.
-            kept += _wrong(allowance, unneeded=whole)
+            kept += _wrong(suppression, unneeded=whole)
     return kept
 
 
 def _silenced(
-    tree_file: TreeFile, allowances: list[_Allowance], findings: list[Diagnostic]
+    tree_file: TreeFile, suppressions: list[_Suppression], findings: list[Diagnostic]
 ) -> list[Diagnostic]:
-    by_element: dict[int, list[_Allowance]] = {}
-    for allowance in allowances:
-        by_element.setdefault(id(allowance.element), []).append(allowance)
+    by_element: dict[int, list[_Suppression]] = {}
+    for suppression in suppressions:
+        by_element.setdefault(id(suppression.element), []).append(suppression)
     elements = list(tree_file.root.iterate())
     kept = []
     for finding in findings:
@@ -76,14 +76,14 @@ def _silenced(
             index = bisect.bisect_right(elements, (finding.span.line, finding.span.column), key=_place)
             about = by_element.get(id(elements[index - 1]), []) if index else []
             silencing = [each for each in about if finding.code in each.codes]
-        for allowance in silencing:
-            allowance.used.add(finding.code)
+        for suppression in silencing:
+            suppression.used.add(finding.code)
         if not silencing:
             kept.append(finding)
     return kept
 
 
-def _allowances(tree_file: TreeFile) -> Iterator[_Allowance]:
+def _suppressions(tree_file: TreeFile) -> Iterator[_Suppression]:
     """Yield the comments of a file that begin as such a comment does, in the order of the file."""
     source = tree_file.source
     pattern = _PLACES[source.form]
@@ -94,7 +94,7 @@ def _allowances(tree_file: TreeFile) -> Iterator[_Allowance]:
             match = pattern.search(source.text, offset) if line.startswith(_MARK) else None
             if match is not None:
                 offset = match.end()
-                yield _Allowance(line, element, source.span(*match.span(1)), tree_file)
+                yield _Suppression(line, element, source.span(*match.span(1)), tree_file)
 
 
 def _comments(tree_file: TreeFile) -> Iterator[tuple[Element | None, Comment, int]]:
@@ -111,43 +111,45 @@ def _comments(tree_file: TreeFile) -> Iterator[tuple[Element | None, Comment, in
 def _comments_in(element: Element) -> Iterator[tuple[Element | None, Comment, int]]:
     start = element.source.offset(element.line, element.column)
     for comment in element.comments:
-        if comment.beside or comment.attribute is not None:
+        if comment.trailing or comment.attribute is not None:
             yield element, comment, start
     for index in range(len(element.children) + 1):
         about = element.children[index] if index < len(element.children) else None
         for comment in element.comments:
-            if comment.index == index and not comment.beside and comment.attribute is None:
+            if comment.index == index and not comment.trailing and comment.attribute is None:
                 yield about, comment, start
         if about is not None:
             yield from _comments_in(about)
 
 
-def _wrong(allowance: _Allowance, *, unneeded: bool) -> Iterator[Diagnostic]:
+def _wrong(suppression: _Suppression, *, unneeded: bool) -> Iterator[Diagnostic]:
     from sar_compiler.checks.kinds import KINDS, is_firm
     from sar_compiler.nodes.values import nearest
 
-    codes = allowance.codes
+    codes = suppression.codes
     if not codes:
-        message = f"'{allowance.line}' is no comment that allows something"
-        yield _finding(allowance, "wrong-allow", message, hint=f"write '{_FORM}'")
+        message = f"'{suppression.line}' is no comment that allows something"
+        yield _finding(suppression, "wrong-allow", message, hint=f"write '{_FORM}'")
         return
     for code in codes:
         if code not in KINDS:
             near = nearest(code, [each for each in KINDS if not is_firm(each)])
-            yield _finding(allowance, "wrong-allow", f"no finding is called '{code}'", code, near)
+            yield _finding(suppression, "wrong-allow", f"no finding is called '{code}'", code, near)
         elif is_firm(code):
             message = f"'{code}' is an error: a tree with it cannot be run, so it cannot be allowed"
-            yield _finding(allowance, "wrong-allow", message, code, hint="mend it, and delete the comment")
-        elif unneeded and code not in allowance.used:
+            yield _finding(suppression, "wrong-allow", message, code, hint="mend it, and delete the comment")
+        elif unneeded and code not in suppression.used:
             about = (
-                "no element follows" if allowance.element is None else f"<{allowance.element.tag}> has none"
+                "no element follows"
+                if suppression.element is None
+                else f"<{suppression.element.tag}> has none"
             )
             message = f"there is no '{code}' to be allowed here: {about}"
-            yield _finding(allowance, "unneeded-allow", message, code, hint="delete it")
+            yield _finding(suppression, "unneeded-allow", message, code, hint="delete it")
 
 
 def _finding(
-    allowance: _Allowance,
+    suppression: _Suppression,
     kind: str,
     message: str,
     code: str = "",
@@ -155,8 +157,8 @@ def _finding(
     hint: str | None = None,
 ) -> Diagnostic:
     """Make a finding about a comment, at one of its codes if that is what it is about."""
-    source = allowance.tree_file.source
-    span = allowance.span
+    source = suppression.tree_file.source
+    span = suppression.span
     start, end = source.offset(span.line, span.column), source.offset(span.end_line, span.end_column)
     match = re.search(rf"(?<![\w-]){re.escape(code)}(?![\w-])", source.text[start:end]) if code else None
     if match is not None:

@@ -2,54 +2,54 @@
 
 from collections.abc import Callable, Collection
 
-from sar_compiler.checks.verify.facts import RememberedFacts
+from sar_compiler.checks.verify.state import RememberedFacts
 from sar_compiler.checks.yaml_values import Document, Value
-from sar_compiler.compiler.rehearsal import Rehearsal
+from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.values import nearest
-from sar_compiler.runtime.answering import FactVariables
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.expressions import Access, Script, name_uses
-from sar_compiler.runtime.variables import Value as ScriptValue
+from sar_compiler.runtime.stub_leaf import FactVariables
+from sar_compiler.runtime.variables import ScriptValue
 
 ROOT = "root"
-"""What the root came to in the last tick."""
+"""The root's status after the last tick."""
 IDLE = "idle"
 """Whether every tick from now on leaves the tree as it is."""
 AFTER_A_TICK = (ROOT, IDLE)
-"""What is known when a tick is over."""
+"""The names that are known only when a tick is over."""
 
 
 class ConditionError(SarError):
-    """A condition of a property cannot be evaluated in a state that a run comes to."""
+    """A condition of a property cannot be evaluated in a state that a run reaches."""
 
 
 class IdleUnknownError(SarError):
-    """A condition asks whether the tree idles, and nobody knows yet."""
+    """A condition asks whether the tree idles, which is not known yet."""
 
 
 class Surroundings(FactVariables):
-    """What conditions read: facts, keys of the tree, and how the last tick ended.
+    """The variables of conditions: facts, keys of the tree, and the end of the last tick.
 
     Args:
-        rehearsal: The tree.
+        simulated: The tree.
         facts: Its facts.
 
     Attributes:
         facts: Its facts.
     """
 
-    def __init__(self, rehearsal: Rehearsal, facts: RememberedFacts) -> None:
-        super().__init__(rehearsal.facts, rehearsal.compiled.instance.scope, Enums())
+    def __init__(self, simulated: SimulatedTree, facts: RememberedFacts) -> None:
+        super().__init__(simulated.facts, simulated.compiled.instance.scope, Enums())
         self.facts = facts
         self._ended: dict[str, ScriptValue | None] = {}
 
     def end_tick(self, root: str, *, idle: bool | None) -> None:
-        """Take how a tick has ended.
+        """Set the result of the last tick.
 
         Args:
-            root: What the root came to.
+            root: The root's status.
             idle: Whether every tick from now on leaves the tree as it is; None if that is not known yet.
         """
         self._ended[ROOT] = root
@@ -73,7 +73,7 @@ class Condition:
     Args:
         script: What it says.
         surroundings: What it reads.
-        owner: Whose it is, for messages.
+        owner: The name of its property, for messages.
     """
 
     def __init__(self, script: Script, surroundings: Surroundings, owner: str) -> None:
@@ -88,7 +88,7 @@ class Condition:
         """
 
     def after_tick(self, root: str, idle: bool | None) -> bool:
-        """Say whether it holds when a tick is over; see `Surroundings.end_tick`.
+        """Return whether it holds when a tick is over; see `Surroundings.end_tick`.
 
         Raises:
             IdleUnknownError: If it asks whether the tree idles, and that is not known.
@@ -139,3 +139,23 @@ def read_condition(
             continue
         usable = False
     return script if usable else None
+
+
+_FOLDER = "/"
+
+
+def names_of(simulated: SimulatedTree) -> list[str]:
+    """Return the names of the facts, then those of the keys of the main tree that the file shows."""
+    instance = simulated.compiled.instance
+    prefix = f"{instance.scope.board.prefix}{_FOLDER}"
+    given = (name.removeprefix(prefix) for name in instance.scope.board.names())
+    keys = [name for name in given if _FOLDER not in name]
+    for bound in instance.tree.nodes:
+        keys += [*bound.keys.values(), *bound.remapping.keys.values()]
+        scripts = [
+            value
+            for value in (*bound.values.values(), *bound.conditions.values())
+            if isinstance(value, Script)
+        ]
+        keys += [use.name for script in scripts for use in name_uses(script)]
+    return list(dict.fromkeys([*simulated.fact_values(), *keys]))

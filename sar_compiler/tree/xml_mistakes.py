@@ -1,4 +1,4 @@
-"""Characters that XML does not take where they stand, in words that say what to write instead."""
+"""Characters that XML does not allow at their place, with what to write instead."""
 
 import re
 from dataclasses import dataclass
@@ -11,13 +11,13 @@ _OPEN_VALUE = re.compile(r"=\s*(\"[^\"<]*|'[^'<]*)\Z")
 
 
 @dataclass(frozen=True)
-class Slip:
-    """What is written wrong in a file that is not well-formed.
+class XmlMistake:
+    """A mistake in a file that is not well-formed.
 
     Attributes:
         message: What is wrong.
         start: The offset of the first character that is.
-        end: The offset behind the last one.
+        end: The offset after the last one.
         suggestion: What to write there.
     """
 
@@ -27,8 +27,8 @@ class Slip:
     suggestion: str | None = None
 
 
-def slip_at(text: str, place: int, words: str) -> Slip | None:
-    """Return what was probably meant where expat gave up.
+def mistake_at(text: str, place: int, words: str) -> XmlMistake | None:
+    """Return the probable mistake at the place where expat gave up.
 
     Args:
         text: The file.
@@ -47,12 +47,12 @@ def slip_at(text: str, place: int, words: str) -> Slip | None:
     return _in_tag(text, place)
 
 
-def _in_comment(text: str, place: int) -> Slip:
+def _in_comment(text: str, place: int) -> XmlMistake:
     start = text.rfind("--", 0, place)
-    return Slip("-- cannot stand in a comment of XML", start, start + len("--"), "- -")
+    return XmlMistake("-- cannot stand in a comment of XML", start, start + len("--"), "- -")
 
 
-def _in_tag(text: str, place: int) -> Slip | None:
+def _in_tag(text: str, place: int) -> XmlMistake | None:
     tag = max(text.rfind("<", 0, place), 0)
     before = text[tag:place]
     ampersands = _AMPERSANDS.search(before)
@@ -60,27 +60,27 @@ def _in_tag(text: str, place: int) -> Slip | None:
         start = tag + ampersands.start()
         end = start + len(ampersands[1])
         end += text[end : end + 1] == "&"
-        return Slip("an & is written &amp; in XML", start, end, "&amp;" * (end - start))
+        return XmlMistake("an & is written &amp; in XML", start, end, "&amp;" * (end - start))
     value = _OPEN_VALUE.search(before)
     if text[place : place + 1] == "<" and value is not None:
         return _in_value(text, place, tag + value.start(1))
     if before.rstrip().endswith("="):
-        return Slip("the value of an attribute must stand in quotes", place, place + 1)
+        return XmlMistake("the value of an attribute must stand in quotes", place, place + 1)
     return None
 
 
-def _in_value(text: str, place: int, quote: int) -> Slip:
-    """Say whether a < is part of a value, or the value has no end."""
+def _in_value(text: str, place: int, quote: int) -> XmlMistake:
+    """Return the mistake of a < in a value: unescaped, or after a missing closing quote."""
     if text[quote:place].rstrip().endswith((">", "/")):
-        return Slip("the value that begins here has no closing quotation mark", quote, quote + 1)
-    return Slip("a < in a value is written &lt; in XML", place, place + 1, "&lt;")
+        return XmlMistake("the value that begins here has no closing quotation mark", quote, quote + 1)
+    return XmlMistake("a < in a value is written &lt; in XML", place, place + 1, "&lt;")
 
 
-def _undefined(text: str, place: int) -> Slip | None:
+def _undefined(text: str, place: int) -> XmlMistake | None:
     for entity in _ENTITY.finditer(text, place):
         if entity[1] not in _BUILT_IN:
             message = (
                 f"XML does not know '{entity[0]}'; an & is written &amp;, other characters as themselves"
             )
-            return Slip(message, entity.start(), entity.end())
+            return XmlMistake(message, entity.start(), entity.end())
     return None

@@ -1,4 +1,4 @@
-"""What can be the name of a tag or an attribute, in every form: what XML takes for a name."""
+"""The names that a tag or an attribute can have, in every form: those of XML."""
 
 import functools
 import re
@@ -10,7 +10,7 @@ _PERHAPS = re.compile(r"[A-Za-z0-9_:.\-\u0080-\U0010ffff]+")
 
 @functools.lru_cache(maxsize=1024)
 def is_name(text: str) -> bool:
-    """Say whether a text can be the name of a tag or an attribute."""
+    """Return whether a text can be the name of a tag or an attribute."""
     if _NAME.fullmatch(text):
         return True
     if text.isascii() or not _PERHAPS.fullmatch(text):

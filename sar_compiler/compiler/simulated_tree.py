@@ -1,7 +1,7 @@
-"""A tree with answering leaves: what flies, but for the robot.
+"""A tree with stub leaves: the tree of a real run, without the robot.
 
 Controls, decorators and the leaves of the language itself are made for real, on a clock that is moved by hand. Every
-other leaf, installed or only described, is an `AnsweringLeaf`: it answers what a chooser takes of what it can answer.
+other leaf, installed or only described, is a `StubLeaf`: an outcome policy chooses among its possible answers.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -13,8 +13,9 @@ from py_trees.behaviour import Behaviour
 from py_trees.behaviours import ProbabilisticBehaviour
 
 from sar_compiler.compiler import CompiledTree, compile_with
-from sar_compiler.compiler.arguments import Arguments
 from sar_compiler.compiler.building import Builder
+from sar_compiler.compiler.constructor_arguments import Arguments
+from sar_compiler.compiler.origins import Construction
 from sar_compiler.nodes.answers import (
     NOBODY,
     SELF,
@@ -31,10 +32,10 @@ from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.language import leaves as language
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter
 from sar_compiler.runtime import controls, decorators
-from sar_compiler.runtime.answering import AnsweringLeaf, Chooser, Event, FactVariables
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Scope
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.context import preview_of
+from sar_compiler.runtime.stub_leaf import Event, FactVariables, OutcomePolicy, StubLeaf
 from sar_compiler.runtime.variables import UnknownVariableError
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
@@ -43,13 +44,13 @@ _LANGUAGE = {(each.tag, each.cls) for each in language.SPECS if each.cls is not 
 
 
 def is_answered(spec: NodeSpec) -> bool:
-    """Say whether a node is a leaf that stands for something outside the tree, and so answers in a rehearsal."""
+    """Return whether a node is a leaf that acts on something outside the tree, and so becomes a stub leaf."""
     return spec.kind.is_leaf and (spec.tag, spec.cls) not in _LANGUAGE
 
 
 @dataclass(frozen=True)
 class Assumptions:
-    """What is taken for granted of the world around a tree, besides what its leaves say of themselves.
+    """Assumptions about the world around a tree, besides what its leaves declare.
 
     Attributes:
         facts: Facts with their values at the start; they replace those of the leaves, or add to them.
@@ -61,25 +62,25 @@ class Assumptions:
     answers: Mapping[str, tuple[Answer, ...]] = field(default_factory=dict)
 
 
-class Rehearsal:
-    """A compiled tree whose leaves answer what a chooser takes.
+class SimulatedTree:
+    """A compiled tree whose leaves answer what an outcome policy chooses.
 
     Args:
         compiled: The tree.
         facts: The facts.
-        leaves: Its answering leaves, in the order of the tree.
+        leaves: Its stub leaves, in the order of the tree.
         clock: What its durations are measured with, seconds.
-        notes: What is not as it would fly.
-        disputes: The facts that leaves start with different values and nobody has settled, with what to say of
+        notes: What is not as in a real run.
+        disputes: The facts that leaves start with different values and no file has settled, with what to say of
             them; the first leaf's value counts.
-        outputs: The leaves that would write a key when they fly, by the key as it is written in the file.
+        outputs: The leaves that would write a key in a real run, by the key as it is written in the file.
     """
 
     def __init__(
         self,
         compiled: CompiledTree,
         facts: Scope,
-        leaves: tuple[AnsweringLeaf, ...],
+        leaves: tuple[StubLeaf, ...],
         clock: ManualClock,
         notes: tuple[Diagnostic, ...] = (),
         disputes: Mapping[str, str] = MappingProxyType({}),
@@ -93,7 +94,7 @@ class Rehearsal:
         self.disputes = disputes
         self._outputs = outputs
         self.events: list[Event] = []
-        """What the leaves have done, in order, since somebody cleared it."""
+        """What the leaves have done, in order, since the list was last cleared."""
         for leaf in leaves:
             leaf.events = self.events
 
@@ -103,17 +104,17 @@ class Rehearsal:
         return self.compiled.root
 
     @property
-    def chooser(self) -> Chooser | None:
-        """What decides the leaves' answers; None for a tree without answering leaves."""
-        return self.leaves[0].chooser if self.leaves else None
+    def policy(self) -> OutcomePolicy | None:
+        """The policy of the leaves' answers; None for a tree without stub leaves."""
+        return self.leaves[0].policy if self.leaves else None
 
-    @chooser.setter
-    def chooser(self, chooser: Chooser) -> None:
+    @policy.setter
+    def policy(self, policy: OutcomePolicy) -> None:
         for leaf in self.leaves:
-            leaf.chooser = chooser
+            leaf.policy = policy
 
     def advice_on(self, error: BaseException) -> str:
-        """Return what to do about what a tick has raised, as the end of a sentence; empty if nobody knows."""
+        """Return advice on an exception of a tick, as the end of a sentence; empty if there is none."""
         cause: BaseException | None = error
         while cause is not None:
             key = getattr(cause, "name" if isinstance(cause, UnknownVariableError) else "key", None)
@@ -133,10 +134,10 @@ class Rehearsal:
         return {name: value for name, value in values.items() if isinstance(value, (bool, int, float, str))}
 
 
-def rehearse(
+def compile_simulated(
     binding: Binding, parameters: Mapping[str, object], assumptions: Assumptions | None = None
-) -> Rehearsal:
-    """Compile a bound tree with answering leaves.
+) -> SimulatedTree:
+    """Compile a bound tree with stub leaves.
 
     Args:
         binding: The tree, without findings.
@@ -147,17 +148,17 @@ def rehearse(
         TreeError: If the tree cannot be compiled; carries the findings.
     """
     collector, clock = Collector(), ManualClock()
-    arguments = RehearsalArguments({Clock: clock}, parameters, collector)
-    builder = RehearsalBuilder(binding, arguments, collector, assumptions or Assumptions())
+    arguments = SimulationArguments({Clock: clock}, parameters, collector)
+    builder = SimulationBuilder(binding, arguments, collector, assumptions or Assumptions())
     compiled = compile_with(binding, builder, parameters, collector)
     builder.start_facts()
-    leaves = tuple(each for each in compiled.root.iterate() if isinstance(each, AnsweringLeaf))
+    leaves = tuple(each for each in compiled.root.iterate() if isinstance(each, StubLeaf))
     notes = tuple(dict.fromkeys(builder.notes))
-    return Rehearsal(compiled, builder.facts, leaves, clock, notes, builder.disputes, builder.outputs)
+    return SimulatedTree(compiled, builder.facts, leaves, clock, notes, builder.disputes, builder.outputs)
 
 
-class RehearsalArguments(Arguments):
-    """The arguments of what is made for real; whoever answers needs none."""
+class SimulationArguments(Arguments):
+    """The arguments of the nodes that are real; stub leaves need none."""
 
     parameter_advice = "give it a value: parameters: {{{name}: ...}}"
 
@@ -182,8 +183,8 @@ class RehearsalArguments(Arguments):
         return super()._handed_over(instance, bound, parameter)
 
 
-class RehearsalBuilder(Builder):
-    """Makes a tree with answering leaves.
+class SimulationBuilder(Builder):
+    """Makes a tree with stub leaves.
 
     Args:
         binding: The tree.
@@ -193,9 +194,9 @@ class RehearsalBuilder(Builder):
 
     Attributes:
         facts: The facts.
-        notes: What is not as it would fly.
+        notes: What is not as in a real run.
         disputes: The facts that leaves start with different values.
-        outputs: The leaves that would write a key when they fly.
+        outputs: The leaves that would write a key in a real run.
     """
 
     def __init__(
@@ -235,7 +236,7 @@ class RehearsalBuilder(Builder):
         }
 
     def only_described(self, bound: BoundNode) -> None:
-        """Note what stands for a control or a decorator that is only described."""
+        """Note the substitute of a control or a decorator that only a model describes."""
         if not bound.spec.kind.is_leaf:
             what = "a Sequence with memory" if bound.spec.kind is Kind.CONTROL else "its child alone"
             message = f"<{bound.spec.tag}> is only described by a model; {what} stands for it here"
@@ -246,7 +247,7 @@ class RehearsalBuilder(Builder):
             )
 
     def _maker(self, bound: BoundNode) -> Callable[..., Any]:
-        """Return what makes a node; what stands for one that is only described knows of skipped children."""
+        """Return the constructor of a node; the substitute of one that is only described handles skipped children."""
         if bound.spec.cls is not None:
             return super()._maker(bound)
         return _sequence if bound.spec.kind is Kind.CONTROL else decorators.SubTree
@@ -275,11 +276,11 @@ class RehearsalBuilder(Builder):
         for parameter in bound.spec.ports:
             if parameter.direction is not Direction.INPUT and parameter.name in bound.keys:
                 self.outputs.setdefault(bound.keys[parameter.name].removeprefix(ROOT_SIGN), bound.name)
-        leaf = AnsweringLeaf(
+        leaf = StubLeaf(
             bound.name, bound.spec.tag, [filled(answer, names) for answer in said], variables, enums
         )
         leaf.path = path
-        self.makings.append((leaf.id, instance, bound, None, None))
+        self.constructions.append(Construction(leaf.id, instance, bound))
         return leaf
 
     def _add_fact(self, name: str, value: Fact, leaf: str) -> None:
@@ -292,7 +293,7 @@ class RehearsalBuilder(Builder):
 
 
 class Places:
-    """Where the nodes of a bound tree stand.
+    """The paths of the nodes of a bound tree.
 
     Args:
         binding: The tree.
@@ -319,7 +320,7 @@ class Places:
 
 
 def fits(key: str, path: Sequence[str], tag: str) -> int:
-    """Say how well a key of a file names a leaf.
+    """Return how specifically a key of a file names a leaf.
 
     Args:
         key: What is written: a path, whose parts are names of nodes around the leaf, in their order but perhaps

@@ -1,4 +1,4 @@
-"""What the constructors of a tree's nodes are given."""
+"""The arguments of the constructors of a tree's nodes."""
 
 from array import array
 from collections.abc import Mapping
@@ -33,7 +33,7 @@ class Arguments:
         self._collector = collector
 
     parameter_advice = "give it one: --params FILE, or --ros-args -p {name}:=..."
-    """What to do where a parameter of the mission is not there."""
+    """Advice for a parameter of the mission that is missing."""
 
     @property
     def enums(self) -> Enums:

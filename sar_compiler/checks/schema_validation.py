@@ -24,7 +24,7 @@ from sar_compiler.tree.xml_rest import rest_of
 from sar_compiler.tree.xml_writer import one_tag_a_line
 
 _TEXT = "Character content other than whitespace"
-"""What libxml2 says of text between elements."""
+"""libxml2's message about text between elements."""
 
 
 @functools.lru_cache(maxsize=32)

@@ -3,17 +3,17 @@
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.runtime.answering import (
-    ANSWERED,
-    HALTED,
-    STARTED,
-    AnsweringError,
-    AnsweringLeaf,
-    FactVariables,
-)
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.blackboard import Board, Scope
 from sar_compiler.runtime.enums import Enums
+from sar_compiler.runtime.stub_leaf import (
+    ANSWERED,
+    HALTED,
+    STARTED,
+    FactVariables,
+    StubLeaf,
+    StubLeafError,
+)
 
 ARRIVED = Answer("SUCCESS", "arrived", when="left > 0", then="at = 'zone'; left -= 1")
 NOWHERE = Answer("FAILURE", "nowhere", when="left == 0")
@@ -49,7 +49,7 @@ def keys():
 @pytest.fixture
 def made(facts, keys):
     def make(*answers):
-        return AnsweringLeaf("Go", "Drive", answers, FactVariables(facts, keys, Enums()), Enums())
+        return StubLeaf("Go", "Drive", answers, FactVariables(facts, keys, Enums()), Enums())
 
     return make
 
@@ -60,10 +60,10 @@ def deeds(leaf):
 
 def test_only_the_answers_whose_condition_is_true_can_be_chosen(made):
     leaf = made(ARRIVED, NOWHERE, DRIVING)
-    leaf.chooser = Following("driving", "arrived", "nowhere")
+    leaf.policy = Following("driving", "arrived", "nowhere")
     for _ in range(3):
         leaf.tick_once()
-    assert leaf.chooser.asked == [(ARRIVED, DRIVING), (ARRIVED, DRIVING), (NOWHERE,)]
+    assert leaf.policy.asked == [(ARRIVED, DRIVING), (ARRIVED, DRIVING), (NOWHERE,)]
 
 
 def test_an_answer_changes_facts_which_keep_their_type(made, facts):
@@ -85,7 +85,7 @@ def test_a_name_that_is_no_fact_is_a_key_of_the_tree(made, facts, keys):
 
 def test_what_a_leaf_does_is_noted(made):
     leaf = made(ARRIVED, DRIVING)
-    leaf.chooser = Following("driving", "driving")
+    leaf.policy = Following("driving", "driving")
     leaf.tick_once()
     leaf.tick_once()
     leaf.stop(Status.INVALID)
@@ -109,7 +109,7 @@ def test_an_answer_can_be_that_the_leaf_is_skipped(made):
 def test_a_leaf_without_a_possible_answer_says_what_each_would_need(made, facts):
     facts.resolve("left").write(-1)
     with pytest.raises(
-        AnsweringError, match=r"'Go' \(Drive\) has no answer .*'arrived' when left > 0; 'nowhere'"
+        StubLeafError, match=r"'Go' \(Drive\) has no answer .*'arrived' when left > 0; 'nowhere'"
     ):
         made(ARRIVED, NOWHERE).tick_once()
 
@@ -122,5 +122,5 @@ def test_a_leaf_without_a_possible_answer_says_what_each_would_need(made, facts)
     ],
 )
 def test_a_script_that_cannot_be_run_names_leaf_answer_and_script(made, answer, part):
-    with pytest.raises(AnsweringError, match=rf"'Go' \(Drive\), answer 'yes': {part} '"):
+    with pytest.raises(StubLeafError, match=rf"'Go' \(Drive\), answer 'yes': {part} '"):
         made(answer).tick_once()

@@ -1,4 +1,4 @@
-"""What a leaf may offer to whoever runs its tree; all of it optional.
+"""The optional interface between a leaf and the runner of its tree.
 
 A leaf is an ordinary py_trees behaviour. A runner passes these keyword arguments to `setup`:
 
@@ -22,5 +22,5 @@ class Settling(Protocol):
     """A leaf that may leave something in the world after it was stopped, such as a cancel under way."""
 
     def settled(self) -> bool:
-        """Say whether nothing of the leaf is under way any more; asked after the tree was stopped."""
+        """Return whether nothing of the leaf is under way any more; called after the tree was stopped."""
         ...

@@ -1,16 +1,16 @@
-"""Building something large that stays."""
+"""Pausing the garbage collector while something large is built."""
 
 import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 LARGE = 500_000
-"""What comes of a text of so many characters, some 9,000 elements, is more than the collector looks at quickly."""
+"""The number of characters (some 9,000 elements) from which collecting what is built takes noticeable time."""
 
 
 @contextmanager
-def uncollected(acyclic: int = 0) -> Iterator[None]:
-    """Keep the garbage collector from looking again and again at what grows and leaves no garbage.
+def gc_paused(acyclic: int = 0) -> Iterator[None]:
+    """Pause the garbage collector while something grows that leaves no garbage.
 
     For large trees that would take as long as everything else together.
 

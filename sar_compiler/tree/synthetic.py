@@ -1,4 +1,4 @@
-"""Elements that stand in no file: what a command adds to a tree, or writes of its own."""
+"""Elements that come from no file: what a command adds to a tree, or generates."""
 
 from collections.abc import Iterable, Mapping
 
@@ -9,7 +9,7 @@ _NOWHERE = Span(1, 1, 1, 1)
 
 
 class _NoSpans:
-    """Finds nothing, for there is no text."""
+    """Finds nothing, because there is no text."""
 
     form = Form.XML
 
@@ -25,23 +25,23 @@ class _NoSpans:
     def within_value(self, _source: Source, _element: Element, _name: str, _start: int, _end: int) -> Span:
         return _NOWHERE
 
-    def stands_apart(self, _source: Source, _element: Element) -> bool:
+    def follows_blank_line(self, _source: Source, _element: Element) -> bool:
         return False
 
 
 NO_SPANS = _NoSpans()
-"""For a text in which no element stands."""
+"""For a text without elements."""
 
 _SOURCE = Source("<made>", "", NO_SPANS)
 
 
-def made(
+def synthetic_element(
     tag: str, attributes: Mapping[str, str] | None = None, children: Iterable[Element] = (), text: str = ""
 ) -> Element:
     """Make an element; its line is 0."""
     return Element(tag, attributes or {}, tuple(children), _SOURCE, 0, 0, text)
 
 
-def made_file(root: Element) -> TreeFile:
+def synthetic_file(root: Element) -> TreeFile:
     """Make a file of an element."""
     return TreeFile(_SOURCE, root)

@@ -1,4 +1,4 @@
-"""What a tick can come to, as a tree file names it."""
+"""The outcome of a tick as an attribute of a tree file names it."""
 
 import enum
 

@@ -1,4 +1,4 @@
-"""A leaf that answers what somebody chooses: it stands for a real one where there is no robot.
+"""A leaf that answers what a policy chooses, in place of a real one where there is no robot.
 
 It has no state of its own but py_trees' status. What the answers change are facts: entries of a board beside the
 tree's, so that scripts and snapshots work on them as on any entry.
@@ -17,7 +17,7 @@ from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.scripting import ScopeVariables
 from sar_compiler.runtime.skipping import SKIPPED, SkippableLeaf
-from sar_compiler.runtime.variables import Value, Variables
+from sar_compiler.runtime.variables import ScriptValue, Variables
 
 STATUSES: Mapping[str, Status] = {
     "SUCCESS": Status.SUCCESS,
@@ -25,14 +25,14 @@ STATUSES: Mapping[str, Status] = {
     "RUNNING": Status.RUNNING,
     "SKIPPED": SKIPPED,
 }
-"""What `update` returns for the status of an answer."""
+"""The return value of `update` for the status of an answer."""
 
 STARTED = "started"
 ANSWERED = "answered"
 HALTED = "halted"
 
 
-class AnsweringError(SarError):
+class StubLeafError(SarError):
     """A leaf cannot answer: none of its answers is possible, or a script of one cannot be run.
 
     Attributes:
@@ -44,19 +44,19 @@ class AnsweringError(SarError):
         self.leaf = leaf
 
 
-class Chooser(Protocol):
+class OutcomePolicy(Protocol):
     """Decides what leaves answer."""
 
-    def choose(self, leaf: "AnsweringLeaf", options: Sequence[Answer]) -> Answer:
+    def choose(self, leaf: "StubLeaf", options: Sequence[Answer]) -> Answer:
         """Return the answer of this tick, one of those that are possible now."""
         ...
 
 
-class Nominal:
-    """Chooses what happens on a day without surprises."""
+class NominalPolicy:
+    """Chooses the usual answers."""
 
-    def choose(self, leaf: "AnsweringLeaf", options: Sequence[Answer]) -> Answer:  # noqa: ARG002 - as the protocol has it
-        """Return the first possible answer that is an end."""
+    def choose(self, leaf: "StubLeaf", options: Sequence[Answer]) -> Answer:  # noqa: ARG002 - as the protocol has it
+        """Return the first possible answer that is not RUNNING."""
         return nominal(options)
 
 
@@ -69,7 +69,7 @@ class Event(NamedTuple):
         answer: For `ANSWERED`: what it answered.
     """
 
-    leaf: "AnsweringLeaf"
+    leaf: "StubLeaf"
     what: str
     answer: Answer | None = None
 
@@ -89,15 +89,15 @@ class FactVariables:
         self._keys = ScopeVariables(keys, enums)
         self._known: dict[str, Variables] = {}
 
-    def read(self, name: str) -> Value:
+    def read(self, name: str) -> ScriptValue:
         """Return the value; raises as `Variables` says."""
         return self._of(name).read(name)
 
-    def create(self, name: str, value: Value) -> Value:
+    def create(self, name: str, value: ScriptValue) -> ScriptValue:
         """Write the value, which makes a key of the tree if there is neither fact nor key; raises likewise."""
         return self._of(name).create(name, value)
 
-    def assign(self, name: str, value: Value) -> Value:
+    def assign(self, name: str, value: ScriptValue) -> ScriptValue:
         """Write the value of what is there; raises likewise."""
         return self._of(name).assign(name, value)
 
@@ -110,8 +110,8 @@ class FactVariables:
         return known
 
 
-class AnsweringLeaf(SkippableLeaf):
-    """Answers what a chooser takes of the answers that are possible.
+class StubLeaf(SkippableLeaf):
+    """Answers what an outcome policy takes of the answers that are possible.
 
     Args:
         name: The node's name.
@@ -124,7 +124,7 @@ class AnsweringLeaf(SkippableLeaf):
         tag: The tag of the leaf that it stands for.
         answers: What it can answer.
         path: The names of the nodes around it, from the root down, and its own.
-        chooser: Decides what it answers.
+        policy: Decides what it answers.
         events: What it does is noted here; shared by the leaves of a tree.
     """
 
@@ -135,7 +135,7 @@ class AnsweringLeaf(SkippableLeaf):
         self.tag = tag
         self.answers = tuple(answers)
         self.path: tuple[str, ...] = (name,)
-        self.chooser: Chooser = Nominal()
+        self.policy: OutcomePolicy = NominalPolicy()
         self.events: list[Event] = []
         self._variables = variables
         self._conditions = {a: Program(parse(a.when), enums.numbers) for a in self.answers if a.when}
@@ -145,7 +145,7 @@ class AnsweringLeaf(SkippableLeaf):
         """Return the answers that are possible now.
 
         Raises:
-            AnsweringError: If there is none, or a condition cannot be evaluated.
+            StubLeafError: If there is none, or a condition cannot be evaluated.
         """
         if not self._conditions:
             return self.answers
@@ -153,14 +153,14 @@ class AnsweringLeaf(SkippableLeaf):
         if not possible:
             conditions = "; ".join(f"'{answer.name}' when {answer.when}" for answer in self.answers)
             message = f"'{self.name}' ({self.tag}) has no answer that is possible now: {conditions}"
-            raise AnsweringError(self.name, message)
+            raise StubLeafError(self.name, message)
         return possible
 
     def change(self, answer: Answer) -> None:
         """Change what an answer changes.
 
         Raises:
-            AnsweringError: If its script cannot be run.
+            StubLeafError: If its script cannot be run.
         """
         effect = self._effects.get(answer)
         if effect is not None:
@@ -174,12 +174,12 @@ class AnsweringLeaf(SkippableLeaf):
         self.events.append(Event(self, STARTED))
 
     def update(self) -> Status:
-        """Answer what the chooser takes, and change the facts accordingly.
+        """Answer what the policy takes, and change the facts accordingly.
 
         Raises:
-            AnsweringError: If no answer is possible, or a script cannot be run.
+            StubLeafError: If no answer is possible, or a script cannot be run.
         """
-        answer = self.chooser.choose(self, self.options())
+        answer = self.policy.choose(self, self.options())
         self.events.append(Event(self, ANSWERED, answer))
         self.change(answer)
         self.feedback_message = answer.name
@@ -199,7 +199,7 @@ class AnsweringLeaf(SkippableLeaf):
         except EvaluationError as error:
             raise self._unusable(answer, "when", answer.when, error) from error
 
-    def _unusable(self, answer: Answer, part: str, script: str, error: EvaluationError) -> AnsweringError:
+    def _unusable(self, answer: Answer, part: str, script: str, error: EvaluationError) -> StubLeafError:
         hint = f"; {error.hint}" if error.hint else ""
         message = f"'{self.name}' ({self.tag}), answer '{answer.name}': {part} '{script}': {error}{hint}"
-        return AnsweringError(self.name, message)
+        return StubLeafError(self.name, message)

@@ -1,16 +1,18 @@
 """Elements that stand in no file."""
 
-from sar_compiler.tree.made import made, made_file
 from sar_compiler.tree.source import Form, Span
+from sar_compiler.tree.synthetic import synthetic_element, synthetic_file
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.xml_writer import write_xml
 
-ELEMENT = made("root", {"name": "x"}, [made("input_port", text="What.")])
+ELEMENT = synthetic_element("root", {"name": "x"}, [synthetic_element("input_port", text="What.")])
 
 
 def test_one_that_is_made_says_what_one_that_is_read_says():
     assert (
-        parse_xml(write_xml(made_file(made("root", {"a": "b"}, [made("c")])))).root
+        parse_xml(
+            write_xml(synthetic_file(synthetic_element("root", {"a": "b"}, [synthetic_element("c")])))
+        ).root
         == parse_xml('<root a="b"><c/></root>').root
     )
 
