@@ -23,7 +23,7 @@ help:
 	@echo "make lint         style and types"
 	@echo "make soak         the long tests"
 	@echo "make bench        the benchmarks"
-	@echo "make schemas      renew schemas/ from the node registry"
+	@echo "make schemas      renew schemas/ from the node registry and the kinds of findings"
 	@echo "make golden       renew the golden files of compiled trees"
 	@echo "make env          only make .venv (PYTHON=$(PYTHON))"
 	@echo "make clean        delete everything that was made"
@@ -72,6 +72,7 @@ schemas: env
 	mv schemas/sar_tree.xsd.new schemas/sar_tree.xsd
 	$(BIN)/sar-compile schema --format json > schemas/sar_tree.schema.json.new
 	mv schemas/sar_tree.schema.json.new schemas/sar_tree.schema.json
+	SAR_RENEW_GOLDEN=1 $(BIN)/python -m pytest -q tests/documents -k reviewed
 
 golden: env
 	SAR_RENEW_GOLDEN=1 $(BIN)/python -m pytest -q tests/golden tests/examples -k reviewed

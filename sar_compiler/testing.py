@@ -33,9 +33,10 @@ from sar_compiler.checks.simulate.judging import Failure, failures
 from sar_compiler.checks.simulate.running import Run, ScenarioPlayer
 from sar_compiler.checks.simulate.scenario import Scenario
 from sar_compiler.checks.simulate.scenario_files import Play, Stage, read_scenario, understand
-from sar_compiler.checks.yaml_values import Document, raise_findings
 from sar_compiler.compiler import CompiledTree, bind_main, preview_tree
 from sar_compiler.compiler.simulated_tree import SimulatedTree
+from sar_compiler.documents.located import Document
+from sar_compiler.documents.yaml_files import parse_yaml
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.tree.forest import load_forest
 from sar_compiler.tree.reading import read_tree_file
@@ -198,9 +199,10 @@ class Simulated:
             TreeError: If something is expected of a leaf that it never does.
         """
         run = self.run
-        document = _written(expectations)
-        expect = read_expectations(document, document.root, run.simulated, LeafWords(run.simulated))
-        raise_findings([document])
+        document = _written({"expect": expectations})
+        said = document.hold("scenario").mapping["expect"]
+        expect = read_expectations(document, said, run.simulated, LeafWords(run.simulated))
+        document.raise_findings()
         if "ends" not in expectations:
             expect = replace(expect, ends=run.ended)
         judged = replace(run, scenario=replace(run.scenario, path="", expect=expect))
@@ -213,7 +215,7 @@ def _stage(tree: str | Path, registry: Registry | None) -> Stage:
 
 def _written(said: Mapping[str, object]) -> Document:
     text = yaml.safe_dump(dict(said), allow_unicode=True, sort_keys=False, width=1000)
-    return Document(text, "script", "say what the leaves answer")
+    return parse_yaml(text, "script", "say what the leaves answer")
 
 
 def _parts(play: Play) -> tuple[SimulatedTree, Scenario]:

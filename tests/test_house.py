@@ -20,12 +20,13 @@ MAY_IMPORT = {
     "runtime": set(),
     "nodes": {"tree", "runtime"},
     "compiler": {"tree", "runtime", "nodes"},
-    "checks": {"tree", "runtime", "nodes", "compiler"},
+    "documents": {"tree", "nodes"},
+    "checks": {"tree", "runtime", "nodes", "compiler", "documents"},
     "missions": {"nodes", "runtime", "ros"},
     "ros": {"tree", "runtime", "nodes", "compiler", "checks", "missions"},
-    "sim": {"tree", "runtime", "nodes", "compiler", "checks", "missions", "ros"},
+    "sim": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "missions", "ros"},
     "views": {"tree", "runtime", "nodes", "compiler", "checks", "missions"},
-    "testing": {"tree", "runtime", "nodes", "compiler", "checks", "views"},
+    "testing": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "views"},
 }
 COMMON = {"errors", "resources"}
 

@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from sar_compiler.checks.yaml_values import Document, Value
 from sar_compiler.compiler.simulated_tree import SimulatedTree, fits
+from sar_compiler.documents.located import Document, Value
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.nodes.values import nearest
 from sar_compiler.runtime.answers import STATUSES
@@ -58,18 +58,15 @@ class LeafWords:
 
     def find(self, document: Document, value: Value) -> tuple[StubLeaf, ...]:
         """Return the leaves that a value names; reports one that names none."""
-        key = document.text(value, "the name of a leaf")
-        found = self.named(key) if key else ()
-        if key and not found:
+        key = value.text or ""
+        found = self.named(key)
+        if not found:
             self._report_unknown(document, value, key)
         return found
 
     def answer(self, document: Document, value: Value, leaves: Sequence[StubLeaf]) -> str | None:
         """Return a label or a status that each of some leaves can answer; reports anything else."""
-        text = document.text(value, "an answer")
-        if text is None:
-            return None
-        known = words_of(leaves)
+        text, known = value.text or "", words_of(leaves)
         if text not in known:
             message = f"'{leaves[0].name}' never answers '{text}'; it answers {', '.join(known)}"
             document.report(value, "unknown-answer", message, suggestion=nearest(text, known))
@@ -78,9 +75,7 @@ class LeafWords:
 
     def deed(self, document: Document, value: Value) -> EventPattern | None:
         """Return what leaves are said to do; reports a text that says nothing of the kind."""
-        text = document.text(value, "an event")
-        if text is None:
-            return None
+        text = value.text or ""
         words = text.split(" ")
         for count in range(len(words) - 1, 0, -1):
             key, rest = " ".join(words[:count]), " ".join(words[count:])

@@ -40,7 +40,10 @@ def run(command: Callable[[], int], prog: str) -> int:
     try:
         return command()
     except SarError as error:
-        print(f"{prog}: {error}", file=sys.stderr)
+        from sar_compiler.tree.diagnostic import TreeError
+
+        # A finding begins with its place, which editors and terminals make a link of.
+        print(error if isinstance(error, TreeError) else f"{prog}: {error}", file=sys.stderr)
         return USAGE
     except ImportError as error:
         message = _not_installed(error)

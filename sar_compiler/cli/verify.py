@@ -80,7 +80,7 @@ def verify_file(arguments: argparse.Namespace) -> int:
 
 def _verify(arguments: argparse.Namespace) -> "Verification":
     from sar_compiler.checks import check
-    from sar_compiler.checks.assumptions import raise_disputes
+    from sar_compiler.checks.assumptions import raise_disputes, read_assumptions
     from sar_compiler.checks.verify import verify
     from sar_compiler.compiler import bind_main
     from sar_compiler.compiler.simulated_tree import Assumptions, compile_simulated
@@ -97,17 +97,21 @@ def _verify(arguments: argparse.Namespace) -> "Verification":
     binding = bind_main(forest, registry, arguments.tree, described)
     file = _properties(arguments, binding)
     parameters = {} if file is None else file.parameters
-    simulated = compile_simulated(binding, parameters)
-    assumed = Assumptions() if file is None else _of_the_file(file, simulated)
-    if arguments.set:
-        # What the file says may be about facts of its own.
-        typed = _typed(arguments.set, compile_simulated(binding, parameters, assumed))
-        assumed = Assumptions({**assumed.facts, **typed.facts}, assumed.answers)
-    simulated = compile_simulated(binding, parameters, assumed)
-    raise_disputes(simulated)
-    tags = {spec.tag for spec in registry if spec.kind.is_leaf}
-    with contextlib.closing(_Shown()) as shown:
-        return verify(simulated, file, tags, arguments.max_states, shown.show)
+    # What is wrong with the file is raised when all of it is known.
+    with contextlib.nullcontext() if file is None else file.document.findings_first():
+        simulated = compile_simulated(binding, parameters)
+        assumed = Assumptions()
+        if file is not None:
+            assumed = read_assumptions(file.document, file.facts, file.answers, simulated)
+        if arguments.set:
+            # What the file says may be about facts of its own.
+            typed = _typed(arguments.set, compile_simulated(binding, parameters, assumed))
+            assumed = Assumptions({**assumed.facts, **typed.facts}, assumed.answers)
+        simulated = compile_simulated(binding, parameters, assumed)
+        raise_disputes(simulated)
+        tags = {spec.tag for spec in registry if spec.kind.is_leaf}
+        with contextlib.closing(_Shown()) as shown:
+            return verify(simulated, file, tags, arguments.max_states, shown.show)
 
 
 def _properties(arguments: argparse.Namespace, binding: "Binding") -> "PropertyFile | None":
@@ -122,26 +126,16 @@ def _properties(arguments: argparse.Namespace, binding: "Binding") -> "PropertyF
     return None
 
 
-def _of_the_file(file: "PropertyFile", simulated: "SimulatedTree") -> "Assumptions":
-    """Return what a file of properties says of the world."""
-    from sar_compiler.checks.assumptions import read_assumptions
-    from sar_compiler.checks.yaml_values import raise_findings
-
-    said = read_assumptions(file.document, file.facts, file.answers, simulated)
-    raise_findings([file.document])
-    return said
-
-
 def _typed(pairs: "list[tuple[str, str]]", simulated: "SimulatedTree") -> "Assumptions":
     """Return what the command line says of facts."""
     from sar_compiler.checks.assumptions import read_assumptions
-    from sar_compiler.checks.yaml_values import Document, raise_findings
+    from sar_compiler.documents.yaml_files import parse_yaml
 
     # One line for each, so that what is wrong with one is shown as in a file.
     text = "".join(f"{name}: {value}\n" for name, value in pairs)
-    document = Document(text, "--set", "write FACT=VALUE")
+    document = parse_yaml(text, "--set", "write FACT=VALUE")
     said = read_assumptions(document, document.root, None, simulated)
-    raise_findings([document])
+    document.raise_findings()
     return said
 
 

@@ -22,7 +22,7 @@ _SECTIONS = ["Bad", "Finding", "Good"]
 _PLACE = re.compile(r"(?<![\w.])\S+:\d+:\d+: (error|warning|info)\[([a-z-]+)\]: ")
 # Calls that make findings, by the function's name.
 _MAKERS = {
-    *("Diagnostic", "at", "tag", "value", "name", "report", "warning", "information"),
+    *("Diagnostic", "Refusal", "at", "tag", "value", "name", "report", "warning", "information"),
     *("_add", "_finding", "_refuse", "_report", "_warning"),
 }
 _CODE = re.compile(r"[a-z]+(-[a-z]+)*")
@@ -161,7 +161,7 @@ def codes_in(path):
 
 
 def test_every_code_in_the_sources_is_a_known_kind():
-    rooms = ("tree", "nodes", "compiler", "checks")
+    rooms = ("tree", "nodes", "compiler", "documents", "checks")
     files = [path for room in rooms for path in Path("sar_compiler", room).rglob("*.py")]
     made = {code for path in files for code in codes_in(path)}
     assert sorted(made - KINDS.keys()) == []

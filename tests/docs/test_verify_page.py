@@ -1,16 +1,18 @@
 """The page about verifying does what it says, and leaves nothing out."""
 
 import argparse
+import json
 import re
 from pathlib import Path
 
-from sar_compiler.checks.verify import property_files, verdicts
+from sar_compiler.checks.verify import verdicts
 from sar_compiler.cli.verify import add_verify
 from tests.docs.markdown import codes, tables
 from tests.docs.test_tables_and_drawings import options_of
 from tests.docs.test_worked_pages import follow
 
 PAGE = Path("docs/verify.md").resolve()
+SCHEMA = json.loads(Path("schemas/sar_properties.schema.json").read_text(encoding="utf-8"))
 
 
 def cells(heading, column=0):
@@ -30,7 +32,7 @@ def test_every_question_is_in_the_table():
 
 def test_every_key_of_a_property_is_in_the_table():
     shown = {code.split(":")[0] for cell in cells("Forms") for code in codes(cell)}
-    assert shown == set(property_files._ALL_KEYS)
+    assert shown == set(SCHEMA["definitions"]["property"]["properties"])
 
 
 def test_every_option_is_in_the_table():

@@ -22,6 +22,7 @@ from tests.processes import BIN
 
 TREES = Path("docs/writing_a_tree.md").resolve()
 LEAVES = Path("docs/writing_a_leaf.md").resolve()
+WORLD = Path("docs/world.md").resolve()
 
 # How long a block of commands may take; the longest flies a robot for some simulated seconds.
 _TIMEOUT_SEC = 120.0
@@ -79,6 +80,12 @@ def matches(shown, seen):
 
 def test_a_tree_is_written_as_the_page_says(tmp_path):
     typed, otherwise = follow(TREES, tmp_path)
+    assert typed == 2
+    assert otherwise == [], "\n".join(otherwise)
+
+
+def test_a_world_is_written_as_the_page_says(tmp_path):
+    typed, otherwise = follow(WORLD, tmp_path)
     assert typed == 2
     assert otherwise == [], "\n".join(otherwise)
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from sar_compiler.checks.simulate.judging import failures
 from sar_compiler.checks.simulate.running import ScenarioPlayer
 from sar_compiler.checks.simulate.scenario_files import Play, Stage, understand
-from sar_compiler.checks.yaml_values import Document
+from sar_compiler.documents.yaml_files import parse_yaml
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.forest import load_forest
@@ -48,7 +48,7 @@ def changed(draw: st.DrawFn) -> str:
 def understood(text: str, stage: Stage) -> tuple[Play | None, tuple[Diagnostic, ...]]:
     """Return what a scenario means, or what is wrong with it."""
     try:
-        return understand(Document(text, "scenario.yaml", "write something"), stage), ()
+        return understand(parse_yaml(text, "scenario.yaml", "write something"), stage), ()
     except TreeError as error:
         return None, error.findings
 

@@ -9,26 +9,16 @@ from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.simulate.expecting import read_expectations
 from sar_compiler.checks.simulate.scenario import MAX_TICKS, PERIOD_SEC, Scenario
 from sar_compiler.checks.simulate.steps import read_scripts
-from sar_compiler.checks.yaml_values import Document, Value, raise_findings
+from sar_compiler.checks.typed_values import parameters, script, seconds, word
 from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
+from sar_compiler.documents.located import Document, Value
+from sar_compiler.documents.yaml_files import read_yaml
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.model import TreeFile
 
-_KEYS = (
-    "name",
-    "tree",
-    "period",
-    "ticks",
-    "until",
-    "parameters",
-    "facts",
-    "answers",
-    "leaves",
-    "expect",
-)
 _EMPTY_HINT = "write leaves: with what they answer, and expect: with what must come of it"
 
 
@@ -102,7 +92,7 @@ def read_scenario(path: str | Path, stage: Stage) -> Play:
         UnreadableFileError: If the file is not there or cannot be read.
         TreeError: If anything is wrong with it, or with the tree; carries all the findings.
     """
-    return understand(Document.read(path, _EMPTY_HINT), stage)
+    return understand(read_yaml(path, _EMPTY_HINT), stage)
 
 
 def understand(document: Document, stage: Stage) -> Play:
@@ -115,23 +105,22 @@ def understand(document: Document, stage: Stage) -> Play:
     Raises:
         TreeError: If anything is wrong with it, or with the tree; carries all the findings.
     """
-    parts = document.mapping(document.root, _KEYS, "a scenario")
-    binding = _binding(document, parts.get("tree"), stage)
-    parameters = _parameters(document, parts.get("parameters"))
-    simulated = _simulated(document, parts, binding, parameters)
+    parts = document.hold("scenario").mapping
+    with document.findings_first():
+        binding = _binding(document, parts.get("tree"), stage)
+        simulated = _simulated(document, parts, binding, parameters(parts.get("parameters")))
     words = LeafWords(simulated)
-    name, period, ticks = (parts.get(key) for key in ("name", "period", "ticks"))
     path = document.source.path
     scenario = Scenario(
-        name=(document.text(name, "the name") if name else None) or Path(path).stem,
+        name=(parts["name"].text if "name" in parts else None) or Path(path).stem,
         path=path,
-        period_sec=(_period(document, period) if period else None) or PERIOD_SEC,
-        max_ticks=(document.whole(ticks, "ticks", 1) if ticks else None) or MAX_TICKS,
-        until=document.script(parts["until"], "until") if "until" in parts else None,
+        period_sec=seconds(parts["period"]) if "period" in parts else PERIOD_SEC,
+        max_ticks=int(parts["ticks"].data) if "ticks" in parts else MAX_TICKS,
+        until=script(document, parts.get("until")),
         scripts=read_scripts(document, parts["leaves"], words) if "leaves" in parts else {},
         expect=read_expectations(document, parts.get("expect"), simulated, words),
     )
-    raise_findings([document])
+    document.raise_findings()
     return Play(simulated, scenario)
 
 
@@ -139,19 +128,7 @@ def _binding(document: Document, tree: Value | None, stage: Stage) -> Binding:
     """Return the tree that a scenario names."""
     if tree is None:
         return stage.binding()
-    trees = stage.forest.trees
-    return stage.binding(document.word(tree, trees, "the tree"))
-
-
-def _parameters(document: Document, value: Value | None) -> dict[str, object]:
-    if value is None:
-        return {}
-    given: dict[str, object] = {}
-    for key, inner in document.entries(value, None, "parameters"):
-        plain = document.fact(inner, f"the parameter '{key.text}'")
-        if plain is not None and key.text:
-            given[key.text] = plain
-    return given
+    return stage.binding(word(document, tree, stage.forest.trees, "the tree"))
 
 
 def _simulated(
@@ -166,10 +143,3 @@ def _simulated(
     for message in simulated.disputes.values():
         document.report(facts or document.root, "missing-value", message)
     return simulated
-
-
-def _period(document: Document, value: Value) -> float | None:
-    seconds = document.seconds(value, "the period")
-    if seconds == 0.0:
-        document.report(value, "wrong-value", "the period between two ticks is more than 0")
-    return seconds

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.simulate.scenario import AnswerStep
-from sar_compiler.checks.yaml_values import Document, Value
+from sar_compiler.checks.typed_values import script, seconds
 from sar_compiler.compiler.simulated_tree import fits
+from sar_compiler.documents.located import Document, Value
 from sar_compiler.runtime.stub_leaf import StubLeaf
 
-_KEYS = ("answer", "after", "when", "times", "every")
 _ALWAYS = "always"
 
 
@@ -21,7 +21,7 @@ def read_scripts(
     """
     scripts: dict[StubLeaf, tuple[AnswerStep, ...]] = {}
     ranks: dict[StubLeaf, int] = {}
-    for key, inner in document.entries(value, None, "leaves"):
+    for key, inner in value.entries or ():
         leaves = words.find(document, key)
         steps = _steps(document, inner, words, leaves)
         for leaf in leaves:
@@ -36,7 +36,7 @@ def _steps(
 ) -> tuple[AnswerStep, ...]:
     """Read one step that is always taken, or a list of steps that are taken once each."""
     one = value.items is None
-    steps = [_step(document, item, words, leaves, always=one) for item in document.listed(value)]
+    steps = [_step(document, item, words, leaves, always=one) for item in value.listed]
     return tuple(step for step in steps if step is not None)
 
 
@@ -47,29 +47,23 @@ def _step(
     if value.entries is None:
         answer = words.answer(document, value, leaves) if leaves else None
         return None if answer is None else AnswerStep(answer, times=times)
-    parts = document.mapping(value, _KEYS, "what a leaf answers")
-    if "answer" not in parts:
-        document.report(value, "missing-value", "this says no answer: write answer: SUCCESS")
-        return None
+    parts = value.mapping
     answer = words.answer(document, parts["answer"], leaves) if leaves else None
-    after, when, every = (parts.get(key) for key in ("after", "when", "every"))
+    after = parts.get("after")
     if after is not None:
         _check_running(document, after, leaves)
     step = AnswerStep(
         answer or "",
-        after_sec=(document.seconds(after, "after") if after else None) or 0.0,
-        when=document.script(when, "when") if when else None,
-        times=_times(document, parts["times"]) if "times" in parts else times,
-        every=(document.whole(every, "every", 1) if every else None) or 1,
+        after_sec=seconds(after) if after else 0.0,
+        when=script(document, parts.get("when")),
+        times=_times(parts["times"]) if "times" in parts else times,
+        every=int(parts["every"].data) if "every" in parts else 1,
     )
     return step if answer is not None else None
 
 
-def _times(document: Document, value: Value) -> int | None:
-    if value.text == _ALWAYS:
-        return None
-    number = document.whole(value, f"times, if it is not '{_ALWAYS}',", 1)
-    return 1 if number is None else number
+def _times(value: Value) -> int | None:
+    return None if value.data == _ALWAYS else int(value.data)
 
 
 def _check_running(document: Document, value: Value, leaves: Sequence[StubLeaf]) -> None:

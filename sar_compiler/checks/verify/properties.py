@@ -9,7 +9,7 @@ from sar_compiler.checks.verify.monitors import LIMIT, MAIN, OTHER, Monitor, Mon
 from sar_compiler.checks.verify.property_conditions import Condition, Surroundings, names_of, read_condition
 from sar_compiler.checks.verify.property_files import EventProperty, PropertyFile
 from sar_compiler.checks.verify.state import Prepared
-from sar_compiler.checks.yaml_values import Document, Value, raise_findings
+from sar_compiler.documents.located import Document, Value
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def properties_of(file: PropertyFile, prepared: Prepared, tags: Collection[str])
         (each.name, reading.condition(each.condition, each.name, after_a_tick=True)) for each in file.ends
     ]
     end = None if file.end is None else reading.condition(file.end, "end", after_a_tick=True)
-    raise_findings([file.document])
+    file.document.raise_findings()
     rules = Rules(
         Monitors(reading.monitors),
         reading.guarded,

@@ -2,9 +2,10 @@
 
 from collections.abc import Callable, Collection
 
+from sar_compiler.checks import typed_values
 from sar_compiler.checks.verify.state import RememberedFacts
-from sar_compiler.checks.yaml_values import Document, Value
 from sar_compiler.compiler.simulated_tree import SimulatedTree
+from sar_compiler.documents.located import Document, Value
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.values import nearest
 from sar_compiler.runtime.enums import Enums
@@ -119,7 +120,7 @@ def read_condition(
     Returns:
         The script; None if it cannot be used.
     """
-    script = document.script(value, "a condition")
+    script = typed_values.script(document, value)
     if script is None:
         return None
     names = [*known, *(AFTER_A_TICK if after_a_tick else ())]

@@ -5,7 +5,7 @@ from textwrap import dedent
 from sar_compiler.checks.simulate.judging import failures
 from sar_compiler.checks.simulate.running import Run, ScenarioPlayer
 from sar_compiler.checks.simulate.scenario_files import Play, Stage, understand
-from sar_compiler.checks.yaml_values import Document
+from sar_compiler.documents.yaml_files import parse_yaml
 from sar_compiler.nodes.registry import default_registry
 from tests.trees import forest
 
@@ -29,7 +29,7 @@ def stage(body: str = PATROL) -> Stage:
 
 def read(text: str, body: str = PATROL) -> Play:
     """Read a scenario from its text."""
-    return understand(Document(dedent(text), "scenario.yaml", "write something"), stage(body))
+    return understand(parse_yaml(dedent(text), "scenario.yaml", "write something"), stage(body))
 
 
 def played(text: str, body: str = PATROL) -> Run:

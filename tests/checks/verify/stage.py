@@ -2,7 +2,6 @@
 
 from sar_compiler.checks.assumptions import read_assumptions
 from sar_compiler.checks.verify import ProofStatus, parse_property_file, verify
-from sar_compiler.checks.yaml_values import raise_findings
 from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.simulated_tree import compile_simulated
 from sar_compiler.nodes.registry import load_registry
@@ -21,10 +20,10 @@ def simulated_tree(binding, file=None):
     """Rehearse a bound tree with what a file of properties says of the world."""
     if file is None:
         return compile_simulated(binding, {})
-    plain = compile_simulated(binding, file.parameters)
-    assumptions = read_assumptions(file.document, file.facts, file.answers, plain)
-    raise_findings([file.document])
-    return compile_simulated(binding, file.parameters, assumptions)
+    with file.document.findings_first():
+        plain = compile_simulated(binding, file.parameters)
+        assumptions = read_assumptions(file.document, file.facts, file.answers, plain)
+        return compile_simulated(binding, file.parameters, assumptions)
 
 
 def verified(body, properties=None, max_states=20_000):
