@@ -1,25 +1,30 @@
 """What a project decides for all its trees, in `sar.toml` or under `[tool.sar]` in `pyproject.toml`.
 
-The file is looked for from a tree file's folder upwards; the nearest counts, and it alone.
+The file is looked for from a tree file's folder upwards; the nearest counts, and it alone. One that belongs to
+somebody else is passed over, and what a file names lies in the repository that it is in.
 """
 
 import dataclasses
-import functools
+import os
 import re
-from collections.abc import Iterable, Mapping
+import sys
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.tree.content import read_bytes
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.source import Source, Span
+from sar_compiler.tree.synthetic import NO_SPANS
 
 if TYPE_CHECKING:
-    from sar_compiler.documents.located import Value
+    from sar_compiler.documents.located import Document, Value
 
 OWN_FILE = "sar.toml"
 SHARED_FILE = "pyproject.toml"
 _SHARED_TABLE = ("tool", "sar")
+_NODES, _MODELS, _INCLUDE_PATH = "nodes", "models", "include-path"
 _OFF = "off"
 # A file in which this word never stands by itself has no such table, and need not be understood.
 _OWN_WORD = re.compile(rb"(?<![\w-])sar(?![\w-])")
@@ -34,12 +39,18 @@ class Configuration:
         models: Palettes, as `--model` names them.
         include_path: Further folders that may be included from.
         severities: How bad some kinds of findings are, by their code; None where they are not to be reported.
+        path: The file; None where nothing is decided.
+        source: Its text.
+        node_spans: Where it names each of the modules.
     """
 
     nodes: tuple[str, ...] = ()
     models: tuple[Path, ...] = ()
     include_path: tuple[Path, ...] = ()
     severities: Mapping[str, Severity | None] = field(default_factory=dict)
+    path: Path | None = None
+    source: Source = field(default_factory=lambda: Source("", "", NO_SPANS))
+    node_spans: Mapping[str, Span] = field(default_factory=dict)
 
     def decide(self, findings: Iterable[Diagnostic]) -> list[Diagnostic]:
         """Return findings with the severities that are decided on, without those that are not to be reported."""
@@ -56,26 +67,44 @@ class Configuration:
 NOTHING_DECIDED = Configuration()
 
 
-def configuration_for(tree_file: Path) -> Configuration:
+def configuration_for(
+    tree_file: Path, passed_over: Callable[[Path], None] = lambda _path: None
+) -> Configuration:
     """Return what counts for a tree file; where there is no configuration, nothing is decided.
+
+    Args:
+        tree_file: The tree file.
+        passed_over: Is told of nearer configurations that do not count, because they belong to somebody else.
 
     Raises:
         TreeError: If the configuration that counts has mistakes.
         UnreadableFileError: If it cannot be read.
     """
-    return _of_folder(tree_file.resolve().parent)
+    tree_file = tree_file.resolve()
+    for folder in tree_file.parents:
+        for name, table in ((OWN_FILE, ()), (SHARED_FILE, _SHARED_TABLE)):
+            path = folder / name
+            if not path.is_file() or (table and not _OWN_WORD.search(read_bytes(path))):
+                continue
+            if not _counts(path, tree_file):
+                passed_over(path)
+            elif (decided := _decided(path, table)) is not None:
+                return decided
+    return NOTHING_DECIDED
 
 
-@functools.cache
-def _of_folder(folder: Path) -> Configuration:
-    own, shared = folder / OWN_FILE, folder / SHARED_FILE
-    if own.is_file():
-        return _decided(own, ()) or NOTHING_DECIDED
-    if shared.is_file() and _OWN_WORD.search(read_bytes(shared)):
-        found = _decided(shared, _SHARED_TABLE)
-        if found is not None:
-            return found
-    return NOTHING_DECIDED if folder == folder.parent else _of_folder(folder.parent)
+def repository_of(folder: Path) -> Path | None:
+    """Return the repository that a folder is in; None if it is in none."""
+    return next((each for each in (folder, *folder.parents) if (each / ".git").exists()), None)
+
+
+def _counts(configuration: Path, tree_file: Path) -> bool:
+    """Return whether a configuration belongs to the user, to the system, or to the owner of the tree file."""
+    if sys.platform == "win32":
+        return True
+    # A tree file that is not there is complained of when it is read.
+    owners = {path.stat().st_uid for path in (tree_file,) if path.exists()}
+    return configuration.stat().st_uid in {os.geteuid(), 0, *owners}
 
 
 def _decided(path: Path, table: tuple[str, ...]) -> Configuration | None:
@@ -91,20 +120,43 @@ def _decided(path: Path, table: tuple[str, ...]) -> Configuration | None:
     found: Value | None = document.root
     for key in table:
         found = found.mapping.get(key) if found else None
-    if found is None or not found.data:
+    if found is None or (table and not found.data):
         return None
-    folder = path.parent
-    said = document.hold("settings", found).data
+    held = document.hold("settings", found)
+    said, entries = held.data, held.mapping
+    models = _paths(path, document, entries.get(_MODELS), "--model")
+    include_path = _paths(path, document, entries.get(_INCLUDE_PATH), "--include-path")
     document.raise_findings()
+    modules = entries[_NODES].listed if _NODES in entries else ()
     return Configuration(
-        tuple(said.get("nodes", ())),
-        tuple(folder / text for text in said.get("models", ())),
-        tuple(folder / text for text in said.get("include-path", ())),
+        tuple(said.get(_NODES, ())),
+        models,
+        include_path,
         {
             code: None if level == _OFF else Severity(level)
             for code, level in said.get("findings", {}).items()
         },
+        path,
+        document.source,
+        {str(module.data): document.span(module) for module in modules},
     )
+
+
+def _paths(path: Path, document: "Document", written: "Value | None", option: str) -> tuple[Path, ...]:
+    """Return paths that a setting lists, from the file's folder; none leads out of the repository."""
+    folder = path.parent
+    repository = repository_of(folder) or folder
+    paths = []
+    for value in written.listed if written is not None else ():
+        text = str(value.data)
+        # Links are followed; what goes round in a circle is complained of when it is read.
+        if "\0" not in text and Path(os.path.realpath(folder / text)).is_relative_to(repository):
+            paths.append(folder / text)
+            continue
+        message = f"'{text}' lies outside the repository of this file"
+        hint = f"put it into the repository, or name it yourself: {option}"
+        document.report(value, "setting-outside", message, hint=hint)
+    return tuple(paths)
 
 
 def _as_written(path: Path) -> str:

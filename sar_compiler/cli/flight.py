@@ -13,11 +13,10 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-from sar_compiler.checks import check
-from sar_compiler.checks.configuration import configuration_for
 from sar_compiler.cli.arguments import FINDINGS, OK
+from sar_compiler.cli.loading import tell_passed_over
 from sar_compiler.cli.output import RunOutput
-from sar_compiler.compiler import CompiledTree, bind_main, compile_tree, context_types
+from sar_compiler.compiler import CompiledTree, compile_tree, context_types
 from sar_compiler.errors import SarError
 from sar_compiler.missions.search_and_rescue.ending import Ending, Until, Verdict
 from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports
@@ -33,7 +32,7 @@ from sar_compiler.missions.search_and_rescue.parameters import (
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.nodes.binding.bound import Binding
-from sar_compiler.nodes.registry import load_registry
+from sar_compiler.project import Additions, Workspace
 from sar_compiler.resources import shipped
 from sar_compiler.ros.arguments import (
     init_arguments,
@@ -51,10 +50,6 @@ from sar_compiler.ros.readiness import NotReadyError, Readiness, wait_until_read
 from sar_compiler.ros.setting_up import SetupFailedError
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.runtime.clock import Clock
-from sar_compiler.tree.diagnostic import Severity, TreeError
-from sar_compiler.tree.forest import load_forest
-from sar_compiler.tree.reading import read_tree_file
-from sar_compiler.tree.shipped import find_tree
 from sar_compiler.views.summary import mission_summary
 from sar_compiler.views.text import unicode_tree
 
@@ -111,14 +106,8 @@ def fly(options: "Options", signals: StopSignals) -> int:
 
 
 def _checked_tree(options: "Options") -> Binding:
-    path = find_tree(options.tree)
-    project = configuration_for(path)
-    registry = load_registry([*options.nodes, *project.nodes])
-    forest = load_forest(path, read_tree_file, [*options.include_path, *project.include_path])
-    findings = check(forest, registry)
-    if any(finding.severity is Severity.ERROR for finding in findings):
-        raise TreeError(findings)
-    return bind_main(forest, registry)
+    additions = Additions(options.nodes, (), options.include_path, getattr(options, "trust", False))
+    return Workspace(additions, note=tell_passed_over).load(options.tree).binding()
 
 
 def _world(options: "Options") -> "World | None":

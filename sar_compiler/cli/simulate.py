@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
-from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_model, load, palettes
+from sar_compiler.cli.loading import FILE_HELP, add_project_options, workspace
 from sar_compiler.errors import SarError
 
 if TYPE_CHECKING:
@@ -47,8 +47,7 @@ def add_simulate(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--coverage", action="store_true", help="say which nodes and outcomes the scenarios have not shown"
     )
-    add_model(parser)
-    add_include_path(parser)
+    add_project_options(parser)
     parser.add_argument(
         "--format",
         choices=("text", "json", "junit"),
@@ -65,14 +64,10 @@ def simulate_file(arguments: argparse.Namespace) -> int:
         UnreadableFileError: If the tree file is not there or cannot be read.
     """
     from sar_compiler.checks.simulate.coverage import Coverage
-    from sar_compiler.checks.simulate.scenario_files import Stage
-    from sar_compiler.nodes.registry import load_registry
     from sar_compiler.tree.diagnostic import TreeError
 
-    registry = load_registry(arguments.nodes)
     try:
-        forest, described = load(arguments.file, arguments), tuple(palettes(arguments))
-        stage = Stage(forest, registry, described, arguments.tree)
+        stage = workspace(arguments).load(arguments.file).stage(arguments.tree)
         stage.binding()
     except TreeError as error:
         print(error, file=sys.stderr)

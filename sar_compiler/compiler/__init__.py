@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from uuid import UUID
 
+import py_trees
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.compiler.building import Builder, PreviewBuilder
@@ -33,7 +34,11 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True)
+_OUTLINE = 25
+"""How many lines of a tree are shown where it is only named."""
+
+
+@dataclass(frozen=True, repr=False)
 class CompiledTree:
     """A tree that can be ticked.
 
@@ -46,6 +51,13 @@ class CompiledTree:
     root: Behaviour
     origins: Mapping[UUID, Origin]
     instance: Instance
+
+    def __repr__(self) -> str:
+        count = len(self.origins)
+        lines = py_trees.display.ascii_tree(self.root).rstrip("\n").split("\n")
+        shown = lines if len(lines) <= _OUTLINE else [*lines[: _OUTLINE - 1], "    ..."]
+        head = f"<{type(self).__name__} of {count} {'node' if count == 1 else 'nodes'}>"
+        return "\n".join([head, *(f"    {line}" for line in shown)])
 
     @property
     def board(self) -> Board:

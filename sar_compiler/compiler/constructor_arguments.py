@@ -10,6 +10,7 @@ from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.spec import Direction, Parameter
 from sar_compiler.nodes.values import ConversionError, nearest
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Entry, Scope
+from sar_compiler.runtime.clock import Clock, WallClock
 from sar_compiler.runtime.context import preview_of
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
@@ -28,7 +29,8 @@ class Arguments:
     def __init__(
         self, context: Mapping[type, object], parameters: Mapping[str, object], collector: Collector
     ) -> None:
-        self._context = dict(context)
+        # Time passes in every tree.
+        self._context: dict[type, object] = {Clock: WallClock(), **context}
         self._parameters = parameters
         self._collector = collector
 

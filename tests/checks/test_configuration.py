@@ -32,6 +32,7 @@ def test_without_a_file_nothing_is_decided(tree):
 
 
 def test_the_file_is_looked_for_from_the_tree_upwards(tree):
+    (tree.parents[2] / ".git").mkdir()
     write(tree.parents[1] / "sar.toml", 'nodes = ["a.b"]\nmodels = ["m.xml"]\ninclude-path = ["../x"]\n')
     found = configuration_for(tree)
     project = tree.parents[1]
@@ -77,6 +78,8 @@ MISTAKES = {
     "a severity that is no text": ("[findings]\nsame-name = 1", "wrong-value", 2, 13, None),
     "an error that is turned off": ('[findings]\nunknown-node = "off"', "wrong-value", 2, 17, None),
     "an error that is made less": ('[findings]\nunknown-node = "warning"', "wrong-value", 2, 17, None),
+    "palettes outside": ('models = ["a.xml", "../b.xml"]', "setting-outside", 1, 21, None),
+    "a folder outside": ('include-path = ["/etc"]', "setting-outside", 1, 18, None),
     "what is not TOML": ("nodes = [\n", "malformed-toml", 1, 10, None),
     "what is not TOML in a line": ("a = 1\nnodes = a\n", "malformed-toml", 2, 9, None),
     "brackets without end": (f"a = {'[' * 2000}", "too-deep", 1, 1, None),

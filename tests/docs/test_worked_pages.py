@@ -103,10 +103,13 @@ def test_the_package_of_the_page_registers_its_leaves_by_entry_point(tmp_path):
             (tmp_path / block.file).parent.mkdir(parents=True, exist_ok=True)
             (tmp_path / block.file).write_text(block.text, encoding="utf-8")
     assert typed_in(tmp_path, "sar-compile validate drive_out.xml").returncode == 1
-    # What an installation does with the entry point, without one: it stands beside the package.
-    done = typed_in(tmp_path, "python -c 'import setuptools; setuptools.setup()' -q egg_info")
+    # What an installation does, without one: the package and its metadata in a folder elsewhere.
+    site = tmp_path.parent / f"{tmp_path.name}_site"
+    install = f"-q build_py -d {site} egg_info -e {site}"
+    site.mkdir()
+    done = typed_in(tmp_path, f"python -c 'import setuptools; setuptools.setup()' {install}")
     assert done.returncode == 0, done.stdout
-    done = typed_in(tmp_path, 'PYTHONPATH="$PWD" sar-compile validate drive_out.xml')
+    done = typed_in(tmp_path, f"PYTHONPATH={site} sar-compile validate drive_out.xml")
     assert done.stdout == "drive_out.xml: no findings\n"
 
 
