@@ -18,11 +18,14 @@ if TYPE_CHECKING:
     from sar_compiler.errors import SarError
     from sar_compiler.nodes.register import register
     from sar_compiler.nodes.registry import RegistryError
+    from sar_compiler.nodes.semantics import Semantics
     from sar_compiler.nodes.spec import Kind, Use
     from sar_compiler.project import LoadedTree, load
     from sar_compiler.ros.errors import readable_ros_errors
+    from sar_compiler.ros.leaves.action_leaf import ActionLeaf
     from sar_compiler.ros.leaves.leaf import RosLeaf
-    from sar_compiler.ros.leaves.service_call import ServiceLeaf
+    from sar_compiler.ros.leaves.service_leaf import ServiceLeaf
+    from sar_compiler.ros.leaves.topic_leaf import TopicLeaf
     from sar_compiler.ros.runner import TreeRunner
     from sar_compiler.ros.serving import serve
     from sar_compiler.runtime.answers import Answer
@@ -34,6 +37,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "SKIPPED",
+    "ActionLeaf",
     "Answer",
     "Clock",
     "CompiledTree",
@@ -47,9 +51,11 @@ __all__ = [
     "RegistryError",
     "RosLeaf",
     "SarError",
+    "Semantics",
     "ServiceLeaf",
     "Severity",
     "SkippableLeaf",
+    "TopicLeaf",
     "TreeError",
     "TreeRunner",
     "UnreadableFileError",
@@ -66,11 +72,14 @@ _MODULES = {
     "errors": ("SarError",),
     "nodes.register": ("register",),
     "nodes.registry": ("RegistryError",),
+    "nodes.semantics": ("Semantics",),
     "nodes.spec": ("Kind", "Use"),
     "project": ("LoadedTree", "load"),
     "ros.errors": ("readable_ros_errors",),
+    "ros.leaves.action_leaf": ("ActionLeaf",),
     "ros.leaves.leaf": ("RosLeaf",),
-    "ros.leaves.service_call": ("ServiceLeaf",),
+    "ros.leaves.service_leaf": ("ServiceLeaf",),
+    "ros.leaves.topic_leaf": ("TopicLeaf",),
     "ros.runner": ("TreeRunner",),
     "ros.serving": ("serve",),
     "runtime.answers": ("Answer",),

@@ -40,6 +40,12 @@ class Direction(str, Enum):
     OUTPUT = "output_port"
     INOUT = "inout_port"
 
+    @property
+    def words(self) -> str:
+        """What somebody who writes a tree is told of it."""
+        words = {Direction.INPUT: "input", Direction.OUTPUT: "output, takes a {key}"}
+        return words.get(self, "input and output")
+
 
 class Skips(Enum):
     """Whether a tick of a node can be skipped."""
@@ -126,6 +132,12 @@ class Parameter:
     target: type | None = None
     doc: str = ""
     keyword: str = ""
+
+    @property
+    def help(self) -> str:
+        """Its description as an editor shows it: for a port with the direction before it."""
+        direction = f"{self.direction.words}.".capitalize() if self.direction else ""
+        return f"{direction} {self.doc}".strip()
 
     @property
     def is_whole_number(self) -> bool:

@@ -57,7 +57,7 @@ def _port(parameter: Parameter, spec: NodeSpec) -> Element:
     if type_name:
         attributes["type"] = type_name
     if not parameter.required and parameter.default is not None and parameter.name not in spec.fixed:
-        attributes["default"] = _written(parameter.default)
+        attributes["default"] = as_written(parameter.default)
     return synthetic_element((parameter.direction or Direction.INPUT).value, attributes, text=_doc(parameter))
 
 
@@ -67,14 +67,14 @@ def _doc(parameter: Parameter) -> str:
     return f"{parameter.doc} The name of a {parameter.target.__name__} node.".lstrip()
 
 
-def _written(value: object) -> str:
+def as_written(value: object) -> str:
     """Return a value as a file has it."""
     if isinstance(value, Enum):
         return value.name
     if isinstance(value, timedelta):
         return f"{value.total_seconds():g}"
     if isinstance(value, (list, tuple)):
-        return ";".join(_written(item) for item in value)
+        return ";".join(as_written(item) for item in value)
     if isinstance(value, bool):
         return as_text(value)
     return str(value)

@@ -173,8 +173,8 @@ def _attribute(spec: NodeSpec, parameter: Parameter) -> Schema:
         schema = {"enum": _both_ways(t for t in value_type.choices if value_type.convert(t) == fixed)}
     else:
         schema = {"$ref": f"#/$defs/{value_type.name} value"}
-    if parameter.doc:
-        schema["description"] = parameter.doc
+    if parameter.help:
+        schema["description"] = parameter.help
     return schema
 
 

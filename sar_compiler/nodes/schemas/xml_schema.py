@@ -175,9 +175,9 @@ def _attribute(spec: NodeSpec, parameter: Parameter, *, always: bool) -> list[st
         head += f' type="{value_type.name}.value"'
     if parameter.required and always and parameter.role is Role.ATTRIBUTE:
         head += ' use="required"'
-    if not parameter.doc:
+    if not parameter.help:
         return [f"{head}/>"]
-    return [f"{head}>", *_documentation(parameter.doc, "      "), "    </xs:attribute>"]
+    return [f"{head}>", *_documentation(parameter.help, "      "), "    </xs:attribute>"]
 
 
 def _value_type(value_type: ValueType) -> list[str]:
