@@ -16,16 +16,19 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.errors import SarError
+    from sar_compiler.missions.mission import Mission, MissionRun
     from sar_compiler.nodes.register import register
     from sar_compiler.nodes.registry import RegistryError
     from sar_compiler.nodes.semantics import Semantics
     from sar_compiler.nodes.spec import Kind, Use
     from sar_compiler.project import LoadedTree, load
     from sar_compiler.ros.errors import readable_ros_errors
+    from sar_compiler.ros.faults import FaultPlan, ServiceFaults, create_service
     from sar_compiler.ros.leaves.action_leaf import ActionLeaf
     from sar_compiler.ros.leaves.leaf import RosLeaf
     from sar_compiler.ros.leaves.service_leaf import ServiceLeaf
     from sar_compiler.ros.leaves.topic_leaf import TopicLeaf
+    from sar_compiler.ros.parameter_reader import ParameterReader
     from sar_compiler.ros.runner import TreeRunner
     from sar_compiler.ros.serving import serve
     from sar_compiler.runtime.answers import Answer
@@ -42,16 +45,21 @@ __all__ = [
     "Clock",
     "CompiledTree",
     "Diagnostic",
+    "FaultPlan",
     "InOut",
     "Input",
     "Kind",
     "LoadedTree",
     "ManualClock",
+    "Mission",
+    "MissionRun",
     "Output",
+    "ParameterReader",
     "RegistryError",
     "RosLeaf",
     "SarError",
     "Semantics",
+    "ServiceFaults",
     "ServiceLeaf",
     "Severity",
     "SkippableLeaf",
@@ -60,6 +68,7 @@ __all__ = [
     "TreeRunner",
     "UnreadableFileError",
     "Use",
+    "create_service",
     "load",
     "mission_context",
     "readable_ros_errors",
@@ -70,16 +79,19 @@ __all__ = [
 _MODULES = {
     "compiler": ("CompiledTree",),
     "errors": ("SarError",),
+    "missions.mission": ("Mission", "MissionRun"),
     "nodes.register": ("register",),
     "nodes.registry": ("RegistryError",),
     "nodes.semantics": ("Semantics",),
     "nodes.spec": ("Kind", "Use"),
     "project": ("LoadedTree", "load"),
     "ros.errors": ("readable_ros_errors",),
+    "ros.faults": ("FaultPlan", "ServiceFaults", "create_service"),
     "ros.leaves.action_leaf": ("ActionLeaf",),
     "ros.leaves.leaf": ("RosLeaf",),
     "ros.leaves.service_leaf": ("ServiceLeaf",),
     "ros.leaves.topic_leaf": ("TopicLeaf",),
+    "ros.parameter_reader": ("ParameterReader",),
     "ros.runner": ("TreeRunner",),
     "ros.serving": ("serve",),
     "runtime.answers": ("Answer",),

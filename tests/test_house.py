@@ -14,7 +14,7 @@ from sar_compiler.nodes.registry import default_registry
 
 PACKAGE = Path("sar_compiler")
 
-# What each room may import of the others, besides `errors` and `resources`, which belong to nobody.
+# What each room may import of the others, besides those that belong to nobody (`COMMON`).
 MAY_IMPORT = {
     "tree": set(),
     "runtime": set(),
@@ -22,14 +22,14 @@ MAY_IMPORT = {
     "compiler": {"tree", "runtime", "nodes"},
     "documents": {"tree", "nodes"},
     "checks": {"tree", "runtime", "nodes", "compiler", "documents"},
-    "missions": {"nodes", "runtime", "ros"},
-    "ros": {"tree", "runtime", "nodes", "compiler", "checks", "missions"},
-    "sim": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "missions", "ros"},
-    "views": {"tree", "runtime", "nodes", "compiler", "checks", "missions"},
-    "project": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "views", "ros"},
+    "ros": {"tree", "runtime", "nodes", "compiler", "checks"},
+    "missions": {"tree", "runtime", "nodes", "compiler", "checks", "ros"},
+    "sim": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "ros"},
+    "views": {"tree", "runtime", "nodes", "compiler", "checks"},
+    "project": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "ros", "missions", "views"},
     "testing": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "views", "project"},
 }
-COMMON = {"errors", "resources"}
+COMMON = {"commands", "errors", "resources"}
 
 
 def room_of(path):
@@ -94,7 +94,6 @@ NAMESAKES = {
     "Answer": "of a server that misbehaves, beside that of a leaf",
     "Pose": "of a zone in a file, beside that of a goal",
     "Timeout": "BehaviorTree.CPP's, and py_trees' own; outlines of users' trees show both with their modules",
-    "Verdict": "on a mission, beside that on a property",
 }
 
 
@@ -136,14 +135,28 @@ def test_no_two_modules_have_one_name_unless_one_mirrors_the_other():
     assert unlike == SAME_MODULE_NAMES.keys()
 
 
+def test_a_mission_is_known_only_by_its_entry_point():
+    missions = {path.name for path in (PACKAGE / "missions").iterdir() if (path / "__init__.py").is_file()}
+    wrong = [
+        f"{path}:{line} imports {module}"
+        for path in FILES
+        if room_of(path) != "missions" or path.parent == PACKAGE / "missions"
+        for module, line in imports_of(path)
+        if module.startswith(tuple(f"sar_compiler.missions.{name}" for name in missions))
+    ]
+    assert missions == {"search_and_rescue"}
+    # The console scripts of its servers, which must not take the time to import all of it.
+    assert {line.split(":")[0] for line in wrong} == {"sar_compiler/missions/survivor_servers.py"}
+
+
 def test_ros_is_imported_only_at_the_edge():
-    edge = ("missions", "ros", "sim", "cli/flight", "cli/sim")
+    edge = ("missions", "ros", "sim", "cli/run_mission", "cli/sim")
     wrong = [
         f"{path}:{line} imports {module}"
         for path in FILES
         if not str(path.relative_to(PACKAGE)).startswith(edge)
         for module, line in imports_of(path, with_types=False)
-        if module.split(".")[0].endswith(("rclpy", "_msgs", "_interfaces"))
+        if module.split(".")[0].endswith(("rclpy", "_msgs", "_srvs", "_interfaces"))
     ]
     assert wrong == []
 
@@ -152,7 +165,8 @@ def test_ros_is_imported_only_at_the_edge():
     "statement",
     [
         "import sar_compiler",
-        "import sar_compiler.missions.search_and_rescue",
+        "import sar_compiler.missions.search_and_rescue.mission",
+        "from sar_compiler.missions.choosing import load_missions; load_missions()",
         "import sar_compiler.testing",
         "from sar_compiler.cli.compile import main; main(['validate', 'trees/search_and_rescue.xml'])",
         "from sar_compiler.cli.compile import main; main(['show', 'trees/search_and_rescue.xml'])",

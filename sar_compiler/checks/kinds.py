@@ -65,6 +65,7 @@ _ERRORS = {
     "schema": "a violation of the XML schema that no other finding explains",
     "script-error": "a syntax error in a script",
     "second-document": "a second YAML document in a file",
+    "several-missions": "leaves of several missions in one tree",
     "setting-outside": "a path in the configuration that leads out of the repository",
     "skip-misread": "a child that may be skipped, below a node that would take this for an interruption",
     "stray-text": "text between elements",

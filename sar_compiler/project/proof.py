@@ -12,15 +12,11 @@ from sar_compiler.checks.verify import Progress, PropertyFile, Verification, rea
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.documents.located import Document
 from sar_compiler.documents.yaml_files import parse_yaml
+from sar_compiler.missions.choosing import choose_mission
 from sar_compiler.nodes.binding.bound import Binding
-from sar_compiler.resources import shipped
 
 if TYPE_CHECKING:
     from sar_compiler.project import LoadedTree
-
-# A tree with these leaves is a mission with zones.
-_MISSION_LEAVES = {"ZonesRemaining", "NavigateToBase"}
-_MISSION_PROPERTIES = ("config", "mission_properties.yaml")
 
 
 def verified(
@@ -32,7 +28,7 @@ def verified(
     report: Callable[[Progress], None],
 ) -> Verification:
     """Verify a bound tree; see `LoadedTree.verify`."""
-    file = _properties(properties, binding)
+    file = _properties(properties, binding, tree.project.checkout)
     parameters = {} if file is None else file.parameters
     # What is wrong with the file is raised when all of it is known.
     with contextlib.nullcontext() if file is None else file.document.findings_first():
@@ -50,13 +46,12 @@ def verified(
         return verify(simulated, file, tags, max_states, report)
 
 
-def _properties(path: str | Path | None, binding: Binding) -> PropertyFile | None:
-    """Return what must hold: what the user names, else the mission's own for a mission."""
-    if path is not None:
-        return read_property_file(path)
-    if {bound.spec.tag for bound in binding.nodes()} >= _MISSION_LEAVES:
-        return read_property_file(shipped(*_MISSION_PROPERTIES))
-    return None
+def _properties(path: str | Path | None, binding: Binding, checkout: Path) -> PropertyFile | None:
+    """Return what must hold: what the user names, else what the tree's mission demands."""
+    mission = choose_mission(binding, checkout=checkout) if path is None else None
+    if mission is not None:
+        path = mission.default_properties({bound.spec.cls for bound in binding.nodes() if bound.spec.cls})
+    return None if path is None else read_property_file(path)
 
 
 def _of_the_user(facts: Mapping[str, object] | Document, simulated: SimulatedTree) -> Assumptions:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from sar_compiler.missions.search_and_rescue.ending import Until
+from sar_compiler.missions.ending import Until
 from sar_compiler.resources import find
 from tests.launch.launch_file import ROOT, LaunchFile, keyword, texts
 from tests.launch.topics import KNOWN, SIMULATED

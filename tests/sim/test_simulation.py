@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from sar_compiler.ros.faults import FaultError, FaultPlan, parse_fault
+from sar_compiler.ros.faults import NAVIGATION_FAULTS, FaultError, FaultPlan, parse_fault
 from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.world import World
 from sar_compiler.sim.world_file import find_world
@@ -24,7 +24,7 @@ Simulate = Callable[..., "Simulation"]
 
 
 def plan(*texts: str) -> FaultPlan:
-    return FaultPlan([parse_fault(text) for text in texts])
+    return FaultPlan([parse_fault(text, NAVIGATION_FAULTS) for text in texts])
 
 
 def seconds(stamp: Any) -> float:

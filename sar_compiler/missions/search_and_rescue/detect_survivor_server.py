@@ -1,17 +1,14 @@
 """The service `detect_survivor`: says whether, and where, there is a survivor in a zone."""
 
-import sys
-from collections.abc import Sequence
 from typing import Any
 
 from rclpy.context import Context
 from sar_interfaces.srv import DetectSurvivor
 
-from sar_compiler.missions.search_and_rescue.parameters import lookalikes, read_survivors
+from sar_compiler.missions.search_and_rescue.parameters import read_survivors
 from sar_compiler.ros.faults import ServiceFaults, create_service
+from sar_compiler.ros.parameter_reader import lookalikes
 from sar_compiler.ros.parameters import DataNode, flat_parameters
-from sar_compiler.ros.serving import serve
-from sar_compiler.ros.signals import StopSignals
 
 SURVIVORS = {"zone_a": (-2.5, 3.2), "zone_c": (4.1, -2.5)}
 """Where survivors are by default: x and y in metres in the frame `map`, by zone."""
@@ -55,24 +52,3 @@ class DetectSurvivorServer(DataNode):
         response.survivor_x, response.survivor_y = x, y = survivor
         self.get_logger().info(f"Detection request for {request.zone_id}: FOUND at ({x:.2f}, {y:.2f})")
         return response
-
-
-def main(argv: Sequence[str] | None = None, signals: StopSignals | None = None) -> int:
-    """Run the server as a command; returns its exit status.
-
-    Args:
-        argv: The command line without the command; by default the process's.
-        signals: Whether the process was asked to stop, where that is already looked after.
-    """
-    return serve(
-        lambda context, arguments: DetectSurvivorServer(context, cli_args=arguments),
-        "sar-detect-survivor-server",
-        "Serve detect_survivor (sar_interfaces/srv/DetectSurvivor). "
-        "The parameters survivors.<zone>.x and .y replace the survivors it knows of.",
-        argv,
-        signals,
-    )
-
-
-if __name__ == "__main__":
-    sys.exit(main())

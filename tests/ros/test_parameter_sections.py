@@ -2,7 +2,7 @@
 
 import pytest
 
-from sar_compiler.missions.search_and_rescue.parameter_file import (
+from sar_compiler.ros.parameter_file import (
     ParameterFileError,
     check_parameter_file,
     sections_elsewhere,

@@ -13,6 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from sar_compiler.missions.search_and_rescue.mission import MISSION
+from sar_compiler.missions.survivor_servers import detect, report
+from tests.processes import BIN
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
@@ -20,7 +24,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.ros
 
-DETECT, REPORT = "detect_survivor_server", "report_survivor_server"
+DETECT, REPORT = "sar-detect-survivor-server", "sar-report-survivor-server"
 
 
 class Caller:
@@ -62,7 +66,7 @@ class Caller:
 
 class TestDetecting:
     def serve(self, ros: Ros, *parameters: str, faults: Any = None) -> Caller:
-        from sar_compiler.ros.detect_survivor_server import DetectSurvivorServer
+        from sar_compiler.missions.search_and_rescue.detect_survivor_server import DetectSurvivorServer
 
         arguments = ["--ros-args", *(part for each in parameters for part in ("-p", each))]
         ros.add(DetectSurvivorServer(ros.context, faults, arguments if parameters else None))
@@ -93,7 +97,7 @@ class TestDetecting:
         assert not caller.detect("zone_a").found
 
     def test_refuses_a_table_that_is_none(self, ros: Ros) -> None:
-        from sar_compiler.missions.search_and_rescue.parameters import ParameterError
+        from sar_compiler.ros.parameter_reader import ParameterError
 
         with pytest.raises(ParameterError, match=r"survivors\.zone_b\.y: is missing"):
             self.serve(ros, "survivors.zone_b.x:=1")
@@ -105,7 +109,7 @@ class TestDetecting:
         assert warnings == ["parameter 'survivor' is not read; did you mean 'survivors'?"]
 
     def test_its_service_follows_its_namespace(self, make_ros: Callable[..., Ros]) -> None:
-        from sar_compiler.ros.detect_survivor_server import DetectSurvivorServer
+        from sar_compiler.missions.search_and_rescue.detect_survivor_server import DetectSurvivorServer
 
         ros = make_ros(["--ros-args", "-r", "__ns:=/robot1"])
         ros.add(DetectSurvivorServer(ros.context))
@@ -114,7 +118,7 @@ class TestDetecting:
     def test_a_dropped_call_gets_no_answer_and_the_next_does(self, ros: Ros) -> None:
         from sar_compiler.ros.faults import FaultPlan, parse_fault
 
-        plan = FaultPlan([parse_fault("detect_survivor:drop=1")])
+        plan = FaultPlan([parse_fault("detect_survivor:drop=1", MISSION.faults)])
         caller = self.serve(ros, faults=plan.for_service("detect_survivor"))
         from sar_interfaces.srv import DetectSurvivor
 
@@ -125,7 +129,7 @@ class TestDetecting:
 
 class TestReporting:
     def serve(self, ros: Ros, faults: Any = None) -> Caller:
-        from sar_compiler.ros.report_survivor_server import ReportSurvivorServer
+        from sar_compiler.missions.search_and_rescue.report_survivor_server import ReportSurvivorServer
 
         ros.add(ReportSurvivorServer(ros.context, faults))
         return Caller(ros)
@@ -148,7 +152,7 @@ class TestReporting:
     def test_refuses_on_request_and_then_acknowledges(self, ros: Ros) -> None:
         from sar_compiler.ros.faults import FaultPlan, parse_fault
 
-        plan = FaultPlan([parse_fault("report_survivor:refuse=1")])
+        plan = FaultPlan([parse_fault("report_survivor:refuse=1", MISSION.faults)])
         caller = self.serve(ros, plan.for_service("report_survivor"))
         assert [caller.report("survivor_1", 0.0, 0.0) for _ in range(2)] == [False, True]
 
@@ -156,10 +160,9 @@ class TestReporting:
 class Process:
     """A server as a command of its own."""
 
-    def __init__(self, module: str, *arguments: str) -> None:
-        command = [sys.executable, "-m", f"sar_compiler.ros.{module}", *arguments]
+    def __init__(self, name: str, *arguments: str) -> None:
         self.process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=os.environ
+            [BIN / name, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=os.environ
         )
         self.output = ""
 
@@ -185,8 +188,8 @@ class Process:
 def start() -> Iterator[Callable[..., Process]]:
     running: list[Process] = []
 
-    def begin(module: str, *arguments: str) -> Process:
-        running.append(Process(module, *arguments))
+    def begin(name: str, *arguments: str) -> Process:
+        running.append(Process(name, *arguments))
         return running[-1]
 
     yield begin
@@ -198,16 +201,16 @@ def start() -> Iterator[Callable[..., Process]]:
 
 class TestCommands:
     @pytest.mark.parametrize(
-        ("module", "line", "number"),
+        ("name", "line", "number"),
         [
             (DETECT, "DetectSurvivor service ready.", signal.SIGINT),
             (REPORT, "ReportSurvivor service ready.", signal.SIGTERM),
         ],
     )
     def test_ends_cleanly_when_it_is_stopped(
-        self, start: Callable[..., Process], module: str, line: str, number: int
+        self, start: Callable[..., Process], name: str, line: str, number: int
     ) -> None:
-        server = start(module)
+        server = start(name)
         server.read_until(line)
         began = time.monotonic()
         assert server.stop(number) == 0
@@ -264,24 +267,24 @@ class TestCommands:
             (["--ros-args", "-p", "survivors:=[]"], "parameter survivors: an empty list"),
             (["--ros-args", "-r", "nothing"], "'-r nothing' is not understood"),
             (["--ros-args", "--params-file", "none.yaml"], "none.yaml: there is no such parameter file"),
-            (["--loud"], "unrecognized arguments: --loud"),
         ],
     )
     def test_a_wrong_command_line_is_one_message_and_status_2(
         self, capfd: pytest.CaptureFixture[str], arguments: list[str], part: str
     ) -> None:
-        from sar_compiler.ros.detect_survivor_server import main
+        assert detect(arguments) == 2
+        assert re.search(f"^sar-detect-survivor-server: .*{part}", capfd.readouterr().err, re.MULTILINE)
 
+    def test_an_option_that_there_is_not_is_refused(self, capfd: pytest.CaptureFixture[str]) -> None:
         with pytest.raises(SystemExit) as caught:
-            main(arguments)
+            detect(["--loud"])
         assert caught.value.code == 2
-        assert re.search(f"sar-detect-survivor-server: error: .*{part}", capfd.readouterr().err)
+        assert "unrecognized arguments: --loud" in capfd.readouterr().err
 
-    @pytest.mark.parametrize("module", [DETECT, REPORT])
-    def test_says_what_it_does(self, capsys: pytest.CaptureFixture[str], module: str) -> None:
-        import importlib
-
-        command = importlib.import_module(f"sar_compiler.ros.{module}").main
+    @pytest.mark.parametrize("command", [detect, report])
+    def test_says_what_it_does(
+        self, capsys: pytest.CaptureFixture[str], command: Callable[[list[str]], int]
+    ) -> None:
         with pytest.raises(SystemExit) as caught:
             command(["--help"])
         assert caught.value.code == 0

@@ -1,8 +1,8 @@
 """The summary says what a mission came to."""
 
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
+from sar_compiler.missions.search_and_rescue.summary import mission_summary
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
-from sar_compiler.views.summary import mission_summary
 
 POSE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
 

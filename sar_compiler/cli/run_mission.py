@@ -1,11 +1,13 @@
 """One run of `sar-run`, from the tree file to the exit status."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import rclpy
+from py_trees.common import Status
 from py_trees.trees import BehaviourTree
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -13,27 +15,15 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-from sar_compiler.cli.arguments import FINDINGS, OK
 from sar_compiler.cli.loading import tell_passed_over
 from sar_compiler.cli.output import RunOutput
-from sar_compiler.compiler import CompiledTree, compile_tree, context_types
+from sar_compiler.commands import FINDINGS, OK
+from sar_compiler.compiler import CompiledTree, compile_tree
 from sar_compiler.errors import SarError
-from sar_compiler.missions.search_and_rescue.ending import Ending, Until, Verdict
-from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports
-from sar_compiler.missions.search_and_rescue.parameter_file import sections_elsewhere
-from sar_compiler.missions.search_and_rescue.parameters import (
-    MISSION_NAMES,
-    MissionParameters,
-    RunParameters,
-    lookalikes,
-    read_mission,
-    read_run,
-)
-from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
-from sar_compiler.nodes.binding.bound import Binding
-from sar_compiler.project import Additions, Workspace
-from sar_compiler.resources import shipped
+from sar_compiler.missions.choosing import choose_mission
+from sar_compiler.missions.ending import EndCondition, RunResult, Until
+from sar_compiler.missions.mission import Mission, MissionRun
+from sar_compiler.project import Additions, LoadedTree, Workspace
 from sar_compiler.ros.arguments import (
     init_arguments,
     names_parameter_file,
@@ -44,13 +34,16 @@ from sar_compiler.ros.blame import tell
 from sar_compiler.ros.clock import RosClock
 from sar_compiler.ros.engine import Engine, EngineFactory, find_engine
 from sar_compiler.ros.errors import readable_ros_errors
-from sar_compiler.ros.faults import FaultPlan
+from sar_compiler.ros.faults import NAVIGATION_FAULTS, Fault, FaultPlan, parse_fault
+from sar_compiler.ros.parameter_file import sections_elsewhere
+from sar_compiler.ros.parameter_reader import ParameterReader, lookalikes
 from sar_compiler.ros.parameters import flat_parameters, mission_node
 from sar_compiler.ros.readiness import NotReadyError, Readiness, wait_until_ready
+from sar_compiler.ros.run_parameters import RUN_PARAMETER_NAMES, RunParameters, read_run
 from sar_compiler.ros.setting_up import SetupFailedError
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.runtime.clock import Clock
-from sar_compiler.views.summary import mission_summary
+from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.views.text import unicode_tree
 
 if TYPE_CHECKING:
@@ -58,17 +51,22 @@ if TYPE_CHECKING:
     from sar_compiler.sim.simulation import Simulation
     from sar_compiler.sim.world import World
 
-NODE_NAME = "search_and_rescue"
 NOT_READY = 3
+
+# The node of a tree that belongs to no mission.
+_PLAIN_NODE_NAME = "sar_run"
 
 # A signal is noticed between two turns of the executor.
 _TURN_SEC = 0.05
 
-# The contract's tree can swing between a zone out of reach and base for ever; seconds of simulated time.
+# A tree can swing between two things to do for ever; seconds of simulated time.
 _SIMULATED_TIME_LIMIT_SEC = 900.0
 
+Observer = Callable[[BehaviourTree], None]
+"""Looks at a tree after every tick."""
 
-def fly(options: "Options", signals: StopSignals) -> int:
+
+def run_mission(options: "Options", signals: StopSignals) -> int:
     """Check the tree, wait for what it needs, and tick it to the end.
 
     Args:
@@ -80,34 +78,41 @@ def fly(options: "Options", signals: StopSignals) -> int:
 
     Raises:
         TreeError: If the tree is not valid; nothing has moved.
-        SarError: If the parameters, the world or the ROS arguments are wrong; nothing has moved.
+        SarError: If the mission, the parameters, the world or the ROS arguments are wrong; nothing has moved.
     """
     make_engine = find_engine(options.engine)
-    binding = _checked_tree(options)
-    is_mission = ZoneManager in context_types(binding)
+    loaded = _loaded(options)
+    binding = loaded.binding()
+    mission = choose_mission(binding, options.mission, loaded.project.checkout)
+    targets = {**(mission.faults if mission is not None else {}), **NAVIGATION_FAULTS}
+    faults = [parse_fault(text, targets) for text in options.fault]
     world = _world(options)
     with ExitStack() as stack:
-        context = stack.enter_context(_ros(options, signals, is_mission))
+        context = stack.enter_context(_ros(options, signals, mission))
         if signals.came:
             return signals.exit_status
-        node = stack.enter_context(_mission_node(options, context))
-        parameters = flat_parameters(node)
-        mission = read_mission(parameters, _sections_elsewhere(options, node)) if is_mission else None
-        run = mission or read_run(parameters)
-        flight = _Flight(options, signals, node, run, mission, make_engine)
-        tree = compile_tree(binding, flight.context, parameters)
+        name = mission.name if mission is not None else _PLAIN_NODE_NAME
+        node = stack.enter_context(_mission_node(options, context, name))
+        reader = ParameterReader(flat_parameters(node), _sections_elsewhere(options, node))
+        begun = mission.begin(reader) if mission is not None else None
+        parameters = read_run(reader)
+        reader.complain()
+        run = _Run(options, signals, node, parameters, begun, make_engine)
+        tree = compile_tree(binding, run.context, reader.parameters)
         if world is not None:
-            flight.simulation = stack.enter_context(_simulation(options, world, node, mission))
+            run.simulation = stack.enter_context(_simulation(options, world, node, begun, faults))
+        for note in [*_slips(reader, mission, tree), *reader.notes]:
+            node.get_logger().warning(note)
         try:
-            return flight.run(tree)
+            return run.run(tree)
         except NotReadyError as error:
             print(f"sar-run: {error}", file=sys.stderr)
             return NOT_READY
 
 
-def _checked_tree(options: "Options") -> Binding:
-    additions = Additions(options.nodes, (), options.include_path, getattr(options, "trust", False))
-    return Workspace(additions, note=tell_passed_over).load(options.tree).binding()
+def _loaded(options: "Options") -> LoadedTree:
+    additions = Additions(tuple(options.nodes), (), tuple(options.include_path), options.trust)
+    return Workspace(additions, note=tell_passed_over).load(options.tree)
 
 
 def _world(options: "Options") -> "World | None":
@@ -124,14 +129,19 @@ def _sections_elsewhere(options: "Options", node: Node) -> str:
     return sections_elsewhere(files, node.get_fully_qualified_name())
 
 
+def _slips(reader: ParameterReader, mission: Mission | None, tree: CompiledTree) -> list[str]:
+    """Return a note for each parameter that nobody reads and that is nearly what is read."""
+    bound = [origin.bound for origin in tree.origins.values()]
+    taken = [key.removeprefix("@") for each in bound for key in each.keys.values()]
+    own = mission.parameter_names if mission is not None else ()
+    return lookalikes(reader.parameters, (*RUN_PARAMETER_NAMES, *own, *taken))
+
+
 @contextmanager
-def _ros(options: "Options", signals: StopSignals, is_mission: bool) -> Iterator[Context]:
-    """Bring ROS up; the shipped parameters serve a mission that is given none."""
-    params = options.params
-    if params is None and is_mission and not names_parameter_file(options.ros):
-        params = shipped("config", "mission_params.yaml")
+def _ros(options: "Options", signals: StopSignals, mission: Mission | None) -> Iterator[Context]:
+    """Bring ROS up; the parameters that come with a mission serve a run that is given none."""
     context = Context()
-    arguments = init_arguments(options.ros, params)
+    arguments = init_arguments(options.ros, _parameter_file(options, mission))
     if options.sim is not None:
         from sar_compiler.sim.isolation import LOOKING_AROUND, refuse_company, stay_on_this_machine
 
@@ -148,11 +158,16 @@ def _ros(options: "Options", signals: StopSignals, is_mission: bool) -> Iterator
         context.try_shutdown()
 
 
+def _parameter_file(options: "Options", mission: Mission | None) -> Path | None:
+    if options.params is not None or mission is None or names_parameter_file(options.ros):
+        return options.params
+    return mission.default_parameters()
+
+
 @contextmanager
-def _mission_node(options: "Options", context: Context) -> Iterator[Node]:
-    simulated = [Parameter("use_sim_time", value=True)] if options.sim is not None else []
+def _mission_node(options: "Options", context: Context, name: str) -> Iterator[Node]:
     node = mission_node(
-        NODE_NAME, context, cli_args=node_arguments(options.ros), parameter_overrides=simulated
+        name, context, cli_args=node_arguments(options.ros), parameter_overrides=_simulated_time(options)
     )
     try:
         yield node
@@ -160,37 +175,25 @@ def _mission_node(options: "Options", context: Context) -> Iterator[Node]:
         node.destroy_node()
 
 
+def _simulated_time(options: "Options") -> list[Parameter]:
+    return [Parameter("use_sim_time", value=True)] if options.sim is not None else []
+
+
 @contextmanager
 def _simulation(
-    options: "Options", world: "World", node: Node, mission: MissionParameters | None
+    options: "Options", world: "World", node: Node, mission: MissionRun | None, faults: Sequence[Fault]
 ) -> "Iterator[Simulation]":
-    """Start the world, the stand-in for Nav2 and the two servers in this process."""
-    from sar_compiler.ros.detect_survivor_server import DetectSurvivorServer
-    from sar_compiler.ros.report_survivor_server import ReportSurvivorServer
+    """Start the world, the stand-in for Nav2 and the mission's servers in this process."""
     from sar_compiler.sim.simulation import Simulation
 
-    zones = {zone["id"]: (zone["x"], zone["y"]) for zone in mission.zones} if mission else None
-    faults = FaultPlan(options.faults, zones)
-    servers: list[Node] = (
-        [
-            server(
-                node.context,
-                faults.for_service(name),
-                parameter_overrides=[Parameter("use_sim_time", value=True)],
-            )
-            for server, name in (
-                (DetectSurvivorServer, "detect_survivor"),
-                (ReportSurvivorServer, "report_survivor"),
-            )
-        ]
-        if mission
-        else []
-    )
+    plan = FaultPlan(faults, mission.places() if mission is not None else None)
+    settings = {"context": node.context, "parameter_overrides": _simulated_time(options)}
+    servers = mission.servers(plan, **settings) if mission is not None else []
     try:
         with Simulation(
             world,
             speed=options.speed,
-            faults=faults,
+            faults=plan,
             context=node.context,
             namespace=node.get_namespace(),
             extra_nodes=servers,
@@ -201,7 +204,7 @@ def _simulation(
             server.destroy_node()
 
 
-class _Flight:
+class _Run:
     """A tree on its node, from the wait for what it needs to the summary.
 
     Attributes:
@@ -214,46 +217,42 @@ class _Flight:
         options: "Options",
         signals: StopSignals,
         node: Node,
-        run: RunParameters,
-        mission: MissionParameters | None,
+        parameters: RunParameters,
+        mission: MissionRun | None,
         make_engine: EngineFactory,
     ) -> None:
         self._options = options
         self._signals = signals
         self._node = node
-        self._run = run
+        self._parameters = parameters
+        self._mission = mission
         self._make_engine = make_engine
         self._clock = RosClock(node)
-        self._record = MissionRecord()
-        self._zones = ZoneManager(mission.zones, mission.base_station) if mission else None
-        self._ending = self._make_ending()
+        self._end = self._end_condition()
         self._output = RunOutput()
-        self._verdict: Verdict | None = None
+        self._result: RunResult | None = None
         self._started = 0.0
-        self.context: dict[type, object] = {
-            Clock: self._clock,
-            MissionRecord: self._record,
-            KeptReports: KeptReports(),
-        }
+        self.context: dict[type, object] = {Clock: self._clock}
         self.simulation: Simulation | None = None
-        self._mission = mission
         if mission is not None:
-            self.context[ZoneManager] = self._zones
+            self.context |= mission.context
 
-    def _make_ending(self) -> Ending:
+    def _end_condition(self) -> EndCondition:
         until = self._options.until
         simulated = self._options.sim is not None
-        if self._zones is None and until is Until.COMPLETE:
+        ends_itself = self._mission is not None and self._mission.shortfalls() is not None
+        if not ends_itself and until is Until.COMPLETE:
             message = (
-                "--until complete is for a tree with zones; for this one say success, failure or forever"
+                "--until complete is for a mission with an end of its own; for this tree say end, success, "
+                "failure or forever"
             )
             raise SarError(message)
         if until is None:
-            until = Until.COMPLETE if simulated and self._zones is not None else Until.FOREVER
-        limit = self._run.time_limit_sec
+            until = Until.END if not ends_itself else Until.COMPLETE if simulated else Until.FOREVER
+        limit = self._parameters.time_limit_sec
         if limit is None and simulated and until is not Until.FOREVER:
             limit = _SIMULATED_TIME_LIMIT_SEC
-        return Ending(until, self._record if self._zones else None, self._zones, limit)
+        return EndCondition(until, self._mission, limit, self._node.get_logger().info)
 
     def run(self, tree: CompiledTree) -> int:
         """Wait, tick, stop and sum up; returns the exit status.
@@ -261,8 +260,8 @@ class _Flight:
         Raises:
             NotReadyError: If something that the tree needs does not come in time.
         """
-        self._warn_of_slips(tree)
-        self._greet()
+        for line in self._mission.greeting() if self._mission is not None else []:
+            self._node.get_logger().info(line)
         executor = SingleThreadedExecutor(context=self._node.context)
         executor.add_node(self._node)
         try:
@@ -276,41 +275,25 @@ class _Flight:
         finally:
             executor.shutdown()
 
-    def _warn_of_slips(self, tree: CompiledTree) -> None:
-        """Warn of parameters that nobody reads and that are nearly what is read."""
-        bound = [origin.bound for origin in tree.origins.values()]
-        taken = [key.removeprefix("@") for each in bound for key in each.keys.values()]
-        for note in lookalikes(flat_parameters(self._node), (*MISSION_NAMES, *taken)):
-            self._node.get_logger().warning(note)
-
-    def _greet(self) -> None:
-        mission = self._mission
-        if mission is None:
-            return
-        log, base = self._node.get_logger(), mission.base_station
-        for note in mission.notes:
-            log.warning(note)
-        log.info(f"Loaded {len(mission.zones)} search zones from parameters.")
-        log.info(f"Base station at ({base['x']:.2f}, {base['y']:.2f}, yaw={base['yaw']:.2f}).")
-
     def _wait(self, executor: SingleThreadedExecutor, tree: CompiledTree) -> None:
         # A check changes nothing on a robot of somebody else's.
-        told = self._run.set_initial_pose and (not self._options.check or self.simulation is not None)
+        told = self._parameters.set_initial_pose and (not self._options.check or self.simulation is not None)
         with readable_ros_errors():
-            start = self._run.initial_pose if told else None
+            start = self._parameters.initial_pose if told else None
             readiness = Readiness(self._node, tree.uses(), initial_pose=start)
-        wait_until_ready(executor, readiness, self._run.startup_timeout_sec, lambda: self._over)
+        wait_until_ready(executor, readiness, self._parameters.startup_timeout_sec, lambda: self._over)
         if readiness.uses_nav2 and not self._over:
             self._node.get_logger().info("Nav2 is active.")
 
     def _tick(self, executor: SingleThreadedExecutor, tree: CompiledTree) -> int:
         engine = self._make_engine(tree.root)
-        engine.add_post_tick_handler(self._look)
+        for observer in self._observers():
+            engine.add_post_tick_handler(observer)
         try:
             engine.setup(node=self._node)
             self._started = self._clock.now()
-            engine.tick_tock(1000.0 / self._run.tick_rate_hz)
-            while self._verdict is None and engine.failure is None and not self._over:
+            engine.tick_tock(1000.0 / self._parameters.tick_rate_hz)
+            while self._result is None and engine.failure is None and not self._over:
                 _turn(executor)
             elapsed = self._clock.now() - self._started
             self._say_what_is_left(engine.settle(executor))
@@ -329,26 +312,33 @@ class _Flight:
         failed = self.simulation is not None and self.simulation.failure is not None
         return self._signals.came or failed or not self._node.context.ok()
 
-    def _look(self, tree: BehaviourTree) -> None:
-        """Look at the tree after a tick."""
-        if self._options.view == "text":
-            self._output.show(unicode_tree(tree.root, statuses=True))
-        self._verdict = self._ending.after_tick(tree.root.status, self._clock.now() - self._started)
+    def _observers(self) -> list[Observer]:
+        """Return what looks at the tree after every tick: the views that were asked for, and the end."""
+        views = {"text": self._show}
+        return [*(look for name, look in views.items() if name == self._options.view), self._look_for_end]
+
+    def _show(self, tree: BehaviourTree) -> None:
+        self._output.show(unicode_tree(tree.root, statuses=True))
+
+    def _look_for_end(self, tree: BehaviourTree) -> None:
+        status = Status.INVALID if was_skipped(tree.root) else tree.root.status
+        self._result = self._end.after_tick(status, self._clock.now() - self._started)
 
     def _say_what_is_left(self, unsettled: list[str]) -> None:
         for name in unsettled:
             self._node.get_logger().warning(f"{name}: the cancel of its goal was not answered.")
 
     def _conclude(self, engine: Engine, elapsed_sec: float) -> int:
-        if self._zones is not None:
-            self._output.say(mission_summary(self._record, self._zones, elapsed_sec, engine.count))
+        summary = self._mission.summary(elapsed_sec, engine.count) if self._mission is not None else ""
+        if summary:
+            self._output.say(summary)
         if engine.failure is not None:
             return self._failed("the tree was stopped, because one of its leaves failed (see above)")
-        if self._verdict is None and not self._ending.complete:
+        if self._result is None and not self._end.complete:
             return self._interrupted()
-        if self._verdict is not None and not self._verdict.achieved:
-            return self._failed(self._verdict.reason)
-        if self._zones is not None and not self._ending.complete:
+        if self._result is not None and not self._result.achieved:
+            return self._failed(self._result.reason)
+        if self._end.shortfalls():
             return self._failed("the run has ended as asked, and the mission is incomplete")
         return OK
 

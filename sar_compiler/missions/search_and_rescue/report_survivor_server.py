@@ -1,19 +1,13 @@
 """The service `report_survivor`: the base, which acknowledges a survivor that was found."""
 
-import sys
-from collections.abc import Sequence
 from typing import Any
 
 from rclpy.context import Context
 from sar_interfaces.srv import ReportSurvivor
 
+from sar_compiler.missions.search_and_rescue.frames import MAP_FRAME
 from sar_compiler.ros.faults import ServiceFaults, create_service
 from sar_compiler.ros.parameters import DataNode
-from sar_compiler.ros.serving import serve
-from sar_compiler.ros.signals import StopSignals
-
-FRAME = "map"
-"""The frame in which the base takes reports."""
 
 
 class ReportSurvivorServer(DataNode):
@@ -44,9 +38,9 @@ class ReportSurvivorServer(DataNode):
 
     def _answer(self, request: Any, response: Any) -> Any:
         frame = request.location.header.frame_id
-        if frame != FRAME:
+        if frame != MAP_FRAME:
             self.get_logger().warning(
-                f"Report of {_told(request)} refused: it is in frame '{frame}', and must be in '{FRAME}'."
+                f"Report of {_told(request)} refused: it is in frame '{frame}', and must be in '{MAP_FRAME}'."
             )
             response.acknowledged = False
             return response
@@ -64,23 +58,3 @@ class ReportSurvivorServer(DataNode):
 def _told(request: Any) -> str:
     point = request.location.point
     return f"{request.survivor_id} at ({point.x:.2f}, {point.y:.2f})"
-
-
-def main(argv: Sequence[str] | None = None, signals: StopSignals | None = None) -> int:
-    """Run the server as a command; returns its exit status.
-
-    Args:
-        argv: The command line without the command; by default the process's.
-        signals: Whether the process was asked to stop, where that is already looked after.
-    """
-    return serve(
-        lambda context, arguments: ReportSurvivorServer(context, cli_args=arguments),
-        "sar-report-survivor-server",
-        "Serve report_survivor (sar_interfaces/srv/ReportSurvivor): acknowledge survivors reported in map.",
-        argv,
-        signals,
-    )
-
-
-if __name__ == "__main__":
-    sys.exit(main())

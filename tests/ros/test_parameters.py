@@ -3,28 +3,23 @@
 import contextlib
 import math
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sar_compiler.missions.search_and_rescue.parameters import (
-    MISSION_NAMES,
-    MissionParameters,
-    ParameterError,
-    ParameterFileError,
-    RunParameters,
-    check_parameter_file,
-    lookalikes,
-    read_mission,
-    read_run,
-    read_survivors,
-)
+from sar_compiler.missions.search_and_rescue.mission import MISSION
+from sar_compiler.missions.search_and_rescue.parameters import read_survivors
 from sar_compiler.resources import shipped_root
+from sar_compiler.ros.parameter_file import ParameterFileError, check_parameter_file
+from sar_compiler.ros.parameter_reader import ParameterError, ParameterReader, lookalikes
+from sar_compiler.ros.run_parameters import RUN_PARAMETER_NAMES, RunParameters, read_run
 
+MISSION_NAMES = (*RUN_PARAMETER_NAMES, *MISSION.parameter_names)
 HEAD = "/**:\n  ros__parameters:\n"
 
 
@@ -35,6 +30,32 @@ def mission(**changes: object) -> dict[str, object]:
         parameters |= {f"zones.{zone}.x": 1.5, f"zones.{zone}.y": -2.0, f"zones.{zone}.yaw": 0.5}
     parameters |= {key.replace("__", "."): value for key, value in changes.items()}
     return {key: value for key, value in parameters.items() if value is not None}
+
+
+@dataclass
+class Read:
+    """What the parameters of a mission and its run say."""
+
+    zones: list[dict[str, Any]]
+    base_station: dict[str, float]
+    run: RunParameters
+    notes: list[str]
+
+
+def read_mission(parameters: Mapping[str, object]) -> Read:
+    """Read parameters as a run of the mission does."""
+    reader = ParameterReader(parameters)
+    zones, base_station = reader.places("zone"), reader.pose("base_station")
+    run = read_run(reader)
+    reader.complain()
+    return Read(zones, base_station, run, reader.notes)
+
+
+def read_run_of(parameters: Mapping[str, object]) -> RunParameters:
+    reader = ParameterReader(parameters)
+    run = read_run(reader)
+    reader.complain()
+    return run
 
 
 def mistakes(parameters: Mapping[str, object]) -> dict[str, str]:
@@ -55,18 +76,18 @@ class TestReadingAMission:
     def test_only_the_contract_has_defaults(self) -> None:
         read = read_mission(mission())
         assert read.base_station == {"x": 0.0, "y": 0.0, "yaw": 0.0}
-        assert read.initial_pose == (0.0, 0.0, 0.0)
-        assert (read.tick_rate_hz, read.set_initial_pose, read.notes) == (2.0, True, ())
+        assert read.run.initial_pose == (0.0, 0.0, 0.0)
+        assert (read.run.tick_rate_hz, read.run.set_initial_pose, read.notes) == (2.0, True, [])
 
     def test_what_is_given_counts(self) -> None:
         given = mission(base_station__x=1, base_station__yaw=-0.5, tick_rate_hz=10, set_initial_pose=False)
         read = read_mission(given)
         assert read.base_station == {"x": 1.0, "y": 0.0, "yaw": -0.5}
-        assert (read.tick_rate_hz, read.set_initial_pose) == (10.0, False)
+        assert (read.run.tick_rate_hz, read.run.set_initial_pose) == (10.0, False)
 
     def test_the_initial_pose_is_read_like_the_base_station_and_apart_from_it(self) -> None:
         read = read_mission(mission(initial_pose__x=-2, initial_pose__yaw=1.57, base_station__y=0.5))
-        assert read.initial_pose == (-2.0, 0.0, 1.57)
+        assert read.run.initial_pose == (-2.0, 0.0, 1.57)
         assert read.base_station == {"x": 0.0, "y": 0.5, "yaw": 0.0}
 
     def test_whole_numbers_are_read_as_floats(self) -> None:
@@ -125,12 +146,30 @@ class TestReadingAMission:
         )
     )
     def test_whatever_is_given_is_read_or_refused_in_words(self, parameters: dict[str, object]) -> None:
-        read: MissionParameters | None = None
+        read: Read | None = None
         with contextlib.suppress(ParameterError):
             read = read_mission(parameters)
         if read is not None:
             assert read.zones
             assert all(math.isfinite(zone[name]) for zone in read.zones for name in ("x", "y", "yaw"))
+
+
+class TestPlacesOfAnotherName:
+    def test_they_are_read_from_parameters_of_that_name(self) -> None:
+        pose = {"points.gate.x": 1, "points.gate.y": 2.0, "points.gate.yaw": 0.5}
+        reader = ParameterReader({"point_order": ["gate"], **pose, "points.yard.x": 1.0})
+        assert reader.places("point") == [{"id": "gate", "x": 1.0, "y": 2.0, "yaw": 0.5}]
+        assert reader.notes == ["points.yard is not in point_order and is never visited"]
+
+    def test_their_mistakes_are_told_in_that_name(self) -> None:
+        reader = ParameterReader({"point_ordr": ["gate"]}, elsewhere="look there")
+        reader.places("point")
+        assert [str(problem) for problem in reader.problems] == [
+            (
+                "point_order: is missing (is 'point_ordr' meant to be it?): give the points to visit, for "
+                'instance point_order: ["point_a", "point_b"] (look there)'
+            )
+        ]
 
 
 class TestMistakes:
@@ -209,12 +248,12 @@ class TestMistakes:
 
 class TestReadingHowATreeIsRun:
     def test_everything_has_a_default(self) -> None:
-        run = read_run({"use_sim_time": False})
+        run = read_run_of({"use_sim_time": False})
         assert (run.tick_rate_hz, run.set_initial_pose) == (2.0, True)
         assert (run.startup_timeout_sec, run.time_limit_sec) == (60.0, None)
 
     def test_what_is_given_counts(self) -> None:
-        run = read_run(
+        run = read_run_of(
             {"tick_rate_hz": 5, "startup_timeout_sec": 3, "time_limit_sec": 600.0, "initial_pose.x": 1}
         )
         assert run.initial_pose == (1.0, 0.0, 0.0)
@@ -224,7 +263,7 @@ class TestReadingHowATreeIsRun:
     @pytest.mark.parametrize("value", [0, -1.0, math.inf, "2", True])
     def test_a_time_or_a_rate_that_is_none(self, key: str, value: object) -> None:
         with pytest.raises(ParameterError) as caught:
-            read_run({key: value})
+            read_run_of({key: value})
         assert [problem.key for problem in caught.value.problems] == [key]
 
 
@@ -436,7 +475,7 @@ class TestParameterFiles:
 
     @given(st.text(max_size=60))
     def test_any_text_passes_or_is_refused_in_words(self, text: str) -> None:
-        from sar_compiler.missions.search_and_rescue import parameter_file
+        from sar_compiler.ros import parameter_file
 
         for problem in parameter_file._problems(HEAD + "    x: " + text):
             assert problem.text
