@@ -33,6 +33,9 @@ env: $(VENV)/.interfaces
 demo: env
 	$(BIN)/sar-run --sim --speed $(SPEED)
 
+# Several hundred processes of the project are started: a third of their time goes into compiling it each time anew
+# where bytecode is not kept.
+test: export PYTHONDONTWRITEBYTECODE :=
 test: env
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov --cov-report=term
 

@@ -17,7 +17,6 @@ from sar_compiler.sim.placement import Placement, PlacementError, parse_placemen
 from sar_compiler.sim.planner import NavCode, Planner
 from sar_compiler.sim.robot import Robot, RobotState, Twist2D
 from sar_compiler.sim.world import World
-from sar_compiler.sim.world_file import find_world
 
 STEP = 0.05
 OPEN = World("open", Pose2D(0.0, 0.0), 0.22)
@@ -147,15 +146,14 @@ class TestSolidity:
     @settings(max_examples=40, deadline=None)
     @given(orders)
     def test_whatever_the_commands_no_robot_enters_another_or_an_obstacle(
-        self, drawn: list[tuple[Twist2D, Twist2D, Twist2D, int]]
+        self, disaster_zone: World, drawn: list[tuple[Twist2D, Twist2D, Twist2D, int]]
     ) -> None:
-        world = find_world("disaster_zone")
         starts = [Pose2D(0.0, 0.0), Pose2D(0.5, 0.1, 2.0), Pose2D(0.2, 0.6, -1.5)]
-        for states in run(placed(*starts, world=world), spread(drawn)):
+        for states in run(placed(*starts, world=disaster_zone), spread(drawn)):
             for number, state in enumerate(states):
-                assert world.solid.clearance(state.pose.x, state.pose.y) >= world.robot_radius
+                assert disaster_zone.solid.clearance(state.pose.x, state.pose.y) >= disaster_zone.robot_radius
                 for other in states[number + 1 :]:
-                    assert state.pose.distance_to(other.pose) >= 2 * world.robot_radius
+                    assert state.pose.distance_to(other.pose) >= 2 * disaster_zone.robot_radius
 
     def test_two_that_meet_stop_rim_to_rim(self) -> None:
         robots = placed(Pose2D(0.0, 0.0), Pose2D(2.0, 0.0, math.pi))
@@ -197,11 +195,10 @@ class TestRepeatability:
     @settings(max_examples=15, deadline=None)
     @given(orders)
     def test_one_robot_alone_is_the_robot_of_a_world_without_others(
-        self, drawn: list[tuple[Twist2D, Twist2D, Twist2D, int]]
+        self, disaster_zone: World, drawn: list[tuple[Twist2D, Twist2D, Twist2D, int]]
     ) -> None:
-        world = find_world("disaster_zone")
-        alone = run([Robot(world, seed=5)], spread(drawn))
-        assert run(make_robots(world, [Placement("")], seed=5), spread(drawn)) == alone
+        alone = run([Robot(disaster_zone, seed=5)], spread(drawn))
+        assert run(make_robots(disaster_zone, [Placement("")], seed=5), spread(drawn)) == alone
 
     def test_another_robot_far_away_changes_nothing(self) -> None:
         commands = [(Twist2D(0.5, 0.7), Twist2D(-0.3, 0.2))] * 200

@@ -10,7 +10,7 @@ from .patrol import Patrol
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from sar_compiler.ros.faults import FaultPlan
+    from sar_compiler import FaultPlan
 
 _HERE = Path(__file__).parent
 

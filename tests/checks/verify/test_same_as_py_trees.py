@@ -16,6 +16,8 @@ from sar_compiler.tree.diagnostic import TreeError
 from tests.checks.verify.random_trees import random_tree
 from tests.checks.verify.stage import bound, simulated_tree
 
+pytestmark = pytest.mark.unmeasured
+
 # Every run of so many ticks is played on py_trees, if there are not too many.
 _TICKS = 3
 _MOST_RUNS = 1500

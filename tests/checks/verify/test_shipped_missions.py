@@ -13,6 +13,8 @@ from sar_compiler.tree.forest import load_forest
 from sar_compiler.tree.reading import read_tree_file
 from tests.checks.verify.stage import BROKEN, PROVED, outcome, told, verdict
 
+pytestmark = pytest.mark.unmeasured
+
 PROPERTIES = Path("config/mission_properties.yaml")
 REPORTED = "a survivor found is reported or kept before the zone is left"
 NO_SURVIVOR = "'no survivor' is said only after a search that found nobody"

@@ -7,6 +7,8 @@ from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.flat.parts import BUILDERS
 from tests.runtime.flat.stage import FlatStage, PyTreesStage, Stage, random_beats, random_bindings
 
+pytestmark = pytest.mark.unmeasured
+
 TREES = 250
 TICKS = 14
 
