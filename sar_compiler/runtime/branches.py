@@ -3,13 +3,11 @@
 from collections.abc import Mapping, Sequence
 
 from py_trees.behaviour import Behaviour
-from py_trees.common import Status
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.enums import Enums
-from sar_compiler.runtime.parents import Control, Ticking, ended
+from sar_compiler.runtime.parents import Control
 from sar_compiler.runtime.ports import Input
-from sar_compiler.runtime.skipping import SKIPPED, reset
 from sar_compiler.runtime.variables import RefusedValueError, number_of
 
 _FLOAT_EPSILON = 2.0**-23
@@ -34,32 +32,6 @@ class IfThenElse(Control):
     def __init__(self, name: str, children: Sequence[Behaviour]) -> None:
         super().__init__(name, children)
         _require_branches(name, len(children))
-        self._branch = 0
-
-    def _work(self) -> Ticking:
-        self.status = Status.RUNNING
-        if self._branch == 0:
-            condition = yield from self._tick_child(0)
-            if condition == Status.RUNNING:
-                return condition
-            if condition == SKIPPED:
-                self._reset_children()
-                return SKIPPED
-            self._branch = 1 if condition == Status.SUCCESS else 2
-            self.feedback_message = "then" if condition == Status.SUCCESS else "else"
-        if self._branch >= len(self.children):
-            # The condition keeps its status: as in BehaviorTree.CPP nothing is reset here.
-            self._branch = 0
-            return Status.FAILURE
-        outcome = yield from self._tick_child(self._branch)
-        if outcome != Status.RUNNING:
-            self._branch = 0
-            self._reset_children()
-        return outcome
-
-    def _halt(self) -> None:
-        self._branch = 0
-        super()._halt()
 
 
 class WhileDoElse(Control):
@@ -76,22 +48,6 @@ class WhileDoElse(Control):
     def __init__(self, name: str, children: Sequence[Behaviour]) -> None:
         super().__init__(name, children)
         _require_branches(name, len(children))
-
-    def _work(self) -> Ticking:
-        self.status = Status.RUNNING
-        outcome = yield from self._tick_child(0)
-        if outcome == Status.RUNNING:
-            return outcome
-        if outcome != SKIPPED:
-            branch, other = (1, 2) if outcome == Status.SUCCESS else (2, 1)
-            self.feedback_message = "do" if branch == 1 else "else"
-            if branch < len(self.children):
-                if other < len(self.children):
-                    reset(self.children[other])
-                outcome = yield from self._tick_child(branch)
-        if outcome != Status.RUNNING:
-            self._reset_children()
-        return outcome
 
 
 class Switch(Control):
@@ -139,18 +95,6 @@ class Switch(Control):
             raise ChildCountError(message)
         self._variable = variable
         self._names = enums.numbers
-        self._running: Behaviour | None = None
-
-    def _work(self) -> Ticking:
-        selected = self._select()
-        child = self.children[selected]
-        if self._running not in (None, child):
-            reset(self._running)
-        outcome = yield from self._tick_child(selected)
-        self._running = child if outcome == Status.RUNNING else None
-        if ended(outcome):
-            self._reset_children()
-        return outcome
 
     def _select(self) -> int:
         variable = self._variable.get(None)
@@ -162,10 +106,6 @@ class Switch(Control):
                     return index
         self.feedback_message = "no case"
         return len(self._cases)
-
-    def _halt(self) -> None:
-        self._running = None
-        super()._halt()
 
 
 class TryCatch(Control):
@@ -190,62 +130,6 @@ class TryCatch(Control):
             )
             raise ChildCountError(message)
         self._catch_on_halt = catch_on_halt or Input(source=False)
-        self._index = 0
-        self._skipped = 0
-        self._catching = False
-
-    def _work(self) -> Ticking:
-        if self.status != Status.RUNNING:
-            self._start_over()
-            self.feedback_message = ""
-        self.status = Status.RUNNING
-        if not self._catching:
-            outcome = yield from self._try()
-            if not self._catching:
-                return outcome
-        outcome = yield from self._tick_child(-1)
-        if outcome == Status.RUNNING:
-            return outcome
-        self._start_over()
-        self._reset_children()
-        return Status.FAILURE
-
-    def _try(self) -> Ticking:
-        tried = len(self.children) - 1
-        while self._index < tried:
-            child = self.children[self._index]
-            outcome = yield from self._tick_child(self._index)
-            if outcome == Status.RUNNING:
-                return outcome
-            if outcome == Status.FAILURE:
-                self.feedback_message = f"{child.name} failed"
-                self._catching = True
-                self._reset_children()
-                return outcome
-            self._index += 1
-            self._skipped += outcome == SKIPPED
-        all_skipped = self._skipped == tried
-        self._start_over()
-        self._reset_children()
-        return SKIPPED if all_skipped else Status.SUCCESS
-
-    def _start_over(self) -> None:
-        self._index = self._skipped = 0
-        self._catching = False
-
-    def _halt(self) -> None:
-        if self.status == Status.RUNNING and not self._catching and self._catch_on_halt.get():
-            *tried, catch = self.children
-            for child in tried:
-                reset(child)
-            try:
-                catch.tick_once()
-            finally:
-                self._start_over()
-                super()._halt()
-        else:
-            self._start_over()
-            super()._halt()
 
 
 def equal_texts(first: str, second: str, names: Mapping[str, int]) -> bool:

@@ -8,10 +8,10 @@ from py_trees.common import Status
 from sar_compiler.runtime.blackboard import Scope
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
-from sar_compiler.runtime.parents import Ticking, Wrapper, ended, outcome_of
+from sar_compiler.runtime.parents import Wrapper
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.scripting import NodeScript
-from sar_compiler.runtime.skipping import SKIPPED, reset
+from sar_compiler.runtime.skipping import SKIPPED
 
 
 @dataclass(frozen=True)
@@ -86,44 +86,3 @@ class Conditions(Wrapper):
     @status.setter
     def status(self, status: Status) -> None:
         self.decorated.status = status
-
-    def _work(self) -> Ticking:
-        outcome = self._decided()
-        if outcome is None:
-            yield from self.decorated.tick()
-            outcome = outcome_of(self.decorated)
-        if ended(outcome):
-            _run(self._after[outcome], self._post)
-        return outcome
-
-    def _decided(self) -> Status | None:
-        """Return what the pre-conditions make of this tick; None if the node is to be ticked."""
-        if self.status == Status.RUNNING:
-            if self._while is None or self._while.holds():
-                return None
-            self.stop(Status.INVALID)
-            self.feedback_message = "halted by _while"
-            return SKIPPED
-        self.feedback_message = ""
-        if not self._starts():
-            return None
-        for script, attribute, outcome in self._before:
-            if script.holds():
-                self.feedback_message = f"decided by {attribute}"
-                return outcome
-        if self._while is not None and not self._while.holds():
-            self.feedback_message = "decided by _while"
-            return SKIPPED
-        return None
-
-    def _halt(self) -> None:
-        was_running = self.status == Status.RUNNING
-        reset(self.decorated)
-        if was_running:
-            _run(self._on_halted, self._post)
-
-
-def _run(*scripts: NodeScript | None) -> None:
-    for script in scripts:
-        if script is not None:
-            script.run()

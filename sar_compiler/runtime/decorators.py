@@ -1,11 +1,9 @@
 """Decorators that turn one end of their child into another."""
 
 from py_trees.behaviour import Behaviour
-from py_trees.common import Status
 
-from sar_compiler.runtime.parents import Ticking, Wrapper, ended
+from sar_compiler.runtime.parents import Wrapper
 from sar_compiler.runtime.ports import Input
-from sar_compiler.runtime.skipping import SKIPPED
 
 
 class Inverter(Wrapper):
@@ -18,13 +16,6 @@ class Inverter(Wrapper):
         child: The child.
     """
 
-    def _work(self) -> Ticking:
-        self.status = Status.RUNNING
-        outcome = yield from self._tick_child()
-        if not ended(outcome):
-            return outcome
-        return Status.FAILURE if outcome == Status.SUCCESS else Status.SUCCESS
-
 
 class ForceSuccess(Wrapper):
     """Succeeds when its child ends, however it does; a child that is skipped makes it skipped.
@@ -35,13 +26,6 @@ class ForceSuccess(Wrapper):
         name: The node's name.
         child: The child.
     """
-
-    _forced = Status.SUCCESS
-
-    def _work(self) -> Ticking:
-        self.status = Status.RUNNING
-        outcome = yield from self._tick_child()
-        return self._forced if ended(outcome) else outcome
 
 
 class ForceFailure(ForceSuccess):
@@ -54,8 +38,6 @@ class ForceFailure(ForceSuccess):
         child: The child.
     """
 
-    _forced = Status.FAILURE
-
 
 class KeepRunningUntilFailure(Wrapper):
     """Answers RUNNING until its child fails, also when the child succeeds or is skipped.
@@ -66,11 +48,6 @@ class KeepRunningUntilFailure(Wrapper):
         name: The node's name.
         child: The child.
     """
-
-    def _work(self) -> Ticking:
-        self.status = Status.RUNNING
-        outcome = yield from self._tick_child()
-        return Status.FAILURE if outcome == Status.FAILURE else Status.RUNNING
 
 
 class RunOnce(Wrapper):
@@ -87,18 +64,6 @@ class RunOnce(Wrapper):
     def __init__(self, name: str, child: Behaviour, then_skip: Input[bool] | None = None) -> None:
         super().__init__(name, child)
         self._then_skip = then_skip or Input(source=True)
-        self._answer: Status | None = None
-
-    def _work(self) -> Ticking:
-        then_skip = self._then_skip.get()
-        if self._answer is not None:
-            self.feedback_message = "has run"
-            return SKIPPED if then_skip else self._answer
-        self.status = Status.RUNNING
-        outcome = yield from self._tick_child()
-        if ended(outcome):
-            self._answer = outcome
-        return outcome
 
 
 class SubTree(Wrapper):
@@ -110,8 +75,3 @@ class SubTree(Wrapper):
         name: The node's name.
         child: The root of what the subtree consists of.
     """
-
-    def _work(self) -> Ticking:
-        if self.status == Status.INVALID:
-            self.status = Status.RUNNING
-        return self._tick_child()

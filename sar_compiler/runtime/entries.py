@@ -7,7 +7,7 @@ from sar_compiler.errors import SarError
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Entry, Scope
 from sar_compiler.runtime.entry_types import kept, read_as
 from sar_compiler.runtime.enums import Enums
-from sar_compiler.runtime.parents import Ticking, Wrapper
+from sar_compiler.runtime.parents import Wrapper
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.skipping import SKIPPED
 from sar_compiler.runtime.variables import RefusedValueError, said
@@ -146,20 +146,6 @@ class _IfUpdated(Wrapper):
     def __init__(self, name: str, child: Behaviour, entry: Input[object], scope: Scope) -> None:
         super().__init__(name, child)
         self._updates = Updates(_entry(entry, scope))
-        self._child_runs = False
-
-    def _work(self) -> Ticking:
-        if not self._child_runs and not self._updates.come():
-            self.feedback_message = "no update"
-            return self._otherwise
-        self.feedback_message = ""
-        outcome = yield from self._tick_child()
-        self._child_runs = outcome == Status.RUNNING
-        return outcome
-
-    def _halt(self) -> None:
-        self._child_runs = False
-        super()._halt()
 
 
 class SkipUnlessUpdated(_IfUpdated):

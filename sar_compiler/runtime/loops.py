@@ -3,19 +3,16 @@
 Stock py_trees' ForEach ticks its child once even if there is no item, and takes no literal queue.
 """
 
-from collections import deque
 from collections.abc import Iterable
 from typing import Any
 
 from py_trees.behaviour import Behaviour
-from py_trees.common import Status
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.chosen_outcome import Outcome
 from sar_compiler.runtime.entry_types import value_of
-from sar_compiler.runtime.parents import Ticking, Wrapper
+from sar_compiler.runtime.parents import Wrapper
 from sar_compiler.runtime.ports import Input, Output
-from sar_compiler.runtime.tokens import excerpt
 from sar_compiler.runtime.variables import RefusedValueError, ScriptValue, fit
 
 _SEPARATOR = ";"
@@ -44,40 +41,6 @@ class Loop(Wrapper):
         self._value = value or Output()
         self._if_empty = if_empty or Input(Outcome.SUCCESS)
         self._literal = self._read(queue.get()) if queue.entry is None else None
-        self._queue: deque[Any] | None = None
-        self._child_runs = False
-
-    def _work(self) -> Ticking:
-        if self._starts():
-            self._queue = None if self._literal is None else deque(self._literal)
-            self._child_runs = False
-        if not self._child_runs and not self._next_item():
-            self.feedback_message = "no item left"
-            return self._if_empty.get().value
-        self.status = Status.RUNNING
-        outcome = yield from self._tick_child()
-        self._child_runs = outcome == Status.RUNNING
-        return Status.FAILURE if outcome == Status.FAILURE else Status.RUNNING
-
-    def _next_item(self) -> bool:
-        """Write the next item to the output, if there is one."""
-        queue = self._current()
-        if not queue:
-            return False
-        (item,) = self._read([queue.popleft()])
-        self._value.set(item)
-        self.feedback_message = f"item {excerpt(str(item))}, {len(queue)} left"
-        return True
-
-    def _current(self) -> deque[Any]:
-        if self._literal is None:
-            held = self._port.get()
-            if isinstance(held, deque):
-                # It is shared: whoever fills it may go on, and what is taken is gone.
-                self._queue = held
-            elif self._queue is None:
-                self._queue = deque(self._read(held))
-        return self._queue or deque()
 
     def _read(self, held: object) -> list[Any]:
         try:
@@ -123,10 +86,6 @@ class Loop(Wrapper):
     @classmethod
     def _converted(cls, value: ScriptValue) -> object:
         return fit(value, cls._kind)
-
-    def _halt(self) -> None:
-        self._child_runs = False
-        super()._halt()
 
 
 class LoopInt(Loop):

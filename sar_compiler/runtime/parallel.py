@@ -7,12 +7,10 @@ children that have failed again.
 from collections.abc import Sequence
 
 from py_trees.behaviour import Behaviour
-from py_trees.common import Status
 
 from sar_compiler.errors import SarError
-from sar_compiler.runtime.parents import Control, Ticking, ended
+from sar_compiler.runtime.parents import Control
 from sar_compiler.runtime.ports import Input
-from sar_compiler.runtime.skipping import SKIPPED
 
 
 class ThresholdError(SarError):
@@ -21,15 +19,6 @@ class ThresholdError(SarError):
 
 class _Counting(Control):
     """Children side by side; one that has ended is not ticked again until the node has."""
-
-    def __init__(self, name: str, children: Sequence[Behaviour]) -> None:
-        super().__init__(name, children)
-        self._through: set[int] = set()
-        self._failures = 0
-
-    @property
-    def _successes(self) -> int:
-        return len(self._through) - self._failures
 
     def _threshold(self, port: str, wanted: int) -> int:
         """Return how many children an attribute means; counted from the end if it is negative.
@@ -45,30 +34,6 @@ class _Counting(Control):
             )
             raise ThresholdError(message)
         return wanted if wanted >= 0 else max(count + wanted + 1, 0)
-
-    def _tick_unless_through(self, index: int) -> Ticking:
-        """Tick a child that has not ended yet, and note it if it does; return `SKIPPED` if it was skipped."""
-        if index in self._through:
-            return Status.SUCCESS
-        outcome = yield from self._tick_child(index)
-        if ended(outcome):
-            self._through.add(index)
-            self._failures += outcome == Status.FAILURE
-        return outcome
-
-    def _finish(self, outcome: Status) -> Status:
-        self.feedback_message = f"{self._successes} succeeded, {self._failures} failed"
-        self._clear()
-        self._reset_children()
-        return outcome
-
-    def _clear(self) -> None:
-        self._through.clear()
-        self._failures = 0
-
-    def _halt(self) -> None:
-        self._clear()
-        super()._halt()
 
 
 class Parallel(_Counting):
@@ -96,22 +61,6 @@ class Parallel(_Counting):
         self._success_count = success_count or Input(-1)
         self._failure_count = failure_count or Input(1)
 
-    def _work(self) -> Ticking:
-        success_count = self._success_count.get()
-        enough = self._threshold("success_count", success_count)
-        too_many = self._threshold("failure_count", self._failure_count.get())
-        self.status = Status.RUNNING
-        skipped = 0
-        for index in range(len(self.children)):
-            outcome = yield from self._tick_unless_through(index)
-            skipped += outcome == SKIPPED
-            if self._successes + (skipped if success_count < 0 else 0) >= enough:
-                return self._finish(Status.SUCCESS)
-            if len(self.children) - self._failures < enough or self._failures == too_many:
-                return self._finish(Status.FAILURE)
-        self.feedback_message = f"{self._successes} of {enough}"
-        return SKIPPED if skipped == len(self.children) else Status.RUNNING
-
 
 class ParallelAll(_Counting):
     """Waits for all children, then fails if too many of them have failed.
@@ -129,17 +78,3 @@ class ParallelAll(_Counting):
     ) -> None:
         super().__init__(name, children)
         self._max_failures = max_failures or Input(1)
-
-    def _work(self) -> Ticking:
-        too_many = self._threshold("max_failures", self._max_failures.get())
-        self.status = Status.RUNNING
-        skipped = 0
-        for index in range(len(self.children)):
-            outcome = yield from self._tick_unless_through(index)
-            skipped += outcome == SKIPPED
-        if skipped == len(self.children):
-            return SKIPPED
-        if skipped + len(self._through) == len(self.children):
-            return self._finish(Status.FAILURE if self._failures >= too_many else Status.SUCCESS)
-        self.feedback_message = f"{len(self._through)} of {len(self.children)}"
-        return Status.RUNNING

@@ -3,9 +3,8 @@
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler.runtime.parents import Ticking, Wrapper, Yielding
+from sar_compiler.runtime.parents import Wrapper, Yielding
 from sar_compiler.runtime.ports import Input
-from sar_compiler.runtime.skipping import SKIPPED, reset
 
 ENDLESS = -1
 """A number of times without an end."""
@@ -24,39 +23,10 @@ class _Again(Yielding, Wrapper):
     def __init__(self, name: str, child: Behaviour, times: Input[int]) -> None:
         super().__init__(name, child)
         self._times = times
-        self._done = 0
-
-    def _work(self) -> Ticking:
-        times = self._times.get()
-        self.status = Status.RUNNING
-        while self._done < times or times == ENDLESS:
-            self.feedback_message = f"{self._counted} {self._done + 1}" + (
-                "" if times < 0 else f" of {times}"
-            )
-            was_running = self.decorated.status == Status.RUNNING
-            outcome = yield from self._tick_child()
-            if outcome == Status.RUNNING:
-                return outcome
-            if outcome == SKIPPED:
-                reset(self.decorated)
-                return outcome
-            if outcome != self._again:
-                self._done = 0
-                return outcome
-            self._done += 1
-            times = self._read_again(times)
-            if not was_running and (self._done < times or times == ENDLESS):
-                return self._pause()
-        self._done = 0
-        return self._again
 
     def _read_again(self, times: int) -> int:
         """Return how often to tick the child, after one more time."""
         return times
-
-    def _halt(self) -> None:
-        self._done = 0
-        super()._halt()
 
 
 class Repeat(_Again):

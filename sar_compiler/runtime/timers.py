@@ -9,7 +9,7 @@ from py_trees.common import Status
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.clock import Clock
-from sar_compiler.runtime.parents import Ticking, Wrapper, Yielding, ended
+from sar_compiler.runtime.parents import Wrapper, Yielding
 from sar_compiler.runtime.ports import Input
 
 _MILLISECONDS = 1000.0
@@ -74,27 +74,7 @@ class Delay(Yielding, Wrapper):
     def __init__(self, name: str, child: Behaviour, delay_msec: Input[int], clock: Clock) -> None:
         super().__init__(name, child)
         self._delay_msec = delay_msec
-        self._timer = Countdown(clock)
-
-    def _work(self) -> Ticking:
-        delay = seconds_of(self.name, "delay_msec", self._delay_msec.get())
-        if not self._timer.started:
-            self._timer.start(delay)
-            self.status = Status.RUNNING
-            self.feedback_message = time_left(delay)
-            return Status.RUNNING if delay else self._pause()
-        remaining = self._timer.remaining()
-        self.feedback_message = time_left(remaining) if remaining else ""
-        if remaining:
-            return Status.RUNNING
-        outcome = yield from self._tick_child()
-        if ended(outcome):
-            self._timer.stop()
-        return outcome
-
-    def _halt(self) -> None:
-        self._timer.stop()
-        super()._halt()
+        self.clock = clock
 
 
 class Timeout(Wrapper):
@@ -112,39 +92,7 @@ class Timeout(Wrapper):
     def __init__(self, name: str, child: Behaviour, msec: Input[int], clock: Clock) -> None:
         super().__init__(name, child)
         self._msec = msec
-        self._timer = Countdown(clock)
-        self._limited = False
-
-    def _work(self) -> Ticking:
-        limit = seconds_of(self.name, "msec", self._msec.get())
-        if not self._timer.started:
-            self._start(limit)
-        elif self._limited and not self._timer.remaining():
-            if self.decorated.status == Status.RUNNING:
-                return self._time_out()
-            # The time ran out over a child that was skipped: it begins with the child.
-            self._start(limit)
-        self.feedback_message = time_left(self._timer.remaining()) if self._limited else ""
-        outcome = yield from self._tick_child()
-        if ended(outcome):
-            self._timer.stop()
-            self.feedback_message = ""
-        return outcome
-
-    def _start(self, limit: float) -> None:
-        self._timer.start(limit)
-        self._limited = limit > 0
-        self.status = Status.RUNNING
-
-    def _time_out(self) -> Status:
-        self._timer.stop()
-        self._reset_children()
-        self.feedback_message = "timed out"
-        return Status.FAILURE
-
-    def _halt(self) -> None:
-        self._timer.stop()
-        super()._halt()
+        self.clock = clock
 
 
 class Sleep(Behaviour):

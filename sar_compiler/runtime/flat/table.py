@@ -56,6 +56,19 @@ def builder_of(behaviour: Behaviour) -> Build:
     return leaves.leaf
 
 
+def inherited_builder_of(node: Parent) -> Build:
+    """Return what brings one of our nodes into flat form; a subclass has its base's builder unless it has its own.
+
+    Raises:
+        NotFlatError: If neither the class nor a base is known.
+    """
+    known = (BUILDERS[cls] for cls in type(node).__mro__ if cls in BUILDERS)
+    build = next(known, None)
+    if build is None:
+        raise NotFlatError(node)
+    return build
+
+
 def shares_status(behaviour: Behaviour) -> bool:
     """Return whether a behaviour and its child have one status between them."""
     return isinstance(behaviour, Parent) and behaviour.is_its_child
