@@ -7,7 +7,7 @@ from sar_compiler.errors import SarError
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Entry, Scope
 from sar_compiler.runtime.entry_types import kept, read_as
 from sar_compiler.runtime.enums import Enums
-from sar_compiler.runtime.parents import Wrapper
+from sar_compiler.runtime.parents import Built, Wrapper
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.skipping import SKIPPED
 from sar_compiler.runtime.variables import RefusedValueError, said
@@ -99,26 +99,7 @@ class UnsetBlackboard(Behaviour):
         return Status.SUCCESS
 
 
-class Updates:
-    """Notices whether an entry was written since it was last asked.
-
-    Args:
-        entry: The entry.
-    """
-
-    def __init__(self, entry: Entry) -> None:
-        self._entry = entry
-        self._seen = 0
-
-    def come(self) -> bool:
-        """Return whether the entry was written since the last call, or, at first, ever."""
-        if not self._entry.exists:
-            return False
-        seen, self._seen = self._seen, self._entry.stamp
-        return seen != self._seen
-
-
-class WasEntryUpdated(Behaviour):
+class WasEntryUpdated(Built):
     """Succeeds if an entry was written since this node last looked, else fails.
 
     py_trees has nothing like it: its blackboard does not count writes.
@@ -131,11 +112,7 @@ class WasEntryUpdated(Behaviour):
 
     def __init__(self, name: str, entry: Input[object], scope: Scope) -> None:
         super().__init__(name)
-        self._updates = Updates(_entry(entry, scope))
-
-    def update(self) -> Status:
-        """Look at the entry."""
-        return Status.SUCCESS if self._updates.come() else Status.FAILURE
+        self._entry = _entry(entry, scope)
 
 
 class _IfUpdated(Wrapper):
@@ -145,7 +122,7 @@ class _IfUpdated(Wrapper):
 
     def __init__(self, name: str, child: Behaviour, entry: Input[object], scope: Scope) -> None:
         super().__init__(name, child)
-        self._updates = Updates(_entry(entry, scope))
+        self._entry = _entry(entry, scope)
 
 
 class SkipUnlessUpdated(_IfUpdated):

@@ -23,20 +23,17 @@ if TYPE_CHECKING:
     from sar_compiler.runtime.flat.single import SingleNode, Visit, Visits
 
 
-class Parent(Behaviour):
-    """A node with children that keeps BehaviorTree.CPP's rules.
+class Built(Behaviour):
+    """A node whose tick and stop are those that its builder in `runtime.flat` makes.
 
-    `tick` and `stop` are the same for all of them. What makes one of them is its builder in `runtime.flat`; with the
-    first tick or stop it makes a form of the node alone. A flat tree has nothing to do with that form.
+    They are made with the first tick or stop, for this node alone: a flat tree that it is part of has its own.
 
     Attributes:
         clock: What the node measures time with.
         skipped: Whether the last tick was skipped; the status is then not the tick's, see `runtime.skipping`.
-        is_its_child: Whether it and its child are one node, with one status.
     """
 
     skipped = False
-    is_its_child = False
     clock: Clock = WallClock()
     _form: "SingleNode | None" = None
 
@@ -70,7 +67,7 @@ class Parent(Behaviour):
         return self._form
 
     def update(self) -> Status:
-        """Return the status; `tick` does the work of a node with children."""
+        """Return the status; `tick` does the work."""
         return self.status
 
     def stop(self, new_status: Status = Status.INVALID) -> None:
@@ -82,6 +79,16 @@ class Parent(Behaviour):
         if new_status == Status.INVALID:
             self._single().halt()
         self.status = new_status
+
+
+class Parent(Built):
+    """A node with children that keeps BehaviorTree.CPP's rules.
+
+    Attributes:
+        is_its_child: Whether it and its child are one node, with one status.
+    """
+
+    is_its_child = False
 
 
 class Control(Parent, Composite):

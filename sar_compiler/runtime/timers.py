@@ -5,11 +5,10 @@ each tick; nothing happens between ticks.
 """
 
 from py_trees.behaviour import Behaviour
-from py_trees.common import Status
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.clock import Clock
-from sar_compiler.runtime.parents import Wrapper, Yielding
+from sar_compiler.runtime.parents import Built, Wrapper, Yielding
 from sar_compiler.runtime.ports import Input
 
 _MILLISECONDS = 1000.0
@@ -17,46 +16,6 @@ _MILLISECONDS = 1000.0
 
 class DurationError(SarError):
     """A node is to wait for less than no time."""
-
-
-class Countdown:
-    """Counts a time down on a clock that may stand still, and may go back.
-
-    A clock that goes back counts as one that stood still: what had passed stays passed, and nothing has to be
-    waited for twice. A clock that leaps forward is believed.
-
-    Args:
-        clock: The clock.
-    """
-
-    def __init__(self, clock: Clock) -> None:
-        self._clock = clock
-        self._looked = 0.0
-        self._end: float | None = None
-
-    @property
-    def started(self) -> bool:
-        """Whether it is running or has run out."""
-        return self._end is not None
-
-    def start(self, seconds: float) -> None:
-        """Begin to count from a number of seconds."""
-        self._looked = self._clock.now()
-        self._end = self._looked + seconds
-
-    def stop(self) -> None:
-        """Count no more."""
-        self._end = None
-
-    def remaining(self) -> float:
-        """Return how many seconds are left, 0 at the end; also 0 if it was never started."""
-        if self._end is None:
-            return 0.0
-        now = self._clock.now()
-        if now < self._looked:
-            self._end -= self._looked - now
-        self._looked = now
-        return max(self._end - now, 0.0)
 
 
 class Delay(Yielding, Wrapper):
@@ -95,7 +54,7 @@ class Timeout(Wrapper):
         self.clock = clock
 
 
-class Sleep(Behaviour):
+class Sleep(Built):
     """Waits, then succeeds.
 
     Stock py_trees' Timer reads the machine's clock.
@@ -109,23 +68,7 @@ class Sleep(Behaviour):
     def __init__(self, name: str, msec: Input[int], clock: Clock) -> None:
         super().__init__(name)
         self._msec = msec
-        self._timer = Countdown(clock)
-
-    def initialise(self) -> None:
-        """Start the time."""
-        self._timer.start(seconds_of(self.name, "msec", self._msec.get()))
-
-    def update(self) -> Status:
-        """Return RUNNING until the time is over, then SUCCESS."""
-        remaining = self._timer.remaining()
-        self.feedback_message = time_left(remaining) if remaining else ""
-        return Status.RUNNING if remaining else Status.SUCCESS
-
-    def terminate(self, new_status: Status) -> None:
-        """Forget the time."""
-        self._timer.stop()
-        if new_status == Status.INVALID:
-            self.feedback_message = ""
+        self.clock = clock
 
 
 def seconds_of(name: str, port: str, milliseconds: int) -> float:

@@ -1,7 +1,6 @@
 """Nodes that work with entries of the blackboard and remember something: of `runtime.entries` and `script_nodes`."""
 
 from collections.abc import Callable
-from typing import Any
 
 from sar_compiler.runtime.entries import SkipUnlessUpdated, WaitValueUpdate, WasEntryUpdated
 from sar_compiler.runtime.flat.cells import (
@@ -84,9 +83,8 @@ def _guarded(
 
 def _updates(part: Part) -> Callable[[Cells], bool]:
     """Return what says whether a node's entry was written since the node last looked."""
-    updates: Any = part.behaviour._updates
-    entry = updates._entry
-    seen = part.cell(updates._seen)
+    entry = part.behaviour._entry
+    seen = part.cell(0)
     part.watch(entry, seen)
 
     def come(cells: Cells) -> bool:

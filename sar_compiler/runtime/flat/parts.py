@@ -70,8 +70,13 @@ def builds(*classes: type[Behaviour]) -> Callable[[Build], Build]:
 def is_reset(behaviour: Behaviour) -> bool:
     """Return whether a node's parent resets it to INVALID before starting it again; stock parents do not.
 
-    `Parent._starts` says why that decides which ticks are starts. It depends on the tree alone, so a builder asks once,
-    where the generators ask in every tick.
+    That decides which ticks start a node, rather than go on with it; the status alone cannot tell. BehaviorTree.CPP
+    starts a node that is IDLE, and its controls and decorators reset their children to that (here INVALID) when their own
+    work is over. A child with SUCCESS or FAILURE below such a parent was therefore ticked earlier in the same work and
+    goes on: WhileDoElse ticks its condition again without resetting it. py_trees never resets a child that has ended; it
+    starts any that is not RUNNING. So below a stock parent, SUCCESS and FAILURE mean that the node starts, and so they do
+    at the root, which is ticked again after its end. A parent that is one node with its child (`is_its_child`) resets
+    nothing by itself; the one around it decides.
     """
     around = behaviour.parent
     while isinstance(around, Parent) and around.is_its_child:
@@ -101,7 +106,7 @@ def halted_by(part: Part, halt: Stop) -> Stop:
 
     Args:
         part: The node.
-        halt: What its `_halt` does.
+        halt: Halts its children, and forgets where the node was.
     """
     at, behaviour = part.at, part.behaviour
 

@@ -15,7 +15,7 @@ from sar_compiler.runtime.flat.cells import SKIPPED, STATUSES, Cells, Tick, numb
 from sar_compiler.runtime.flat.parts import Child, Part
 from sar_compiler.runtime.flat.table import inherited_builder_of
 from sar_compiler.runtime.flat.times import ClockTimes, Times
-from sar_compiler.runtime.parents import Parent
+from sar_compiler.runtime.parents import Built
 from sar_compiler.runtime.skipping import was_skipped
 
 
@@ -39,7 +39,7 @@ class SingleNode:
         node: The node.
     """
 
-    def __init__(self, node: Parent) -> None:
+    def __init__(self, node: Built) -> None:
         self._node = node
         self._children = list(node.children)
         self._cells = _LiveCells([node, *node.children])
@@ -79,6 +79,8 @@ class SingleNode:
         def stop(cells: Cells, times: Times) -> None:  # noqa: ARG001
             child.stop(Status.INVALID)
 
+        if isinstance(child, Built) and type(child).tick is Built.tick:
+            return Child(child, self._ticks_built(child), stop, at)
         return Child(child, self._ticks(child), stop, at)
 
     def _ticks(self, child: Behaviour) -> Tick:
@@ -87,12 +89,17 @@ class SingleNode:
                 self._visits.append(Visit(node, node.status, node.feedback_message))
             return SKIPPED if was_skipped(child) else number_of(child.status)
 
-        def tick_ours(cells: Cells, times: Times) -> int:  # noqa: ARG001
+        return tick
+
+    def _ticks_built(self, child: Built) -> Tick:
+        """Return what ticks a child without a generator."""
+
+        def tick(cells: Cells, times: Times) -> int:  # noqa: ARG001
             outcome = child.work(self._visits)
             self._visits.append(Visit(child, child.status, child.feedback_message))
             return outcome
 
-        return tick_ours if isinstance(child, Parent) and type(child).tick is Parent.tick else tick
+        return tick
 
 
 class _LiveCells(list[Any]):

@@ -22,7 +22,7 @@ from sar_compiler.runtime.flat import (  # noqa: F401
     timers,
 )
 from sar_compiler.runtime.flat.parts import BUILDERS, Build
-from sar_compiler.runtime.parents import Parent
+from sar_compiler.runtime.parents import Built, Parent
 
 
 class NotFlatError(SarError):
@@ -56,7 +56,7 @@ def builder_of(behaviour: Behaviour) -> Build:
     return leaves.leaf
 
 
-def inherited_builder_of(node: Parent) -> Build:
+def inherited_builder_of(node: Built) -> Build:
     """Return what brings one of our nodes into flat form; a subclass has its base's builder unless it has its own.
 
     Raises:
