@@ -17,7 +17,8 @@ from py_trees.composites import Sequence
 from sar_compiler.compiler import bind_main, preview_tree
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.clock import WallClock
-from sar_compiler.runtime.flat import ClockTimes, flatten
+from sar_compiler.runtime.flat.times import ClockTimes
+from sar_compiler.runtime.flat.tree import flatten
 from sar_compiler.tree.forest import load_forest
 from sar_compiler.tree.reading import read_tree_file
 

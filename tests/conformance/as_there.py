@@ -18,6 +18,7 @@ from py_trees.common import Status
 
 from sar_compiler.runtime import (
     branches,
+    conditions,
     entries,
     entry_types,
     loops,
@@ -27,10 +28,9 @@ from sar_compiler.runtime import (
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Scope
 from sar_compiler.runtime.conditions import Conditions
 from sar_compiler.runtime.entries import SetBlackboard
-from sar_compiler.runtime.flat import conditions, parts
+from sar_compiler.runtime.flat import parts
 from sar_compiler.runtime.flat.cells import ENDED, RUNNING, SKIPPED, Cells, Stop, Tick, number_of
-from sar_compiler.runtime.flat.decorators import halted_with_child, ticked
-from sar_compiler.runtime.flat.parts import Part
+from sar_compiler.runtime.flat.parts import Part, halted_with_child, ticked
 from sar_compiler.runtime.flat.times import Times
 from sar_compiler.runtime.script_nodes import Precondition
 from sar_compiler.runtime.skipping import reset

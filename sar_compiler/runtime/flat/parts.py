@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.runtime.blackboard import Entry
-from sar_compiler.runtime.flat.cells import INVALID, RUNNING, Cells, Stop, Tick
+from sar_compiler.runtime.flat.cells import ENDED, INVALID, RUNNING, SKIPPED, Cells, Stop, Tick
 from sar_compiler.runtime.flat.times import Times
 from sar_compiler.runtime.parents import Parent
 
@@ -134,3 +134,56 @@ def halted_with_children(part: Part, *forgotten: int) -> Stop:
         reset_all(children, cells, times)
 
     return halted_by(part, halt)
+
+
+def ticked(part: Part) -> Tick:
+    """Return what ticks the child of a decorator, and leaves it at rest if it has ended."""
+    ((_, tick_child, _, cell),) = part.children
+
+    def tick(cells: Cells, times: Times) -> int:
+        outcome = tick_child(cells, times)
+        if outcome & ENDED:
+            cells[cell] = INVALID
+        return outcome
+
+    return tick
+
+
+def halted_with_child(part: Part, *forgotten: int) -> Stop:
+    """Return what stops a decorator that forgets where it was and halts its child.
+
+    Args:
+        part: The decorator.
+        *forgotten: The cells that are set to 0.
+    """
+    (child,) = part.children
+
+    def halt(cells: Cells, times: Times) -> None:
+        for number in forgotten:
+            cells[number] = 0
+        reset(child, cells, times)
+
+    return halted_by(part, halt)
+
+
+def guarded(
+    part: Part, may_start: Callable[[Cells], bool], otherwise: Callable[[], int], why_not: str
+) -> tuple[Tick, Stop]:
+    """Build a decorator that asks whether its child may start, and not again while the child runs."""
+    at, behaviour = part.at, part.behaviour
+    tick_child = ticked(part)
+    child_runs = part.cell(0)
+
+    def tick(cells: Cells, times: Times) -> int:
+        if not cells[child_runs] and not may_start(cells):
+            behaviour.feedback_message = why_not
+            outcome = otherwise()
+        else:
+            behaviour.feedback_message = ""
+            outcome = tick_child(cells, times)
+            cells[child_runs] = int(outcome == RUNNING)
+        if outcome != SKIPPED:
+            cells[at] = outcome
+        return outcome
+
+    return tick, halted_with_child(part, child_runs)

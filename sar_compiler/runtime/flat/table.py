@@ -6,21 +6,8 @@ from py_trees.decorators import Decorator
 
 from sar_compiler.errors import SarError
 
-# Each of them declares its builders when it is imported.
-from sar_compiler.runtime.flat import (  # noqa: F401
-    branches,
-    conditions,
-    decorators,
-    entries,
-    leaves,
-    loops,
-    parallel,
-    repetition,
-    sequences,
-    stock_composites,
-    stock_decorators,
-    timers,
-)
+# Each of them declares its builders when it is imported, as the modules of our own classes do.
+from sar_compiler.runtime.flat import leaves, stock_composites, stock_decorators  # noqa: F401
 from sar_compiler.runtime.flat.parts import BUILDERS, Build
 from sar_compiler.runtime.parents import Built, Parent
 
