@@ -1,4 +1,4 @@
-"""What a tick costs in flat form, and how often py_trees' generators take that time.
+"""What a tick costs in flat form, and how often that time it takes by the nodes' own `tick`, as py_trees calls it.
 
 Run it with `make bench`, or `python benchmarks/ticking.py 1000 10000`. Both forms tick trees with the same leaves, which
 do nothing but answer, in turns in one run; each figure is the median of several runs.

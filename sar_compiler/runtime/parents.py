@@ -4,8 +4,8 @@ Stock py_trees classes know no SKIPPED, and keep the statuses of children that h
 again. The classes on top of these ask what the outcome of a child's tick was, and reset children when BehaviorTree.CPP
 does: one that is running is halted, one that has ended only forgets how it did.
 
-What a class does in a tick, and when it is halted, is in its builder in `runtime.flat`. A class here has the
-constructor, and what its builder asks of it.
+A class has the constructor, and what its builder asks of it. What it does in a tick, and when it is halted, is said by
+the builder (`runtime.flat.parts.builds`), whether the node is ticked by itself or in a flat tree.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,9 +24,10 @@ if TYPE_CHECKING:
 
 
 class Built(Behaviour):
-    """A node whose tick and stop are those that its builder in `runtime.flat` makes.
+    """A node that ticks and stops as its builder says.
 
-    They are made with the first tick or stop, for this node alone: a flat tree that it is part of has its own.
+    The builder is asked with the first tick or stop, for this node alone: a flat tree that it is part of asks it
+    again, and remembers for itself.
 
     Attributes:
         clock: What the node measures time with.
@@ -60,7 +61,7 @@ class Built(Behaviour):
 
     def _single(self) -> "SingleNode":
         if self._form is None or not self._form.is_of(self.children):
-            # Only now: a tree that is only checked needs no builders, and these import the classes.
+            # Only now: what is only checked is never ticked, and the builders import this module.
             from sar_compiler.runtime.flat.single import SingleNode
 
             self._form = SingleNode(self)

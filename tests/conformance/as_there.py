@@ -33,7 +33,6 @@ from sar_compiler.runtime.flat.cells import ENDED, RUNNING, SKIPPED, Cells, Stop
 from sar_compiler.runtime.flat.parts import Part, halted_with_child, ticked
 from sar_compiler.runtime.flat.times import Times
 from sar_compiler.runtime.script_nodes import Precondition
-from sar_compiler.runtime.skipping import reset
 from sar_compiler.runtime.variables import RefusedValueError, ScriptValue, said
 
 Case = Mapping[str, Any]
@@ -55,6 +54,14 @@ class Habit:
     reason: str
     may_show: Callable[[Case], bool]
     taken_on: Callable[[], AbstractContextManager[None]]
+
+
+def reset(behaviour: Behaviour) -> None:
+    """Bring a node back to rest: halt it if it is running, else only forget how it ended."""
+    if behaviour.status == Status.RUNNING:
+        behaviour.stop(Status.INVALID)
+    else:
+        behaviour.status = Status.INVALID
 
 
 def halt_tree(root: Behaviour) -> None:

@@ -1,4 +1,4 @@
-"""The input and output of the builders of the flat form, and the functions that they share."""
+"""The input and output of builders, which say what a node does in a tick, and the functions that they share."""
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from sar_compiler.runtime.parents import Parent
 
 
 class Child(NamedTuple):
-    """A node in flat form, as its parent uses it.
+    """A node that is built, as its parent uses it.
 
     Attributes:
         behaviour: The behaviour.
@@ -30,13 +30,13 @@ class Child(NamedTuple):
 
 @dataclass(frozen=True)
 class Part:
-    """A node that is to be brought into flat form.
+    """A node that is to be built, in a flat tree or by itself.
 
     Attributes:
-        index: Its index in the tree.
+        index: Its index in the flat tree.
         at: The cell of its status.
         behaviour: The behaviour; `Any`, because each builder knows the class of its own.
-        children: Its children, which are in flat form already.
+        children: Its children, which are built already.
         cell: Asks for a further cell, given what is in it at first; returns its number.
         watch: Says that a cell holds how often an entry had been written when the node looked at it last.
     """
@@ -50,11 +50,11 @@ class Part:
 
 
 Build = Callable[[Part], tuple[Tick, Stop]]
-"""Brings a node of one class into flat form."""
+"""Says what a node of one class does in a tick, and when it is stopped; what it remembers is in cells."""
 
 
 BUILDERS: dict[type[Behaviour], Build] = {}
-"""The builder of each class that is known; a subclass of one of them is not."""
+"""The builder of each class that is known."""
 
 
 def builds(*classes: type[Behaviour]) -> Callable[[Build], Build]:
@@ -85,7 +85,7 @@ def is_reset(behaviour: Behaviour) -> bool:
 
 
 def reset(child: Child, cells: Cells, times: Times) -> None:
-    """Bring a child back to rest, as `skipping.reset` does."""
+    """Bring a child back to rest: halt it if it is running, else only forget how it ended."""
     if cells[child.at] == RUNNING:
         child.stop(cells, times)
     else:
