@@ -44,8 +44,15 @@ class Built(Behaviour):
         try:
             self.work(visits)
         finally:
-            for visit in visits:
-                yield from _shown(visit)
+            for node, status, message in visits:
+                now = node.status, node.feedback_message
+                node.status, node.feedback_message = status, message
+                try:
+                    yield node
+                finally:
+                    # Whoever was shown it may have stopped it.
+                    if node.status is status:
+                        node.status, node.feedback_message = now
         yield self
 
     def work(self, visits: "Visits") -> int:
@@ -118,9 +125,6 @@ class Wrapper(Parent, Decorator):
         child: The child.
     """
 
-    def __init__(self, name: str, child: Behaviour) -> None:
-        Decorator.__init__(self, name, child)
-
 
 class Yielding(Parent):
     """A node that pauses in the middle of its work, so that the rest of the tree gets its turn.
@@ -138,16 +142,3 @@ class Yielding(Parent):
             **kwargs: Perhaps `wake`, to be called when the tree is to be ticked again at once.
         """
         self._wake = kwargs.get("wake", stay_asleep)
-
-
-def _shown(visit: "Visit") -> Iterator[Behaviour]:
-    """Yield a node that was ticked, with the status and the message that it had then."""
-    node = visit.node
-    now = node.status, node.feedback_message
-    node.status, node.feedback_message = visit.status, visit.message
-    try:
-        yield node
-    finally:
-        # Whoever was shown it may have stopped it.
-        if node.status == visit.status:
-            node.status, node.feedback_message = now

@@ -19,7 +19,7 @@ from sar_compiler.runtime.flat.cells import (
     Stop,
     Tick,
 )
-from sar_compiler.runtime.flat.parts import Part, builds, halted_by, reset, ticked
+from sar_compiler.runtime.flat.parts import Part, builds, halted_with_child, reset, ticked
 from sar_compiler.runtime.flat.times import Times
 from sar_compiler.runtime.parents import Built, Wrapper, Yielding
 from sar_compiler.runtime.ports import Input
@@ -121,26 +121,26 @@ class Countdown:
     def __init__(self, part: Part) -> None:
         self._index = part.index
         self.state = part.cell(_OFF)
-        self._token = part.cell(0)
+        self.token = part.cell(0)
 
     def start(self, seconds: float, cells: Cells, times: Times) -> None:
         """Begin to count from a number of seconds."""
         cells[self.state] = _COUNTING
-        cells[self._token] = times.start(self._index, seconds)
+        cells[self.token] = times.start(self._index, seconds)
 
     def is_up(self, cells: Cells, times: Times) -> bool:
         """Return whether the time is over."""
-        if cells[self.state] == _COUNTING and times.is_up(self._index, cells[self._token]):
+        if cells[self.state] == _COUNTING and times.is_up(self._index, cells[self.token]):
             self.stop(cells, _UP)
         return bool(cells[self.state] == _UP)
 
     def left(self, cells: Cells, times: Times) -> str:
         """Return what is told of the time that is left."""
-        return time_left(times.remaining(self._index, cells[self._token]))
+        return time_left(times.remaining(self._index, cells[self.token]))
 
     def stop(self, cells: Cells, state: int = _OFF) -> None:
         """Count no more."""
-        cells[self.state], cells[self._token] = state, 0
+        cells[self.state], cells[self.token] = state, 0
 
 
 @builds(Delay)
@@ -170,7 +170,7 @@ def delay(part: Part) -> tuple[Tick, Stop]:
             cells[at] = outcome
         return outcome
 
-    return tick, _halted(part, timer)
+    return tick, halted_with_child(part, timer.state, timer.token)
 
 
 @builds(Timeout)
@@ -211,7 +211,7 @@ def timeout(part: Part) -> tuple[Tick, Stop]:
         cells[at] = FAILURE
         return FAILURE
 
-    return tick, _halted(part, timer)
+    return tick, halted_with_child(part, timer.state, timer.token)
 
 
 @builds(Sleep)
@@ -238,13 +238,3 @@ def sleep(part: Part) -> tuple[Tick, Stop]:
         cells[at] = INVALID
 
     return tick, stop
-
-
-def _halted(part: Part, timer: Countdown) -> Stop:
-    (child,) = part.children
-
-    def halt(cells: Cells, times: Times) -> None:
-        timer.stop(cells)
-        reset(child, cells, times)
-
-    return halted_by(part, halt)

@@ -102,6 +102,9 @@ class SingleNode:
         return tick
 
 
+_held, _hold = list.__getitem__, list.__setitem__
+
+
 class _LiveCells(list[Any]):
     """Cells of which the first ones are the statuses of behaviours."""
 
@@ -115,11 +118,11 @@ class _LiveCells(list[Any]):
         return len(self) - 1
 
     def __getitem__(self, number: Any) -> Any:
-        held = super().__getitem__(number)
+        held = _held(self, number)
         return number_of(held.status) if number < self._count else held
 
     def __setitem__(self, number: Any, value: Any) -> None:
         if number < self._count:
-            super().__getitem__(number).status = STATUSES[value]
+            _held(self, number).status = STATUSES[value]
         else:
-            super().__setitem__(number, value)
+            _hold(self, number, value)
