@@ -1,12 +1,14 @@
 """What all nodes with children have in common."""
 
 import itertools
+from collections.abc import Iterator
 
 import pytest
 from py_trees import composites
 from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
 
+from sar_compiler.runtime.branches import TryCatch
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.controls import Fallback, Sequence, SequenceWithMemory
 from sar_compiler.runtime.decorators import Inverter, SubTree
@@ -197,3 +199,24 @@ class Unknown(Control):
 def test_a_control_without_a_builder_is_refused_with_its_class():
     with pytest.raises(NotFlatError, match=r"'u' is a .*test_parents.Unknown"):
         Unknown("u", [Telling("a")]).tick_once()
+
+
+def test_what_is_ticked_because_of_a_halt_is_not_shown():
+    stage = Stage()
+    tried = TryCatch("t", stage.leaves(b="R", catch="S"), Input(source=True))
+    root = Parallel("p", [tried, stage.leaf("d", "F")])
+    assert [node.name for node in root.tick()] == ["b", "t", "d", "p"]
+    assert stage.told() == "b=R d=F halt b catch=S"
+
+
+class Refusing(SubTree):
+    """Ticks as it likes."""
+
+    def tick(self) -> Iterator[Behaviour]:
+        self.status = Status.FAILURE
+        yield self
+
+
+def test_a_child_with_a_tick_of_its_own_is_ticked_by_it():
+    stage = Stage()
+    assert stage.tick(Inverter("i", Refusing("r", stage.leaf("a")))) == "S:"
