@@ -249,3 +249,23 @@ def test_work_at_the_root_that_begins_again_is_found_in_a_subtree():
         "</BehaviorTree></root>"
     )
     assert found(text) == [("repeated-effect", 4, 1)]
+
+
+@pytest.mark.parametrize(
+    "leaf",
+    [
+        '<Sleep msec="900"/>',
+        '<Timer duration="3"/>',
+        '<TickCounter duration="3" completion_status="SUCCESS"/>',
+    ],
+)
+def test_what_waits_from_its_beginning_never_lets_what_comes_after_it_end(leaf):
+    body = f"<ReactiveSequence>\n{leaf}\n<Drive/>\n</ReactiveSequence>"
+    assert found(document(body)) == [("endless-restart", 4, 1)]
+
+
+def test_a_sequence_that_keeps_its_place_loses_no_steps():
+    steps = "<Look/><Drive/>"
+    body = '<Selector memory="false">\n<Sequence><Ready/><Wait/></Sequence>\n<{0}>{1}</{0}>\n</Selector>'
+    assert found(document(body.format("Sequence", steps))) == [("lost-progress", 5, 1)]
+    assert found(document(body.format("SequenceWithMemory", steps))) == []
