@@ -259,3 +259,13 @@ def test_a_tree_for_others_may_read_what_its_model_says_it_is_given():
         '<TreeNodesModel><SubTree ID="Main"><input_port name="greeting"/></SubTree></TreeNodesModel></root>',
     )
     assert found(text) == []
+
+
+def test_what_a_subtree_writes_for_nobody_is_found_in_it():
+    text = trees('<SubTree ID="B" p="{place}"/>', ("B", '<Script code="p := 1"/>'))
+    assert found(text) == [("unread-key", 3, 36, None)]
+
+
+def test_what_a_subtree_is_given_for_nothing_does_not_hide_what_another_node_writes_for_nobody():
+    text = trees('<Sequence><Script code="a := 1"/><SubTree ID="B" x="{@y}"/></Sequence>', ("B", "<Success/>"))
+    assert [code for code, *_ in found(text)] == ["unread-key", "unused-argument"]

@@ -1,6 +1,8 @@
 """Running the tests that reach a mutant, in a copy of the checkout."""
 
+import bisect
 import hashlib
+import itertools
 import json
 import os
 import shutil
@@ -21,6 +23,10 @@ _NOT_COPIED = shutil.ignore_patterns(".git", ".venv*", ".*_cache", ".hypothesis"
 _PYTEST = ("-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "chosen_tests", "-m", "not ros and not slow")
 # The first round has the quickest tests, of so many seconds together; most mutants do not live longer.
 _FIRST_SEC = 3.0
+# The last round has tests that only seem to have nothing to do with the mutant.
+_LAST_SEC = 60.0
+# Longer tests go through what shorter ones ask for one by one.
+_LONGEST_SEC = 5.0
 # Whoever takes so much longer than without the mutant hangs.
 _SLOWER, _START_SEC = 20.0, 120.0
 
@@ -86,19 +92,25 @@ class Bench:
                 own = {test: sec for test, sec in noted.items() if test.partition("::")[0] == file}
                 known[file] = [hashes[file], own]
             tests_file.write_text(json.dumps(known), encoding="utf-8")
-        return {test: sec for _, own in known.values() for test, sec in own.items() if sec is not None}
+        found = {test: sec for _, own in known.values() for test, sec in own.items() if sec is not None}
+        return {test: sec for test, sec in found.items() if sec < _LONGEST_SEC}
 
     def _rounds(self, mutant: Mutant) -> list[list[str]]:
-        """Return which tests to run: the quickest that reach the lines, then the others that do, then all.
+        """Return which tests to run: the quickest that reach the lines, then the others that do, then some more.
 
-        The last round is needed because of what is done but once in a process: only the first test reaches it.
+        The last round is for what is done but once in a process: only the first test seems to reach it.
         """
-        near, spent = self._reaching(mutant), 0.0
-        rounds: list[list[str]] = [[], [], []]
-        for test in sorted(self._seconds, key=lambda test: (-self._killers[test], self._seconds[test])):
-            spent += self._seconds[test] if test in near else 0.0
-            rounds[2 if test not in near else int(spent > _FIRST_SEC)].append(test)
-        return [tests for tests in rounds if tests]
+        near = self._reaching(mutant)
+        order = sorted(self._seconds, key=lambda test: (-self._killers[test], self._seconds[test]))
+        first, rest = self._within(_FIRST_SEC, [test for test in order if test in near])
+        last, _ = self._within(_LAST_SEC, [test for test in order if test not in near])
+        return [tests for tests in (first, rest, last) if tests]
+
+    def _within(self, seconds: float, tests: list[str]) -> tuple[list[str], list[str]]:
+        """Return the first tests that together take some seconds, and the others."""
+        ends = list(itertools.accumulate(self._seconds[test] for test in tests))
+        count = bisect.bisect_right(ends, seconds)
+        return tests[:count], tests[count:]
 
     def _reaching(self, mutant: Mutant) -> set[str]:
         contexts = self._reach.contexts_by_lineno(mutant.path)
