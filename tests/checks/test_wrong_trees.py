@@ -269,3 +269,10 @@ def test_a_sequence_that_keeps_its_place_loses_no_steps():
     body = '<Selector memory="false">\n<Sequence><Ready/><Wait/></Sequence>\n<{0}>{1}</{0}>\n</Selector>'
     assert found(document(body.format("Sequence", steps))) == [("lost-progress", 5, 1)]
     assert found(document(body.format("SequenceWithMemory", steps))) == []
+
+
+def test_a_single_attempt_of_a_single_round_takes_nothing_back():
+    body = '<Retry num_failures="1">\n<Repeat num_cycles="1">\n<Drive/></Repeat></Retry>'
+    findings = check(forest_of(document(body)), REGISTRY)
+    assert [finding.span.line for finding in findings] == [3, 4]
+    assert all("a single time" in finding.message for finding in findings)

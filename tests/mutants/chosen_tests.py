@@ -24,9 +24,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """Note how many seconds a test took; None if it did not pass."""
+    """Note how many seconds a test took; None if it failed."""
     before = _seconds.get(report.nodeid, 0.0)
-    _seconds[report.nodeid] = None if before is None or not report.passed else before + report.duration
+    _seconds[report.nodeid] = None if before is None or report.failed else before + report.duration
 
 
 def pytest_sessionfinish() -> None:

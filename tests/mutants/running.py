@@ -13,6 +13,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from coverage import CoverageData
 
@@ -48,8 +49,13 @@ class Bench:
         compiled = ("-m", "compileall", "-q", "--invalidation-mode", "checked-hash", *packages)
         subprocess.run([sys.executable, *compiled], cwd=self._copy, check=True)
         modules = sorted(path for package in packages for path in (self._copy / package).rglob("*.py"))
-        self._cache = cache.absolute() / _hash_of(modules)
-        self._seconds = self._collect(packages)
+        self._modules = {str(path.relative_to(self._copy)): _hash_of(path.read_bytes()) for path in modules}
+        self._cache = cache.absolute() / _hash_of("\n".join(self._modules).encode())
+        self._known = self._collect(packages)
+        # What fails without a mutant tells nothing.
+        self._seconds = {
+            test: sec for test, sec in self._known.items() if sec is not None and sec < _LONGEST_SEC
+        }
         self._reach = CoverageData(str(self._cache / "reach"))
         self._reach.read()
         self._killers: Counter[str] = Counter()
@@ -68,18 +74,20 @@ class Bench:
         finally:
             path.write_bytes(source)
 
-    def _collect(self, packages: Sequence[str]) -> dict[str, float]:
-        """Return how many seconds each test takes that passes; run those whose file is new, and note what they reach."""
+    def _collect(self, packages: Sequence[str]) -> dict[str, float | None]:
+        """Return how many seconds each test takes, None if it fails; run those whose file is new, and note what they reach."""
         self._cache.mkdir(parents=True, exist_ok=True)
-        tests_file, settings = self._cache / "tests.json", self._cache / "coverage.ini"
-        known = json.loads(tests_file.read_text(encoding="utf-8")) if tests_file.exists() else {}
+        notes, settings = self._cache / "notes.json", self._cache / "coverage.ini"
+        text = notes.read_text(encoding="utf-8") if notes.exists() else "[{}, {}]"
+        collected, found = json.loads(text)
+        self._collected: dict[str, str] = collected or self._modules
         files = sorted((self._copy / "tests").rglob("test_*.py"))
-        hashes = {str(file.relative_to(self._copy)): _hash_of([file]) for file in files}
-        known = {file: noted for file, noted in known.items() if hashes.get(file) == noted[0]}
+        hashes = {str(file.relative_to(self._copy)): _hash_of(file.read_bytes()) for file in files}
+        known: dict[str, Any] = {file: own for file, own in found.items() if hashes.get(file) == own[0]}
         if new := [file for file in hashes if file not in known]:
             source = "".join(f"\n  {package}" for package in packages)
-            text = f"[run]\nrelative_files = true\ndata_file = {self._cache / 'reach'}\nsource ={source}\n"
-            settings.write_text(text, encoding="utf-8")
+            run = f"[run]\nrelative_files = true\ndata_file = {self._cache / 'reach'}\nsource ={source}\n"
+            settings.write_text(run, encoding="utf-8")
             coverage = (
                 "--cov",
                 "--cov-append",
@@ -87,13 +95,12 @@ class Bench:
                 "--cov-report=",
                 f"--cov-config={settings}",
             )
-            noted, _ = self._run([*coverage, *new], None)
+            seconds, _ = self._run([*coverage, *new], None)
             for file in new:
-                own = {test: sec for test, sec in noted.items() if test.partition("::")[0] == file}
+                own = {test: sec for test, sec in seconds.items() if test.partition("::")[0] == file}
                 known[file] = [hashes[file], own]
-            tests_file.write_text(json.dumps(known), encoding="utf-8")
-        found = {test: sec for _, own in known.values() for test, sec in own.items() if sec is not None}
-        return {test: sec for test, sec in found.items() if sec < _LONGEST_SEC}
+            notes.write_text(json.dumps([self._collected, known]), encoding="utf-8")
+        return {test: sec for _, own in known.values() for test, sec in own.items()}
 
     def _rounds(self, mutant: Mutant) -> list[list[str]]:
         """Return which tests to run: the quickest that reach the lines, then the others that do, then some more.
@@ -114,14 +121,16 @@ class Bench:
 
     def _reaching(self, mutant: Mutant) -> set[str]:
         contexts = self._reach.contexts_by_lineno(mutant.path)
-        on_lines = {test for line in mutant.lines for test in contexts.get(line, []) if test}
+        is_as_it_was = self._collected[mutant.path] == self._modules[mutant.path]
+        lines = mutant.lines if is_as_it_was else ()
+        on_lines = {test for line in lines for test in contexts.get(line, []) if test}
         # What is done when a module is imported is done for all who use the module.
         found = on_lines or {test for tests in contexts.values() for test in tests if test}
         return {context.rpartition("|")[0] for context in found} & self._seconds.keys()
 
     def _failing(self, tests: list[str]) -> str:
         asked = self._copy.parent / "asked.json"
-        asked.write_text(json.dumps({"chosen": tests, "known": list(self._seconds)}), encoding="utf-8")
+        asked.write_text(json.dumps({"chosen": tests, "known": list(self._known)}), encoding="utf-8")
         files = list(dict.fromkeys(test.partition("::")[0] for test in tests))
         limit = _START_SEC + _SLOWER * sum(self._seconds[test] for test in tests)
         noted, status = self._run(["-x", *files], limit, {CHOSEN: str(asked)})
@@ -160,6 +169,5 @@ _NO_TESTS = 5
 _NO_END, _NO_START = "tests that do not end", "tests that cannot be read"
 
 
-def _hash_of(files: Sequence[Path]) -> str:
-    content = b"".join(file.name.encode() + file.read_bytes() for file in files)
+def _hash_of(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()[:16]

@@ -62,12 +62,11 @@ def _needless(bound: BoundNode, child: BoundNode) -> Diagnostic | None:
 
 def _takes_back(bound: BoundNode, child: BoundNode) -> bool:
     """Return whether a decorator turns back every answer that the one in it has turned."""
-    outer, inner = bound.spec.semantics, child.spec.semantics
-    turns = outer.steady and inner.steady and outer.changes and inner.changes
-    if not turns or outer.possible is None or inner.possible is None or len(child.children) != 1:
+    once, twice = child.spec.semantics.possible, bound.spec.semantics.possible
+    if once is None or twice is None or len(child.children) != 1:
         return False
-    once, twice = inner.possible, outer.possible
-    return all(twice(bound, [once(child, [answer], ALLOWED)], ALLOWED) == answer for answer in ANSWERS)
+    turned = tuple(once(child, [answer], ALLOWED) for answer in ANSWERS)
+    return turned != ANSWERS and tuple(twice(bound, [answer], ALLOWED) for answer in turned) == ANSWERS
 
 
 def _interrupting(bound: BoundNode, child: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
