@@ -213,6 +213,9 @@ RIGHT = {
     "a parameter of the mission": '<Say text="{@greeting}"/>',
     "a parameter in a script": '<Success _skipIf="@battery &lt; 20"/>',
     "a parameter that an attribute takes as well": '<Sequence><Timeout duration="{wait}"><Sleep msec="9"/></Timeout><Say text="{wait}"/></Sequence>',
+    "a variable that an attribute takes when the tree is made": (
+        '<Sequence><Script code="wait := 5"/><Timeout duration="{wait}"><Sleep msec="9"/></Timeout></Sequence>'
+    ),
     "a port that is both": '<CountUp times="{n}"/>',
     "a name of an enumeration": '<Sequence><Script code="s := 1"/><ScriptCondition code="s == RED"/></Sequence>',
     "a key that is asked for first": (
@@ -267,5 +270,7 @@ def test_what_a_subtree_writes_for_nobody_is_found_in_it():
 
 
 def test_what_a_subtree_is_given_for_nothing_does_not_hide_what_another_node_writes_for_nobody():
-    text = trees('<Sequence><Script code="a := 1"/><SubTree ID="B" x="{@y}"/></Sequence>', ("B", "<Success/>"))
+    text = trees(
+        '<Sequence><Script code="a := 1"/><SubTree ID="B" x="{@y}"/></Sequence>', ("B", "<Success/>")
+    )
     assert [code for code, *_ in found(text)] == ["unread-key", "unused-argument"]

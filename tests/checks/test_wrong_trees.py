@@ -276,3 +276,15 @@ def test_a_single_attempt_of_a_single_round_takes_nothing_back():
     findings = check(forest_of(document(body)), REGISTRY)
     assert [finding.span.line for finding in findings] == [3, 4]
     assert all("a single time" in finding.message for finding in findings)
+
+
+def test_what_is_tried_after_what_cannot_succeed_is_never_ticked():
+    body = "<TryCatch>\n<Ready/>\n<ForceFailure><Ready/></ForceFailure>\n<Drive/>\n<Look/>\n</TryCatch>"
+    (finding,) = check(forest_of(document(body)), REGISTRY)
+    assert (finding.code, finding.span.line) == ("unreachable-node", 6)
+    assert "'ForceFailure' never succeeds" in finding.message
+
+
+def test_what_is_tried_after_what_is_skipped_is_ticked():
+    body = '<TryCatch>\n<Precondition if="false" else="SKIPPED"><Ready/></Precondition>\n<Drive/>\n<Look/>\n</TryCatch>'
+    assert found(document(body)) == []

@@ -107,8 +107,12 @@ class Bench:
 
         The last round is for what is done but once in a process: only the first test seems to reach it.
         """
-        near = self._reaching(mutant)
-        order = sorted(self._seconds, key=lambda test: (-self._killers[test], self._seconds[test]))
+        near, rooms = self._reaching(mutant), Path(mutant.path).parts[1:-1]
+
+        def priority(test: str) -> tuple[int, bool, float]:
+            return -self._killers[test], not any(f"/{room}/" in test for room in rooms), self._seconds[test]
+
+        order = sorted(self._seconds, key=priority)
         first, rest = self._within(_FIRST_SEC, [test for test in order if test in near])
         last, _ = self._within(_LAST_SEC, [test for test in order if test not in near])
         return [tests for tests in (first, rest, last) if tests]
