@@ -4,7 +4,10 @@ import itertools
 
 import pytest
 
-from tests.checks.outcome_oracle import SUBSETS, Form, RandomTrees, answers_of, forms, leaf
+from sar_compiler.compiler import bind_main
+from sar_compiler.nodes.outcome_sets import ALL, ALLOWED, SURE
+from tests.checks.outcome_oracle import REGISTRY, SUBSETS, Form, RandomTrees, answers_of, forms, leaf
+from tests.trees import forest
 
 FORMS = forms()
 # One in so many combinations of what the children answer is tried where several have to be told apart; the
@@ -65,3 +68,24 @@ def test_nodes_in_nodes_answer_what_their_records_say_together():
             known += len(answers.known)
     assert trees > RANDOM_TREES / 4
     assert known >= 0.97 * seen
+
+
+@pytest.mark.parametrize("form", FORMS, ids=str)
+def test_what_is_known_is_allowed_and_what_is_known_of_nothing_is_allowed_for_everything(form):
+    count = form.count(2)
+    possible = form.spec.semantics.possible
+    bound = bind_main(forest(tree(form, [SUBSETS[0]] * count)), REGISTRY).main.root
+    known_of_nothing = possible(bound, [0] * count, SURE)
+    for children in itertools.product(range(1, ALL + 1), repeat=min(count, 2)):
+        sets = [*children, *[children[-1]] * (count - len(children))]
+        may = possible(bound, sets, ALLOWED)
+        assert known_of_nothing & ~may == 0, sets
+        assert possible(bound, sets, SURE) & ~may == 0, sets
+
+
+def test_what_is_interrupted_in_every_other_tick_is_not_known_to_end():
+    first = f"<AsyncSequence>{leaf(['SUCCESS'], 'a')}{leaf(['SUCCESS'], 'b')}</AsyncSequence>"
+    second = f"<AsyncFallback>{leaf(['FAILURE'], 'c')}{leaf(['SUCCESS'], 'd')}</AsyncFallback>"
+    answers = answers_of(f"<ReactiveSequence>{first}{second}</ReactiveSequence>")
+    assert answers is not None
+    assert answers.seen == answers.known == {"RUNNING"}

@@ -274,3 +274,11 @@ def test_what_a_subtree_is_given_for_nothing_does_not_hide_what_another_node_wri
         '<Sequence><Script code="a := 1"/><SubTree ID="B" x="{@y}"/></Sequence>', ("B", "<Success/>")
     )
     assert [code for code, *_ in found(text)] == ["unread-key", "unused-argument"]
+
+
+@pytest.mark.parametrize("leaf", ['<UnsetBlackboard key="a"/>', '<UnsetBlackboardVariable key="a"/>'])
+def test_who_only_removes_a_key_reads_nothing_and_writes_nothing(leaf):
+    body = f'<Sequence>\n<Script code="a := 1"/>\n{leaf}\n</Sequence>'
+    assert found(document(body)) == [("unread-key", 4, 15, None)]
+    body = f'<Sequence>\n{leaf}\n<Say text="{{a}}"/>\n</Sequence>'
+    assert found(document(body)) == [("unwritten-key", 5, 12, None)]
