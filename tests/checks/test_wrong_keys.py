@@ -282,3 +282,38 @@ def test_who_only_removes_a_key_reads_nothing_and_writes_nothing(leaf):
     assert found(document(body)) == [("unread-key", 4, 15, None)]
     body = f'<Sequence>\n{leaf}\n<Say text="{{a}}"/>\n</Sequence>'
     assert found(document(body)) == [("unwritten-key", 5, 12, None)]
+
+
+@pytest.mark.parametrize(
+    "node",
+    [
+        '<CheckBlackboardVariableExists variable_name="a"/>',
+        '<WaitForBlackboardVariable variable_name="a"/>',
+        '<CheckBlackboardVariableValue variable="a" operator="eq" value="1"/>',
+        '<WaitForBlackboardVariableValue variable="a" operator="eq" value="1"/>',
+        '<CheckBlackboardVariableValues checks="a eq 1;a eq 2" operator="or"/>',
+        '<CompareBlackboardVariables var1_key="a" var2_key="{@b}" operator="eq"/>',
+        '<CompareBlackboardVariables var1_key="{@b}" var2_key="a" operator="eq"/>',
+        '<WasEntryUpdated entry="a"/>',
+        '<WasEntryUpdated entry="{a}"/>',
+        '<SkipUnlessUpdated entry="a"><Success/></SkipUnlessUpdated>',
+        '<WaitValueUpdate entry="a"><Success/></WaitValueUpdate>',
+        *(f'<Loop{of} queue="{{a}}"><Success/></Loop{of}>' for of in ("Bool", "Double", "Int", "String")),
+    ],
+)
+def test_who_can_do_without_a_key_may_ask_for_it_before_it_is_written(node):
+    assert found(document(f'<Sequence>{node}<Script code="a := 1"/></Sequence>')) == []
+
+
+@pytest.mark.parametrize(
+    "node",
+    [
+        '<SetBlackboard output_key="a" value="1"/>',
+        '<SetBlackboardVariable variable_name="a" variable_value="1"/>',
+        '<StatusToBlackboard variable_name="a"><Success/></StatusToBlackboard>',
+        '<ForEach source_key="{@list}" target_key="a"><Success/></ForEach>',
+    ],
+)
+def test_who_writes_a_key_without_looking_at_it_overwrites_what_was_there(node):
+    text = document(f'<Sequence>\n{node}\n{node}\n<Say text="{{a}}"/></Sequence>')
+    assert [(code, line) for code, line, *_ in found(text)] == [("overwritten-key", 5)]
