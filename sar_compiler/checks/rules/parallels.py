@@ -15,8 +15,7 @@ def check_parallels(subject: Subject) -> Iterator[Diagnostic]:
     """Yield what one child of a Parallel does to another."""
     for tree in subject.trees:
         for bound in tree.parents:
-            is_parallel = bound.spec.semantics.order is Order.TOGETHER
-            if is_parallel and len(bound.children) > 1 and bound not in subject.broken:
+            if bound.spec.semantics.order is Order.TOGETHER and bound not in subject.broken:
                 yield from _cancelled(bound, subject.natures)
                 yield from _out_of_step(bound, subject.natures)
                 yield from _shared_actions(bound)
