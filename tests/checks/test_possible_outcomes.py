@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from sar_compiler.compiler import bind_main
-from sar_compiler.nodes.outcome_sets import ALL, ALLOWED, SURE
+from sar_compiler.nodes.outcome_sets import ALL, ALLOWED, SURE, F, K, R, S, bits
 from tests.checks.outcome_oracle import REGISTRY, SUBSETS, Form, RandomTrees, answers_of, forms, leaf
 from tests.trees import forest
 
@@ -89,3 +89,16 @@ def test_what_is_interrupted_in_every_other_tick_is_not_known_to_end():
     answers = answers_of(f"<ReactiveSequence>{first}{second}</ReactiveSequence>")
     assert answers is not None
     assert answers.seen == answers.known == {"RUNNING"}
+
+
+@pytest.mark.parametrize(
+    ("tag", "variant"), dict.fromkeys((form.spec.tag, form.spec.variant) for form in FORMS)
+)
+def test_a_node_says_that_it_can_answer_what_its_record_allows(tag, variant):
+    own = [form for form in FORMS if (form.spec.tag, form.spec.variant) == (tag, variant)]
+    allowed = 0
+    for form in own:
+        count = form.count(2)
+        bound = bind_main(forest(tree(form, [SUBSETS[0]] * count)), REGISTRY).main.root
+        allowed |= form.spec.semantics.possible(bound, [S | F | R] * count, ALLOWED)
+    assert bits(own[0].spec.outcomes) == allowed & ~K

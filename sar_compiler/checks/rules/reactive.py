@@ -31,7 +31,7 @@ def check_reactive(subject: Subject) -> Iterator[Diagnostic]:
 
 def _sequence(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
     running = [index for index, child in enumerate(bound.children) if natures.takes_time(child)]
-    for index in range(running[-1] if running else 0):
+    for index in range(running[-1]):
         child = bound.children[index]
         later = next(bound.children[number] for number in running if number > index)
         if not natures.may(child) & S:
