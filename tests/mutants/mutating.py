@@ -106,8 +106,11 @@ class _Finder(ast.NodeVisitor):
         self._in_table = outer
 
     def visit_ClassDef(self, node: ast.ClassDef) -> None:
+        # The members of an Enum are told apart by their names.
+        is_enum = [ast.unparse(base) for base in node.bases] == ["Enum"]
         for child in node.body:
-            self.visit(child)
+            if not (is_enum and isinstance(child, ast.Assign)):
+                self.visit(child)
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
         if node.value is not None and "TypeAlias" not in ast.dump(node.annotation):

@@ -107,6 +107,7 @@ def test_what_can_be_mistaken_is_changed(source, expected):
         "X: TypeAlias = 'int | str'",
         "x = cast('int', a)",
         "__all__ = ['a']",
+        "class Way(Enum):\n    UP = 'up'",
         "if TYPE_CHECKING:\n    x = 1",
         "a, b = b, a",
         "def f():\n    return g(h=i)",
