@@ -7,5 +7,11 @@ EQUIVALENT: list[tuple[str, str, str, str]] = [
         "3, 11 -> 3,",
         "only Python 3.10 goes the other way, where tomllib is not found",
     ),
+    (
+        "sar_compiler/nodes/binding.py",
+        "self._level += 1",
+        "1 -> 2",
+        "the level is only a bound: where it is too high, `nesting` counts how deep the tree really is",
+    ),
 ]
 """Each with its module, the line's text, the change, and why it is no mistake."""
