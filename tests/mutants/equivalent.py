@@ -13,5 +13,17 @@ EQUIVALENT: list[tuple[str, str, str, str]] = [
         "1 -> 2",
         "the level is only a bound: where it is too high, `nesting` counts how deep the tree really is",
     ),
+    (
+        "sar_compiler/checks/rules/natures.py",
+        '_YES_OR_NO: tuple[frozenset[str], ...] = (frozenset(), frozenset({"SUCCESS", "FAILURE"}))',
+        "\"SUCCESS\" -> 'SUCCESSx'",
+        "it only saves time: the rules find nothing in a tree of nothing but questions",
+    ),
+    (
+        "sar_compiler/nodes/outcome_sets.py",
+        "for child, known in zip(bound.children, children, strict=True)",
+        "True -> False",
+        "there is a set for each child; strict would only tell a programmer that there is not",
+    ),
 ]
 """Each with its module, the line's text, the change, and why it is no mistake."""

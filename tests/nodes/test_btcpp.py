@@ -503,3 +503,10 @@ def test_a_node_is_left_to_behaviortree_cpp_if_it_has_one_of_that_name_and_no_ot
             "WhileDoElse",
         ),
     } == BUILT_IN
+
+
+def test_every_meaning_of_a_tag_says_whether_behaviortree_cpp_has_the_tag():
+    specs = default_registry().specs()
+    assert [
+        spec.tag for spec in specs if spec.semantics.counterpart.built_in is not (spec.tag in BUILT_IN)
+    ] == []
