@@ -26,7 +26,7 @@ help:
 	@echo "make soak         the long tests"
 	@echo "make bench        the benchmarks"
 	@echo "make mutants      whether the tests notice mistakes: COUNT=$(COUNT) made by chance, chosen by SEED=$(SEED)"
-	@echo "make schemas      renew schemas/ from the node registry"
+	@echo "make schemas      renew schemas/ from the node registry and the kinds of findings"
 	@echo "make golden       renew the golden files of compiled trees"
 	@echo "make env          only make .venv (PYTHON=$(PYTHON))"
 	@echo "make clean        delete everything that was made"
@@ -36,6 +36,9 @@ env: $(VENV)/.interfaces
 demo: env
 	$(BIN)/sar-run --sim --speed $(SPEED)
 
+# Several hundred processes of the project are started: a third of their time goes into compiling it each time anew
+# where bytecode is not kept.
+test: export PYTHONDONTWRITEBYTECODE :=
 test: env
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov --cov-report=term
 
@@ -78,6 +81,7 @@ schemas: env
 	mv schemas/sar_tree.xsd.new schemas/sar_tree.xsd
 	$(BIN)/sar-compile schema --format json > schemas/sar_tree.schema.json.new
 	mv schemas/sar_tree.schema.json.new schemas/sar_tree.schema.json
+	SAR_RENEW_GOLDEN=1 $(BIN)/python -m pytest -q tests/documents -k reviewed
 
 golden: env
 	SAR_RENEW_GOLDEN=1 $(BIN)/python -m pytest -q tests/golden tests/examples -k reviewed

@@ -36,7 +36,7 @@ from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.runtime.ports import Input, Output
 from sar_compiler.tree.forest import Forest, load_forest
-from sar_compiler.tree.growing import uncollected
+from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.reading import read_tree_file
 from sar_compiler.tree.xml import parse_xml
 
@@ -101,7 +101,7 @@ def _written(leaves: int, indent: int, number: Iterator[int]) -> str:
 
 def built(leaves: int, names: Sequence[str]) -> Behaviour:
     """Build the same tree by hand, with the garbage collector paused."""
-    with uncollected():
+    with gc_paused():
         return _built(leaves, 2, iter(names))
 
 
@@ -215,7 +215,7 @@ def theirs(path: str, *, paused: bool) -> float:
     classes = {"Leaf": WithoutPorts, "Reader": WithInput, "Writer": WithOutput}
 
     def parsed() -> object:
-        with uncollected() if paused else nullcontext():
+        with gc_paused() if paused else nullcontext():
             return parse_behaviour_tree_xml(path, "A", classes)
 
     return seconds(parsed, runs=3)[0]

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from sar_compiler.checks.verify import Progress, read_property_file, verify
 from sar_compiler.compiler import bind_main
-from sar_compiler.compiler.rehearsal import Assumptions, rehearse
+from sar_compiler.compiler.simulated_tree import Assumptions, compile_simulated
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.resources import shipped
 from sar_compiler.tree.forest import load_forest
@@ -27,7 +27,7 @@ def main(max_states: int) -> None:
     registry = default_registry()
     tree = shipped("trees", "search_and_rescue_resilient.xml")
     binding = bind_main(load_forest(tree, read_tree_file), registry)
-    rehearsal = rehearse(binding, {}, Assumptions({"zones_left": ZONES}))
+    simulated = compile_simulated(binding, {}, Assumptions({"zones_left": ZONES}))
     properties = read_property_file(Path(shipped("config", "mission_properties.yaml")))
     tags = {spec.tag for spec in registry if spec.kind.is_leaf}
     last = start = time.process_time()
@@ -38,7 +38,7 @@ def main(max_states: int) -> None:
             last = time.process_time()
             print(f"{progress.states:>10,} states after {last - start:.0f} s", file=sys.stderr)
 
-    found = verify(rehearsal, properties, tags, max_states, report)
+    found = verify(simulated, properties, tags, max_states, report)
     seconds = time.process_time() - start
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / MEGABYTE_IN_KILOBYTES
     print(

@@ -1,1 +1,117 @@
-"""Write a mission as a tree file, have it checked, run it on ROS 2."""
+"""Write a mission as a tree file, have it checked, run it on ROS 2.
+
+What is named here is public and kept::
+
+    tree = sar_compiler.load("mission.xml")
+    for finding in tree.check():
+        print(finding.render())
+
+So is `sar_compiler.testing`, for tests of trees. Every other module is the project's own, and changes with it.
+Names are looked up when they are first used: to import this package takes no time, and needs no ROS.
+"""
+
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sar_compiler.compiler import CompiledTree
+    from sar_compiler.errors import SarError
+    from sar_compiler.missions.mission import Mission, MissionRun
+    from sar_compiler.nodes.register import register
+    from sar_compiler.nodes.registry import RegistryError
+    from sar_compiler.nodes.semantics import Semantics
+    from sar_compiler.nodes.spec import Kind, Use
+    from sar_compiler.project import LoadedTree, load
+    from sar_compiler.ros.errors import readable_ros_errors
+    from sar_compiler.ros.faults import FaultPlan, ServiceFaults, create_service
+    from sar_compiler.ros.leaves.action_leaf import ActionLeaf
+    from sar_compiler.ros.leaves.leaf import RosLeaf
+    from sar_compiler.ros.leaves.service_leaf import ServiceLeaf
+    from sar_compiler.ros.leaves.topic_leaf import TopicLeaf
+    from sar_compiler.ros.parameter_reader import ParameterReader
+    from sar_compiler.ros.runner import TreeRunner
+    from sar_compiler.ros.serving import serve
+    from sar_compiler.runtime.answers import Answer
+    from sar_compiler.runtime.clock import Clock, ManualClock
+    from sar_compiler.runtime.context import mission_context
+    from sar_compiler.runtime.ports import InOut, Input, Output
+    from sar_compiler.runtime.skipping import SKIPPED, SkippableLeaf
+    from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError, UnreadableFileError
+
+__all__ = [
+    "SKIPPED",
+    "ActionLeaf",
+    "Answer",
+    "Clock",
+    "CompiledTree",
+    "Diagnostic",
+    "FaultPlan",
+    "InOut",
+    "Input",
+    "Kind",
+    "LoadedTree",
+    "ManualClock",
+    "Mission",
+    "MissionRun",
+    "Output",
+    "ParameterReader",
+    "RegistryError",
+    "RosLeaf",
+    "SarError",
+    "Semantics",
+    "ServiceFaults",
+    "ServiceLeaf",
+    "Severity",
+    "SkippableLeaf",
+    "TopicLeaf",
+    "TreeError",
+    "TreeRunner",
+    "UnreadableFileError",
+    "Use",
+    "create_service",
+    "load",
+    "mission_context",
+    "readable_ros_errors",
+    "register",
+    "serve",
+]
+
+_MODULES = {
+    "compiler": ("CompiledTree",),
+    "errors": ("SarError",),
+    "missions.mission": ("Mission", "MissionRun"),
+    "nodes.register": ("register",),
+    "nodes.registry": ("RegistryError",),
+    "nodes.semantics": ("Semantics",),
+    "nodes.spec": ("Kind", "Use"),
+    "project": ("LoadedTree", "load"),
+    "ros.errors": ("readable_ros_errors",),
+    "ros.faults": ("FaultPlan", "ServiceFaults", "create_service"),
+    "ros.leaves.action_leaf": ("ActionLeaf",),
+    "ros.leaves.leaf": ("RosLeaf",),
+    "ros.leaves.service_leaf": ("ServiceLeaf",),
+    "ros.leaves.topic_leaf": ("TopicLeaf",),
+    "ros.parameter_reader": ("ParameterReader",),
+    "ros.runner": ("TreeRunner",),
+    "ros.serving": ("serve",),
+    "runtime.answers": ("Answer",),
+    "runtime.clock": ("Clock", "ManualClock"),
+    "runtime.context": ("mission_context",),
+    "runtime.ports": ("InOut", "Input", "Output"),
+    "runtime.skipping": ("SKIPPED", "SkippableLeaf"),
+    "tree.diagnostic": ("Diagnostic", "Severity", "TreeError", "UnreadableFileError"),
+}
+_HOMES = {name: module for module, names in _MODULES.items() for name in names}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        message = f"module '{__name__}' has no attribute '{name}'"
+        raise AttributeError(message, name=name)
+    value = getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]

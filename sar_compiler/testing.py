@@ -20,28 +20,16 @@ A scripted run holds what a tree does against what its leaves answer, without RO
 """
 
 import json
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-import yaml
-
 from sar_compiler.checks.golden import RENEW, difference
-from sar_compiler.checks.leaf_words import LeafWords
-from sar_compiler.checks.simulate.expecting import read_expectations
-from sar_compiler.checks.simulate.judging import Failure, failures
-from sar_compiler.checks.simulate.reading import Play, Stage, read_scenario, understand
-from sar_compiler.checks.simulate.running import Run, Simulation
-from sar_compiler.checks.simulate.scenario import Scenario
-from sar_compiler.checks.yaml_values import Document, raise_findings
-from sar_compiler.compiler import CompiledTree, bind_main, preview_tree
-from sar_compiler.compiler.rehearsal import Rehearsal
-from sar_compiler.nodes.registry import Registry, default_registry
-from sar_compiler.tree.forest import load_forest
-from sar_compiler.tree.reading import read_tree_file
+from sar_compiler.compiler import CompiledTree
+from sar_compiler.nodes.registry import Named, Registry
+from sar_compiler.project import load
+from sar_compiler.project.simulated import Simulated, play_scenario
 from sar_compiler.views.outline import outline
 from sar_compiler.views.text import ascii_tree
-from sar_compiler.views.trace import failure_line, trace
 
 __all__ = [
     "RENEW",
@@ -53,38 +41,47 @@ __all__ = [
 ]
 
 
-def compiled(tree: str | Path, tree_id: str | None = None, registry: Registry | None = None) -> CompiledTree:
+def compiled(
+    tree: str | Path,
+    tree_id: str | None = None,
+    registry: Registry | None = None,
+    nodes: Iterable[Named] = (),
+) -> CompiledTree:
     """Compile a tree file with stand-ins for what only a mission has.
 
     Args:
-        tree: The file.
+        tree: The file, or the name of a shipped tree.
         tree_id: The tree in it; by default the one that the file executes.
-        registry: What tags mean; by default everything installed.
+        registry: What tags mean; by default everything installed, and *nodes*.
+        nodes: Leaves of your own: classes, modules, or import paths of modules.
 
     Raises:
         TreeError: If the tree is not valid.
     """
-    return preview_tree(
-        bind_main(load_forest(Path(tree), read_tree_file), registry or default_registry(), tree_id)
-    )
+    return load(tree, nodes=nodes, registry=registry).preview(tree_id)
 
 
 def assert_matches_golden(
-    tree: str | Path, golden: str | Path, tree_id: str | None = None, registry: Registry | None = None
+    tree: str | Path,
+    golden: str | Path,
+    tree_id: str | None = None,
+    registry: Registry | None = None,
+    nodes: Iterable[Named] = (),
 ) -> None:
     """Compare a compiled tree with a committed file.
 
     Args:
-        tree: The tree file.
+        tree: The tree file, or the name of a shipped tree.
         golden: The committed file: `.json` holds what `sar-compile show --format json` prints, any other
             ending what `--format ascii` prints.
         tree_id: The tree in the file; by default the one that the file executes.
-        registry: What tags mean; by default everything installed.
+        registry: What tags mean; by default everything installed, and *nodes*.
+        nodes: Leaves of your own: classes, modules, or import paths of modules.
 
     Raises:
         AssertionError: If they differ, with the difference; or if there is no committed file yet.
     """
-    result = compiled(tree, tree_id, registry)
+    result = compiled(tree, tree_id, registry, nodes)
     as_json = Path(golden).suffix == ".json"
     text = (
         json.dumps(outline(result), indent=2, ensure_ascii=False) + "\n"
@@ -101,131 +98,43 @@ def simulate(
     tree: str | Path,
     *,
     registry: Registry | None = None,
+    nodes: Iterable[Named] = (),
     leaves: Mapping[str, object] | None = None,
     scenario: Mapping[str, object] | None = None,
     **scripts: object,
-) -> "Simulated":
-    """Rehearse a tree, to be ticked on a clock that is moved by hand, with leaves that answer by a script.
-
-    What is written is what a scenario's file has, with lists and dictionaries for YAML's.
+) -> Simulated:
+    """Return a tree with leaves that answer by a script, to be ticked on a clock that is moved by hand.
 
     Args:
-        tree: The file.
-        registry: What tags mean; by default everything installed.
-        leaves: What leaves answer, by path, name or tag: `{"Patrol/NavigateToZone": ["aborted", "arrived"]}`.
-        scenario: What else a scenario says: `{"tree": "Main", "facts": {"zones_left": 1}, "period": "0.1s"}`.
-        **scripts: What leaves answer, for names that are Python's: `NavigateToZone=["aborted", "arrived"]`.
+        tree: The file, or the name of a shipped tree.
+        registry: What tags mean; by default everything installed, and *nodes*.
+        nodes: Leaves of your own: classes, modules, or import paths of modules.
+        leaves: What leaves answer, as for `LoadedTree.simulate`.
+        scenario: What else a scenario says, likewise.
+        **scripts: What leaves answer, for names that are Python's.
 
     Raises:
         TreeError: If the tree is not valid, or the script says something of a leaf that it never does.
     """
-    said = {**(scenario or {}), "leaves": {**(leaves or {}), **scripts}}
-    return Simulated(understand(_written(said), _stage(tree, registry)))
+    return load(tree, nodes=nodes, registry=registry).simulate(leaves=leaves, scenario=scenario, **scripts)
 
 
-def assert_scenario_holds(tree: str | Path, scenario: str | Path, registry: Registry | None = None) -> None:
+def assert_scenario_holds(
+    tree: str | Path,
+    scenario: str | Path,
+    registry: Registry | None = None,
+    nodes: Iterable[Named] = (),
+) -> None:
     """Play a scenario's file, and compare with what it expects.
 
     Args:
-        tree: The tree file.
+        tree: The tree file, or the name of a shipped tree.
         scenario: The scenario's file.
-        registry: What tags mean; by default everything installed.
+        registry: What tags mean; by default everything installed, and *nodes*.
+        nodes: Leaves of your own: classes, modules, or import paths of modules.
 
     Raises:
         AssertionError: If something does not hold, with the trace.
         TreeError: If the tree or the scenario is not valid.
     """
-    run = Simulation(*_parts(read_scenario(scenario, _stage(tree, registry)))).go()
-    _complain(run, failures(run), run.scenario.expect.trace)
-
-
-class Simulated:
-    """A tree that is being ticked by a script.
-
-    Args:
-        play: The tree and the script.
-    """
-
-    def __init__(self, play: Play) -> None:
-        self._simulation = Simulation(*_parts(play))
-
-    @property
-    def run(self) -> Run:
-        """What has come of it so far, tick by tick."""
-        return self._simulation.run
-
-    @property
-    def root(self) -> str:
-        """What the root came to in the last tick."""
-        return self.run.root
-
-    @property
-    def facts(self) -> Mapping[str, object]:
-        """The facts as they are now."""
-        return self.run.rehearsal.fact_values()
-
-    @property
-    def trace(self) -> str:
-        """What has happened, as `sar-compile simulate` prints it."""
-        return trace(self.run)
-
-    def until_end(self) -> "Simulated":
-        """Tick until the end: until the root has succeeded or failed, if the scenario's `until` is nothing else.
-
-        Raises:
-            AssertionError: If there is no end within the scenario's `ticks`, or a tick cannot be finished.
-        """
-        run = self._simulation.go()
-        ending = [failure for failure in failures(run) if failure.expected in ("run", "ends")]
-        _complain(run, ending)
-        return self
-
-    def tick(self, times: int = 1) -> "Simulated":
-        """Tick so many times, whether the end has come or not.
-
-        Raises:
-            Exception: Whatever a node raises.
-        """
-        for _ in range(times):
-            self._simulation.tick()
-        return self
-
-    def expect(self, **expectations: object) -> None:
-        """Compare what has happened with what a scenario's `expect` would say: `root`, `order`, `never`, `count`...
-
-        Raises:
-            AssertionError: If something does not hold, with the trace.
-            TreeError: If something is expected of a leaf that it never does.
-        """
-        run = self.run
-        document = _written(expectations)
-        expect = read_expectations(document, document.root, run.rehearsal, LeafWords(run.rehearsal))
-        raise_findings([document])
-        if "ends" not in expectations:
-            expect = replace(expect, ends=run.ended)
-        judged = replace(run, scenario=replace(run.scenario, path="", expect=expect))
-        _complain(judged, failures(judged), expect.trace)
-
-
-def _stage(tree: str | Path, registry: Registry | None) -> Stage:
-    return Stage(load_forest(Path(tree), read_tree_file), registry or default_registry())
-
-
-def _written(said: Mapping[str, object]) -> Document:
-    text = yaml.safe_dump(dict(said), allow_unicode=True, sort_keys=False, width=1000)
-    return Document(text, "script", "say what the leaves answer")
-
-
-def _parts(play: Play) -> tuple[Rehearsal, Scenario]:
-    return play.rehearsal, play.scenario
-
-
-def _complain(run: Run, missed: list[Failure], golden: Path | None = None) -> None:
-    """Raise what does not hold, with the trace."""
-    different = difference(golden, trace(run), "the trace now") if golden else None
-    if different is not None:
-        missed = [*missed, Failure("trace", different)]
-    if missed:
-        lines = [failure_line(run, failure) for failure in missed]
-        message = "\n".join([*lines, "", trace(run)])
-        raise AssertionError(message)
+    play_scenario(load(tree, nodes=nodes, registry=registry), scenario)

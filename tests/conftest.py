@@ -1,14 +1,69 @@
-"""What every test shares: a ROS domain of its own for each test process."""
+"""What every test shares: a ROS domain of its own for each test process, and what coverage is measured of."""
 
+import fcntl
 import os
+import tempfile
+from pathlib import Path
 
-# Before anything imports rclpy. Consecutive process numbers (the workers of one run) give different
-# domains; LOCALHOST keeps rclpy from listening on every interface.
-os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
+import pytest
+from coverage import Coverage
+from hypothesis import HealthCheck, is_hypothesis_test, settings
+
+# Ports of higher domains are among those that Linux gives to anybody.
+_DOMAINS = 100
+
+
+def _take_domain():
+    """Return a domain that no other test process of this machine has, and its lock, which ends with the process."""
+    for number in range(_DOMAINS):
+        # The workers of one run begin at different ones, and none where a process that ended now was.
+        domain = 1 + (os.getpid() + number) % _DOMAINS
+        path = Path(tempfile.gettempdir()) / f"ros_domain_of_tests_{domain}.lock"
+        try:
+            file = path.open("a")
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:  # taken, or somebody else's file
+            continue
+        return domain, file
+    message = f"all {_DOMAINS} ROS domains are taken by test processes of this machine"
+    raise RuntimeError(message)
+
+
+# conftest.py is imported before anything imports rclpy. LOCALHOST keeps it from listening on every interface.
+_domain, _lock = _take_domain()
+os.environ["ROS_DOMAIN_ID"] = str(_domain)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-
-from hypothesis import HealthCheck, settings
 
 # How long an example takes depends on the machine, which is no property of the code.
 settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("untimed")
+
+# Folders whose tests are about other things than the rooms that coverage is measured of.
+_ELSEWHERE = ("docs", "e2e", "examples", "fuzz", "launch", "packaging", "sim")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item):
+    """Measure coverage of inputs that somebody chose: with it random ones take twice the time, and cover by luck.
+
+    Whoever asks which test reaches which line (`--cov-context`) is told of all.
+    """
+    coverage = Coverage.current() if _is_unmeasured(item) else None
+    if coverage is None:
+        return (yield)
+    coverage.stop()
+    try:
+        return (yield)
+    finally:
+        coverage.start()
+
+
+def _is_unmeasured(item):
+    if item.config.getoption("cov_context", None):
+        return False
+    folder = item.path.relative_to(Path(__file__).parent).parts[0]
+    return (
+        folder in _ELSEWHERE
+        or is_hypothesis_test(getattr(item, "obj", None))
+        or item.get_closest_marker("unmeasured") is not None
+    )

@@ -9,6 +9,8 @@ import threading
 import time
 from pathlib import Path
 
+from tests.waiting import SILENCE_SEC, Delay, News
+
 BIN = Path(sys.executable).parent
 
 # What tells of a failure that nobody caught.
@@ -27,7 +29,7 @@ class Command:
     def __init__(self, name, *arguments, env=None):
         self.name = name
         self._lines = []
-        self._news = threading.Condition()
+        self._news = News()
         self._process = subprocess.Popen(
             [BIN / name, *map(str, arguments)],
             stdout=subprocess.PIPE,
@@ -42,9 +44,9 @@ class Command:
         for line in self._process.stdout or ():
             with self._news:
                 self._lines.append(line.rstrip("\n"))
-                self._news.notify_all()
+                self._news.tell()
         with self._news:
-            self._news.notify_all()
+            self._news.tell()
 
     @property
     def output(self):
@@ -64,41 +66,68 @@ class Command:
             found = [pattern.fullmatch(line) for line in self._lines]
         return [(float(match[1]), match[2], match[3]) for match in found if match]
 
-    def wait_for(self, text, timeout_sec=30.0):
-        """Wait until a line holds a text; fail with all that was printed if none does in time."""
-        deadline = time.monotonic() + timeout_sec
+    def wait_for(self, text):
+        """Wait, as long as it prints, until a line holds a text; fail with all that was printed if none does."""
+        searched = 0
+
+        def came():
+            nonlocal searched
+            new, searched = self._lines[searched:], len(self._lines)
+            return any(text in line for line in new) or self._is_over()
+
         with self._news:
-            while not any(text in line for line in self._lines):
-                ended = self._process.poll() is not None and not self._reader.is_alive()
-                if ended or not self._news.wait(max(0.0, min(0.2, deadline - time.monotonic()))):
-                    over = ended or time.monotonic() > deadline
-                    assert not over, f"{self.name} did not print '{text}':\n" + "\n".join(self._lines)
+            self._news.wait_until(came, lambda: f"{self.name} did not print '{text}':\n{self.output}")
+            over = self._is_over()
+        assert not over or text in self.output, f"{self.name} ended without printing '{text}':\n{self.output}"
         return self
+
+    def _is_over(self):
+        return self._process.poll() is not None and not self._reader.is_alive()
 
     def send(self, number):
         """Send a signal."""
         self._process.send_signal(number)
 
-    def end(self, timeout_sec=60.0):
-        """Wait for the command to end by itself; return its exit status."""
+    def end(self, seen=lambda: None):
+        """Wait, as long as it prints, for the command to end by itself; return its exit status.
+
+        Args:
+            seen: Called ten times a second meanwhile.
+        """
+
+        def over():
+            seen()
+            return self._process.poll() is not None
+
         try:
-            status = self._process.wait(timeout_sec)
-        except subprocess.TimeoutExpired:
+            with self._news:
+                self._news.wait_until(over, lambda: f"{self.name} prints nothing more, and does not end")
+        except AssertionError as error:
             # Python's fault handler then says where every thread is.
             self.send(signal.SIGABRT)
             self._reader.join(5.0)
-            message = f"{self.name} did not end within {timeout_sec} s:\n{self.output}"
+            message = f"{error}:\n{self.output}"
             raise AssertionError(message) from None
-        self._reader.join(5.0)
+        self._reader.join(SILENCE_SEC)
         assert _TRACEBACK not in self.output, self.output
-        return status
+        return self._process.returncode
 
-    def stop(self, number=signal.SIGINT, timeout_sec=2.0):
-        """Have the command end in order and in time; return its exit status and how long it took."""
-        start = time.monotonic()
+    def stop(self, number=signal.SIGINT, within_sec=2.0):
+        """Have the command end in order and in time; return its exit status.
+
+        Args:
+            number: The signal.
+            within_sec: How long that may take, seconds, without what its threads waited for a processor.
+        """
+        delay, start = Delay(self._process.pid), time.monotonic()
         self.send(number)
-        status = self.end(timeout_sec)
-        return status, time.monotonic() - start
+        status = self.end(delay.look)
+        took = time.monotonic() - start
+        assert took - delay.sec <= within_sec, (
+            f"{self.name} took {took:.2f} s to end, of which others had the processor for {delay.sec:.2f} s:\n"
+            f"{self.output}"
+        )
+        return status
 
     def kill(self):
         """See that nothing is left of it, whatever the test did."""

@@ -1,37 +1,49 @@
 """The house's rules: who may import whom, and what is imported when."""
 
 import ast
+import collections
+import itertools
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from sar_compiler.nodes.registry import default_registry
+
 PACKAGE = Path("sar_compiler")
 
-# What each room may import of the others, besides `errors` and `resources`, which belong to nobody.
+# What each room may import of the others, besides those that belong to nobody (`COMMON`).
 MAY_IMPORT = {
     "tree": set(),
     "runtime": set(),
     "nodes": {"tree", "runtime"},
     "compiler": {"tree", "runtime", "nodes"},
-    "checks": {"tree", "runtime", "nodes", "compiler"},
-    "missions": {"nodes", "runtime", "ros"},
-    "ros": {"tree", "runtime", "nodes", "compiler", "checks", "missions"},
-    "sim": {"tree", "runtime", "nodes", "compiler", "checks", "missions", "ros"},
-    "views": {"tree", "runtime", "nodes", "compiler", "checks", "missions"},
-    "testing": {"tree", "runtime", "nodes", "compiler", "checks", "views"},
+    "documents": {"tree", "nodes"},
+    "checks": {"tree", "runtime", "nodes", "compiler", "documents"},
+    "ros": {"tree", "runtime", "nodes", "compiler", "checks"},
+    "missions": {"tree", "runtime", "nodes", "compiler", "checks", "ros"},
+    "sim": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "ros"},
+    "views": {"tree", "runtime", "nodes", "compiler", "checks"},
+    "project": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "ros", "missions", "views"},
+    "testing": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "views", "project"},
 }
-COMMON = {"errors", "resources"}
+COMMON = {"commands", "errors", "resources"}
 
 
 def room_of(path):
     return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
 
 
-def imports_of(path):
+def imports_of(path, *, with_types=True):
     """Yield the modules that a file imports, wherever in it, with the line."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    module = ast.parse(path.read_text(encoding="utf-8"))
+    if not with_types:
+        module.body = [
+            node for node in module.body if ast.unparse(node).partition(":")[0] != "if TYPE_CHECKING"
+        ]
+    for node in ast.walk(module):
         if isinstance(node, ast.Import):
             yield from ((alias.name, node.lineno) for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -58,14 +70,93 @@ def test_every_room_has_its_rule():
     assert {room_of(path) for path in FILES} - COMMON - {"__init__", "cli"} == set(MAY_IMPORT)
 
 
+def names_given_by(path):
+    """Yield the classes of a file, wherever in it, and its aliases of types, with the line."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    yield from ((node.name, node.lineno) for node in ast.walk(tree) if isinstance(node, ast.ClassDef))
+    for node in tree.body:
+        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+        for target in targets:
+            if isinstance(target, ast.Name) and re.fullmatch(r"_?[A-Z][a-z]\w*", target.id):
+                yield target.id, node.lineno
+
+
+def shared(pairs):
+    """Return the names that stand for more than one thing, with these."""
+    found = collections.defaultdict(list)
+    for name, thing in pairs:
+        found[name].append(thing)
+    return {name: things for name, things in found.items() if len(things) > 1}
+
+
+# Classes and aliases that still share a name, with the reason.
+NAMESAKES = {
+    "Answer": "of a server that misbehaves, beside that of a leaf",
+    "Pose": "of a zone in a file, beside that of a goal",
+    "Timeout": "BehaviorTree.CPP's, and py_trees' own; outlines of users' trees show both with their modules",
+}
+
+
+def test_no_two_classes_have_one_name():
+    twice = shared((name, f"{path}:{line}") for path in FILES for name, line in names_given_by(path))
+    assert {name: where for name, where in twice.items() if name not in NAMESAKES} == {}
+    assert NAMESAKES.keys() <= twice.keys()
+
+
+# A module may have the name of what it mirrors.
+MIRRORS = {
+    frozenset({"runtime", "runtime/flat"}): "the flat form of the same nodes",
+    frozenset({"runtime", "nodes"}): "the tags of these nodes",
+    frozenset({"runtime/flat", "nodes"}): "the tags of these nodes",
+    frozenset({"views", "tree"}): "how it is shown",
+    frozenset({"views", "nodes"}): "how they are shown",
+    frozenset({"ros", "runtime"}): "what it is made of with ROS",
+    frozenset({"cli", "ros"}): "the command for it",
+}
+# Modules that share a name without mirroring each other, with the reason.
+SAME_MODULE_NAMES = {
+    "conditions.py": "leaves of the mission, beside the attributes of any node",
+    "errors.py": "each room has its own",
+    "parameters.py": "of a mission, beside those of any run",
+}
+
+
+def side_of(path):
+    return "runtime/flat" if path.parent.name == "flat" else room_of(path)
+
+
+def test_no_two_modules_have_one_name_unless_one_mirrors_the_other():
+    twice = shared((path.name, side_of(path)) for path in FILES if path.stem != "__init__")
+    unlike = {
+        name
+        for name, sides in twice.items()
+        if any(frozenset(pair) not in MIRRORS for pair in itertools.combinations(sides, 2))
+    }
+    assert unlike == SAME_MODULE_NAMES.keys()
+
+
+def test_a_mission_is_known_only_by_its_entry_point():
+    missions = {path.name for path in (PACKAGE / "missions").iterdir() if (path / "__init__.py").is_file()}
+    wrong = [
+        f"{path}:{line} imports {module}"
+        for path in FILES
+        if room_of(path) != "missions" or path.parent == PACKAGE / "missions"
+        for module, line in imports_of(path)
+        if module.startswith(tuple(f"sar_compiler.missions.{name}" for name in missions))
+    ]
+    assert missions == {"search_and_rescue"}
+    # The console scripts of its servers, which must not take the time to import all of it.
+    assert {line.split(":")[0] for line in wrong} == {"sar_compiler/missions/survivor_servers.py"}
+
+
 def test_ros_is_imported_only_at_the_edge():
-    edge = ("missions", "ros", "sim", "cli/flight", "cli/sim")
+    edge = ("missions", "ros", "sim", "cli/run_mission", "cli/sim")
     wrong = [
         f"{path}:{line} imports {module}"
         for path in FILES
         if not str(path.relative_to(PACKAGE)).startswith(edge)
-        for module, line in imports_of(path)
-        if module.split(".")[0].endswith(("rclpy", "_msgs", "_interfaces"))
+        for module, line in imports_of(path, with_types=False)
+        if module.split(".")[0].endswith(("rclpy", "_msgs", "_srvs", "_interfaces"))
     ]
     assert wrong == []
 
@@ -74,7 +165,8 @@ def test_ros_is_imported_only_at_the_edge():
     "statement",
     [
         "import sar_compiler",
-        "import sar_compiler.missions.search_and_rescue",
+        "import sar_compiler.missions.search_and_rescue.mission",
+        "from sar_compiler.missions.choosing import load_missions; load_missions()",
         "import sar_compiler.testing",
         "from sar_compiler.cli.compile import main; main(['validate', 'trees/search_and_rescue.xml'])",
         "from sar_compiler.cli.compile import main; main(['show', 'trees/search_and_rescue.xml'])",
@@ -99,5 +191,49 @@ def test_no_code_of_a_file_is_ever_evaluated():
         for path in FILES
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in {"eval", "exec"}
+    ]
+    assert wrong == []
+
+
+# Where a node is said what it is, or is written: nowhere else does a text of the code name one.
+HOMES = (
+    "nodes/language/",  # what each tag means
+    "nodes/btcpp/",  # writes trees in BehaviorTree.CPP's nodes
+    "missions/search_and_rescue/",  # registers its leaves
+)
+NAMED_ELSEWHERE = {
+    "tree/model.py": {"SubTree"},  # a part of the file's grammar, before any node has a meaning
+    "tree/matching.py": {"Condition"},  # the explicit form, <Condition ID="...">, not py_trees' decorator
+    "nodes/spec.py": {"Condition"},  # the kind, likewise
+    "cli/verify.py": {"ZonesRemaining", "NavigateToBase"},  # an example in its help
+    "runtime/flat/stock_composites.py": {"ForEach"},  # the name of a class that an old py_trees does not have
+    "runtime/flat/stock_decorators.py": {"ForEach"},
+}
+
+
+def texts_of(path):
+    """Yield the texts of a file's code: no docstrings, no annotations, no parts of messages."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    passed: set[ast.AST] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Expr):
+            passed.add(node.value)
+        elif isinstance(node, ast.JoinedStr):
+            passed.update(ast.walk(node))
+        else:
+            passed.update(each for name in ("annotation", "returns") if (each := getattr(node, name, None)))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and node not in passed:
+            yield node.value, node.lineno
+
+
+def test_no_text_outside_its_home_names_a_node():
+    tags = {*default_registry().by_tag(), "SubTree"}
+    wrong = [
+        f"{path}:{line} names <{text}>; ask its record (nodes.semantics)"
+        for path in FILES
+        if not (name := str(path.relative_to(PACKAGE))).startswith(HOMES)
+        for text, line in texts_of(path)
+        if text in tags - NAMED_ELSEWHERE.get(name, set())
     ]
     assert wrong == []

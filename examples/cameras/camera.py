@@ -12,9 +12,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from sar_compiler.errors import SarError
-from sar_compiler.ros.errors import readable_ros_errors
-from sar_compiler.ros.serving import serve
+from sar_compiler import SarError, readable_ros_errors, serve
 
 _RATE = ParameterDescriptor(
     description="pictures per second",

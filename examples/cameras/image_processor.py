@@ -6,8 +6,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from sar_compiler.ros.errors import readable_ros_errors
-from sar_compiler.ros.serving import serve
+from sar_compiler import readable_ros_errors, serve
 
 
 class ImageProcessor(Node):

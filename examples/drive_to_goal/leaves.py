@@ -11,7 +11,7 @@ from typing import Any
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler.nodes import Kind, Use, register
+from sar_compiler import Kind, Use, register
 
 # Odometry older than this is no longer acted on, seconds of the node's clock.
 _ODOMETRY_AGE_SEC = 0.5

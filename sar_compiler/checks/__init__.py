@@ -1,14 +1,14 @@
-"""What is wrong with a tree.
+"""Checking trees.
 
-A rule is a function from a `Subject`, which is a file with all that is known of it, to findings. Each family of rules
+A rule is a function from a `CheckContext`, which is a file with all that is known of it, to findings. Each family of rules
 is a module in `rules`, and `RULES` lists them.
 """
 
 import itertools
 from collections.abc import Callable, Iterable
 
-from sar_compiler.checks.allowing import allowed
 from sar_compiler.checks.document import check_document
+from sar_compiler.checks.rules.check_context import CheckContext
 from sar_compiler.checks.rules.keys import check_keys
 from sar_compiler.checks.rules.names import check_names
 from sar_compiler.checks.rules.needless import check_needless
@@ -17,13 +17,13 @@ from sar_compiler.checks.rules.parallels import check_parallels
 from sar_compiler.checks.rules.reach import check_reach
 from sar_compiler.checks.rules.reactive import check_reactive
 from sar_compiler.checks.rules.scripts import check_scripts
-from sar_compiler.checks.rules.subject import Subject
 from sar_compiler.checks.rules.subtrees import check_subtrees
 from sar_compiler.checks.rules.texts import check_texts
-from sar_compiler.checks.schema import check_schema
-from sar_compiler.nodes.collector import Collector
-from sar_compiler.nodes.model_comparison import compare
-from sar_compiler.nodes.models import described_specs, read_models
+from sar_compiler.checks.schema_validation import check_schema
+from sar_compiler.checks.suppressions import without_suppressed
+from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.models.model_comparison import compare
+from sar_compiler.nodes.models.models import described_specs, read_models
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.forest import Forest
@@ -33,17 +33,17 @@ Palettes = Iterable[TreeFile]
 """Files whose `TreeNodesModel` describes nodes that are not installed."""
 
 
-def check_meaning(subject: Subject) -> Iterable[Diagnostic]:
+def check_meaning(context: CheckContext) -> Iterable[Diagnostic]:
     """Return what keeps the trees of a forest, executed or not, from meaning something."""
-    findings = subject.bound.findings
+    findings = context.bound.findings
     # A tree that is not there may be in a file that could not be read.
-    return findings if subject.is_whole else [each for each in findings if each.code != "unknown-tree"]
+    return findings if context.is_whole else [each for each in findings if each.code != "unknown-tree"]
 
 
 MOST = 1000
-"""More findings of one rule than these help nobody; the rest come when these are mended."""
+"""The most findings reported for one rule; the rest appear when these are corrected."""
 
-RULES: tuple[Callable[[Subject], Iterable[Diagnostic]], ...] = (
+RULES: tuple[Callable[[CheckContext], Iterable[Diagnostic]], ...] = (
     check_document,
     check_meaning,
     check_reactive,
@@ -79,9 +79,9 @@ def check(forest: Forest, registry: Registry, palettes: Palettes = ()) -> list[D
     """
     palettes = tuple(palettes)
     findings = [*forest.findings]
-    subject = Subject(forest, registry, palettes)
+    context = CheckContext(forest, registry, palettes)
     for rule in RULES:
-        findings += itertools.islice(rule(subject), MOST)
+        findings += itertools.islice(rule(context), MOST)
     # The rules say it better; the schema speaks only where they found nothing.
     described = described_specs([*palettes, *forest.files], registry)
     for tree_file in forest.files:
@@ -91,4 +91,4 @@ def check(forest: Forest, registry: Registry, palettes: Palettes = ()) -> list[D
     def place(finding: Diagnostic) -> tuple[int, int, int, str]:
         return order.get(finding.source.path, 0), finding.span.line, finding.span.column, finding.code
 
-    return sorted(allowed(forest, findings), key=place)
+    return sorted(without_suppressed(forest, findings), key=place)

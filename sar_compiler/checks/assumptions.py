@@ -3,8 +3,9 @@
 from collections.abc import Mapping, Sequence
 
 from sar_compiler.checks.leaf_words import LeafWords
-from sar_compiler.checks.yaml_values import Document, Value
-from sar_compiler.compiler.rehearsal import Assumptions, Rehearsal
+from sar_compiler.checks.typed_values import report_script, word
+from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree
+from sar_compiler.documents.located import Document, Value
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.answers import SELF, is_fact_name, mistake_in, placeholders
 from sar_compiler.nodes.spec import NodeSpec, Role
@@ -13,7 +14,6 @@ from sar_compiler.runtime.answers import STATUSES, Answer, Fact
 from sar_compiler.runtime.expressions import name_uses
 from sar_compiler.runtime.script import parse
 
-_ANSWER_KEYS = ("status", "label", "when", "then")
 _KINDS: Mapping[type, str] = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
 
 
@@ -21,18 +21,18 @@ class DisputedFactError(SarError):
     """Leaves start a fact with different values, and nobody says which counts."""
 
 
-def raise_disputes(rehearsal: Rehearsal) -> None:
+def raise_disputes(simulated: SimulatedTree) -> None:
     """Raise what the leaves of a tree do not agree on.
 
     Raises:
         DisputedFactError: If there is anything.
     """
-    if rehearsal.disputes:
-        raise DisputedFactError("; ".join(rehearsal.disputes.values()))
+    if simulated.disputes:
+        raise DisputedFactError("; ".join(simulated.disputes.values()))
 
 
 def read_assumptions(
-    document: Document, facts: Value | None, answers: Value | None, rehearsal: Rehearsal
+    document: Document, facts: Value | None, answers: Value | None, simulated: SimulatedTree
 ) -> Assumptions:
     """Read what a file assumes; what is wrong with it becomes findings of the document.
 
@@ -40,12 +40,12 @@ def read_assumptions(
         document: The file.
         facts: The value of its `facts:`, if it has any.
         answers: The value of its `answers:`, if it has any.
-        rehearsal: The tree, rehearsed without any of it.
+        simulated: The tree, simulated without any of it.
     """
-    words = LeafWords(rehearsal)
+    words = LeafWords(simulated)
     said = {} if answers is None else _read_answers(document, answers, words)
     used = {use for options in said.values() for answer in options for use in _names_in(answer)}
-    values = {} if facts is None else _read_facts(document, facts, rehearsal.fact_values(), used)
+    values = {} if facts is None else _read_facts(document, facts, simulated.fact_values(), used)
     return Assumptions(values, said)
 
 
@@ -53,16 +53,15 @@ def _read_facts(
     document: Document, value: Value, known: Mapping[str, Fact], used: set[str]
 ) -> dict[str, Fact]:
     facts: dict[str, Fact] = {}
-    for key, inner in document.entries(value, None, "facts"):
-        name = key.text or ""
-        fact = document.fact(inner, f"the fact '{name}'")
+    for key, inner in value.entries or ():
+        name, fact = key.text or "", inner.data
         if not is_fact_name(name) or placeholders(name):
             document.report(key, "wrong-name", "a fact is a word of letters, digits and _")
         elif name not in known and name not in used:
             listed = ", ".join(known) or "none"
             message = f"no leaf of this tree knows a fact '{name}'; there is {listed}"
             document.report(key, "unknown-fact", message, suggestion=nearest(name, known))
-        elif fact is not None:
+        else:
             kind = type(known.get(name, fact))
             if type(fact) is kind or (kind is float and type(fact) is int):
                 facts[name] = kind(fact)
@@ -74,15 +73,10 @@ def _read_facts(
 
 def _read_answers(document: Document, value: Value, words: LeafWords) -> dict[str, tuple[Answer, ...]]:
     said: dict[str, tuple[Answer, ...]] = {}
-    for key, inner in document.entries(value, None, "answers"):
+    for key, inner in value.entries or ():
         leaves = words.find(document, key)
-        options = [
-            _answer(document, item, [words.spec(leaf) for leaf in leaves]) for item in document.listed(inner)
-        ]
+        options = [_answer(document, item, [words.spec(leaf) for leaf in leaves]) for item in inner.listed]
         answers = tuple(dict.fromkeys(option for option in options if option is not None))
-        if not options:
-            message = f"'{key.text}' needs an answer; write one or several, such as SUCCESS"
-            document.report(inner, "missing-value", message)
         if leaves and answers and key.text:
             said[key.text] = answers
     return said
@@ -90,22 +84,14 @@ def _read_answers(document: Document, value: Value, words: LeafWords) -> dict[st
 
 def _answer(document: Document, value: Value, specs: Sequence[NodeSpec]) -> Answer | None:
     outcomes = [status for status in STATUSES if all(_can(spec, status) for spec in specs)]
-    if value.entries is None:
-        status = document.word(value, outcomes, "the status of an answer")
-        return None if status is None else Answer(status)
-    parts = document.mapping(value, _ANSWER_KEYS, "an answer")
-    if "status" not in parts:
-        document.report(value, "missing-value", "an answer has a status: write status: SUCCESS")
-        return None
-    status = document.word(parts["status"], outcomes, "the status of an answer")
-    label, when, then = (_text(document, parts.get(part), part) for part in _ANSWER_KEYS[1:])
+    parts = value.mapping or {"status": value}
+    status = word(document, parts["status"], outcomes, "the status of an answer")
+    label, when, then = (
+        parts[part].text or "" if part in parts else "" for part in ("label", "when", "then")
+    )
     answer = Answer(status or "", label, when, then)
     usable = all(_scripts_fit(document, parts, answer, spec) for spec in specs)
     return answer if status is not None and usable else None
-
-
-def _text(document: Document, value: Value | None, what: str) -> str:
-    return "" if value is None else document.text(value, what) or ""
 
 
 def _can(spec: NodeSpec, status: str) -> bool:
@@ -119,7 +105,7 @@ def _scripts_fit(document: Document, parts: Mapping[str, Value], answer: Answer,
     mistake = mistake_in(answer, known, numbers)
     if mistake is not None:
         part, _, error = mistake
-        document.report_script(parts[part], error)
+        report_script(document, parts[part], error)
     return mistake is None
 
 

@@ -2,11 +2,11 @@
 
 from collections.abc import Iterator
 
-from sar_compiler.checks.rules.subject import Subject
-from sar_compiler.nodes.attributes import NOTES
-from sar_compiler.nodes.main_tree import find_main_tree
+from sar_compiler.checks.rules.check_context import CheckContext
+from sar_compiler.nodes.binding.attributes import NOTES
+from sar_compiler.nodes.binding.main_tree import find_main_tree
+from sar_compiler.nodes.binding.tree_ids import fault_of
 from sar_compiler.nodes.registry import Registry
-from sar_compiler.nodes.tree_ids import fault_of
 from sar_compiler.nodes.values import nearest
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.forest import Forest
@@ -18,13 +18,13 @@ INCLUDE_ATTRIBUTES = ("path", "ros_pkg")
 FORMAT = "4"
 
 
-def check_document(subject: Subject) -> Iterator[Diagnostic]:
+def check_document(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield what is wrong outside the trees."""
-    forest, registry = subject.forest, subject.registry
+    forest, registry = context.forest, context.registry
     for tree_file in forest.files:
         yield from _frame(tree_file.root)
     yield from _tree_ids(forest, registry)
-    if forest.main.root.tag == ROOT_TAG and subject.is_whole and not _is_palette(forest):
+    if forest.main.root.tag == ROOT_TAG and context.is_whole and not _is_palette(forest):
         try:
             find_main_tree(forest)
         except TreeError as error:
@@ -32,7 +32,7 @@ def check_document(subject: Subject) -> Iterator[Diagnostic]:
 
 
 def _is_palette(forest: Forest) -> bool:
-    """Say whether a file only describes nodes, for `--model` and for editors."""
+    """Return whether a file only describes nodes, for `--model` and for editors."""
     root = forest.main.root
     describes = any(child.tag == MODEL_TAG for child in root.children)
     names_tree = "main_tree_to_execute" in root.attributes

@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from sar_compiler.nodes.attributes import CONDITIONS, ONESHOT, closed
+from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, closed
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.model import Element, TreeFile
 from sar_compiler.tree.source import Form, Source
@@ -19,7 +19,7 @@ _COMMON = frozenset({"ID", "name", "memory", "BTCPP_format", "main_tree_to_execu
 """Attributes whose meaning does not depend on the leaf."""
 _TRUTHS = ("true", "false")
 _OTHERWISE_IN_SCRIPTS = frozenset({"not", "=+", "=*", "=/", "=>"})
-"""What means something else in the languages where it exists: `not a == b` there is `!(a == b)`."""
+"""Operators with another meaning in other languages, where `not a == b` is `!(a == b)`."""
 _BLOCK = re.compile(r"[|>][+\-0-9]*[ \t]*(#[^\r\n]*)?(\r\n|\r|\n)[\s]*$")
 _SLIP_LENGTH = 3
 """In shorter words one letter is too much of the whole."""
@@ -115,7 +115,7 @@ def fixed(text: str, chosen: Iterable[Fix]) -> str:
 
 
 def is_slip(written: str, meant: str) -> bool:
-    """Say whether a word is another one with a slip: letters in the wrong case, or one too many, too few, wrong, or two swapped."""
+    """Return whether a word is another one with a slip: letters in the wrong case, or one too many, too few, wrong, or two swapped."""
     one, other = written.lower(), meant.lower()
     if one == other:
         return True
@@ -185,7 +185,7 @@ def _escapes_in(source: Source, start: int) -> Mapping[str, str] | None:
 
 
 def _value_around(finding: Diagnostic, elements: Sequence[Element]) -> tuple[int, int] | None:
-    """Return from where to where the value goes in which a finding stands; None if it stands in none."""
+    """Return the start and end of the value that contains a finding; None if there is none."""
     place = (finding.span.line, finding.span.column)
     index = bisect.bisect_right(elements, place, key=lambda each: (each.line, each.column))
     if not index:

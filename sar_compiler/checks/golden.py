@@ -1,4 +1,4 @@
-"""Texts that are held against files which somebody has reviewed and committed."""
+"""Comparing texts with reviewed and committed files."""
 
 import difflib
 import os

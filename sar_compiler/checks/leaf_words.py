@@ -3,19 +3,19 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from sar_compiler.checks.yaml_values import Document, Value
-from sar_compiler.compiler.rehearsal import Rehearsal, fits
+from sar_compiler.compiler.simulated_tree import SimulatedTree, fits
+from sar_compiler.documents.located import Document, Value
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.nodes.values import nearest
-from sar_compiler.runtime.answering import ANSWERED, HALTED, STARTED, AnsweringLeaf, Event
 from sar_compiler.runtime.answers import STATUSES
+from sar_compiler.runtime.stub_leaf import ANSWERED, HALTED, STARTED, Event, StubLeaf
 
 STARTS = "starts"
 _DEEDS = {STARTS: STARTED, HALTED: HALTED}
 
 
 @dataclass(frozen=True)
-class Deed:
+class EventPattern:
     """Something that leaves can do, as a file says it: `DetectSurvivor found`.
 
     Attributes:
@@ -26,11 +26,11 @@ class Deed:
     """
 
     text: str
-    leaves: tuple[AnsweringLeaf, ...]
+    leaves: tuple[StubLeaf, ...]
     what: str
     answer: str = ""
 
-    def is_done(self, event: Event) -> bool:
+    def matches(self, event: Event) -> bool:
         """Say whether an event is this."""
         if event.what != self.what or event.leaf not in self.leaves:
             return False
@@ -41,46 +41,41 @@ class LeafWords:
     """The words for the leaves of one tree.
 
     Args:
-        rehearsal: The tree.
+        simulated: The tree.
     """
 
-    def __init__(self, rehearsal: Rehearsal) -> None:
-        self.leaves = rehearsal.leaves
-        self._origins = rehearsal.compiled.origins
+    def __init__(self, simulated: SimulatedTree) -> None:
+        self.leaves = simulated.leaves
+        self._origins = simulated.compiled.origins
 
-    def spec(self, leaf: AnsweringLeaf) -> NodeSpec:
+    def spec(self, leaf: StubLeaf) -> NodeSpec:
         """Return what the registry or a model says of a leaf."""
         return self._origins[leaf.id].bound.spec
 
-    def named(self, key: str) -> tuple[AnsweringLeaf, ...]:
+    def named(self, key: str) -> tuple[StubLeaf, ...]:
         """Return the leaves that a key names: a path, a name or a tag."""
         return tuple(leaf for leaf in self.leaves if fits(key, leaf.path, leaf.tag))
 
-    def find(self, document: Document, value: Value) -> tuple[AnsweringLeaf, ...]:
+    def find(self, document: Document, value: Value) -> tuple[StubLeaf, ...]:
         """Return the leaves that a value names; reports one that names none."""
-        key = document.text(value, "the name of a leaf")
-        found = self.named(key) if key else ()
-        if key and not found:
+        key = value.text or ""
+        found = self.named(key)
+        if not found:
             self._report_unknown(document, value, key)
         return found
 
-    def answer(self, document: Document, value: Value, leaves: Sequence[AnsweringLeaf]) -> str | None:
+    def answer(self, document: Document, value: Value, leaves: Sequence[StubLeaf]) -> str | None:
         """Return a label or a status that each of some leaves can answer; reports anything else."""
-        text = document.text(value, "an answer")
-        if text is None:
-            return None
-        known = words_of(leaves)
+        text, known = value.text or "", words_of(leaves)
         if text not in known:
             message = f"'{leaves[0].name}' never answers '{text}'; it answers {', '.join(known)}"
             document.report(value, "unknown-answer", message, suggestion=nearest(text, known))
             return None
         return text
 
-    def deed(self, document: Document, value: Value) -> Deed | None:
+    def deed(self, document: Document, value: Value) -> EventPattern | None:
         """Return what leaves are said to do; reports a text that says nothing of the kind."""
-        text = document.text(value, "an event")
-        if text is None:
-            return None
+        text = value.text or ""
         words = text.split(" ")
         for count in range(len(words) - 1, 0, -1):
             key, rest = " ".join(words[:count]), " ".join(words[count:])
@@ -97,14 +92,14 @@ class LeafWords:
         return None
 
     def _of(
-        self, document: Document, value: Value, leaves: tuple[AnsweringLeaf, ...], texts: tuple[str, str]
-    ) -> Deed | None:
+        self, document: Document, value: Value, leaves: tuple[StubLeaf, ...], texts: tuple[str, str]
+    ) -> EventPattern | None:
         text, rest = texts
         if rest in _DEEDS:
-            return Deed(text, leaves, _DEEDS[rest])
+            return EventPattern(text, leaves, _DEEDS[rest])
         known = words_of(leaves)
         if rest in known:
-            return Deed(text, leaves, ANSWERED, rest)
+            return EventPattern(text, leaves, ANSWERED, rest)
         message = f"'{leaves[0].name}' never does '{rest}'; it does {', '.join([*known, *_DEEDS])}"
         near = nearest(rest, [*known, *_DEEDS])
         part = (len(text) - len(rest), len(text))
@@ -117,7 +112,7 @@ class LeafWords:
         document.report(value, "unknown-leaf", message, suggestion=nearest(key, names))
 
 
-def words_of(leaves: Iterable[AnsweringLeaf]) -> list[str]:
+def words_of(leaves: Iterable[StubLeaf]) -> list[str]:
     """Return the labels of what some leaves can answer, then the statuses."""
     labels = [answer.label for leaf in leaves for answer in leaf.answers if answer.label]
     statuses = {answer.status for leaf in leaves for answer in leaf.answers}

@@ -11,7 +11,7 @@ from sar_compiler.cli.convert import convert_file
 from sar_compiler.cli.diff import diff_files
 from sar_compiler.cli.explain import add_explain
 from sar_compiler.cli.format import format_files
-from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_model, configured, load, palettes
+from sar_compiler.cli.loading import FILE_HELP, add_project_options, workspace
 from sar_compiler.cli.simulate import add_simulate
 from sar_compiler.cli.validate import add_validate
 from sar_compiler.cli.verify import add_verify
@@ -25,7 +25,7 @@ PROG = "sar-compile"
 def main(argv: Sequence[str] | None = None) -> int:
     """Run `sar-compile` and return its exit status."""
     arguments = _parser().parse_args(argv)
-    return run(lambda: int(arguments.run(configured(arguments))), PROG)
+    return run(lambda: int(arguments.run(arguments)), PROG)
 
 
 def _parser() -> Parser:
@@ -51,8 +51,7 @@ def _parser() -> Parser:
 
     show = command("show", "Show the compiled tree.")
     show.add_argument("file", metavar="FILE", help=FILE_HELP)
-    add_model(show)
-    add_include_path(show)
+    add_project_options(show)
     show.add_argument("--tree", metavar="ID", help="the tree to show (default: the one the file executes)")
     show.add_argument(
         "--format",
@@ -70,7 +69,7 @@ def _parser() -> Parser:
         required=True,
         help="the form to write; btcpp: XML that BehaviorTree.CPP 4 and Groot2 open",
     )
-    add_model(convert)
+    add_project_options(convert)
     convert.add_argument("-o", "--output", metavar="OUT", help="the file to write (default: standard output)")
     convert.set_defaults(run=convert_file)
 
@@ -113,29 +112,15 @@ def _parser() -> Parser:
 
 
 def _show(arguments: argparse.Namespace) -> int:
-    from sar_compiler.checks import check, check_palettes
-    from sar_compiler.compiler import bind_main, preview_tree
-    from sar_compiler.tree.diagnostic import Severity, TreeError
+    from sar_compiler.tree.diagnostic import TreeError
     from sar_compiler.views.outline import outline
     from sar_compiler.views.text import ascii_tree, unicode_tree
 
-    registry = _registry(arguments)
     try:
-        forest, described = load(arguments.file, arguments), palettes(arguments)
-        findings = check_palettes(described, registry)
-        # Which tree is the main one does not matter where one is asked for.
-        findings += [
-            finding
-            for finding in check(forest, registry, described)
-            if arguments.tree is None or finding.code != "no-main-tree"
-        ]
         # Of what may be meant so, `validate` warns.
-        findings = [finding for finding in findings if finding.severity is Severity.ERROR]
-        tree = None if findings else preview_tree(bind_main(forest, registry, arguments.tree, described))
+        tree = workspace(arguments).load(arguments.file).preview(arguments.tree)
     except TreeError as error:
-        findings, tree = list(error.findings), None
-    if tree is None:
-        print("\n".join(finding.render() for finding in findings), file=sys.stderr)
+        print(error, file=sys.stderr)
         return FINDINGS
     if arguments.format == "json":
         print(json.dumps(outline(tree), indent=2, ensure_ascii=False))
@@ -164,8 +149,8 @@ def _nodes(arguments: argparse.Namespace) -> int:
 
 
 def _schema(arguments: argparse.Namespace) -> int:
-    from sar_compiler.nodes.json_schema import json_schema
-    from sar_compiler.nodes.schema import xml_schema
+    from sar_compiler.nodes.schemas.json_schema import json_schema
+    from sar_compiler.nodes.schemas.xml_schema import xml_schema
 
     registry = _registry(arguments)
     if arguments.format == "json":

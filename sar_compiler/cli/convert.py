@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, OK
-from sar_compiler.cli.loading import palettes
+from sar_compiler.cli.loading import workspace
 from sar_compiler.cli.writing import WriteError, same_file, write_text
 
 if TYPE_CHECKING:
     from sar_compiler.tree.conversion import Converted
-    from sar_compiler.tree.model import TreeFile
 
 
 def convert_file(arguments: argparse.Namespace) -> int:
@@ -25,7 +24,6 @@ def convert_file(arguments: argparse.Namespace) -> int:
         UnreadableFileError: If the file is not there or cannot be read.
     """
     from sar_compiler.tree.diagnostic import Severity, TreeError
-    from sar_compiler.tree.reading import read_tree_file
     from sar_compiler.tree.shipped import find_tree
 
     path = find_tree(arguments.file)
@@ -34,7 +32,7 @@ def convert_file(arguments: argparse.Namespace) -> int:
         message = f"{output} is the file to convert; write to another one"
         raise WriteError(message)
     try:
-        converted = _converted(read_tree_file(path), arguments)
+        converted = _converted(path, arguments)
     except TreeError as error:
         print(error, file=sys.stderr)
         return FINDINGS
@@ -48,13 +46,14 @@ def convert_file(arguments: argparse.Namespace) -> int:
     return OK if all(loss.severity is Severity.INFO for loss in converted.losses) else FINDINGS
 
 
-def _converted(tree_file: "TreeFile", arguments: argparse.Namespace) -> "Converted":
+def _converted(path: Path, arguments: argparse.Namespace) -> "Converted":
     if arguments.to == "btcpp":
-        from sar_compiler.nodes.btcpp import convert_to_btcpp
-        from sar_compiler.nodes.registry import load_registry
+        from sar_compiler.nodes.btcpp.to_btcpp import convert_to_btcpp
 
-        return convert_to_btcpp(tree_file, load_registry(arguments.nodes), palettes(arguments))
+        tree = workspace(arguments).load(path)
+        return convert_to_btcpp(tree.forest.main, tree.project.registry, tree.project.palettes)
     from sar_compiler.tree.conversion import convert
+    from sar_compiler.tree.reading import read_tree_file
     from sar_compiler.tree.source import Form
 
-    return convert(tree_file, Form(arguments.to))
+    return convert(read_tree_file(path), Form(arguments.to))

@@ -1,14 +1,28 @@
 """What commands that read trees have in common: their options, and what these mean."""
 
 import argparse
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from sar_compiler.tree.forest import Forest
-    from sar_compiler.tree.model import TreeFile
+    from sar_compiler.project import Workspace
 
 FILE_HELP = "a tree file, or the name of a shipped tree"
+
+
+def add_project_options(parser: argparse.ArgumentParser) -> None:
+    """Add what the user can add to a project's configuration, besides `--nodes`."""
+    parser.add_argument(
+        "--model",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="NODES.xml",
+        help="a palette: a file whose TreeNodesModel describes nodes that are not installed; may be repeated",
+    )
+    add_include_path(parser)
+    add_trust(parser)
 
 
 def add_include_path(parser: argparse.ArgumentParser) -> None:
@@ -23,63 +37,26 @@ def add_include_path(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_model(parser: argparse.ArgumentParser) -> None:
-    """Add `--model`."""
+def add_trust(parser: argparse.ArgumentParser) -> None:
+    """Add `--trust`."""
     parser.add_argument(
-        "--model",
-        action="append",
-        default=[],
-        type=Path,
-        metavar="NODES.xml",
-        help="a palette: a file whose TreeNodesModel describes nodes that are not installed; may be repeated",
+        "--trust",
+        action="store_true",
+        help="run the modules of leaves that the project's own configuration names and brings along, now and until "
+        "one of them changes",
     )
 
 
-def configured(arguments: argparse.Namespace) -> argparse.Namespace:
-    """Return the arguments of a command on one tree file, with what the file's project adds to them.
+def workspace(arguments: argparse.Namespace) -> "Workspace":
+    """Return what loads trees as the options of a command say."""
+    from sar_compiler.project import Additions, Workspace
 
-    Raises:
-        TreeError: If the project's configuration has mistakes.
-        UnreadableFileError: If that, or the tree file, cannot be read.
-    """
-    if "file" not in arguments:
-        return arguments
-    from sar_compiler.checks.configuration import configuration_for
-    from sar_compiler.tree.shipped import find_tree
-
-    configuration = configuration_for(find_tree(arguments.file))
-    added = {
-        "nodes": configuration.nodes,
-        "model": configuration.models,
-        "include_path": configuration.include_path,
-    }
-    for name, values in added.items():
-        if name in arguments:
-            setattr(arguments, name, [*getattr(arguments, name), *values])
-    return arguments
+    additions = Additions(
+        tuple(arguments.nodes), tuple(arguments.model), tuple(arguments.include_path), arguments.trust
+    )
+    return Workspace(additions, note=tell_passed_over)
 
 
-def load(name: str, arguments: argparse.Namespace) -> "Forest":
-    """Read a tree file that a user means, and everything that it includes.
-
-    Raises:
-        UnreadableFileError: If the file is not there or cannot be read.
-        TreeError: If it is malformed.
-    """
-    from sar_compiler.tree.forest import load_forest
-    from sar_compiler.tree.reading import read_tree_file
-    from sar_compiler.tree.shipped import find_tree
-
-    return load_forest(find_tree(name), read_tree_file, arguments.include_path)
-
-
-def palettes(arguments: argparse.Namespace) -> "list[TreeFile]":
-    """Read the palettes that were given.
-
-    Raises:
-        UnreadableFileError: If one is not there or cannot be read.
-        TreeError: If one is malformed.
-    """
-    from sar_compiler.tree.reading import read_tree_file
-
-    return [read_tree_file(path) for path in arguments.model]
+def tell_passed_over(text: str) -> None:
+    """Say on standard error what was passed over."""
+    print(f"note: {text}", file=sys.stderr)

@@ -5,7 +5,7 @@ import sys
 from contextlib import suppress
 
 
-class Output:
+class RunOutput:
     """What a run prints for people; where nobody reads it any more (`| head`), the run does not end.
 
     Attributes:

@@ -1,17 +1,16 @@
 """`sar-run`: fly a mission on ROS 2."""
 
-import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from sar_compiler.cli.arguments import USAGE, Parser, run, speed
-from sar_compiler.cli.loading import FILE_HELP, add_include_path
-from sar_compiler.missions.search_and_rescue.ending import Until
+from sar_compiler.cli.arguments import Parser, speed
+from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_trust
+from sar_compiler.commands import USAGE, run
+from sar_compiler.missions.ending import Until
 from sar_compiler.resources import find
 from sar_compiler.ros.arguments import split_arguments
-from sar_compiler.ros.faults import Fault, FaultError, parse_fault
 from sar_compiler.ros.signals import StopSignals
 
 PROG = "sar-run"
@@ -26,7 +25,7 @@ class Options:
     """What was asked for on the command line.
 
     Attributes:
-        tree: A tree file or the name of a shipped one.
+        tree: A tree file or the name of a shipped one; empty for the one that the mission brings.
         params: A parameter file.
         sim: The world to simulate; None for a robot of somebody else's.
         speed: Simulated seconds per second, at most.
@@ -34,9 +33,11 @@ class Options:
         view: How to show the tree: `text` or `none`.
         check: Whether to stop before anything moves.
         engine: What ticks the tree: `own` or `py_trees_ros`.
-        faults: How the simulated servers misbehave.
+        mission: The name of the mission; None leaves it to the leaves.
+        fault: How the simulated servers misbehave, as it was written.
         nodes: Modules of leaves.
         include_path: Further folders that files may be included from.
+        trust: Whether to run the modules that the project's own configuration brings along.
         ros: ROS arguments, without `--ros-args`.
     """
 
@@ -48,25 +49,28 @@ class Options:
     view: str
     check: bool
     engine: str
-    faults: tuple[Fault, ...]
-    nodes: tuple[str, ...]
-    include_path: tuple[Path, ...]
-    ros: tuple[str, ...]
+    mission: str | None
+    fault: Sequence[str]
+    nodes: Sequence[str]
+    include_path: Sequence[Path]
+    trust: bool
+    ros: Sequence[str]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run `sar-run` and return its exit status."""
     # Before anything that takes time, so that Ctrl-C ends the command in order from its first moment.
     signals = StopSignals()
-    return run(lambda: _fly(_options(sys.argv[1:] if argv is None else argv), signals), PROG)
+    return run(lambda: _run(_options(sys.argv[1:] if argv is None else argv), signals), PROG)
 
 
-def _fly(options: Options, signals: StopSignals) -> int:
-    from sar_compiler.cli.flight import fly
+def _run(options: Options, signals: StopSignals) -> int:
+    from sar_compiler.cli.run_mission import run_mission
     from sar_compiler.tree.diagnostic import TreeError
 
+    options = replace(options, tree=options.tree or _default_tree(options.mission))
     try:
-        return fly(options, signals)
+        return run_mission(options, signals)
     except TreeError as error:
         print(error, file=sys.stderr)
         print(f"{PROG}: {options.tree} cannot be flown like this; nothing has moved", file=sys.stderr)
@@ -81,20 +85,30 @@ def _options(argv: Sequence[str]) -> Options:
         parser.error(f"{'--speed' if given.speed is not None else '--fault'} is for the simulator: add --sim")
     if given.sim is not None and _looks_like_a_tree(given.sim):
         parser.error(f"--sim takes a world, and '{given.sim}' looks like a tree: put the tree before --sim")
-    return Options(
-        tree=given.tree,
-        params=given.params,
-        sim=given.sim,
-        speed=given.speed or 1.0,
-        until=Until(given.until) if given.until else None,
-        view=given.view,
-        check=given.check,
-        engine=given.engine,
-        faults=tuple(given.fault),
-        nodes=tuple(given.nodes),
-        include_path=tuple(given.include_path),
-        ros=tuple(split.ros),
-    )
+    read = {
+        "tree": given.tree or "",
+        "speed": given.speed or 1.0,
+        "until": Until(given.until) if given.until else None,
+        "ros": split.ros,
+    }
+    return Options(**{**vars(given), **read})
+
+
+def _default_tree(mission: str | None) -> str:
+    """Return the tree to run where none is named.
+
+    Raises:
+        MissionError: If there is no such mission, or it comes without a tree.
+    """
+    if mission is None:
+        return _DEFAULT_TREE
+    from sar_compiler.missions.choosing import MissionError, mission_named
+
+    tree = mission_named(mission).default_tree
+    if tree is None:
+        message = f"the mission '{mission}' comes without a tree: name one"
+        raise MissionError(message)
+    return tree
 
 
 def _looks_like_a_tree(world: str) -> bool:
@@ -115,9 +129,8 @@ def _parser() -> Parser:
     parser.add_argument(
         "tree",
         nargs="?",
-        default=_DEFAULT_TREE,
         metavar="TREE",
-        help=f"{FILE_HELP} (default: %(default)s)",
+        help=f"{FILE_HELP} (default: the one that --mission brings, else {_DEFAULT_TREE})",
     )
     parser.add_argument("--params", type=Path, metavar="FILE", help="a ROS 2 parameter file")
     parser.add_argument(
@@ -125,14 +138,19 @@ def _parser() -> Parser:
         nargs="?",
         const=_DEFAULT_WORLD,
         metavar="WORLD",
-        help="simulate a world (a file, or a shipped one: disaster_zone, empty), Nav2 and the two servers",
+        help="simulate a world (a file, or a shipped one: disaster_zone, empty), Nav2 and the mission's servers",
     )
     parser.add_argument("--speed", type=speed, metavar="N", help="simulated seconds per second, at most")
     parser.add_argument(
         "--until",
         choices=[until.value for until in Until],
-        help="when to end: the mission is complete (default with --sim), the root succeeds or fails (for trees "
-        "without zones), or never (default otherwise)",
+        help="when to end: the root succeeds or fails (end; default for trees and missions without an end of their "
+        "own), the mission is complete (default with --sim), the root succeeds, or fails, or never (default otherwise)",
+    )
+    parser.add_argument(
+        "--mission",
+        metavar="NAME",
+        help="the mission, where the leaves of the tree do not say which one it is",
     )
     parser.add_argument(
         "--view", choices=("text", "none"), default="none", help="show the tree at every tick"
@@ -148,7 +166,6 @@ def _parser() -> Parser:
     )
     parser.add_argument(
         "--fault",
-        type=_fault,
         action="append",
         default=[],
         metavar="SPEC",
@@ -162,14 +179,8 @@ def _parser() -> Parser:
         help="load a module of leaves (installed, or in the current folder); may be repeated",
     )
     add_include_path(parser)
+    add_trust(parser)
     return parser
-
-
-def _fault(text: str) -> Fault:
-    try:
-        return parse_fault(text)
-    except FaultError as error:
-        raise argparse.ArgumentTypeError(str(error)) from error
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import OK, Parser, run, speed
 from sar_compiler.ros.arguments import init_arguments, split_arguments
-from sar_compiler.ros.faults import NAVIGATION, Fault, FaultError, FaultPlan, parse_fault
+from sar_compiler.ros.faults import NAVIGATION_FAULTS, Fault, FaultError, FaultPlan, parse_fault
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.sim.placement import Placement, PlacementError, parse_placement
 
@@ -111,15 +111,9 @@ def _robot(text: str) -> Placement:
 
 def _fault(text: str) -> Fault:
     try:
-        fault = parse_fault(text)
+        return parse_fault(text, NAVIGATION_FAULTS)
     except FaultError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
-    if fault.target != NAVIGATION:
-        message = (
-            f"'{text}': the world has no such service; give it to the service's own command, or to sar-run"
-        )
-        raise argparse.ArgumentTypeError(message)
-    return fault
 
 
 def _map(options: argparse.Namespace) -> int:

@@ -7,16 +7,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
-from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_model, load, palettes
+from sar_compiler.cli.loading import FILE_HELP, add_project_options, workspace
 from sar_compiler.errors import SarError
 
 if TYPE_CHECKING:
     from sar_compiler.checks.simulate.coverage import Coverage
     from sar_compiler.checks.simulate.judging import Failure
-    from sar_compiler.checks.simulate.reading import Stage
     from sar_compiler.checks.simulate.running import Run
+    from sar_compiler.checks.simulate.scenario_files import Stage
     from sar_compiler.runtime.expressions import Script
-    from sar_compiler.views.junit import Played
+    from sar_compiler.views.junit import PlayedScenario
 
 
 class ScenarioFolderError(SarError):
@@ -47,8 +47,7 @@ def add_simulate(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--coverage", action="store_true", help="say which nodes and outcomes the scenarios have not shown"
     )
-    add_model(parser)
-    add_include_path(parser)
+    add_project_options(parser)
     parser.add_argument(
         "--format",
         choices=("text", "json", "junit"),
@@ -65,14 +64,10 @@ def simulate_file(arguments: argparse.Namespace) -> int:
         UnreadableFileError: If the tree file is not there or cannot be read.
     """
     from sar_compiler.checks.simulate.coverage import Coverage
-    from sar_compiler.checks.simulate.reading import Stage
-    from sar_compiler.nodes.registry import load_registry
     from sar_compiler.tree.diagnostic import TreeError
 
-    registry = load_registry(arguments.nodes)
     try:
-        forest, described = load(arguments.file, arguments), tuple(palettes(arguments))
-        stage = Stage(forest, registry, described, arguments.tree)
+        stage = workspace(arguments).load(arguments.file).stage(arguments.tree)
         stage.binding()
     except TreeError as error:
         print(error, file=sys.stderr)
@@ -100,30 +95,32 @@ def _scenarios(paths: "list[Path]") -> "list[Path | None]":
     return files or [None]
 
 
-def _play(path: Path | None, stage: "Stage", coverage: "Coverage", arguments: argparse.Namespace) -> "Played":
+def _play(
+    path: Path | None, stage: "Stage", coverage: "Coverage", arguments: argparse.Namespace
+) -> "PlayedScenario":
     """Play a scenario, and print what keeps it from being played."""
     from sar_compiler.checks.simulate.judging import failures
-    from sar_compiler.checks.simulate.reading import read_scenario
-    from sar_compiler.checks.simulate.running import Simulation
+    from sar_compiler.checks.simulate.running import ScenarioPlayer
+    from sar_compiler.checks.simulate.scenario_files import read_scenario
     from sar_compiler.tree.diagnostic import TreeError
-    from sar_compiler.views.junit import Played
+    from sar_compiler.views.junit import PlayedScenario
 
     try:
         play = stage.play() if path is None else read_scenario(path, stage)
     except SarError as error:
         print(error if isinstance(error, TreeError) else f"sar-compile: {error}", file=sys.stderr)
-        return Played(str(path or arguments.file), problem=str(error))
+        return PlayedScenario(str(path or arguments.file), problem=str(error))
     scenario = replace(
         play.scenario,
         until=arguments.until or play.scenario.until,
         max_ticks=arguments.ticks or play.scenario.max_ticks,
     )
-    run = Simulation(play.rehearsal, scenario).go()
+    run = ScenarioPlayer(play.simulated, scenario).go()
     coverage.add(run)
     missed = [*failures(run), *_trace_failure(run)]
     if arguments.ticks is not None and not run.ended:
         missed = [failure for failure in missed if failure.expected != "ends"]
-    return Played(scenario.name, run, tuple(missed))
+    return PlayedScenario(scenario.name, run, tuple(missed))
 
 
 def _trace_failure(run: "Run") -> "list[Failure]":
@@ -137,7 +134,7 @@ def _trace_failure(run: "Run") -> "list[Failure]":
     return [Failure("trace", different, expect.lines.get("trace", 0))] if different else []
 
 
-def _print(played: "list[Played]", coverage: "Coverage", arguments: argparse.Namespace) -> None:
+def _print(played: "list[PlayedScenario]", coverage: "Coverage", arguments: argparse.Namespace) -> None:
     from sar_compiler.views.junit import junit
     from sar_compiler.views.runs import runs_as_json
     from sar_compiler.views.trace import coverage_text, trace, verdict
@@ -150,7 +147,7 @@ def _print(played: "list[Played]", coverage: "Coverage", arguments: argparse.Nam
         print(junit(arguments.file, played), end="")
         return
     runs = [each.run for each in played if each.run is not None]
-    for note in dict.fromkeys(note for run in runs for note in run.rehearsal.notes):
+    for note in dict.fromkeys(note for run in runs for note in run.simulated.notes):
         print(note.render(), file=sys.stderr)
     for each in played:
         if each.run is not None:

@@ -7,16 +7,12 @@ import time
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
-from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_model, load, palettes
+from sar_compiler.cli.loading import FILE_HELP, add_project_options, workspace
 
 if TYPE_CHECKING:
-    from sar_compiler.checks.verify import Progress, PropertyFile, Verification
-    from sar_compiler.compiler.rehearsal import Assumptions, Rehearsal
-    from sar_compiler.nodes.bound import Binding
+    from sar_compiler.checks.verify import Progress, Verification
+    from sar_compiler.documents.located import Document
 
-# A tree with these leaves is a mission with zones.
-_MISSION_LEAVES = {"ZonesRemaining", "NavigateToBase"}
-_MISSION_PROPERTIES = ("config", "mission_properties.yaml")
 _MAX_STATES = 1_000_000
 
 
@@ -46,8 +42,7 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help=f"go through so many states at most (default {_MAX_STATES})",
     )
-    add_model(parser)
-    add_include_path(parser)
+    add_project_options(parser)
     parser.add_argument(
         "--format", choices=("text", "json"), default="text", help="for people, or for scripts"
     )
@@ -79,70 +74,26 @@ def verify_file(arguments: argparse.Namespace) -> int:
 
 
 def _verify(arguments: argparse.Namespace) -> "Verification":
-    from sar_compiler.checks import check
-    from sar_compiler.checks.assumptions import raise_disputes
-    from sar_compiler.checks.verify import verify
-    from sar_compiler.compiler import bind_main
-    from sar_compiler.compiler.rehearsal import Assumptions, rehearse
-    from sar_compiler.nodes.registry import load_registry
-    from sar_compiler.tree.diagnostic import Severity, TreeError
-
-    registry = load_registry(arguments.nodes)
-    forest, described = load(arguments.file, arguments), palettes(arguments)
-    errors = [each for each in check(forest, registry, described) if each.severity is Severity.ERROR]
-    if arguments.tree is not None:
-        errors = [each for each in errors if each.code != "no-main-tree"]
-    if errors:
-        raise TreeError(errors)
-    binding = bind_main(forest, registry, arguments.tree, described)
-    file = _properties(arguments, binding)
-    parameters = {} if file is None else file.parameters
-    rehearsal = rehearse(binding, parameters)
-    assumed = Assumptions() if file is None else _of_the_file(file, rehearsal)
-    if arguments.set:
-        # What the file says may be about facts of its own.
-        typed = _typed(arguments.set, rehearse(binding, parameters, assumed))
-        assumed = Assumptions({**assumed.facts, **typed.facts}, assumed.answers)
-    rehearsal = rehearse(binding, parameters, assumed)
-    raise_disputes(rehearsal)
-    tags = {spec.tag for spec in registry if spec.kind.is_leaf}
+    tree = workspace(arguments).load(arguments.file)
     with contextlib.closing(_Shown()) as shown:
-        return verify(rehearsal, file, tags, arguments.max_states, shown.show)
+        return tree.verify(
+            arguments.properties,
+            facts=_typed(arguments.set),
+            tree_id=arguments.tree,
+            max_states=arguments.max_states,
+            report=shown.show,
+        )
 
 
-def _properties(arguments: argparse.Namespace, binding: "Binding") -> "PropertyFile | None":
-    """Return what must hold: what the user names, else the mission's own for a mission."""
-    from sar_compiler.checks.verify import read_property_file
-    from sar_compiler.resources import shipped
-
-    if arguments.properties is not None:
-        return read_property_file(arguments.properties)
-    if {bound.spec.tag for bound in binding.nodes()} >= _MISSION_LEAVES:
-        return read_property_file(shipped(*_MISSION_PROPERTIES))
-    return None
-
-
-def _of_the_file(file: "PropertyFile", rehearsal: "Rehearsal") -> "Assumptions":
-    """Return what a file of properties says of the world."""
-    from sar_compiler.checks.assumptions import read_assumptions
-    from sar_compiler.checks.yaml_values import raise_findings
-
-    said = read_assumptions(file.document, file.facts, file.answers, rehearsal)
-    raise_findings([file.document])
-    return said
-
-
-def _typed(pairs: "list[tuple[str, str]]", rehearsal: "Rehearsal") -> "Assumptions":
+def _typed(pairs: "list[tuple[str, str]]") -> "Document | None":
     """Return what the command line says of facts."""
-    from sar_compiler.checks.assumptions import read_assumptions
-    from sar_compiler.checks.yaml_values import Document, raise_findings
+    if not pairs:
+        return None
+    from sar_compiler.documents.yaml_files import parse_yaml
 
     # One line for each, so that what is wrong with one is shown as in a file.
     text = "".join(f"{name}: {value}\n" for name, value in pairs)
-    document = Document(text, "--set", "write FACT=VALUE")
-    said = read_assumptions(document, document.root, None, rehearsal)
-    raise_findings([document])
-    return said
+    return parse_yaml(text, "--set", "write FACT=VALUE")
 
 
 def _assignment(text: str) -> tuple[str, str]:

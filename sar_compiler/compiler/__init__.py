@@ -4,22 +4,23 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from uuid import UUID
 
+import py_trees
 from py_trees.behaviour import Behaviour
 
-from sar_compiler.compiler.arguments import Arguments, PreviewArguments, given
 from sar_compiler.compiler.building import Builder, PreviewBuilder
+from sar_compiler.compiler.constructor_arguments import Arguments, PreviewArguments, given
 from sar_compiler.compiler.origins import Origin, Origins
-from sar_compiler.nodes.binding import bind
-from sar_compiler.nodes.bound import Binding
-from sar_compiler.nodes.collector import Collector
-from sar_compiler.nodes.instances import Instance, expand
-from sar_compiler.nodes.main_tree import find_main_tree
+from sar_compiler.nodes.binding.binder import bind
+from sar_compiler.nodes.binding.bound import Binding
+from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.instances import Instance, expand
+from sar_compiler.nodes.binding.main_tree import find_main_tree
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import Role, Use
 from sar_compiler.runtime.blackboard import Board
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.growing import uncollected
+from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import TreeFile
 
 __all__ = [
@@ -33,7 +34,11 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True)
+_OUTLINE = 25
+"""How many lines of a tree are shown where it is only named."""
+
+
+@dataclass(frozen=True, repr=False)
 class CompiledTree:
     """A tree that can be ticked.
 
@@ -46,6 +51,13 @@ class CompiledTree:
     root: Behaviour
     origins: Mapping[UUID, Origin]
     instance: Instance
+
+    def __repr__(self) -> str:
+        count = len(self.origins)
+        lines = py_trees.display.ascii_tree(self.root).rstrip("\n").split("\n")
+        shown = lines if len(lines) <= _OUTLINE else [*lines[: _OUTLINE - 1], "    ..."]
+        head = f"<{type(self).__name__} of {count} {'node' if count == 1 else 'nodes'}>"
+        return "\n".join([head, *(f"    {line}" for line in shown)])
 
     @property
     def board(self) -> Board:
@@ -109,7 +121,7 @@ def compile_tree(
 
 
 def preview_tree(binding: Binding) -> CompiledTree:
-    """Compile a bound tree to be looked at: with stand-ins for what only a mission has.
+    """Compile a bound tree for display, with stand-ins for what only a mission has.
 
     Blackboard keys that are not known get the parameter's default or some value of its type; a node that
     only a model describes becomes a stock behaviour of its kind.
@@ -143,8 +155,8 @@ def compile_with(
     builder.prepare(top)
     if collector.findings:
         raise TreeError(_in_order(collector.findings))
-    with uncollected():
-        return CompiledTree(builder.place(top, binding.main.root), Origins(builder.makings), top)
+    with gc_paused():
+        return CompiledTree(builder.place(top, binding.main.root), Origins(builder.constructions), top)
 
 
 def _has_error(findings: Iterable[Diagnostic]) -> bool:

@@ -1,4 +1,4 @@
-"""Making the behaviours of a tree."""
+"""Building the behaviours of a tree."""
 
 import functools
 from collections.abc import Callable, Mapping
@@ -9,12 +9,12 @@ from py_trees.behaviours import Dummy
 from py_trees.composites import Sequence
 from py_trees.decorators import OneShot, PassThrough
 
-from sar_compiler.compiler.arguments import Arguments, given
-from sar_compiler.compiler.origins import Making
-from sar_compiler.nodes.bound import Binding, BoundNode
-from sar_compiler.nodes.collector import Collector
-from sar_compiler.nodes.instances import Instance
-from sar_compiler.nodes.skips import Skipping
+from sar_compiler.compiler.constructor_arguments import Arguments, given
+from sar_compiler.compiler.origins import Construction
+from sar_compiler.nodes.binding.bound import Binding, BoundNode
+from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.instances import Instance
+from sar_compiler.nodes.binding.skips import SkipAnalysis
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.nodes.values import literal_value
 from sar_compiler.runtime.conditions import Conditions, ConditionScripts
@@ -41,14 +41,14 @@ class Builder:
         collector: Is told what keeps the tree from being made.
 
     Attributes:
-        makings: How each behaviour was made.
+        constructions: How each behaviour was constructed.
     """
 
     def __init__(self, binding: Binding, arguments: Arguments, collector: Collector) -> None:
-        self.makings: list[Making] = []
+        self.constructions: list[Construction] = []
         self._source = arguments
         self._collector = collector
-        self._skipping = Skipping(binding.trees())
+        self._skipping = SkipAnalysis(binding.trees())
         # Nodes that others refer to may be made before their place comes, so these are remembered.
         self._targets: set[BoundNode] = set()
         self._built: dict[tuple[Instance, BoundNode], Behaviour] = {}
@@ -77,7 +77,7 @@ class Builder:
         self._collector.tag(bound.element, "not-installed", message, hint=hint)
 
     def place(self, instance: Instance, bound: BoundNode) -> Behaviour:
-        """Make a node where it stands in the tree, with what is wrapped around it there."""
+        """Build a node in place, with its wrappers."""
         make = self._remembered if bound in self._targets else self._make
         behaviour = make(instance, bound)
         if bound.conditions:
@@ -85,7 +85,7 @@ class Builder:
         if bound.oneshot is not None:
             policy = bound.oneshot
             behaviour = OneShot(name=f"{bound.name}OneShot", child=behaviour, policy=policy)
-            self.makings.append((behaviour.id, instance, bound, {"policy": policy}, None))
+            self.constructions.append(Construction(behaviour.id, instance, bound, {"policy": policy}))
         return behaviour
 
     def _conditions(self, instance: Instance, bound: BoundNode, child: Behaviour) -> Behaviour:
@@ -93,7 +93,7 @@ class Builder:
         name = f"{bound.name}Conditions"
         wrapper = Conditions(name, child, scripts, instance.scope, self._source.enums)
         shown = {name: script.text for name, script in bound.conditions.items()}
-        self.makings.append((wrapper.id, instance, bound, shown, None))
+        self.constructions.append(Construction(wrapper.id, instance, bound, shown))
         return wrapper
 
     def _remembered(self, instance: Instance, bound: BoundNode) -> Behaviour:
@@ -128,7 +128,9 @@ class Builder:
             if stand_in is None:
                 raise _cannot_be_made(bound, error) from error
             behaviour = stand_in
-        self.makings.append((behaviour.id, instance, bound, None, known and self.known(bound, known)))
+        self.constructions.append(
+            Construction(behaviour.id, instance, bound, None, known and self.known(bound, known))
+        )
         return behaviour
 
     def stand_in(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Behaviour | None:  # noqa: ARG002
@@ -156,7 +158,7 @@ class PreviewBuilder(Builder):
     """Makes a tree to be looked at, whatever only a mission or a module of leaves has."""
 
     def only_described(self, bound: BoundNode) -> None:
-        """Let it be: a stock behaviour of its kind stands for it."""
+        """Do nothing: a stock behaviour of its kind is used instead."""
 
     def stand_in(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Behaviour | None:
         """Return a stock behaviour where a key's value, which is made up here, may be what was refused."""

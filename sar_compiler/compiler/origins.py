@@ -3,11 +3,11 @@
 import functools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 from uuid import UUID
 
-from sar_compiler.nodes.bound import BoundNode
-from sar_compiler.nodes.instances import Instance
+from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.spec import Role, Use
 
 
@@ -27,30 +27,41 @@ class Origin:
     uses: tuple[Use, ...] = ()
 
 
-Making = tuple[UUID, Instance, BoundNode, Mapping[str, object] | None, Mapping[str, Any] | None]
-"""How a behaviour was made: its id, the instance that it belongs to, the node that it was made for, the attributes
-of a wrapper around the node (None for the node itself), and values of plain attributes from the blackboard.
+class Construction(NamedTuple):
+    """How a behaviour was constructed.
 
-A plain tuple, as there is one for every node."""
+    Attributes:
+        behaviour: Its id.
+        instance: The instance of a subtree that it belongs to.
+        bound: The node that it was constructed for.
+        wrapper: The attributes of a wrapper around the node; None for the node itself.
+        known: The values of plain attributes that came from the blackboard.
+    """
+
+    behaviour: UUID
+    instance: Instance
+    bound: BoundNode
+    wrapper: Mapping[str, object] | None = None
+    known: Mapping[str, Any] | None = None
 
 
 class Origins(Mapping[UUID, Origin]):
-    """The origins of all behaviours, by their ids; each is worked out when somebody asks.
+    """The origins of all behaviours, by their ids; each is computed on request.
 
     Args:
-        makings: How each was made.
+        constructions: How each was constructed.
     """
 
-    def __init__(self, makings: Sequence[Making]) -> None:
-        self._in_order = makings
+    def __init__(self, constructions: Sequence[Construction]) -> None:
+        self._in_order = constructions
 
     @functools.cached_property
-    def _makings(self) -> dict[UUID, Making]:
-        # Not while the tree is made: to hash an id takes as long as all else that is noted of a node.
-        return {making[0]: making for making in self._in_order}
+    def _by_id(self) -> dict[UUID, Construction]:
+        # Not while the tree is compiled: hashing an id takes as long as everything else that is noted of a node.
+        return {each.behaviour: each for each in self._in_order}
 
     def __getitem__(self, behaviour: UUID) -> Origin:
-        _, instance, bound, wrapper, known = self._makings[behaviour]
+        _, instance, bound, wrapper, known = self._by_id[behaviour]
         if wrapper is not None:
             return Origin(bound, wrapper)
         attributes = _attributes(instance, bound, known or {})
@@ -58,7 +69,7 @@ class Origins(Mapping[UUID, Origin]):
         return Origin(bound, attributes, uses)
 
     def __iter__(self) -> Iterator[UUID]:
-        return (making[0] for making in self._in_order)
+        return (each.behaviour for each in self._in_order)
 
     def __len__(self) -> int:
         return len(self._in_order)

@@ -1,1 +1,1 @@
-"""The missions that ship with the package, each a plug-in like anybody's."""
+"""Missions: what one is, which one a tree belongs to, when its run is over; and in a folder each, those that ship."""

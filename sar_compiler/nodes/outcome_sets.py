@@ -19,13 +19,13 @@ from typing import TYPE_CHECKING, TypeAlias
 from py_trees.common import Status
 
 from sar_compiler.runtime.branches import equal_texts
+from sar_compiler.runtime.chosen_outcome import Outcome
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.expressions import Script, name_uses
-from sar_compiler.runtime.outcomes import Outcome
 from sar_compiler.runtime.variables import PlainVariables
 
 if TYPE_CHECKING:
-    from sar_compiler.nodes.bound import BoundNode
+    from sar_compiler.nodes.binding.bound import BoundNode
 
 S, F, R, K = 1, 2, 4, 8
 """SUCCESS, FAILURE, RUNNING and skipped."""
@@ -230,10 +230,19 @@ def turning(turns: dict[int, int]) -> Possible:
     """Return the function of a decorator that answers something else for some answers of its child."""
     turned = {each: turns.get(each, each) for each in ANSWERS}
 
-    def possible(_bound: "BoundNode", children: Sequence[int], _sure: bool) -> int:
-        return union(new for old, new in turned.items() if children[0] & old)
+    def possible(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+        child = _interrupted(bound, children[0]) if sure and turned[R] != R else children[0]
+        return union(new for old, new in turned.items() if child & old)
 
     return possible
+
+
+def _interrupted(bound: "BoundNode", child: int) -> int:
+    """Return what the child of a decorator is sure to answer that ends, and resets it, in each tick in which it runs.
+
+    A leaf can end in any tick; what consists of several nodes may have to run for some ticks first.
+    """
+    return child & R if child & R and not bound.children[0].spec.kind.is_leaf else child
 
 
 def adding(own: int) -> Possible:
@@ -299,6 +308,7 @@ def time_limit(limit_sec: "Callable[[BoundNode], float | None]") -> Possible:
     def possible(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
         child, limit = children[0], limit_sec(bound)
         if limit is not None and limit <= 0:
+            child = _interrupted(bound, child) if sure else child
             return child & ~R | (F if child & R else 0)
         # A child that is skipped may be running all the same, as one that repeats what is skipped.
         late = child & R and limit not in (None, math.inf) if sure else child & (R | K)
@@ -328,7 +338,8 @@ def awaiting(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
     wanted = BITS.get(str(bound.value("status")))
     if wanted is None:
         return unknown(bound, children, sure)
-    return (S if children[0] & wanted else 0) | (R if children[0] & ~wanted else 0)
+    child = _interrupted(bound, children[0]) if sure and wanted == R else children[0]
+    return (S if child & wanted else 0) | (R if child & ~wanted else 0)
 
 
 def queued(bound: "BoundNode", _children: Sequence[int], sure: bool) -> int:

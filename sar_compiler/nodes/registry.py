@@ -2,25 +2,34 @@
 
 import functools
 import importlib
-import importlib.metadata
 import re
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 
 from sar_compiler.errors import SarError
+from sar_compiler.nodes.installed import entry_points, import_installed
 from sar_compiler.nodes.register import MARK
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.nodes.values import nearest
 
 ENTRY_POINTS = "sar_compiler.nodes"
+
+Named = str | ModuleType | type
+"""Leaves, as a user names them: the import path of a module, a module, or a class."""
+
 _REGISTERS = re.compile(r"^@(\w+\.)*register\(", re.MULTILINE)
 
 
 class RegistryError(SarError):
     """A module of leaves cannot be loaded, or two of them claim the same tag."""
+
+
+def is_marked(cls: type) -> bool:
+    """Return whether a class is registered itself: a subclass of a leaf is not that leaf."""
+    return MARK in vars(cls)
 
 
 class Registry:
@@ -52,14 +61,21 @@ class Registry:
 
     def add_module(self, module: ModuleType) -> int:
         """Add every class of a module that carries the mark of `register`; return how many there were."""
-        count = 0
-        for value in vars(module).values():
-            # The mark must be the class's own: a subclass of a leaf is not that leaf.
-            spec = vars(value).get(MARK) if isinstance(value, type) else None
-            if spec is not None:
-                self.add(spec)
-                count += 1
-        return count
+        classes = [value for value in vars(module).values() if isinstance(value, type) and is_marked(value)]
+        for cls in classes:
+            self.add_class(cls)
+        return len(classes)
+
+    def add_class(self, cls: type) -> None:
+        """Add a class that carries the mark of `register`.
+
+        Raises:
+            RegistryError: If it does not, or its tag already means another class.
+        """
+        if not is_marked(cls):
+            message = f"{_name_of(cls)} is not registered: write @register above the class"
+            raise RegistryError(message)
+        self.add(vars(cls)[MARK])
 
     def __contains__(self, tag: str) -> bool:
         return tag in self._specs
@@ -104,23 +120,38 @@ class Registry:
         return nearest(tag, self._specs)
 
 
-def load_registry(modules: Iterable[str] = ()) -> Registry:
-    """Make the registry of everything installed, and of the modules named.
+def load_registry(
+    named: Iterable[Named] = (), configured: Iterable[str] = (), checkout: Path | None = None
+) -> Registry:
+    """Make the registry of everything installed, and of what is named.
 
     Args:
-        modules: Import paths of further modules of leaves; they may lie in the current folder.
+        named: What the user names: modules of leaves or their import paths, which may lie in the current folder, and
+            classes of leaves.
+        configured: Import paths that a configuration names; these are installed, or trusted.
+        checkout: A folder of which nothing counts as installed.
 
     Raises:
         RegistryError: If a module cannot be imported or has no leaves; names it and says why.
     """
-    from sar_compiler.nodes import controls, decorators, leaves
+    from sar_compiler.nodes.language import controls, decorators, leaves
+
+    def installed(module: str) -> ModuleType:
+        return import_installed(module, checkout)
 
     registry = Registry([*controls.SPECS, *decorators.SPECS, *leaves.SPECS])
-    for entry_point in importlib.metadata.entry_points(group=ENTRY_POINTS):
-        registry.add_module(_import(entry_point.value, f"entry point '{entry_point.name}'"))
-    for module in modules:
-        _look_here()
-        _add_named(registry, module)
+    for entry_point in entry_points(ENTRY_POINTS, checkout):
+        registry.add_module(_import(entry_point.value, f"entry point '{entry_point.name}'", installed))
+    for module in configured:
+        _add_import(registry, module, "nodes of the configuration", installed)
+    for each in named:
+        if isinstance(each, str):
+            _look_here()
+            _add_import(registry, each, "--nodes", importlib.import_module)
+        elif isinstance(each, ModuleType):
+            registry.add_module(each)
+        else:
+            registry.add_class(each)
     return registry
 
 
@@ -130,16 +161,16 @@ def default_registry() -> Registry:
     return load_registry()
 
 
-def _add_named(registry: Registry, name: str) -> None:
-    """Add the leaves of a module that the user has named."""
+def _add_import(registry: Registry, name: str, source: str, load: Callable[[str], ModuleType]) -> None:
+    """Add the leaves of a module that somebody has named."""
     if name.endswith(".py") or "/" in name:
-        message = f"'{name}' (--nodes) is a file; {_as_module(Path(name))}"
+        message = f"'{name}' ({source}) is a file; {_as_module(Path(name))}"
         raise RegistryError(message)
-    module = _import(name, "--nodes")
+    module = _import(name, source, load)
     if not registry.add_module(module):
         submodule = next(_submodules_with_leaves(module), None)
         hint = f"; did you mean '{submodule}'?" if submodule else ""
-        message = f"the module '{name}' (--nodes) registers no node{hint}"
+        message = f"the module '{name}' ({source}) registers no node{hint}"
         raise RegistryError(message)
 
 
@@ -171,9 +202,9 @@ def _look_here() -> None:
             sys.path.append(here)
 
 
-def _import(name: str, source: str) -> ModuleType:
+def _import(name: str, source: str, load: Callable[[str], ModuleType]) -> ModuleType:
     try:
-        return importlib.import_module(name)
+        return load(name)
     except (Exception, SystemExit) as error:  # whatever a user's module does when it is imported
         message = (
             f"the module of leaves '{name}' ({source}) cannot be imported: {type(error).__name__}: {error}"

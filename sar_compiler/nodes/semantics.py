@@ -16,9 +16,9 @@ from sar_compiler.nodes import outcome_sets
 from sar_compiler.nodes.outcome_sets import ALLOWED, ANSWERS, F, Possible, R, S
 
 if TYPE_CHECKING:
-    from sar_compiler.nodes.bound import BoundNode
-    from sar_compiler.nodes.btcpp_notes import Notes
-    from sar_compiler.nodes.btcpp_rules import Draft
+    from sar_compiler.nodes.binding.bound import BoundNode
+    from sar_compiler.nodes.btcpp.notes import Notes
+    from sar_compiler.nodes.btcpp.rewrites import Draft
 
 Number: TypeAlias = Callable[["BoundNode"], float | None]
 """Reads a number off what is written for a node; None where that is not known before the run."""

@@ -12,8 +12,8 @@ from sar_compiler.nodes.values import ValueType
 from sar_compiler.runtime.answers import Answer, Fact
 
 if TYPE_CHECKING:
-    from sar_compiler.nodes.bound import BoundNode
-    from sar_compiler.nodes.collector import Collector
+    from sar_compiler.nodes.binding.bound import BoundNode
+    from sar_compiler.nodes.binding.collector import Collector
 
 Rule: TypeAlias = "Callable[[BoundNode, Collector], None]"
 """Reports what is wrong with a node though each of its attributes is right by itself."""
@@ -39,6 +39,12 @@ class Direction(str, Enum):
     INPUT = "input_port"
     OUTPUT = "output_port"
     INOUT = "inout_port"
+
+    @property
+    def words(self) -> str:
+        """What somebody who writes a tree is told of it."""
+        words = {Direction.INPUT: "input", Direction.OUTPUT: "output, takes a {key}"}
+        return words.get(self, "input and output")
 
 
 class Skips(Enum):
@@ -126,6 +132,12 @@ class Parameter:
     target: type | None = None
     doc: str = ""
     keyword: str = ""
+
+    @property
+    def help(self) -> str:
+        """Its description as an editor shows it: for a port with the direction before it."""
+        direction = f"{self.direction.words}.".capitalize() if self.direction else ""
+        return f"{direction} {self.doc}".strip()
 
     @property
     def is_whole_number(self) -> bool:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise, zip_longest
 from pathlib import Path
 
-from sar_compiler.missions.search_and_rescue.parameter_file import check_parameter_file
+from sar_compiler.ros.parameter_file import check_parameter_file
 
 _BEGIN, _END = "--ros-args", "--"
 _FILE_FLAG = "--params-file"

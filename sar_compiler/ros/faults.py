@@ -7,7 +7,7 @@ import difflib
 import math
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.errors import SarError
@@ -17,12 +17,17 @@ if TYPE_CHECKING:
     from rclpy.service import Service
 
 NAVIGATION = "navigate_to_pose"
-_DETECT, _REPORT = "detect_survivor", "report_survivor"
-# What can go wrong with what, and how each is written.
+NAVIGATION_FAULTS = {NAVIGATION: ("abort", "reject", "die")}
+"""What can go wrong with the stand-in for Nav2, whatever the mission."""
+
+# How each fault is written.
 _FORMS = {
-    _DETECT: {"drop": "drop=COUNT", "delay": "delay=SECONDS"},
-    _REPORT: {"drop": "drop=COUNT", "delay": "delay=SECONDS", "refuse": "refuse=COUNT"},
-    NAVIGATION: {"abort": "abort=ZONE", "reject": "reject=COUNT", "die": "die@ZONE[,back=SECONDS]"},
+    "drop": "drop=COUNT",
+    "delay": "delay=SECONDS",
+    "refuse": "refuse=COUNT",
+    "abort": "abort=ZONE",
+    "reject": "reject=COUNT",
+    "die": "die@ZONE[,back=SECONDS]",
 }
 _COUNTED = ("drop", "refuse", "reject")
 
@@ -45,12 +50,13 @@ class Fault:
     """One kind of misbehaviour.
 
     Attributes:
-        target: The service or action: `detect_survivor`, `report_survivor` or `navigate_to_pose`.
+        target: The service or action, such as `navigate_to_pose`.
         kind: `drop`, `delay`, `refuse`, `abort`, `reject` or `die`.
         count: How many calls or goals it befalls (`drop`, `refuse`, `reject`).
         seconds: How long each answer is held back, on the server's clock (`delay`).
         zone: The zone that it befalls (`abort`, `die`).
         back: When a dead server comes back, simulated seconds later; None for never (`die`).
+        text: How it was written.
     """
 
     target: str
@@ -59,44 +65,44 @@ class Fault:
     seconds: float = 0.0
     zone: str = ""
     back: float | None = None
+    text: str = field(default="", compare=False)
 
     def __str__(self) -> str:
-        if self.kind in _COUNTED:
-            return f"{self.target}:{self.kind}={self.count}"
-        if self.kind == "delay":
-            return f"{self.target}:delay={self.seconds:g}"
-        if self.kind == "abort":
-            return f"{self.target}:abort={self.zone}"
-        return f"{self.target}:die@{self.zone}" + ("" if self.back is None else f",back={self.back:g}")
+        return self.text
 
 
-def parse_fault(text: str) -> Fault:
+def parse_fault(text: str, targets: Mapping[str, Collection[str]]) -> Fault:
     """Read one fault, for instance `report_survivor:drop=2` or `navigate_to_pose:die@zone_c,back=5`.
+
+    Args:
+        text: What was written.
+        targets: What can go wrong, by the service or action that it goes wrong with.
 
     Raises:
         FaultError: If it cannot be understood; the message says what is allowed.
     """
     target, colon, rest = text.strip().partition(":")
-    _known(text, "target", target, _FORMS)
-    forms = _FORMS[target]
+    _known(text, "target", target, targets)
     if not colon or not rest:
-        raise FaultError(text, f"does not say what goes wrong; {_allowed(target)}")
+        allowed = ", ".join(f"{target}:{_FORMS[kind]}" for kind in targets[target])
+        raise FaultError(text, f"does not say what goes wrong; allowed: {allowed}")
     match = re.match(r"(\w*)([=@]?)(.*)", rest, re.DOTALL)
     kind, sign, value = match.groups() if match else ("", "", "")
-    _known(text, f"fault of {target}", kind, forms)
+    _known(text, f"fault of {target}", kind, targets[target])
     if sign != ("@" if kind == "die" else "=") or not value:
-        raise FaultError(text, f"expected {target}:{forms[kind]}")
+        raise FaultError(text, f"expected {target}:{_FORMS[kind]}")
+    fault = Fault(target, kind, text=text)
     if kind in _COUNTED:
-        return Fault(target, kind, count=_count(text, value))
+        return replace(fault, count=_count(text, value))
     if kind == "delay":
-        return Fault(target, kind, seconds=_seconds(text, value))
+        return replace(fault, seconds=_seconds(text, value))
     zone, comma, option = value.partition(",")
     if kind == "die" and comma:
         name, _, seconds = option.partition("=")
         if name != "back":
-            raise FaultError(text, f"'{option}' is not known; expected {target}:{forms[kind]}")
-        return Fault(target, kind, zone=_zone(text, zone), back=_seconds(text, seconds))
-    return Fault(target, kind, zone=_zone(text, value))
+            raise FaultError(text, f"'{option}' is not known; expected {target}:{_FORMS[kind]}")
+        return replace(fault, zone=_zone(text, zone), back=_seconds(text, seconds))
+    return replace(fault, zone=_zone(text, value))
 
 
 @dataclass(frozen=True)
@@ -284,10 +290,6 @@ async def _sleep(node: "Node", seconds: float, group: Any) -> None:
         await over
     finally:
         node.destroy_timer(timer)
-
-
-def _allowed(target: str) -> str:
-    return "allowed: " + ", ".join(f"{target}:{form}" for form in _FORMS[target].values())
 
 
 def _known(text: str, what: str, word: str, words: Collection[str]) -> None:

@@ -2,7 +2,7 @@
 
 The interface is that of `py_trees_ros.trees.BehaviourTree`, so that a tree and the program around it
 run with either. What is added: the tree is ticked at once when a leaf says that there is news
-(`runtime.leaf`), it goes on being ticked while the node's clock stands still, and it is always stopped
+(`runtime.leaf_protocol`), it goes on being ticked while the node's clock stands still, and it is always stopped
 from the root, so that a robot is not left driving.
 """
 
@@ -18,6 +18,7 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor
 from rclpy.node import Node
 
+from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
 from sar_compiler.ros.beat import Beat
 from sar_compiler.ros.blame import described, tell, tell_failure
@@ -48,7 +49,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
     Everything but `wake` and `interrupt` belongs in the thread of the node's executor.
 
     Args:
-        root: The tree.
+        tree: The tree, as it was compiled; or its root.
         unicode_tree_debug: Whether the tree is printed at every tick.
 
     Attributes:
@@ -58,8 +59,8 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         failed_behaviour: The leaf that raised it; None if it was none of the tree.
     """
 
-    def __init__(self, root: Behaviour, unicode_tree_debug: bool = False) -> None:
-        super().__init__(root)
+    def __init__(self, tree: CompiledTree | Behaviour, unicode_tree_debug: bool = False) -> None:
+        super().__init__(tree if isinstance(tree, Behaviour) else tree.root)
         visitors = py_trees.visitors
         self.snapshot_visitor = (
             visitors.DisplaySnapshotVisitor() if unicode_tree_debug else visitors.SnapshotVisitor()

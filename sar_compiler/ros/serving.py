@@ -4,48 +4,41 @@ import argparse
 import faulthandler
 import sys
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
-import rclpy
-from rclpy.context import Context
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
-
-from sar_compiler.errors import SarError
+from sar_compiler.commands import OK, run
 from sar_compiler.ros.arguments import init_arguments, node_arguments, split_arguments
-from sar_compiler.ros.errors import readable_ros_errors
 from sar_compiler.ros.signals import StopSignals
+
+if TYPE_CHECKING:
+    from rclpy.context import Context
+    from rclpy.node import Node
 
 # A signal is noticed between two turns of the executor.
 _TURN_SEC = 0.1
 # Taking a node down, DDS goes round for ever once in a hundred times on a busy machine, and lets no other thread run.
 _TAKING_DOWN_SEC = 10.0
 
-NodeFactory = Callable[[Context, list[str]], Node]
+NodeFactory = Callable[["Context", list[str]], "Node"]
 """Makes the node in a context, with arguments of its own."""
 
 
-def serve(
-    make_node: NodeFactory,
-    prog: str,
-    description: str,
-    argv: Sequence[str] | None,
-    signals: StopSignals | None = None,
-) -> int:
+def serve(make_node: NodeFactory, prog: str, description: str, argv: Sequence[str] | None = None) -> int:
     """Run a node as a command until SIGINT or SIGTERM.
 
     Args:
-        make_node: Makes the node.
+        make_node: Makes the node; it may import ROS, which has not been imported before.
         prog: The command's name.
         description: What `--help` says of it.
         argv: The command line without the command, `--ros-args` included; by default the process's.
-        signals: Whether the process was asked to stop; by default they are taken over here, and given back.
 
     Returns:
-        0 once it was stopped: being stopped is how a server's work ends. A wrong command line leaves
-        with status 2, by argparse. If DDS does not let go of the node, the process leaves after 10 s with
-        status 1 and says on standard error where it hung.
+        0 once it was stopped: being stopped is how a server's work ends; 2 for a wrong
+        command line, and where ROS is not installed. If DDS does not let go of the node, the process leaves
+        after 10 s with status 1 and says on standard error where it hung.
     """
+    # Before anything that takes time, so that Ctrl-C ends the command in order from its first moment.
+    signals = StopSignals()
     parser = argparse.ArgumentParser(
         prog=prog,
         description=description,
@@ -54,19 +47,21 @@ def serve(
     )
     split = split_arguments(sys.argv[1:] if argv is None else argv)
     parser.parse_args(split.own)
-    stop = signals or StopSignals()
     try:
-        _run(make_node, split.ros, lambda: stop.came)
-    except SarError as error:
-        parser.error(str(error))
+        return run(lambda: _run(make_node, split.ros, lambda: signals.came), prog)
     finally:
-        if signals is None:
-            stop.give_back()
-    return 0
+        signals.give_back()
 
 
-def _run(make_node: NodeFactory, ros: Sequence[str], stopped: Callable[[], bool]) -> None:
+def _run(make_node: NodeFactory, ros: Sequence[str], stopped: Callable[[], bool]) -> int:
     """Make the node and spin it."""
+    import rclpy
+    from rclpy.context import Context
+    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+    from rclpy.signals import SignalHandlerOptions
+
+    from sar_compiler.ros.errors import readable_ros_errors
+
     arguments = init_arguments(ros)
     context = Context()
     try:
@@ -84,3 +79,4 @@ def _run(make_node: NodeFactory, ros: Sequence[str], stopped: Callable[[], bool]
     finally:
         context.try_shutdown()
         faulthandler.cancel_dump_traceback_later()
+    return OK

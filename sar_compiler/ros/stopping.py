@@ -10,7 +10,7 @@ from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.node import Node
 
 from sar_compiler.ros.blame import described, raised_in, tell
-from sar_compiler.runtime.leaf import Settling
+from sar_compiler.runtime.leaf_protocol import Settling
 
 SETTLE_SEC = 1.5
 """How long the answers to cancels are waited for, seconds of the steady clock."""

@@ -1,19 +1,19 @@
-"""What a tick of a leaf can come to: plain data, for runs without a robot."""
+"""The possible answers of a leaf to a tick, as plain data, for runs without a robot."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
 Fact: TypeAlias = bool | int | float | str
-"""What a fact can be."""
+"""The types of a fact."""
 
 STATUSES = ("SUCCESS", "FAILURE", "RUNNING", "SKIPPED")
-"""What an answer can have as its status, the usual ones first."""
+"""The statuses of an answer, the usual ones first."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """One thing that a tick of a leaf can come to.
+    """One possible answer of a leaf to a tick.
 
     In the scripts, and in the names of facts, `{self}` stands for the node's name as an identifier, and
     `{parameter}` for that of the node that a reference parameter refers to. In the scripts it also stands for
@@ -33,10 +33,10 @@ class Answer:
 
     @property
     def name(self) -> str:
-        """What it is called: its label, or the status."""
+        """Its label, or else its status."""
         return self.label or self.status
 
 
 def nominal(options: Sequence[Answer]) -> Answer:
-    """Return the answer of a day without surprises: the first one that is an end, else the first one."""
+    """Return the first answer that is not RUNNING, or else the first one."""
     return next((answer for answer in options if answer.status != "RUNNING"), options[0])

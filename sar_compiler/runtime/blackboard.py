@@ -18,10 +18,10 @@ from sar_compiler.runtime.context import mission_context
 from sar_compiler.runtime.frozen import FrozenValueError, can_change, freeze, thaw
 
 ROOT_SIGN = "@"
-"""What a key of the root scope begins with, wherever it is written."""
+"""The prefix of a key of the root scope."""
 _PRIVATE = "_"
 STROKE = "%2F"
-"""What stands for a `/` of a key or of a subtree's name in the absolute name of an entry."""
+"""The replacement of a `/` of a key or of a subtree's name in the absolute name of an entry."""
 
 _instances = itertools.count()
 
@@ -70,12 +70,12 @@ class Board:
 
     @functools.cached_property
     def prefix(self) -> str:
-        """What the absolute names of its entries begin with."""
+        """The prefix of the absolute names of its entries."""
         number = next(_instances)
         return f"/{self._name}~{number}" if number else f"/{self._name}"
 
     def has(self, name: str) -> bool:
-        """Say whether there is an entry with an absolute name."""
+        """Return whether there is an entry with an absolute name."""
         return name in Blackboard.storage
 
     def get(self, name: str) -> object:
@@ -101,7 +101,7 @@ class Board:
             self._changes += 1
 
     def declared(self, name: str) -> bool:
-        """Say whether an entry is named."""
+        """Return whether an entry is named."""
         return name in self._kinds
 
     def kind(self, name: str) -> type | None:
@@ -204,7 +204,7 @@ class Entry:
 
     @property
     def declared(self) -> bool:
-        """Whether it has been named: by a port, by whoever wrote it, or by the mission."""
+        """Whether a port, a write or the mission has named it."""
         return self.board.declared(self.name)
 
     @property
@@ -310,6 +310,6 @@ def entry_of(variable: str) -> str:
 
 
 def _forget(stamps: dict[str, int]) -> None:
-    """Take the entries of a board that nobody has any more off py_trees' blackboard."""
+    """Remove the entries of a board that was garbage-collected from py_trees' blackboard."""
     for name in stamps:
         Blackboard.storage.pop(name, None)

@@ -249,7 +249,7 @@ class TryCatch(Control):
 
 
 def equal_texts(first: str, second: str, names: Mapping[str, int]) -> bool:
-    """Say whether two texts are equal for a Switch: as they are, as whole numbers, or as real numbers.
+    """Return whether two texts are equal for a Switch: as they are, as whole numbers, or as real numbers.
 
     Args:
         first: A text.

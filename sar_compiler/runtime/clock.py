@@ -35,7 +35,7 @@ class ManualClock:
 
 @mission_context(preview=WallClock)
 class Clock(Protocol):
-    """What durations written in a tree are measured with."""
+    """A source of time for the durations written in a tree."""
 
     def now(self) -> float:
         """Return the time in seconds; only differences mean anything."""

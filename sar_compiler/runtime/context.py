@@ -1,4 +1,4 @@
-"""What a mission hands to its leaves: objects injected by their type."""
+"""The mission context: objects handed to leaves by their type."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -29,7 +29,7 @@ def mission_context(preview: Callable[[], object]) -> Callable[[type[T]], type[T
 
 
 def is_mission_context(cls: type) -> bool:
-    """Say whether a class is injected rather than written in a tree file."""
+    """Return whether a class is injected rather than written in a tree file."""
     return hasattr(cls, _MARK)
 
 

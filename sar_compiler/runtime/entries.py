@@ -111,7 +111,7 @@ class Updates:
         self._seen = 0
 
     def come(self) -> bool:
-        """Say whether the entry was written since the last call, or, at first, ever."""
+        """Return whether the entry was written since the last call, or, at first, ever."""
         if not self._entry.exists:
             return False
         seen, self._seen = self._seen, self._entry.stamp

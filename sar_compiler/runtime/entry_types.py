@@ -4,7 +4,7 @@ import enum
 from collections.abc import Mapping
 from contextlib import suppress
 
-from sar_compiler.runtime.variables import RefusedValueError, Value, fit, number_of, whole_or_real
+from sar_compiler.runtime.variables import RefusedValueError, ScriptValue, fit, number_of, whole_or_real
 
 _PLAIN = (bool, int, float, str)
 _NUMBERS = (bool, int, float)
@@ -35,7 +35,7 @@ def kept(current: object, value: object, enums: Mapping[str, int]) -> object:
     return _member(kind, plain, enums) if issubclass(kind, enum.Enum) else fit(plain, kind, enums)
 
 
-def read_as(text: str, kind: type) -> Value:
+def read_as(text: str, kind: type) -> ScriptValue:
     """Return what an entry that was made with a type reads in a text.
 
     Args:
@@ -50,7 +50,7 @@ def read_as(text: str, kind: type) -> Value:
     return fit(text.lower() if text in _BOOLS else text, bool) if kind is bool else fit(number_of(text), kind)
 
 
-def assigned(held: object, kind: type | None, value: Value, enums: Mapping[str, int]) -> object:
+def assigned(held: object, kind: type | None, value: ScriptValue, enums: Mapping[str, int]) -> object:
     """Return what an entry stores that a script gives a value.
 
     Args:
@@ -82,7 +82,7 @@ def written(held: object, value: object) -> object:
     return value
 
 
-def value_of(value: object) -> Value | None:
+def value_of(value: object) -> ScriptValue | None:
     """Return what a script sees of an entry's value; None if it cannot calculate with it.
 
     A truth value is 1 or 0 to it, and a member of an enumeration is its number.
@@ -94,7 +94,7 @@ def value_of(value: object) -> Value | None:
     return value if isinstance(value, (int, float, str)) else None
 
 
-def _member(kind: type[enum.Enum], value: Value, enums: Mapping[str, int]) -> enum.Enum:
+def _member(kind: type[enum.Enum], value: ScriptValue, enums: Mapping[str, int]) -> enum.Enum:
     number = fit(value, int, enums)
     try:
         return kind(number)

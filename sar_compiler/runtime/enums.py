@@ -1,4 +1,4 @@
-"""Names that stand for numbers in scripts."""
+"""Named numbers in scripts."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""Run scripts: each is made into functions once, which every tick then calls."""
+"""Evaluating scripts: each is compiled to functions once, which every tick then calls."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -7,26 +7,26 @@ from sar_compiler.errors import SarError
 from sar_compiler.runtime import operators
 from sar_compiler.runtime.expressions import (
     Assignment,
-    Comparison,
+    ComparisonChain,
     Conditional,
     Expression,
     Literal,
     Name,
     Operation,
+    OperatorTerm,
     Prefix,
     Script,
-    Step,
 )
 from sar_compiler.runtime.tokens import excerpt
 from sar_compiler.runtime.variables import (
     RefusedValueError,
+    ScriptValue,
     UnknownVariableError,
-    Value,
     VariableError,
     Variables,
 )
 
-Run = Callable[[Variables], Value]
+Evaluate = Callable[[Variables], ScriptValue]
 
 _NO_ENUMS: Mapping[str, int] = {}
 
@@ -62,8 +62,8 @@ class Program:
         maker = _Maker(script.text, enums)
         self._statements = tuple(maker.make(statement) for statement in script.statements)
 
-    def run(self, variables: Variables) -> Value:
-        """Run the script.
+    def run(self, variables: Variables) -> ScriptValue:
+        """Evaluate the script.
 
         Args:
             variables: What it reads and writes.
@@ -74,13 +74,13 @@ class Program:
         Raises:
             EvaluationError: If a variable is missing or a value does not fit. What was assigned before stays.
         """
-        value: Value = 0.0
+        value: ScriptValue = 0.0
         for statement in self._statements:
             value = statement(variables)
         return value
 
     def holds(self, variables: Variables) -> bool:
-        """Run the script as a condition.
+        """Evaluate the script as a condition.
 
         Args:
             variables: What it reads and writes.
@@ -103,8 +103,8 @@ class Program:
         return (statements[-1].start, statements[-1].end) if statements else (0, 0)
 
 
-def evaluate(script: Script, variables: Variables, enums: Mapping[str, int] = _NO_ENUMS) -> Value:
-    """Run a script once; a `Program` for those that run again."""
+def evaluate(script: Script, variables: Variables, enums: Mapping[str, int] = _NO_ENUMS) -> ScriptValue:
+    """Evaluate a script once; a `Program` for those that run again."""
     return Program(script, enums).run(variables)
 
 
@@ -114,31 +114,31 @@ class _Maker:
     def __init__(self, text: str, enums: Mapping[str, int]) -> None:
         self._text = text
         self._enums = dict(enums)
-        self._makers: Mapping[type[Expression], Callable[[Any], Run]] = {
+        self._makers: Mapping[type[Expression], Callable[[Any], Evaluate]] = {
             Literal: self._literal,
             Name: self._name,
             Prefix: self._prefix,
             Operation: self._operation,
-            Comparison: self._comparison,
+            ComparisonChain: self._comparison,
             Conditional: self._conditional,
             Assignment: self._assignment,
         }
 
-    def make(self, expression: Expression) -> Run:
+    def make(self, expression: Expression) -> Evaluate:
         """Return the function that calculates an expression."""
         return self._makers[type(expression)](expression)
 
-    def _literal(self, node: Literal) -> Run:
+    def _literal(self, node: Literal) -> Evaluate:
         value = node.value
         return lambda _: value
 
-    def _name(self, node: Name) -> Run:
+    def _name(self, node: Name) -> Evaluate:
         name = node.name
         if name in self._enums:
             number = float(self._enums[name])
             return lambda _: number
 
-        def run(variables: Variables) -> Value:
+        def run(variables: Variables) -> ScriptValue:
             try:
                 return variables.read(name)
             except VariableError as error:
@@ -147,11 +147,11 @@ class _Maker:
 
         return run
 
-    def _prefix(self, node: Prefix) -> Run:
+    def _prefix(self, node: Prefix) -> Evaluate:
         operand = self.make(node.operand)
         calculate = operators.PREFIX[node.operator]
 
-        def run(variables: Variables) -> Value:
+        def run(variables: Variables) -> ScriptValue:
             value = operand(variables)
             try:
                 return calculate(value)
@@ -160,11 +160,11 @@ class _Maker:
 
         return run
 
-    def _operation(self, node: Operation) -> Run:
+    def _operation(self, node: Operation) -> Evaluate:
         first = self.make(node.first)
         steps = [(operators.BINARY[step.operator], self.make(step.operand), step) for step in node.steps]
 
-        def run(variables: Variables) -> Value:
+        def run(variables: Variables) -> ScriptValue:
             value = first(variables)
             for calculate, operand, step in steps:
                 right = operand(variables)
@@ -176,12 +176,12 @@ class _Maker:
 
         return run
 
-    def _comparison(self, node: Comparison) -> Run:
+    def _comparison(self, node: ComparisonChain) -> Evaluate:
         first = self.make(node.first)
         steps = [(step.operator, self.make(step.operand), step) for step in node.steps]
         compare, enums = operators.compare, self._enums
 
-        def run(variables: Variables) -> Value:
+        def run(variables: Variables) -> ScriptValue:
             left = first(variables)
             for operator, operand, step in steps:
                 right = operand(variables)
@@ -195,10 +195,10 @@ class _Maker:
 
         return run
 
-    def _conditional(self, node: Conditional) -> Run:
+    def _conditional(self, node: Conditional) -> Evaluate:
         condition, then, otherwise = map(self.make, (node.condition, node.then, node.otherwise))
 
-        def run(variables: Variables) -> Value:
+        def run(variables: Variables) -> ScriptValue:
             value = condition(variables)
             try:
                 chosen = operators.chosen(value)
@@ -208,13 +208,13 @@ class _Maker:
 
         return run
 
-    def _assignment(self, node: Assignment) -> Run:
+    def _assignment(self, node: Assignment) -> Evaluate:
         if node.operator not in {":=", "="}:
             return self._change(node)
         name, value = node.target.name, self.make(node.value)
         creates = node.operator == ":="
 
-        def run(variables: Variables) -> Value:
+        def run(variables: Variables) -> ScriptValue:
             result = value(variables)
             try:
                 return variables.create(name, result) if creates else variables.assign(name, result)
@@ -223,17 +223,17 @@ class _Maker:
 
         return run
 
-    def _change(self, node: Assignment) -> Run:
+    def _change(self, node: Assignment) -> Evaluate:
         name, value = node.target.name, self.make(node.value)
         calculate = operators.BINARY[node.operator.removesuffix("=")]
 
-        def changed(left: Value, right: Value) -> Value:
+        def changed(left: ScriptValue, right: ScriptValue) -> ScriptValue:
             try:
                 return calculate(left, right)
             except RefusedValueError as error:
                 raise _failure(self._text, node, error) from error
 
-        def run(variables: Variables) -> Value:
+        def run(variables: Variables) -> ScriptValue:
             right = value(variables)
             try:
                 # Not through an enumeration: what is assigned to is a variable.
@@ -244,7 +244,12 @@ class _Maker:
         return run
 
     def _step_failure(
-        self, node: Operation | Comparison, step: Step, error: VariableError, left: Value, right: Value
+        self,
+        node: Operation | ComparisonChain,
+        step: OperatorTerm,
+        error: VariableError,
+        left: ScriptValue,
+        right: ScriptValue,
     ) -> EvaluationError:
         """Point at a chain, up to the operand with which it failed."""
         following = next((later.start for later in node.steps if later.start > step.start), None)

@@ -1,4 +1,4 @@
-"""What a script says: expressions with their places, and what can be known of them without running."""
+"""Parsed scripts: expressions with their places, and what can be told of them without running them."""
 
 import enum
 from collections.abc import Iterator
@@ -35,7 +35,7 @@ class Prefix:
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class OperatorTerm:
     """An operator with the operand on its right; the place is the operator's."""
 
     operator: str
@@ -49,17 +49,17 @@ class Operation:
     """Operators of one rank, applied from left to right: `a + b - c`."""
 
     first: "Expression"
-    steps: tuple[Step, ...]
+    steps: tuple[OperatorTerm, ...]
     start: int = field(compare=False)
     end: int = field(compare=False)
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class ComparisonChain:
     """Neighbours compared: `a < b <= c` is true if `a < b` and `b <= c` are."""
 
     first: "Expression"
-    steps: tuple[Step, ...]
+    steps: tuple[OperatorTerm, ...]
     start: int = field(compare=False)
     end: int = field(compare=False)
 
@@ -87,7 +87,7 @@ class Assignment:
 
 
 Expression = Union[  # noqa: UP007 - the union names classes by text
-    Literal, Name, Prefix, Operation, Comparison, Conditional, Assignment
+    Literal, Name, Prefix, Operation, ComparisonChain, Conditional, Assignment
 ]
 
 
@@ -113,7 +113,7 @@ class Script:
 
 
 class Access(enum.Enum):
-    """What a script does with a name."""
+    """How a script uses a name."""
 
     READ = "read"
     CREATE = "create"
@@ -155,7 +155,7 @@ def children(expression: Expression) -> tuple[Expression, ...]:
     """Return the parts of an expression, in the order in which they are evaluated; not an assignment's target."""
     if isinstance(expression, Prefix):
         return (expression.operand,)
-    if isinstance(expression, (Operation, Comparison)):
+    if isinstance(expression, (Operation, ComparisonChain)):
         return (expression.first, *(step.operand for step in expression.steps))
     if isinstance(expression, Conditional):
         return (expression.condition, expression.then, expression.otherwise)
@@ -180,9 +180,9 @@ def _uses(expression: Expression, *, certain: bool) -> Iterator[NameUse]:
 
 
 def _always_evaluated(expression: Expression, parts: int) -> int:
-    """Return how many of an expression's parts every evaluation comes to."""
+    """Return how many of an expression's parts every evaluation reaches."""
     if isinstance(expression, Conditional):
         return 1
-    if isinstance(expression, Comparison):
+    if isinstance(expression, ComparisonChain):
         return 2
     return parts

@@ -67,6 +67,6 @@ def thaw(frozen: Any) -> Any:
 
 
 def can_change(value: object) -> bool:
-    """Say whether a value of the kinds that are copied can be changed in place."""
+    """Return whether a value of the kinds that are copied can be changed in place."""
     kind = type(value)
     return kind is dict or (kind in _COLLECTIONS and kind is not frozenset)

@@ -11,18 +11,18 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from sar_compiler.errors import SarError
+from sar_compiler.runtime.chosen_outcome import Outcome
 from sar_compiler.runtime.entry_types import value_of
-from sar_compiler.runtime.outcomes import Outcome
 from sar_compiler.runtime.parents import Ticking, Wrapper
 from sar_compiler.runtime.ports import Input, Output
 from sar_compiler.runtime.tokens import excerpt
-from sar_compiler.runtime.variables import RefusedValueError, Value, fit
+from sar_compiler.runtime.variables import RefusedValueError, ScriptValue, fit
 
 _SEPARATOR = ";"
 
 
 class QueueError(SarError):
-    """What a loop is to go through is no queue, or an item of it has the wrong type."""
+    """The value that a loop should iterate over is no queue, or an item of it has the wrong type."""
 
 
 class Loop(Wrapper):
@@ -121,7 +121,7 @@ class Loop(Wrapper):
         raise QueueError(message) from None
 
     @classmethod
-    def _converted(cls, value: Value) -> object:
+    def _converted(cls, value: ScriptValue) -> object:
         return fit(value, cls._kind)
 
     def _halt(self) -> None:
@@ -204,7 +204,7 @@ class LoopBool(Loop):
         super().__init__(name, child, queue, value, if_empty)
 
     @classmethod
-    def _converted(cls, value: Value) -> object:
+    def _converted(cls, value: ScriptValue) -> object:
         # As everywhere in tree files: true, True and TRUE.
         spelt = isinstance(value, str) and value in {"True", "TRUE", "False", "FALSE"}
         return super()._converted(str(value).lower() if spelt else value)
@@ -235,5 +235,5 @@ class LoopString(Loop):
         super().__init__(name, child, queue, value, if_empty)
 
     @classmethod
-    def _converted(cls, value: Value) -> object:
+    def _converted(cls, value: ScriptValue) -> object:
         return fit(value, str)

@@ -1,4 +1,4 @@
-"""What the operators of scripts make of values: BehaviorTree.CPP's rules, on Python's numbers and texts.
+"""The operators of scripts: BehaviorTree.CPP's rules, on Python's numbers and strings.
 
 Every number that comes out is a real one. A `RefusedValueError` says which operand does not fit.
 """
@@ -9,7 +9,7 @@ from typing import Any
 
 from sar_compiler.runtime.variables import (
     RefusedValueError,
-    Value,
+    ScriptValue,
     as_real,
     as_whole,
     number_of,
@@ -21,24 +21,24 @@ EPSILON = 2.0**-23
 """Numbers that differ by no more are equal: the step from 1 to the next number of 32 bits."""
 
 
-def add(left: Value, right: Value) -> Value:
+def add(left: ScriptValue, right: ScriptValue) -> ScriptValue:
     """Add two numbers or join two texts."""
     if isinstance(left, str) and isinstance(right, str):
         return left + right
     return as_real(left) + as_real(right)
 
 
-def subtract(left: Value, right: Value) -> Value:
+def subtract(left: ScriptValue, right: ScriptValue) -> ScriptValue:
     """Subtract numbers."""
     return as_real(left) - as_real(right)
 
 
-def multiply(left: Value, right: Value) -> Value:
+def multiply(left: ScriptValue, right: ScriptValue) -> ScriptValue:
     """Multiply numbers."""
     return as_real(left) * as_real(right)
 
 
-def divide(left: Value, right: Value) -> Value:
+def divide(left: ScriptValue, right: ScriptValue) -> ScriptValue:
     """Divide numbers; by zero gives an infinite number, or none (NaN) for zero by zero."""
     dividend, divisor = as_real(left), as_real(right)
     if divisor:
@@ -48,7 +48,7 @@ def divide(left: Value, right: Value) -> Value:
     return math.copysign(math.inf, dividend) * math.copysign(1.0, divisor)
 
 
-def join(left: Value, right: Value) -> Value:
+def join(left: ScriptValue, right: ScriptValue) -> ScriptValue:
     """Join two texts, or a text and a number."""
     if not isinstance(left, str) and not isinstance(right, str):
         message = f"neither {said(left)} nor {said(right)} is a text"
@@ -56,35 +56,35 @@ def join(left: Value, right: Value) -> Value:
     return _written(left) + _written(right)
 
 
-def both(left: Value, right: Value) -> Value:
-    """Say whether two values are true; both have been calculated."""
+def both(left: ScriptValue, right: ScriptValue) -> ScriptValue:
+    """Return whether two values are true; both have been calculated."""
     left_holds, right_holds = _truth(left), _truth(right)
     return float(left_holds and right_holds)
 
 
-def either(left: Value, right: Value) -> Value:
-    """Say whether one of two values is true; both have been calculated."""
+def either(left: ScriptValue, right: ScriptValue) -> ScriptValue:
+    """Return whether one of two values is true; both have been calculated."""
     left_holds, right_holds = _truth(left), _truth(right)
     return float(left_holds or right_holds)
 
 
-def negative(value: Value) -> Value:
+def negative(value: ScriptValue) -> ScriptValue:
     """Change a number's sign."""
     return -as_real(value)
 
 
-def complement(value: Value) -> Value:
+def complement(value: ScriptValue) -> ScriptValue:
     """Invert the bits of a number, of which only the whole part counts."""
     number = as_real(value)
     return float(~as_whole(float(math.trunc(number)) if math.isfinite(number) else number))
 
 
-def negation(value: Value) -> Value:
-    """Say whether a number is zero."""
+def negation(value: ScriptValue) -> ScriptValue:
+    """Return whether a number is zero."""
     return float(as_real(value) == 0)
 
 
-BINARY: Mapping[str, Callable[[Value, Value], Value]] = {
+BINARY: Mapping[str, Callable[[ScriptValue, ScriptValue], ScriptValue]] = {
     "+": add,
     "-": subtract,
     "*": multiply,
@@ -98,12 +98,12 @@ BINARY: Mapping[str, Callable[[Value, Value], Value]] = {
 }
 """The operators between two values that are no comparisons."""
 
-PREFIX: Mapping[str, Callable[[Value], Value]] = {"-": negative, "~": complement, "!": negation}
+PREFIX: Mapping[str, Callable[[ScriptValue], ScriptValue]] = {"-": negative, "~": complement, "!": negation}
 """The operators before a value."""
 
 
-def compare(operator: str, left: Value, right: Value, enums: Mapping[str, int]) -> bool:
-    """Say whether a comparison is true.
+def compare(operator: str, left: ScriptValue, right: ScriptValue, enums: Mapping[str, int]) -> bool:
+    """Return whether a comparison is true.
 
     Two texts are compared letter by letter, so that '10' is less than '9'. Of a text and a number, the text
     is the number that it says. What is not a number (NaN) is different from everything, and as no order
@@ -120,14 +120,14 @@ def compare(operator: str, left: Value, right: Value, enums: Mapping[str, int]) 
     return _COMPARISONS[operator](left, right)
 
 
-def chosen(condition: Value) -> bool:
-    """Say whether the condition of `?:` chooses the first value: a number but zero, or a text that says one."""
+def chosen(condition: ScriptValue) -> bool:
+    """Return whether the condition of `?:` chooses the first value: a number but zero, or a text that says one."""
     if isinstance(condition, str):
         condition = float(number_of(condition))
     return as_real(condition) != 0
 
 
-def as_condition(value: Value) -> bool:
+def as_condition(value: ScriptValue) -> bool:
     """Return a script's value as the answer to a condition: of whole numbers 1 or 0, of real ones 0 or any above.
 
     Raises:
@@ -154,7 +154,7 @@ _COMPARISONS: Mapping[str, Callable[[Any, Any], bool]] = {
 }
 
 
-def _comparable(value: Value, enums: Mapping[str, int]) -> float:
+def _comparable(value: ScriptValue, enums: Mapping[str, int]) -> float:
     return float(whole_or_real(value, enums)) if isinstance(value, str) else as_real(value)
 
 
@@ -170,12 +170,12 @@ def _written(value: object) -> str:
     raise RefusedValueError(message)
 
 
-def _bits(value: Value) -> int:
+def _bits(value: ScriptValue) -> int:
     """Return the operand of an operator on bits."""
     return as_whole(as_real(value))
 
 
-def _truth(value: Value) -> bool:
+def _truth(value: ScriptValue) -> bool:
     """Return what a number is where true or false is wanted, as `as_condition` has it."""
     number = as_real(value)
     if number < 0 or (isinstance(value, int) and value not in {0, 1}):

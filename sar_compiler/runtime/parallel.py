@@ -72,7 +72,7 @@ class _Counting(Control):
 
 
 class Parallel(_Counting):
-    """Succeeds when so many children have succeeded, fails when so many have failed or too few are left.
+    """Succeeds after success_count successes; fails after failure_count failures or when success is out of reach.
 
     It decides after every child: the ones behind the child that decides are not ticked any more in that tick.
     Stock py_trees cannot count to anything but one and all.

@@ -1,4 +1,4 @@
-"""What nodes with children have in common whose rules are BehaviorTree.CPP's.
+"""The common base of nodes with children that follow BehaviorTree.CPP's rules.
 
 Stock py_trees classes know no SKIPPED, and keep the statuses of children that have ended until these are started
 again. The classes on top of these ask what the tick of a child has come to (`outcome_of`), and reset children
@@ -14,11 +14,11 @@ from py_trees.common import Status
 from py_trees.composites import Composite
 from py_trees.decorators import Decorator
 
-from sar_compiler.runtime.leaf import Wake, stay_asleep
+from sar_compiler.runtime.leaf_protocol import Wake, stay_asleep
 from sar_compiler.runtime.skipping import SKIPPED, reset, was_skipped
 
 Ticking = Generator[Behaviour, None, Status]
-"""A tick at work: yields the nodes that it comes through, returns what it has come to (perhaps `SKIPPED`)."""
+"""A tick in progress: yields the nodes that are ticked, and returns the outcome (perhaps `SKIPPED`)."""
 
 
 class Parent(Behaviour):
@@ -62,13 +62,18 @@ class Parent(Behaviour):
 
     @abstractmethod
     def _work(self) -> Ticking:
-        """Tick the children that are to be ticked now, and return what comes of it."""
+        """Tick the children whose turn it is, and return the outcome."""
 
     def _starts(self) -> bool:
-        """Whether this tick starts the node, rather than goes on with it.
+        """Return whether this tick starts the node, rather than goes on with it.
 
-        A parent that keeps these rules resets a child before it starts it again. If it has not, as WhileDoElse
-        has not with its condition, the child is still in the middle of the parent's work.
+        The status alone cannot tell. BehaviorTree.CPP starts a node that is IDLE, and its controls and decorators
+        reset their children to that (here INVALID) when their own work is over. A child with SUCCESS or FAILURE below
+        such a parent was therefore ticked earlier in the same work and goes on: WhileDoElse ticks its condition again
+        without resetting it. py_trees never resets a child that has ended; it starts any that is not RUNNING. So
+        below a stock parent, SUCCESS and FAILURE mean that the node starts, and so they do at the root, which is
+        ticked again after its end. A parent that is one node with its child (`is_its_child`) resets nothing by
+        itself; the one around it decides.
         """
         if self.status == Status.RUNNING:
             return False
@@ -105,7 +110,7 @@ class Control(Parent, Composite):
         return outcome_of(child)
 
     def tip(self) -> Behaviour | None:
-        """Return the deepest node that the last tick came to, this one if its children are at rest."""
+        """Return the deepest node that the last tick reached; this one if its children are at rest."""
         below: Behaviour | None = super().tip()
         return below or (self if self.status != Status.INVALID else None)
 
@@ -158,10 +163,10 @@ class Yielding(Parent):
 
 
 def outcome_of(child: Behaviour) -> Status:
-    """Return what the tick that a child has just had came to: its status, or `SKIPPED`."""
+    """Return the outcome of a child's last tick: its status, or `SKIPPED`."""
     return SKIPPED if was_skipped(child) else child.status
 
 
 def ended(outcome: Status) -> bool:
-    """Say whether a tick came to SUCCESS or FAILURE."""
+    """Return whether an outcome is SUCCESS or FAILURE."""
     return outcome in (Status.SUCCESS, Status.FAILURE)

@@ -79,14 +79,19 @@ class Output(Generic[T]):
     Args:
         entry: The entry to write; None where the file names none, and what is written is of no interest.
         kind: The type that its values give to an entry without one: `bool`, `int`, `float` or `str`.
+
+    Attributes:
+        value: What the node wrote last, for a test of the node; None until then.
     """
 
     def __init__(self, entry: Entry | None = None, kind: type | None = None) -> None:
         self.entry = entry
+        self.value: T | None = None
         self._kind = kind
 
     def set(self, value: T) -> None:
         """Write the value; a number in an entry with a type stays whole or real, where nothing is lost."""
+        self.value = value
         if self.entry is not None:
             _write(self.entry, value, self._kind)
 

@@ -26,7 +26,7 @@ class Timeout(decorators.Timeout):
 
     def __init__(self, name: str, child: Behaviour, duration: float, clock: Clock) -> None:
         super().__init__(name=name, child=child, duration=duration)
-        self._timer = timers.Timer(clock)
+        self._timer = timers.Countdown(clock)
 
     def initialise(self) -> None:
         """Start the time."""
@@ -59,14 +59,14 @@ class Timer(stock.Timer):
 
     def __init__(self, name: str, clock: Clock, duration: float = 5.0) -> None:
         super().__init__(name, duration)
-        self._timer = timers.Timer(clock)
+        self._timer = timers.Countdown(clock)
 
     def initialise(self) -> None:
         """Start the time."""
         self._timer.start(self.duration)
 
     def update(self) -> Status:
-        """Say whether the time is over."""
+        """Return RUNNING until the time is over, then SUCCESS."""
         if self._timer.remaining():
             # Without the time left, which would make every tick look like a change.
             self.feedback_message = "still running"

@@ -12,7 +12,7 @@ ENDLESS = -1
 
 
 class _Again(Yielding, Wrapper):
-    """Ticks its child again after one end, so many times; the other end ends it.
+    """Ticks its child again after one outcome, up to a number of times; the other outcome ends it.
 
     A child that has taken several ticks is started again in the same tick; after one that took only one, the
     node pauses.
@@ -60,7 +60,7 @@ class _Again(Yielding, Wrapper):
 
 
 class Repeat(_Again):
-    """Ticks its child again after each success, until it has succeeded so many times; a failure ends it.
+    """Repeats its child until it has succeeded num_cycles times; a failure ends it.
 
     Stock py_trees waits for the next tick after each success, and never ends if the number is 0.
 
@@ -78,7 +78,7 @@ class Repeat(_Again):
 
 
 class RetryUntilSuccessful(_Again):
-    """Ticks its child again after each failure, until it has failed so many times; a success ends it.
+    """Retries its child until it has failed num_attempts times; a success ends it.
 
     Stock py_trees waits for the next tick after each failure, and takes -1 for "not even once".
 

@@ -1,4 +1,4 @@
-"""Read scripts: what stands in `<Script code="...">` and in pre- and postconditions.
+"""Parsing scripts: the `code` of `<Script>`, and pre- and postconditions.
 
 By precedence climbing, in the ranks of BehaviorTree.CPP 4; a higher rank binds tighter:
 
@@ -20,18 +20,18 @@ rank operators
 
 from sar_compiler.runtime.expressions import (
     Assignment,
-    Comparison,
+    ComparisonChain,
     Conditional,
     Expression,
     Literal,
     Name,
     Operation,
+    OperatorTerm,
     Prefix,
     Script,
-    Step,
     children,
 )
-from sar_compiler.runtime.tokens import Kind, ScriptError, Token, excerpt, tokenize
+from sar_compiler.runtime.tokens import ScriptError, Token, TokenKind, excerpt, tokenize
 
 MAX_DEPTH = 100
 """How deep expressions may be nested."""
@@ -109,7 +109,7 @@ class _Parser:
     def script(self) -> Script:
         """Return what the text says."""
         statements: list[Expression] = []
-        while self._next.kind is not Kind.END:
+        while self._next.kind is not TokenKind.END:
             statements.append(self._expression(_ANY))
             _check_depth(statements[-1])
             self._refuse_word()
@@ -122,17 +122,17 @@ class _Parser:
         return self._tokens[self._index]
 
     def _before(self, count: int = 1) -> Token | None:
-        """Return the token that stands so many before the next one."""
+        """Return the token a number of places before the next one."""
         return self._tokens[self._index - count] if self._index >= count else None
 
     def _advance(self) -> Token:
         token = self._next
-        if token.kind is not Kind.END:
+        if token.kind is not TokenKind.END:
             self._index += 1
         return token
 
     def _at(self, sign: str) -> bool:
-        return self._next.kind is Kind.SIGN and self._next.text == sign
+        return self._next.kind is TokenKind.SIGN and self._next.text == sign
 
     def _take(self, sign: str) -> bool:
         found = self._at(sign)
@@ -147,7 +147,7 @@ class _Parser:
 
     def _rank(self) -> int:
         """Return the rank of the operator that is next, or less than any."""
-        return _RANKS.get(self._next.text, -1) if self._next.kind is Kind.SIGN else -1
+        return _RANKS.get(self._next.text, -1) if self._next.kind is TokenKind.SIGN else -1
 
     def _expression(self, least: int) -> Expression:
         """Read an expression, as far as its operators are of a rank or a higher one."""
@@ -169,17 +169,17 @@ class _Parser:
 
     def _operand(self) -> Expression:
         token = self._advance()
-        if token.kind is Kind.LITERAL:
+        if token.kind is TokenKind.LITERAL:
             return Literal(token.value, token.start, token.end)
-        if token.kind is Kind.NAME:
+        if token.kind is TokenKind.NAME:
             self._check_name(token)
             return Name(token.text, token.start, token.end)
-        if token.kind is Kind.SIGN and token.text in _PREFIXES:
+        if token.kind is TokenKind.SIGN and token.text in _PREFIXES:
             operand = self._expression(_PREFIX)
             return Prefix(token.text, operand, token.start, self._end)
-        if token.kind is Kind.SIGN and token.text == "(":
+        if token.kind is TokenKind.SIGN and token.text == "(":
             return self._bracketed(token)
-        if token.kind is Kind.SIGN:
+        if token.kind is TokenKind.SIGN:
             self._index -= 1
         raise self._no_operand()
 
@@ -188,7 +188,7 @@ class _Parser:
         if self._take(")"):
             return inner
         self._refuse_word()
-        if self._next.kind is Kind.END:
+        if self._next.kind is TokenKind.END:
             message = "this '(' is not closed"
             raise ScriptError(message, opening.start, opening.end, hint="write the missing ')'")
         message = f"')' is missing before '{excerpt(self._next.text)}'"
@@ -219,21 +219,21 @@ class _Parser:
         otherwise = self._expression(_CONDITIONAL)
         return Conditional(condition, then, otherwise, start, self._end)
 
-    def _chain(self, first: Expression, rank: int, start: int) -> Operation | Comparison:
-        steps: list[Step] = []
+    def _chain(self, first: Expression, rank: int, start: int) -> Operation | ComparisonChain:
+        steps: list[OperatorTerm] = []
         while self._rank() == rank:
             operator = self._advance()
             operand = self._expression(rank + 1)
-            steps.append(Step(operator.text, operand, operator.start, operator.end))
+            steps.append(OperatorTerm(operator.text, operand, operator.start, operator.end))
         if rank == _COMPARISON:
-            return Comparison(first, tuple(steps), start, self._end)
+            return ComparisonChain(first, tuple(steps), start, self._end)
         return Operation(first, tuple(steps), start, self._end)
 
     def _check_name(self, name: Token) -> None:
         """Refuse a name that is meant as an operator or a function; it has just been read."""
         following = self._next
-        opens = following.kind is Kind.SIGN and following.text in {"(", "!", "~"}
-        if name.text == "not" and (opens or following.kind in {Kind.NAME, Kind.LITERAL}):
+        opens = following.kind is TokenKind.SIGN and following.text in {"(", "!", "~"}
+        if name.text == "not" and (opens or following.kind in {TokenKind.NAME, TokenKind.LITERAL}):
             message = "there is no operator 'not'"
             raise ScriptError(message, name.start, name.end, suggestion="!")
         if self._at("(") and following.start == name.end and name.text not in _WORDS:
@@ -242,26 +242,26 @@ class _Parser:
             raise ScriptError(message, name.start, following.end, hint=hint)
 
     def _refuse_word(self) -> None:
-        """Refuse `and` and `or` behind an expression; a variable may have such a name, but stands elsewhere."""
+        """Refuse `and` and `or` after an expression, where no variable of such a name can be."""
         word = self._next
-        if word.kind is not Kind.NAME or word.text not in _WORDS:
+        if word.kind is not TokenKind.NAME or word.text not in _WORDS:
             return
         following = self._tokens[self._index + 1]
-        if following.kind is Kind.SIGN and following.text in _ASSIGNMENTS:
+        if following.kind is TokenKind.SIGN and following.text in _ASSIGNMENTS:
             return
         message = f"there is no operator '{word.text}'"
         raise ScriptError(message, word.start, word.end, suggestion=_WORDS[word.text])
 
     def _no_operand(self) -> ScriptError:
-        """Explain why no operand stands where the next token is."""
+        """Explain why there is no operand at the next token."""
         token, before = self._next, self._before()
-        if before is not None and before.kind is Kind.SIGN:
+        if before is not None and before.kind is TokenKind.SIGN:
             other = self._other_operator(before, token)
             if other is not None:
                 return other
             if (before.text, token.text) == ("(", ")"):
                 return ScriptError("there is nothing in these brackets", before.start, token.end)
-            if before.text != ";" and (token.kind is Kind.END or token.text in {")", ";", ":"}):
+            if before.text != ";" and (token.kind is TokenKind.END or token.text in {")", ";", ":"}):
                 return self._nothing_behind(before)
         return _misplaced(token)
 
@@ -275,7 +275,7 @@ class _Parser:
     def _other_operator(self, before: Token, token: Token) -> ScriptError | None:
         """Recognise an operator of another language."""
         signs = (before.text, token.text)
-        if before.end != token.start or token.kind is not Kind.SIGN:
+        if before.end != token.start or token.kind is not TokenKind.SIGN:
             return None
         message = f"there is no operator '{before.text}{token.text}'"
         if signs in _OTHER_OPERATORS:

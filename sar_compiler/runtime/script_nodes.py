@@ -7,9 +7,9 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from sar_compiler.runtime.blackboard import Scope
+from sar_compiler.runtime.chosen_outcome import Outcome
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
-from sar_compiler.runtime.outcomes import Outcome
 from sar_compiler.runtime.parents import Ticking, Wrapper
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.scripting import NodeScript

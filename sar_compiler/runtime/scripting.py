@@ -10,7 +10,7 @@ from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.ports import Input, PortError
-from sar_compiler.runtime.variables import UnknownVariableError, Value, VariableError
+from sar_compiler.runtime.variables import ScriptValue, UnknownVariableError, VariableError
 
 T = TypeVar("T")
 
@@ -49,7 +49,7 @@ class ScopeVariables:
         self._numbers = enums.numbers
         self._entries: dict[str, Entry] = {}
 
-    def read(self, name: str) -> Value:
+    def read(self, name: str) -> ScriptValue:
         """Return an entry's value.
 
         Raises:
@@ -58,7 +58,7 @@ class ScopeVariables:
         """
         return _seen(name, self._held(name))
 
-    def create(self, name: str, value: Value) -> Value:
+    def create(self, name: str, value: ScriptValue) -> ScriptValue:
         """Write an entry, which is made if there is none; return what is stored.
 
         Raises:
@@ -67,7 +67,7 @@ class ScopeVariables:
         self._entry(name).declare()
         return self.assign(name, value)
 
-    def assign(self, name: str, value: Value) -> Value:
+    def assign(self, name: str, value: ScriptValue) -> ScriptValue:
         """Write an entry that exists, or that a port has named; return what is stored.
 
         Raises:
@@ -112,7 +112,7 @@ class NodeScript:
         self._variables = ScopeVariables(scope, enums)
         self._program: Program | None = Program(code.get(), enums.numbers) if code.entry is None else None
 
-    def run(self) -> Value:
+    def run(self) -> ScriptValue:
         """Run it and return its value.
 
         Raises:
@@ -153,7 +153,7 @@ class NodeScript:
         return NodeScriptError(message, self._node, self._attribute, error.start, error.end)
 
 
-def _seen(name: str, value: object) -> Value:
+def _seen(name: str, value: object) -> ScriptValue:
     seen = value_of(value)
     if seen is None:
         if value is None:

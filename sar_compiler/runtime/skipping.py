@@ -12,7 +12,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 SKIPPED = Status.INVALID
-"""What `update` of a leaf returns, and what controls here work with, for "skipped"."""
+"""The outcome "skipped": returned by `update` of a leaf, and used by the controls here."""
 
 
 class SkippableLeaf(Behaviour):
@@ -38,7 +38,7 @@ class SkippableLeaf(Behaviour):
 
 
 def was_skipped(behaviour: Behaviour) -> bool:
-    """Say whether the tick that a behaviour has just had was skipped."""
+    """Return whether the tick that a behaviour has just had was skipped."""
     return behaviour.status == Status.INVALID or getattr(behaviour, "skipped", False)
 
 

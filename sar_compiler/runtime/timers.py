@@ -19,7 +19,7 @@ class DurationError(SarError):
     """A node is to wait for less than no time."""
 
 
-class Timer:
+class Countdown:
     """Counts a time down on a clock that may stand still, and may go back.
 
     A clock that goes back counts as one that stood still: what had passed stays passed, and nothing has to be
@@ -36,7 +36,7 @@ class Timer:
 
     @property
     def started(self) -> bool:
-        """Whether it counts, or has come to the end."""
+        """Whether it is running or has run out."""
         return self._end is not None
 
     def start(self, seconds: float) -> None:
@@ -74,7 +74,7 @@ class Delay(Yielding, Wrapper):
     def __init__(self, name: str, child: Behaviour, delay_msec: Input[int], clock: Clock) -> None:
         super().__init__(name, child)
         self._delay_msec = delay_msec
-        self._timer = Timer(clock)
+        self._timer = Countdown(clock)
 
     def _work(self) -> Ticking:
         delay = seconds_of(self.name, "delay_msec", self._delay_msec.get())
@@ -112,7 +112,7 @@ class Timeout(Wrapper):
     def __init__(self, name: str, child: Behaviour, msec: Input[int], clock: Clock) -> None:
         super().__init__(name, child)
         self._msec = msec
-        self._timer = Timer(clock)
+        self._timer = Countdown(clock)
         self._limited = False
 
     def _work(self) -> Ticking:
@@ -161,14 +161,14 @@ class Sleep(Behaviour):
     def __init__(self, name: str, msec: Input[int], clock: Clock) -> None:
         super().__init__(name)
         self._msec = msec
-        self._timer = Timer(clock)
+        self._timer = Countdown(clock)
 
     def initialise(self) -> None:
         """Start the time."""
         self._timer.start(seconds_of(self.name, "msec", self._msec.get()))
 
     def update(self) -> Status:
-        """Say whether the time is over."""
+        """Return RUNNING until the time is over, then SUCCESS."""
         remaining = self._timer.remaining()
         self.feedback_message = time_left(remaining) if remaining else ""
         return Status.RUNNING if remaining else Status.SUCCESS

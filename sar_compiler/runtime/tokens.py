@@ -67,8 +67,8 @@ class ScriptError(SarError):
         self.hint = hint
 
 
-class Kind(enum.Enum):
-    """What a token is."""
+class TokenKind(enum.Enum):
+    """The kind of a token."""
 
     LITERAL = enum.auto()
     NAME = enum.auto()
@@ -88,7 +88,7 @@ class Token:
         value: What a literal stands for.
     """
 
-    kind: Kind
+    kind: TokenKind
     text: str
     start: int
     end: int
@@ -111,25 +111,25 @@ def tokenize(text: str) -> Iterator[Token]:
             _check_end_of_number(text, match)
         if match.lastgroup != "space":
             yield _token(match)
-    yield Token(Kind.END, "", position, position)
+    yield Token(TokenKind.END, "", position, position)
 
 
 def excerpt(text: str) -> str:
-    """Return what somebody wrote, shortened for a message."""
+    """Return a piece of a script, shortened for a message."""
     return text if len(text) <= _LONGEST_EXCERPT else text[: _LONGEST_EXCERPT - 3] + "..."
 
 
 def _token(match: re.Match[str]) -> Token:
     word, start, end = match.group(), match.start(), match.end()
     if match.lastgroup == "integer":
-        return Token(Kind.LITERAL, word, start, end, _integer(word, start))
+        return Token(TokenKind.LITERAL, word, start, end, _integer(word, start))
     if match.lastgroup == "real":
-        return Token(Kind.LITERAL, word, start, end, _real(word, start))
+        return Token(TokenKind.LITERAL, word, start, end, _real(word, start))
     if match.lastgroup == "text":
-        return Token(Kind.LITERAL, word, start, end, word[1:-1])
+        return Token(TokenKind.LITERAL, word, start, end, word[1:-1])
     if word in _BOOLS:
-        return Token(Kind.LITERAL, word, start, end, _BOOLS[word])
-    return Token(Kind.NAME if match.lastgroup == "name" else Kind.SIGN, word, start, end)
+        return Token(TokenKind.LITERAL, word, start, end, _BOOLS[word])
+    return Token(TokenKind.NAME if match.lastgroup == "name" else TokenKind.SIGN, word, start, end)
 
 
 def _integer(word: str, start: int) -> int:

@@ -8,8 +8,8 @@ from typing import Protocol
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.tokens import LARGEST_INTEGER, excerpt
 
-Value = int | float | str
-"""What a script calculates with."""
+ScriptValue = int | float | str
+"""A value in a script."""
 
 LARGEST_EXACT = 2**53 - 1
 """Above it, not every whole number is a real number."""
@@ -45,9 +45,9 @@ class RefusedValueError(VariableError):
 
 
 class Variables(Protocol):
-    """What a script reads and writes: names in the script's scope, those with `@` in the root's."""
+    """The variables of a script: names in its scope, those with `@` in the root's."""
 
-    def read(self, name: str) -> Value:
+    def read(self, name: str) -> ScriptValue:
         """Return a variable's value.
 
         Raises:
@@ -55,7 +55,7 @@ class Variables(Protocol):
         """
         ...
 
-    def create(self, name: str, value: Value) -> Value:
+    def create(self, name: str, value: ScriptValue) -> ScriptValue:
         """Make a variable, or give the one that exists a value, as `assign` does; for `:=`.
 
         Returns:
@@ -66,7 +66,7 @@ class Variables(Protocol):
         """
         ...
 
-    def assign(self, name: str, value: Value) -> Value:
+    def assign(self, name: str, value: ScriptValue) -> ScriptValue:
         """Give a variable that exists a value, which keeps its type (see `fit`).
 
         Returns:
@@ -86,16 +86,16 @@ class PlainVariables:
         values: Their values at first.
     """
 
-    def __init__(self, values: Mapping[str, Value]) -> None:
+    def __init__(self, values: Mapping[str, ScriptValue]) -> None:
         self._values = dict(values)
 
-    def read(self, name: str) -> Value:
+    def read(self, name: str) -> ScriptValue:
         """Return a variable's value."""
         if name not in self._values:
             raise UnknownVariableError(name)
         return self._values[name]
 
-    def create(self, name: str, value: Value) -> Value:
+    def create(self, name: str, value: ScriptValue) -> ScriptValue:
         """Give a variable a value."""
         self._values[name] = value
         return value
@@ -103,7 +103,7 @@ class PlainVariables:
     assign = create
 
 
-def fit(value: Value, kind: type, enums: Mapping[str, int] | None = None) -> Value:
+def fit(value: ScriptValue, kind: type, enums: Mapping[str, int] | None = None) -> ScriptValue:
     """Return what a variable with a type makes of a value that it is given.
 
     Args:
@@ -165,7 +165,7 @@ def number_of(text: str) -> int | float:
     raise RefusedValueError(message)
 
 
-def as_real(value: Value) -> float:
+def as_real(value: ScriptValue) -> float:
     """Return a number as a real one.
 
     Raises:
@@ -182,7 +182,7 @@ def as_real(value: Value) -> float:
     return float(value)
 
 
-def as_whole(value: Value) -> int:
+def as_whole(value: ScriptValue) -> int:
     """Return a number as a whole one of 64 bits.
 
     Raises:

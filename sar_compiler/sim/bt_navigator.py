@@ -15,7 +15,7 @@ from rclpy.task import Future
 from sar_compiler.ros.faults import GoalFate, NavigationFaults
 from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.messages import from_pose, to_duration, to_pose, to_stamp
-from sar_compiler.sim.navigator import Drive, Ending, Outcome, Progress
+from sar_compiler.sim.navigator import Drive, DriveEnd, DriveOutcome, DriveProgress
 from sar_compiler.sim.node_host import NodeHost
 from sar_compiler.sim.planner import NavCode, Planner, PlanningError
 from sar_compiler.sim.robot import STAND, Robot
@@ -41,16 +41,16 @@ class _Goal:
         self.drive: Drive | None = None
         self._outcome = Future()
 
-    def end(self, outcome: Outcome) -> None:
+    def end(self, outcome: DriveOutcome) -> None:
         """End the goal; the client is told in the executor's next round."""
         self._outcome.set_result(outcome)
 
     async def run(self, handle: ServerGoalHandle) -> Any:
         """Wait for the end and return the result."""
-        outcome: Outcome = await self._outcome
-        if outcome.ending is Ending.SUCCEEDED:
+        outcome: DriveOutcome = await self._outcome
+        if outcome.ending is DriveEnd.SUCCEEDED:
             handle.succeed()
-        elif outcome.ending is Ending.CANCELED:
+        elif outcome.ending is DriveEnd.CANCELED:
             handle.canceled()
         else:
             handle.abort()
@@ -112,9 +112,9 @@ class BtNavigator:
         """End the goal under way; return whether there was one, whose client has yet to be told."""
         goal = self._goal
         if goal is not None and goal.handle.is_cancel_requested:
-            self._end(Outcome(Ending.CANCELED))
+            self._end(DriveOutcome(DriveEnd.CANCELED))
         else:
-            self._end(Outcome(Ending.ABORTED, text="the simulation stops"))
+            self._end(DriveOutcome(DriveEnd.ABORTED, text="the simulation stops"))
         return goal is not None
 
     def close(self) -> None:
@@ -176,10 +176,10 @@ class BtNavigator:
         if under_way is not None and handle.request.behavior_tree != under_way.handle.request.behavior_tree:
             text = "another goal is under way with another behaviour tree"
             self._node.get_logger().warning(f"Goal aborted: {text}.")
-            goal.end(Outcome(Ending.ABORTED, text=text))
+            goal.end(DriveOutcome(DriveEnd.ABORTED, text=text))
             return
         if under_way is not None:
-            under_way.end(Outcome(Ending.ABORTED, text="pre-empted by another goal"))
+            under_way.end(DriveOutcome(DriveEnd.ABORTED, text="pre-empted by another goal"))
         self._goal = goal
 
     def _attend(self, goal: _Goal, *, feedback_due: bool) -> None:
@@ -201,39 +201,39 @@ class BtNavigator:
         if outcome is not None:
             self._end(outcome)
 
-    def _set_out(self, goal: _Goal) -> Outcome | None:
+    def _set_out(self, goal: _Goal) -> DriveOutcome | None:
         """Plan the way to a new goal, or return why there is none."""
         if goal.handle.is_cancel_requested:
-            return Outcome(Ending.CANCELED)
+            return DriveOutcome(DriveEnd.CANCELED)
         request = goal.handle.request.pose
         target, here = from_pose(request.pose), self._localise()
         tree = goal.handle.request.behavior_tree
         if tree and not Path(tree).is_file():
-            return Outcome(Ending.ABORTED, text=f"there is no behaviour tree '{tree}'")
+            return DriveOutcome(DriveEnd.ABORTED, text=f"there is no behaviour tree '{tree}'")
         frame = request.header.frame_id
         if frame != _MAP or target is None or here is None:
             reason = (
                 f"the goal's frame is '{frame}', not '{_MAP}'" if frame != _MAP else "a pose is not known"
             )
-            return Outcome(Ending.ABORTED, text=reason)
+            return DriveOutcome(DriveEnd.ABORTED, text=reason)
         if goal.fate.abort:
-            return Outcome(Ending.ABORTED, NavCode.NO_VALID_PATH, "fault: the zone is out of reach")
+            return DriveOutcome(DriveEnd.ABORTED, NavCode.NO_VALID_PATH, "fault: the zone is out of reach")
         try:
             goal.drive = Drive(self._planner, self._robot.limits, target, here, self._now)
         except PlanningError as error:
-            return Outcome(Ending.ABORTED, error.code, str(error))
+            return DriveOutcome(DriveEnd.ABORTED, error.code, str(error))
         return None
 
-    def _end(self, outcome: Outcome) -> None:
+    def _end(self, outcome: DriveOutcome) -> None:
         if self._goal is None:
             return
-        if outcome.ending is Ending.ABORTED:
+        if outcome.ending is DriveEnd.ABORTED:
             self._node.get_logger().warning(f"Goal aborted ({int(outcome.code)}): {outcome.text}.")
         self._robot.command(STAND)
         self._goal.end(outcome)
         self._goal = None
 
-    def _feedback(self, progress: Progress) -> Any:
+    def _feedback(self, progress: DriveProgress) -> Any:
         message = NavigateToPose.Feedback(
             navigation_time=to_duration(progress.elapsed_sec),
             estimated_time_remaining=to_duration(progress.time_remaining_sec),

@@ -16,7 +16,7 @@ _STILL = 0.02
 _CRUISE = 0.4
 
 
-class Ending(Enum):
+class DriveEnd(Enum):
     """How a goal ends."""
 
     SUCCEEDED = "succeeded"
@@ -25,7 +25,7 @@ class Ending(Enum):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class DriveOutcome:
     """The end of a goal.
 
     Attributes:
@@ -34,13 +34,13 @@ class Outcome:
         text: The reason in words, or "".
     """
 
-    ending: Ending
+    ending: DriveEnd
     code: NavCode = NavCode.NONE
     text: str = ""
 
 
 @dataclass(frozen=True)
-class Progress:
+class DriveProgress:
     """One look at a drive.
 
     Attributes:
@@ -55,7 +55,7 @@ class Progress:
     elapsed_sec: float
     distance_remaining: float
     time_remaining_sec: float
-    outcome: Outcome | None = None
+    outcome: DriveOutcome | None = None
 
 
 class Drive:
@@ -83,7 +83,7 @@ class Drive:
         """Stop the robot and end as canceled."""
         self._braking = True
 
-    def step(self, state: RobotState, now: float) -> Progress:
+    def step(self, state: RobotState, now: float) -> DriveProgress:
         """Look at the robot and say what it shall do next.
 
         Args:
@@ -94,19 +94,19 @@ class Drive:
         left = self._follower.distance_remaining(state.pose)
         elapsed = now - self._began
         speed = max(abs(state.velocity.v), _CRUISE)
-        return Progress(command, elapsed, left, left / speed, self._outcome(state, now))
+        return DriveProgress(command, elapsed, left, left / speed, self._outcome(state, now))
 
-    def _outcome(self, state: RobotState, now: float) -> Outcome | None:
+    def _outcome(self, state: RobotState, now: float) -> DriveOutcome | None:
         if self._braking:
             still = abs(state.velocity.v) < _STILL and abs(state.velocity.w) < _STILL
-            return Outcome(Ending.CANCELED) if still else None
+            return DriveOutcome(DriveEnd.CANCELED) if still else None
         if self._follower.done:
-            return Outcome(Ending.SUCCEEDED)
+            return DriveOutcome(DriveEnd.SUCCEEDED)
         turned = abs(normalise_angle(state.pose.yaw - self._mark.yaw))
         if state.pose.distance_to(self._mark) > _MOVE or turned > _TURN:
             self._mark, self._mark_time = state.pose, now
         if now - self._mark_time > _PATIENCE_SEC:
             reason = ": something that is not on the map is in its way" if state.touching else ""
             text = f"the robot has not moved for {_PATIENCE_SEC:g} s{reason}"
-            return Outcome(Ending.ABORTED, NavCode.FAILED_TO_MAKE_PROGRESS, text)
+            return DriveOutcome(DriveEnd.ABORTED, NavCode.FAILED_TO_MAKE_PROGRESS, text)
         return None

@@ -2,8 +2,10 @@
 
 import time
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from rclpy.context import Context
+from rclpy.event_handler import EventHandler
 from rclpy.executors import (
     ConditionReachedException,
     ShutdownException,
@@ -12,6 +14,9 @@ from rclpy.executors import (
     TimeoutObject,
 )
 from rclpy.node import Node
+
+# QoS events, which only warn, are half of all that is waited for: looked at once in so many rounds.
+_ROUNDS_PER_EVENT = 20
 
 
 class PacedExecutor(SingleThreadedExecutor):
@@ -26,6 +31,13 @@ class PacedExecutor(SingleThreadedExecutor):
         super().__init__(context=context)
         self._remaining = TimeoutObject(0.0)
         self._interrupted = interrupted
+        self._rounds = 0
+
+    def can_execute(self, entity: Any) -> bool:
+        """Return whether something of a node can be served in this round."""
+        if isinstance(entity, EventHandler) and self._rounds % _ROUNDS_PER_EVENT:
+            return False
+        return bool(super().can_execute(entity))
 
     def serve_until(self, deadline: float, *, to_the_end: bool = False) -> None:
         """Serve what arrives until *deadline*, and at least one round of what is there.
@@ -34,6 +46,7 @@ class PacedExecutor(SingleThreadedExecutor):
             deadline: On the clock of `time.monotonic()`, seconds.
             to_the_end: Do not let yourself be interrupted.
         """
+        self._rounds += 1
         interrupted = _never if to_the_end else self._interrupted
         while not interrupted():
             self._remaining.timeout = max(0.0, deadline - time.monotonic())

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from sar_compiler.documents.yaml_files import read_yaml
 from sar_compiler.errors import SarError
-from sar_compiler.sim.yaml_reader import read_yaml
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 # The grey values that map_saver writes for the three.
@@ -63,24 +63,20 @@ def read_map(path: Path) -> OccupancyMap:
         path: The `.yaml` file; its `image` is looked for beside it.
 
     Raises:
-        MapError: If a file is not there, is no image, or asks for what is not supported.
-        YamlFileError: If the description has a mistake.
+        UnreadableFileError: If the description is not there or cannot be read.
+        TreeError: If the description has mistakes, or asks for what is not supported; carries all findings.
+        MapError: If its image is not there, or is none.
     """
-    required = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
-    keys = read_yaml(path, MapError).mapping(required, ("mode",))
-    if "mode" in keys:
-        keys["mode"].text(("trinary",))
-    origin = [item.number() for item in keys["origin"].items()]
-    if len(origin) != 3 or origin[2] != 0.0:  # noqa: PLR2004
-        keys["origin"].fail("expected [x, y, yaw] with yaw 0 (turned maps are not supported)")
-    shade = _shades(path.parent / keys["image"].text())
-    negate = keys["negate"].text(("0", "1", "false", "true")) in {"1", "true"}
-    dark = shade if negate else 1.0 - shade
+    document = read_yaml(path, "write what nav2_map_server reads: image, resolution, origin, ...")
+    said = document.hold("map").data
+    document.raise_findings()
+    shade = _shades(path.parent / said["image"])
+    dark = shade if said["negate"] else 1.0 - shade
     cells = np.full(shade.shape, UNKNOWN, dtype=np.int8)
-    cells[dark < keys["free_thresh"].number()] = FREE
-    cells[dark > keys["occupied_thresh"].number()] = OCCUPIED
+    cells[dark < said["free_thresh"]] = FREE
+    cells[dark > said["occupied_thresh"]] = OCCUPIED
     upright = np.ascontiguousarray(np.flipud(cells))
-    return OccupancyMap(upright, keys["resolution"].number(above=0.0), origin[0], origin[1])
+    return OccupancyMap(upright, said["resolution"], *said["origin"][:2])
 
 
 def write_map(occupancy: OccupancyMap, prefix: Path) -> tuple[Path, Path]:

@@ -1,17 +1,21 @@
 """Reading `worlds/*.yaml`."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from sar_compiler import resources
+from sar_compiler.documents.yaml_files import read_yaml
 from sar_compiler.errors import SarError
 from sar_compiler.sim.geometry import Box, Cylinder, Pose2D
 from sar_compiler.sim.world import World
-from sar_compiler.sim.yaml_reader import YamlValue, read_yaml
+
+_EMPTY_HINT = "write robot: {x: 0, y: 0, radius: 0.22}, and walls: with a list of rectangles"
 
 
 class WorldError(SarError):
-    """There is no such world, or it makes no sense as a whole."""
+    """There is no such world."""
 
 
 def find_world(name: str) -> World:
@@ -21,8 +25,8 @@ def find_world(name: str) -> World:
         name: The path of a world file, or the name of a shipped world (`disaster_zone`).
 
     Raises:
-        WorldError: If there is no such file, or the robot starts inside an obstacle.
-        YamlFileError: If the file has a mistake.
+        WorldError: If there is no such file.
+        TreeError: If the file has mistakes, or the robot starts inside an obstacle; carries all findings.
     """
     path = resources.find("worlds", name, ".yaml")
     if not path.is_file():
@@ -37,54 +41,33 @@ def load_world(path: Path) -> World:
         path: The file.
 
     Raises:
-        WorldError: If there is no such file, or the robot starts inside an obstacle.
-        YamlFileError: If the file has a mistake; it names file, line, key and what is expected.
+        UnreadableFileError: If the file is not there or cannot be read.
+        TreeError: If the file has mistakes, or the robot starts inside an obstacle; carries all findings.
     """
-    top = read_yaml(path, WorldError).mapping(("robot", "walls"), ("map", "debris", "zones", "survey"))
-    robot = top["robot"].mapping(("x", "y", "radius"), ("yaw",))
-    debris = [_debris(item) for item in top["debris"].items()] if "debris" in top else []
-    zones = top["zones"].mapping(optional=None) if "zones" in top else {}
+    document = read_yaml(path, _EMPTY_HINT)
+    said = document.hold("world").data
+    document.raise_findings()
+    robot, debris = said["robot"], said.get("debris", ())
     world = World(
         name=path.stem,
-        start=Pose2D(
-            robot["x"].number(), robot["y"].number(), robot["yaw"].number() if "yaw" in robot else 0.0
+        start=Pose2D(robot["x"], robot["y"], robot.get("yaw", 0.0)),
+        robot_radius=robot["radius"],
+        boxes=tuple(
+            Box(**_sizes(each)) for each in (*said["walls"], *debris) if each.get("shape") != "cylinder"
         ),
-        robot_radius=robot["radius"].number(above=0.0),
-        boxes=(
-            *(_box(item) for item in top["walls"].items()),
-            *(shape for shape in debris if isinstance(shape, Box)),
+        cylinders=tuple(Cylinder(**_sizes(each)) for each in debris if each["shape"] == "cylinder"),
+        zones=MappingProxyType(
+            {name: (point["x"], point["y"]) for name, point in said.get("zones", {}).items()}
         ),
-        cylinders=tuple(shape for shape in debris if isinstance(shape, Cylinder)),
-        zones=MappingProxyType({name: _point(value) for name, value in zones.items()}),
-        survey=tuple(_point(item) for item in top["survey"].items()) if "survey" in top else (),
-        map_path=path.parent / top["map"].text() if "map" in top else None,
+        survey=tuple((point["x"], point["y"]) for point in said.get("survey", ())),
+        map_path=path.parent / said["map"] if "map" in said else None,
     )
     if world.solid.clearance(world.start.x, world.start.y) <= world.robot_radius:
-        top["robot"].fail("the robot would start in an obstacle")
+        message = "the robot would start in an obstacle"
+        document.report(document.root.name_at(("robot",)), "wrong-value", message)
+    document.raise_findings()
     return world
 
 
-def _debris(value: YamlValue) -> Box | Cylinder:
-    shape = value.mapping(("shape",), None)["shape"].text(("box", "cylinder"))
-    return _box(value, "shape") if shape == "box" else _cylinder(value)
-
-
-def _box(value: YamlValue, *further: str) -> Box:
-    keys = value.mapping((*further, "x", "y", "size_x", "size_y"), ("yaw",))
-    return Box(
-        keys["x"].number(),
-        keys["y"].number(),
-        keys["size_x"].number(above=0.0),
-        keys["size_y"].number(above=0.0),
-        keys["yaw"].number() if "yaw" in keys else 0.0,
-    )
-
-
-def _cylinder(value: YamlValue) -> Cylinder:
-    keys = value.mapping(("shape", "x", "y", "radius"))
-    return Cylinder(keys["x"].number(), keys["y"].number(), keys["radius"].number(above=0.0))
-
-
-def _point(value: YamlValue) -> tuple[float, float]:
-    keys = value.mapping(("x", "y"))
-    return keys["x"].number(), keys["y"].number()
+def _sizes(obstacle: Mapping[str, Any]) -> dict[str, float]:
+    return {name: size for name, size in obstacle.items() if name != "shape"}

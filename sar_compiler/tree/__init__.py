@@ -1,1 +1,1 @@
-"""What a tree file says: elements with the places where they stand, and what reading them can find."""
+"""The contents of a tree file: elements with their places, and the findings of reading them."""

@@ -1,17 +1,17 @@
-"""What a comment says, without the marks and the indentation of the form in which it stands."""
+"""The text of a comment, without the marks and the indentation of its form."""
 
 from collections.abc import Iterable, Sequence
 
 
 def text_of_xml(data: str) -> str:
-    """Return the text of what stands between `<!--` and `-->`."""
+    """Return the text of a comment, given what is between `<!--` and `-->`."""
     first, *rest = data.split("\n")
-    # The first line begins behind the mark, so its indentation says nothing about the others'.
+    # The first line begins after the mark, so its indentation says nothing about the others'.
     return _without_blank_ends([first.strip(), *_dedented(rest)])
 
 
 def text_of_yaml(lines: Sequence[str]) -> str:
-    """Return the text of lines that follow each other, each as it stands behind its `#`."""
+    """Return the text of consecutive comment lines, given what follows the `#` of each."""
     return _without_blank_ends(_dedented([line.removeprefix(" ") for line in lines]))
 
 

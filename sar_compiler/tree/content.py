@@ -54,8 +54,8 @@ def source_of(data: bytes | str, path: str, spans: Spans, declared: str | None, 
         raise TreeError([Diagnostic("file-too-large", message, Source(path, "", spans), _START)])
     encoding = _encoding_of(data, declared) if isinstance(data, bytes) else "utf-8"
     text = data if isinstance(data, str) else _decode(data, path, spans, encoding)
-    mark = _MARK if text.startswith(_MARK) else ""
-    source = Source(path, text.removeprefix(_MARK), spans, encoding, mark)
+    bom = _MARK if text.startswith(_MARK) else ""
+    source = Source(path, text.removeprefix(_MARK), spans, encoding, bom)
     if not source.text.strip():
         raise TreeError([Diagnostic("empty-file", "the file is empty", source, _START, hint=empty_hint)])
     return source
@@ -67,7 +67,7 @@ def bytes_of(source: Source, text: str) -> bytes:
     Raises:
         UnicodeEncodeError: If the encoding cannot have it.
     """
-    return (source.mark + text).encode(source.encoding)
+    return (source.bom + text).encode(source.encoding)
 
 
 def _encoding_of(data: bytes, declared: str | None) -> str:

@@ -1,4 +1,4 @@
-"""A finding: something wrong in a file, where it stands and what to write instead."""
+"""A finding: something wrong in a file, its place, and what to write instead."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

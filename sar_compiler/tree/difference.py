@@ -1,4 +1,4 @@
-"""What is different between two tree files, whatever their form: nodes, not lines."""
+"""The differences between two tree files of any form, as nodes instead of lines."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from sar_compiler.tree.model import TEXT_KEY, Element, TreeFile
 
 
 class Change(str, Enum):
-    """What can happen to a node."""
+    """How a node differs."""
 
     ADDED = "added"
     REMOVED = "removed"

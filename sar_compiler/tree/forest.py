@@ -216,7 +216,7 @@ def _near(element: Element, target: Path) -> str | None:
 
 
 def _may_never_end(path: Path) -> bool:
-    """Say whether a path is a pipe, to which nobody may ever write."""
+    """Return whether a path is a pipe, which would block until something is written to it."""
     with suppress(OSError):  # what cannot even be looked at is reported when it is read
         return path.is_fifo()
     return False

@@ -44,7 +44,7 @@ class Node:
 
     @property
     def name(self) -> str:
-        """What tells it from others of its type; empty if nothing does."""
+        """Its label among nodes of its type; empty if it has none."""
         return next((self.attributes[key] for key in _NAMES if key in self.attributes), "")
 
     @property
@@ -70,7 +70,7 @@ class Node:
 
 
 Key = Callable[[Node], Hashable | None]
-"""What two nodes must have in common to be one; None: with nothing."""
+"""The key that two nodes must share to be paired; None if the node pairs with nothing."""
 
 
 def match(old: TreeFile, new: TreeFile) -> tuple[Node, Node]:
@@ -82,7 +82,7 @@ def match(old: TreeFile, new: TreeFile) -> tuple[Node, Node]:
     Returns:
         The roots of both files; `partner` says of every node in them which one it is in the other file.
     """
-    reader = _Reader()
+    reader = _NodeReader()
     first, second = (reader.node(tree_file.root, None, ordered=True) for tree_file in (old, new))
     _pair(first, second)
     _align(first, second)
@@ -101,7 +101,7 @@ def in_place(old: Node, new: Node) -> list[tuple[Node, Node]]:
     return [pairs[j] for _, j in kept]
 
 
-class _Reader:
+class _NodeReader:
     """Makes nodes of elements, and gives equal marks to those that say the same."""
 
     def __init__(self) -> None:
@@ -190,7 +190,7 @@ def _align_unordered(old: Node, new: Node) -> None:
 def _align_gap(
     old: list[Node], new: list[Node], key: Key, accept: Callable[[Node, Node], bool] = lambda _old, _new: True
 ) -> list[tuple[list[Node], list[Node]]]:
-    """Pair what stands in the same order in two stretches, and return the stretches in between."""
+    """Pair the nodes that two ranges have in the same order, and return the ranges in between."""
     gaps = []
     i = j = 0
     for next_i, next_j in common_subsequence([key(node) for node in old], [key(node) for node in new]):
@@ -216,7 +216,7 @@ def _free(nodes: list[Node]) -> list[Node]:
 
 
 def _pair_by(old: list[Node], new: list[Node], old_key: Key, new_key: Key | None = None) -> None:
-    """Pair nodes by a key, wherever they stand; those of the same key in their order."""
+    """Pair nodes by a key, whatever their place; those with the same key in their order."""
     by_key: dict[Hashable, deque[Node]] = defaultdict(deque)
     for node in new:
         by_key[(new_key or old_key)(node)].append(node)
@@ -245,7 +245,7 @@ def _home(node: Node, *, other: bool = False) -> int:
 
 
 def _find_renamed(old: Node) -> None:
-    """Pair what has another name or tag, between what stands in its place in both files."""
+    """Pair nodes of different names or tags that have the same place in both files."""
     for node in old.iterate():
         if node.partner is None or node.mark == node.partner.mark:
             continue
@@ -272,7 +272,7 @@ def _shape(node: Node) -> Hashable | None:
 
 
 def _alike(old: Node, new: Node) -> bool:
-    """Say whether at least half of what two nodes hold is the same."""
+    """Return whether at least half of what two nodes hold is the same."""
     if old.children and new.children:
         ours, theirs = (Counter(child.identity for child in node.children) for node in (old, new))
         return 2 * sum((ours & theirs).values()) >= max(len(old.children), len(new.children))

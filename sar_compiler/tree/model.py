@@ -2,8 +2,7 @@
 
 import functools
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields
-from typing import Any
+from dataclasses import dataclass, field
 
 from sar_compiler.tree.source import Source, Span
 
@@ -13,7 +12,7 @@ MODEL_TAG = "TreeNodesModel"
 INCLUDE_TAG = "include"
 SUBTREE_TAG = "SubTree"
 SECTIONS = (TREE_TAG, INCLUDE_TAG, MODEL_TAG)
-"""What stands directly in the root element."""
+"""The sections that may be directly in the root element."""
 
 
 CHILDREN_KEY = "children"
@@ -30,18 +29,18 @@ class Comment:
             around them.
         index: The child before which it stands; the number of children if it stands behind the last one.
         attribute: The attribute to which it belongs instead, which only YAML can have.
-        beside: It shares the line of what it belongs to: of the attribute, or else of the element's tag.
-        apart: A blank line stands before it.
+        trailing: It shares the line of what it belongs to: of the attribute, or else of the element's tag.
+        after_blank_line: A blank line stands before it.
     """
 
     text: str
     index: int = 0
     attribute: str | None = None
-    beside: bool = False
-    apart: bool = False
+    trailing: bool = False
+    after_blank_line: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Element:
     """One element of a tree file.
 
@@ -72,15 +71,15 @@ class Element:
         return self.source.spans.tag(self.source, self)
 
     def name_span(self, attribute: str) -> Span:
-        """Return where the name of one of its attributes stands."""
+        """Return where the name of one of its attributes is."""
         return self.source.spans.attribute_name(self.source, self, attribute)
 
     def value_span(self, attribute: str) -> Span:
-        """Return where the value of one of its attributes stands, without quotes."""
+        """Return where the value of one of its attributes is, without quotes."""
         return self.source.spans.attribute_value(self.source, self, attribute)
 
     def within_value(self, attribute: str, start: int, end: int) -> Span:
-        """Return where the characters from *start* to *end* of an attribute's value stand."""
+        """Return where the characters from *start* to *end* of an attribute's value are."""
         return self.source.spans.within_value(self.source, self, attribute, start, end)
 
     def iterate(self) -> Iterator["Element"]:
@@ -91,41 +90,6 @@ class Element:
             yield element
             if element.children:
                 waiting.extend(reversed(element.children))
-
-
-class _Unfrozen:
-    """What an element is while it is made."""
-
-    __slots__ = tuple(each.name for each in fields(Element))
-
-
-def new_element(
-    tag: str,
-    attributes: Mapping[str, str],
-    children: tuple[Element, ...],
-    source: Source,
-    line: int,
-    column: int,
-    text: str,
-    comments: tuple[Comment, ...],
-) -> Element:
-    """Make an element as its constructor does, in half the time, for the thousands that a large file has.
-
-    What @dataclass writes for a frozen class sets each attribute by `object.__setattr__`. Here they are set
-    as any other class's, and then the class is changed.
-    """
-    new: Any = _Unfrozen()
-    new.tag = tag
-    new.attributes = attributes
-    new.children = children
-    new.source = source
-    new.line = line
-    new.column = column
-    new.text = text
-    new.comments = comments
-    new.__class__ = Element
-    element: Element = new
-    return element
 
 
 @dataclass(frozen=True)

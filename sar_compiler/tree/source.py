@@ -51,15 +51,15 @@ class Spans(Protocol):
         ...
 
     def attribute_name(self, source: "Source", element: "Element", name: str) -> Span:
-        """Return where an attribute's name stands."""
+        """Return where an attribute's name is."""
         ...
 
     def attribute_value(self, source: "Source", element: "Element", name: str) -> Span:
-        """Return where an attribute's value stands, without its quotes."""
+        """Return where an attribute's value is, without its quotes."""
         ...
 
     def within_value(self, source: "Source", element: "Element", name: str, start: int, end: int) -> Span:
-        """Return where the characters from *start* to *end* of an attribute's value stand.
+        """Return where the characters from *start* to *end* of an attribute's value are.
 
         Args:
             source: The file.
@@ -70,8 +70,8 @@ class Spans(Protocol):
         """
         ...
 
-    def stands_apart(self, source: "Source", element: "Element") -> bool:
-        """Say whether a blank line stands directly before the element."""
+    def follows_blank_line(self, source: "Source", element: "Element") -> bool:
+        """Return whether a blank line is directly before the element."""
         ...
 
 
@@ -84,14 +84,14 @@ class Source:
         text: The whole text.
         spans: Finds parts of elements in it.
         encoding: How the text is encoded in the file.
-        mark: The byte order mark before it; empty where there is none.
+        bom: The byte order mark before it; empty where there is none.
     """
 
     path: str
     text: str = field(repr=False)
     spans: Spans = field(repr=False)
     encoding: str = "utf-8"
-    mark: str = field(default="", repr=False)
+    bom: str = field(default="", repr=False)
 
     @property
     def form(self) -> Form:
@@ -124,7 +124,7 @@ class Source:
         return line, offset - self.line_starts[line - 1] + 1
 
     def blank_before(self, offset: int, passing: str = " \t\r\n") -> bool:
-        """Say whether a blank line stands before an offset, with nothing in between but *passing*."""
+        """Return whether a blank line is before an offset, with only characters of *passing* in between."""
         start = offset
         while start and self.text[start - 1] in passing:
             start -= 1

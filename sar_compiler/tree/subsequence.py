@@ -1,4 +1,4 @@
-"""What two lists have in common, in the order of both."""
+"""A common subsequence of two lists."""
 
 import bisect
 from collections import Counter, defaultdict
@@ -19,7 +19,7 @@ class _Link(NamedTuple):
 def common_subsequence(
     old: Sequence[Hashable | None], new: Sequence[Hashable | None]
 ) -> list[tuple[int, int]]:
-    """Return where the keys of a long common subsequence stand in both lists.
+    """Return the indexes in both lists of a long common subsequence.
 
     It is the longest one unless a key is repeated very often; the time grows little more than the lists
     (the method of Hunt and Szymanski).

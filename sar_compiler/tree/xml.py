@@ -13,10 +13,10 @@ from xml.parsers import expat
 from sar_compiler.tree.comments import text_of_xml
 from sar_compiler.tree.content import MAX_DEPTH, read_bytes, source_of
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
-from sar_compiler.tree.growing import uncollected
-from sar_compiler.tree.model import MODEL_TAG, Comment, Element, TreeFile, new_element
+from sar_compiler.tree.gc_pause import gc_paused
+from sar_compiler.tree.model import MODEL_TAG, Comment, Element, TreeFile
 from sar_compiler.tree.source import Form, Source, Span
-from sar_compiler.tree.xml_slips import slip_at
+from sar_compiler.tree.xml_mistakes import mistake_at
 
 _DECLARED_ENCODING = re.compile(rb"""^<\?xml\b[^>]*?\bencoding\s*=\s*["']([A-Za-z0-9._\-]+)["']""")
 _NAME = re.compile(r"<[^\s/>]+")
@@ -56,7 +56,7 @@ def parse_xml(data: bytes | str, path: str = "<text>") -> TreeFile:
     """
     declared = _DECLARED_ENCODING.match(data) if isinstance(data, bytes) else None
     encoding = declared.group(1).decode("ascii") if declared else None
-    return _Reader(source_of(data, path, _SPANS, encoding, _EMPTY_HINT)).read()
+    return _XmlReader(source_of(data, path, _SPANS, encoding, _EMPTY_HINT)).read()
 
 
 class _XmlSpans:
@@ -87,7 +87,7 @@ class _XmlSpans:
         places = [found.start() for found in _CHARACTER.finditer(source.text, first, last)] + [last]
         return source.span(*(places[min(index, len(places) - 1)] for index in (start, end)))
 
-    def stands_apart(self, source: Source, element: Element) -> bool:
+    def follows_blank_line(self, source: Source, element: Element) -> bool:
         return source.blank_before(source.offset(element.line, element.column))
 
     def _attribute(self, source: Source, element: Element, name: str) -> re.Match[str] | None:
@@ -109,7 +109,7 @@ _HINTS = {
 }
 
 
-class _Reader:
+class _XmlReader:
     """One pass over a text; builds each element when its end comes, so that it can be frozen."""
 
     def __init__(self, source: Source) -> None:
@@ -128,14 +128,14 @@ class _Reader:
     def read(self) -> TreeFile:
         try:
             # A lone surrogate cannot be written as UTF-8; expat then says where the bad byte is.
-            with uncollected(len(self._source.text)):
+            with gc_paused(len(self._source.text)):
                 self._parser.Parse(self._source.text.encode("utf-8", "surrogatepass"), True)  # noqa: FBT003
         except expat.ExpatError as error:
             raise TreeError([self._malformed(error)]) from None
         return TreeFile(self._source, self._levels[0][0], tuple(self._comments.get(0, ())))
 
     def _handlers(self) -> tuple[Callable[[str, dict[str, str]], None], Callable[[str], None]]:
-        """Return what is called for every tag; closures, which reach what they need faster than methods."""
+        """Return the handlers for start and end tags; closures, which are faster than methods."""
         parser, source, opened, levels = self._parser, self._source, self._open, self._levels
         comments, texts = self._comments, self._texts
 
@@ -152,7 +152,7 @@ class _Reader:
             text, notes = self._extras() if comments or texts else _NOTHING
             children = tuple(levels.pop())
             _, attributes, line, column = opened.pop()
-            levels[-1].append(new_element(tag, attributes, children, source, line, column, text, notes))
+            levels[-1].append(Element(tag, attributes, children, source, line, column, text, notes))
             if tag == MODEL_TAG:
                 parser.CharacterDataHandler = None
 
@@ -175,14 +175,14 @@ class _Reader:
         depth, start, siblings = len(self._open), self._here(), self._levels[-1]
         before = self._source.text[self._source.offset(self._parser.CurrentLineNumber, 1) : start].rstrip()
         text = text_of_xml(data)
-        beside = before.endswith(">") and "\n" not in text
-        if beside and depth and not siblings and depth not in self._comments:
-            self._comments[depth] = [Comment(text, beside=True)]
-        elif beside and siblings and _ends_with_leaf(before, siblings[-1]):
-            comment = Comment(text, beside=True)
+        trailing = before.endswith(">") and "\n" not in text
+        if trailing and depth and not siblings and depth not in self._comments:
+            self._comments[depth] = [Comment(text, trailing=True)]
+        elif trailing and siblings and _ends_with_leaf(before, siblings[-1]):
+            comment = Comment(text, trailing=True)
             siblings[-1] = dataclasses.replace(siblings[-1], comments=(comment,))
         else:
-            comment = Comment(text, len(siblings), apart=self._source.blank_before(start))
+            comment = Comment(text, len(siblings), after_blank_line=self._source.blank_before(start))
             self._comments.setdefault(depth, []).append(comment)
 
     def _doctype(self, *_declaration: object) -> None:
@@ -202,7 +202,7 @@ class _Reader:
         start = self._source.offset(error.lineno, error.offset + 1)
         words = expat.errors.messages.get(error.code, str(error))
         hint = _HINTS.get(words)
-        found = slip_at(self._source.text, start, words)
+        found = mistake_at(self._source.text, start, words)
         if found is not None:
             where = self._source.span(found.start, found.end)
             return Diagnostic(
@@ -225,6 +225,6 @@ class _Reader:
 
 
 def _ends_with_leaf(text: str, element: Element) -> bool:
-    """Say whether a text ends with the end of an element that has no children, and no comment yet."""
+    """Return whether a text ends with the end of an element that has no children, and no comment yet."""
     ending = text.endswith(("/>", f"</{element.tag}>"))
     return ending and not element.children and not element.comments

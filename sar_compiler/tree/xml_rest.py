@@ -1,4 +1,4 @@
-"""What an XML file has beside elements, attributes and comments: text and processing instructions.
+"""The rest of an XML file besides elements, attributes and comments: text and processing instructions.
 
 Reading passes over it, as BehaviorTree.CPP does. Whoever writes the file anew must not.
 """

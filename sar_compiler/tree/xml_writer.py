@@ -23,11 +23,13 @@ def write_xml(tree_file: TreeFile) -> str:
     lines = [_DECLARATION]
     for comment in tree_file.comments:
         if comment.index == 0:
-            lines += _comment(comment, "", apart=comment.apart and len(lines) > 1)
-    lines += _element(tree_file.root, "", apart=len(lines) > 1 and _stands_apart(tree_file.root))
+            lines += _comment(comment, "", after_blank_line=comment.after_blank_line and len(lines) > 1)
+    lines += _element(
+        tree_file.root, "", after_blank_line=len(lines) > 1 and _follows_blank_line(tree_file.root)
+    )
     for comment in tree_file.comments:
         if comment.index > 0:
-            lines += _comment(comment, "", apart=comment.apart)
+            lines += _comment(comment, "", after_blank_line=comment.after_blank_line)
     return "\n".join(lines) + "\n"
 
 
@@ -36,19 +38,21 @@ def comment_in_xml(text: str) -> str:
     return re.sub("-(?=-)", "- ", text)
 
 
-def _element(element: Element, indent: str, *, apart: bool) -> Iterator[str]:
-    if apart:
+def _element(element: Element, indent: str, *, after_blank_line: bool) -> Iterator[str]:
+    if after_blank_line:
         yield ""
-    inner = [comment for comment in element.comments if comment.attribute is None and not comment.beside]
+    inner = [comment for comment in element.comments if comment.attribute is None and not comment.trailing]
     for comment in element.comments:
         if comment.attribute is not None:  # XML has no place for it in a tag
-            yield from _comment(comment, indent, apart=False)
-    beside = "".join(f"  <!-- {comment_in_xml(one.text)} -->" for one in element.comments if _is_beside(one))
+            yield from _comment(comment, indent, after_blank_line=False)
+    trailing = "".join(
+        f"  <!-- {comment_in_xml(one.text)} -->" for one in element.comments if _is_trailing(one)
+    )
     if not (inner or element.children):
         end = f">{_escaped(element.text, _TEXT_ESCAPES)}</{element.tag}>" if element.text else "/>"
-        yield from _start_tag(element, indent, end, beside)
+        yield from _start_tag(element, indent, end, trailing)
         return
-    yield from _start_tag(element, indent, ">", beside)
+    yield from _start_tag(element, indent, ">", trailing)
     if element.text:
         yield f"{indent}  {_escaped(element.text, _TEXT_ESCAPES)}"
     yield from _content(element, inner, f"{indent}  ")
@@ -60,27 +64,27 @@ def _content(element: Element, comments: list[Comment], indent: str) -> Iterator
     for index in range(len(element.children) + 1):
         for comment in comments:
             if comment.index == index:
-                yield from _comment(comment, indent, apart=comment.apart and not first)
+                yield from _comment(comment, indent, after_blank_line=comment.after_blank_line and not first)
                 first = False
         if index < len(element.children):
             child = element.children[index]
-            yield from _element(child, indent, apart=not first and _stands_apart(child))
+            yield from _element(child, indent, after_blank_line=not first and _follows_blank_line(child))
             first = False
 
 
-def _start_tag(element: Element, indent: str, end: str, beside: str) -> Iterator[str]:
+def _start_tag(element: Element, indent: str, end: str, trailing: str) -> Iterator[str]:
     attributes = [
         f'{name}="{_as_broken(element, name, value) or _escaped(value, _ESCAPES)}"'
         for name, value in element.attributes.items()
     ]
     line = f"{indent}<{' '.join([element.tag, *attributes])}{end}"
     if max(map(len, line.split("\n"))) <= WIDTH or not attributes:
-        yield f"{line}{beside}"
+        yield f"{line}{trailing}"
         return
     yield f"{indent}<{element.tag}"
     for attribute in attributes[:-1]:
         yield f"{indent}    {attribute}"
-    yield f"{indent}    {attributes[-1]}{end}{beside}"
+    yield f"{indent}    {attributes[-1]}{end}{trailing}"
 
 
 def _as_broken(element: Element, name: str, value: str) -> str | None:
@@ -97,8 +101,8 @@ def _as_broken(element: Element, name: str, value: str) -> str | None:
     return broken if unescape(broken.replace("\n", " ")) == value else None
 
 
-def _comment(comment: Comment, indent: str, *, apart: bool) -> Iterator[str]:
-    if apart:
+def _comment(comment: Comment, indent: str, *, after_blank_line: bool) -> Iterator[str]:
+    if after_blank_line:
         yield ""
     first, *rest = comment_in_xml(comment.text).split("\n")
     if not rest:
@@ -110,12 +114,12 @@ def _comment(comment: Comment, indent: str, *, apart: bool) -> Iterator[str]:
     yield f"{indent}-->"
 
 
-def _is_beside(comment: Comment) -> bool:
-    return comment.beside and comment.attribute is None
+def _is_trailing(comment: Comment) -> bool:
+    return comment.trailing and comment.attribute is None
 
 
-def _stands_apart(element: Element) -> bool:
-    return element.source.spans.stands_apart(element.source, element)
+def _follows_blank_line(element: Element) -> bool:
+    return element.source.spans.follows_blank_line(element.source, element)
 
 
 def _escaped(text: str, escapes: dict[str, str]) -> str:

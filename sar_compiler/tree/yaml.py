@@ -14,8 +14,8 @@ from sar_compiler.tree.comments import text_of_yaml
 from sar_compiler.tree.content import MAX_DEPTH, read_bytes, source_of
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.model import CHILDREN_KEY, MODEL_TAG, ROOT_TAG, TEXT_KEY, Comment, Element, TreeFile
-from sar_compiler.tree.names import is_name
 from sar_compiler.tree.source import Source
+from sar_compiler.tree.xml_names import is_name
 from sar_compiler.tree.yaml_events import Events
 from sar_compiler.tree.yaml_spans import YamlSpans
 
@@ -56,11 +56,11 @@ def parse_yaml(data: bytes | str, path: str = "<text>") -> TreeFile:
         TreeError: If it is not YAML, not a tree, too large, too deep, or uses what only YAML has.
     """
     spans = YamlSpans()
-    return _Reader(source_of(data, path, spans, None, _EMPTY_HINT), spans).read()
+    return _YamlReader(source_of(data, path, spans, None, _EMPTY_HINT), spans).read()
 
 
 class _Parts:
-    """What is known of an element while it is read."""
+    """The parts of an element while it is read."""
 
     __slots__ = ("attributes", "children", "comments", "places", "seen", "text")
 
@@ -75,8 +75,8 @@ class _Parts:
         self.seen: dict[str, int] = {}
 
 
-class _Reader:
-    """One pass over the events of a text; goes on behind what is wrong, so that everything is found."""
+class _YamlReader:
+    """One pass over the events of a text; continues after an error, so that all are found."""
 
     def __init__(self, source: Source, spans: YamlSpans) -> None:
         self._source = source
@@ -91,12 +91,12 @@ class _Reader:
         events.take()  # the stream begins
         self._document()
         root = None
-        before = [Comment(one.text, apart=one.apart) for one in events.comments()]
+        before = [Comment(one.text, after_blank_line=one.after_blank_line) for one in events.comments()]
         if isinstance(events.next, yaml.CollectionStartEvent | yaml.ScalarEvent | yaml.AliasEvent):
             root = self._node()
-        after = [Comment(one.text, 1, apart=one.apart) for one in events.comments()]
+        after = [Comment(one.text, 1, after_blank_line=one.after_blank_line) for one in events.comments()]
         events.take()  # the document ends
-        after += [Comment(one.text, 1, apart=one.apart) for one in events.comments()]
+        after += [Comment(one.text, 1, after_blank_line=one.after_blank_line) for one in events.comments()]
         if isinstance(events.next, yaml.DocumentStartEvent):
             start, end = _place(events.next)
             message = "a second document begins here; a tree file is one"
@@ -136,7 +136,7 @@ class _Reader:
             self._report("wrong-shape", "these braces are empty; a node has a tag", *_place(first))
             return None
         tag = self._key()
-        element = self._tagged(tag, events.beside) if tag is not None else None
+        element = self._tagged(tag, events.trailing) if tag is not None else None
         if tag is None:
             events.skip()
         while not isinstance(events.next, yaml.MappingEndEvent):
@@ -145,23 +145,23 @@ class _Reader:
         return element
 
     def _bare(self, tag: Any) -> Element | None:
-        """Make an element of a tag that stands for itself."""
+        """Make an element of a tag without contents."""
         if tag.start_mark.index == tag.end_mark.index:
             message = "there is nothing behind this '-'"
             start = self._source.text.rfind("-", 0, tag.start_mark.index)
             self._report("wrong-shape", message, start, start + 1, hint="write a node, or delete the line")
             return None
         parts = _Parts()
-        if self._events.beside is not None:
-            parts.comments.append(Comment(self._events.beside, beside=True))
+        if self._events.trailing is not None:
+            parts.comments.append(Comment(self._events.trailing, trailing=True))
         return self._element(tag, parts, self._spans.begin(*_place(tag)))
 
-    def _tagged(self, tag: Any, beside: str | None) -> Element | None:
-        """Read what stands below a tag."""
+    def _tagged(self, tag: Any, trailing: str | None) -> Element | None:
+        """Read the contents of a tag."""
         events, parts = self._events, _Parts()
         number = self._spans.begin(*_place(tag))
-        if beside is not None:
-            parts.comments.append(Comment(beside, beside=True))
+        if trailing is not None:
+            parts.comments.append(Comment(trailing, trailing=True))
         content = events.next
         if isinstance(content, yaml.MappingStartEvent):
             self._depth += 1
@@ -176,8 +176,8 @@ class _Reader:
             self._models -= tag.value == MODEL_TAG
         elif _is_nothing(content):
             events.take()
-            if events.beside is not None:
-                parts.comments.append(Comment(events.beside, beside=True))
+            if events.trailing is not None:
+                parts.comments.append(Comment(events.trailing, trailing=True))
             column = self._source.place(tag.start_mark.index)[1]
             parts.comments += [_comment(one, 0) for one in events.comments(column + 1)]
         else:
@@ -209,16 +209,16 @@ class _Reader:
             name = key.value if key is not None else None
             attribute = name if name != CHILDREN_KEY else None
             parts.comments += [_comment(one, 0, attribute) for one in waiting]
-            beside = events.beside
+            trailing = events.trailing
             if key is None or self._is_wrong(key, parts):
                 events.skip()
                 continue
             parts.seen[key.value] = key.start_mark.index
             if name == CHILDREN_KEY:
-                parts.comments += [Comment(beside)] if beside is not None else []
+                parts.comments += [Comment(trailing)] if trailing is not None else []
                 self._children(parts, key)
             else:
-                self._attribute(parts, key, beside)
+                self._attribute(parts, key, trailing)
         parts.comments += [_comment(one, len(parts.children)) for one in events.comments(column)]
         if parts.text and parts.children:
             place = parts.seen[TEXT_KEY]
@@ -227,16 +227,16 @@ class _Reader:
             )
         events.take()
 
-    def _attribute(self, parts: _Parts, key: Any, beside: str | None) -> None:
+    def _attribute(self, parts: _Parts, key: Any, trailing: str | None) -> None:
         events = self._events
         value = events.next
         if not isinstance(value, yaml.ScalarEvent):
             self._not_a_text(parts, key)
             return
         events.take()
-        for said in (beside, _header_comment(self._source.text, value), events.beside):
+        for said in (trailing, _header_comment(self._source.text, value), events.trailing):
             if said is not None:
-                parts.comments.append(Comment(said, attribute=key.value, beside=True))
+                parts.comments.append(Comment(said, attribute=key.value, trailing=True))
         if _is_nothing(value):
             message = f"'{key.value}' has no value"
             hint = f"write {key.value}: '' for an empty text, or delete the line"
@@ -332,7 +332,7 @@ class _Reader:
         self._report("wrong-name", message, *_place(scalar), hint=hint)
 
     def _stray_key(self, tag: Any) -> None:
-        """Say of a key beside a node's tag that it does not belong there."""
+        """Report a key beside a node's tag, which does not belong there."""
         key = self._key()
         self._events.skip()
         if key is None or tag is None:
@@ -356,11 +356,11 @@ def _is_nothing(event: Any) -> bool:
 
 
 def _comment(waiting: Any, index: int, attribute: str | None = None) -> Comment:
-    return Comment(waiting.text, index, attribute, apart=waiting.apart)
+    return Comment(waiting.text, index, attribute, after_blank_line=waiting.after_blank_line)
 
 
 def _header_comment(text: str, value: Any) -> str | None:
-    """Return the comment behind the `|` or `>` of a block."""
+    """Return the comment after the `|` or `>` of a block."""
     if value.style not in ("|", ">"):
         return None
     match = _HEADER_COMMENT.match(text, value.start_mark.index)

@@ -1,4 +1,4 @@
-"""What is wrong with a text that is not YAML, in words for those who write trees in it."""
+"""Errors of the YAML parser, reworded for authors of trees."""
 
 import re
 from typing import NamedTuple
@@ -9,7 +9,7 @@ from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.source import Source
 
 
-class _Words(NamedTuple):
+class _Rewording(NamedTuple):
     problem: re.Pattern[str]
     message: str
     hint: str | None
@@ -17,7 +17,7 @@ class _Words(NamedTuple):
 
 # What libyaml and PyYAML say, and what to say instead; the first that fits counts.
 _WORDS = [
-    _Words(re.compile(pattern), message, hint)
+    _Rewording(re.compile(pattern), message, hint)
     for pattern, message, hint in [
         (r"tab", "there is a tab", "indent with spaces"),
         (r"node content", "something is missing here", "write it; a text of punctuation stands in quotes"),

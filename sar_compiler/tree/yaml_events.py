@@ -37,13 +37,13 @@ class Waiting:
         column: Where its `#` stands, from 1.
         end: The offset of its end.
         lines: What stands behind each `#`.
-        apart: A blank line stands before it, and no other comment before that.
+        after_blank_line: A blank line stands before it, and no other comment before that.
     """
 
     column: int
     end: int
     lines: list[str]
-    apart: bool
+    after_blank_line: bool
 
     @property
     def text(self) -> str:
@@ -57,12 +57,12 @@ class Events:
     Attributes:
         findings: What is wrong with the file so far; whoever reads the events adds to it.
         next: The event that comes next.
-        beside: What the comment says that shares the line of the event taken last; None if there is none.
+        trailing: What the comment says that shares the line of the event taken last; None if there is none.
     """
 
     def __init__(self, source: Source) -> None:
         self.findings: list[Diagnostic] = []
-        self.beside: str | None = None
+        self.trailing: str | None = None
         self._source = source
         self._waiting: list[Waiting] = []
         self._has_comments = "#" in source.text
@@ -96,7 +96,7 @@ class Events:
         except yaml.YAMLError as error:
             self.findings.append(malformed(self._source, error))
             raise TreeError(self.findings) from None
-        self.beside = None
+        self.trailing = None
         if event is not None:
             if isinstance(event, yaml.CollectionStartEvent):
                 self._enter(event)
@@ -121,7 +121,7 @@ class Events:
                 return int(event.end_mark.index)
 
     def comments(self, from_column: int = 0) -> list[Waiting]:
-        """Take the comments that stand before the next event.
+        """Take the comments before the next event.
 
         Args:
             from_column: The first that stands further left, and all behind it, are left to others.
@@ -145,10 +145,10 @@ class Events:
         for match in _COMMENT.finditer(self._source.text, start, self._end):
             if (
                 follows
-                and self.beside is None
+                and self.trailing is None
                 and not _LINE_END.search(self._source.text, start, match.start())
             ):
-                self.beside = text_of_yaml([match.group(1)])
+                self.trailing = text_of_yaml([match.group(1)])
             else:
                 self._wait(match)
         if isinstance(event, yaml.ScalarEvent) or getattr(event, "flow_style", False):
@@ -164,8 +164,8 @@ class Events:
                 last.end = match.end()
                 return
         # Comments that follow each other are told apart by a blank line, which therefore says nothing more.
-        apart = self._source.blank_before(match.start()) and last is None
-        self._waiting.append(Waiting(column, match.end(), [match.group(1)], apart))
+        after_blank_line = self._source.blank_before(match.start()) and last is None
+        self._waiting.append(Waiting(column, match.end(), [match.group(1)], after_blank_line))
 
     def _refuse_surprises(self, event: Any) -> None:
         start = event.start_mark.index

@@ -1,4 +1,4 @@
-"""Where the parts of an element stand in a YAML text."""
+"""The places of the parts of an element in a YAML text."""
 
 import bisect
 import re
@@ -37,46 +37,46 @@ class YamlSpans:
         self._places = array("L")
 
     def begin(self, start: int, end: int) -> int:
-        """Note where a tag stands; returns its number, for `finish`."""
+        """Note the place of a tag, and return its number for `finish`."""
         self._tags.append(start)
         self._tag_ends.append(end)
         self._first.append(0)
         return len(self._tags) - 1
 
     def finish(self, number: int, places: Iterable[int]) -> None:
-        """Note where the attributes of an element stand, four numbers for each, in their order."""
+        """Note the places of the attributes of an element: four numbers for each, in their order."""
         self._first[number] = len(self._places)
         self._places.extend(places)
 
     def tag(self, source: Source, element: Element) -> Span:
-        """Return where the element's tag stands."""
+        """Return where the element's tag is."""
         number = self._number(source, element)
         return source.span(*unquoted(source.text, self._tags[number], self._tag_ends[number]))
 
     def attribute_name(self, source: Source, element: Element, name: str) -> Span:
-        """Return where an attribute's name stands."""
+        """Return where an attribute's name is."""
         places = self._attribute(source, element, name)
         return (
             source.span(*unquoted(source.text, places[0], places[1])) if places else self.tag(source, element)
         )
 
     def attribute_value(self, source: Source, element: Element, name: str) -> Span:
-        """Return where an attribute's value stands: without quotes, and without the header of a block."""
+        """Return the place of an attribute's value, without quotes and without the header of a block."""
         places = self._attribute(source, element, name)
         return (
             source.span(*unquoted(source.text, places[2], places[3])) if places else self.tag(source, element)
         )
 
     def within_value(self, source: Source, element: Element, name: str, start: int, end: int) -> Span:
-        """Return where the characters from *start* to *end* of an attribute's value stand."""
+        """Return where the characters from *start* to *end* of an attribute's value are."""
         places = self._attribute(source, element, name)
         if not places:
             return self.tag(source, element)
         offsets = offsets_in_scalar(source.text, places[2], places[3], element.attributes[name])
         return source.span(*(offsets[min(index, len(offsets) - 1)] for index in (start, end)))
 
-    def stands_apart(self, source: Source, element: Element) -> bool:
-        """Say whether a blank line stands directly before the element."""
+    def follows_blank_line(self, source: Source, element: Element) -> bool:
+        """Return whether a blank line is directly before the element."""
         return source.blank_before(source.offset(element.line, element.column), passing="- \t\r\n")
 
     def _number(self, source: Source, element: Element) -> int:
@@ -105,7 +105,7 @@ def unquoted(text: str, start: int, end: int) -> tuple[int, int]:
 
 
 def offsets_in_scalar(text: str, start: int, end: int, value: str) -> list[int]:
-    """Return where each character of a value, and its end, stand in the scalar written for it."""
+    """Return the place of each character of a value, and of its end, in the scalar written for it."""
     first, last = unquoted(text, start, end)
     header = _HEADER.match(text, start, end)
     if header is None:

@@ -30,14 +30,14 @@ def write_yaml(tree_file: TreeFile) -> str:
     lines: list[str] = []
     before = [comment for comment in tree_file.comments if comment.index == 0]
     for index, comment in enumerate(before):
-        lines += _comment(comment, "", apart=index > 0)
+        lines += _comment(comment, "", after_blank_line=index > 0)
     root = tree_file.root
-    if before and root.source.spans.stands_apart(root.source, root):
+    if before and root.source.spans.follows_blank_line(root.source, root):
         lines.append("")
     lines += _node(root, "", "")
     after = [comment for comment in tree_file.comments if comment.index > 0]
     for index, comment in enumerate(after):
-        lines += _comment(comment, "", apart=index > 0 or comment.apart)
+        lines += _comment(comment, "", after_blank_line=index > 0 or comment.after_blank_line)
     return "\n".join(lines) + "\n"
 
 
@@ -56,12 +56,12 @@ def scalar(text: str) -> str:
 
 
 def _node(element: Element, indent: str, dash: str) -> Iterator[str]:
-    """Yield the lines of an element; what is below its tag stands four columns behind its dash."""
+    """Yield the lines of an element; the contents of its tag are indented four columns from its dash."""
     key = scalar(element.tag)
     below = indent + ("    " if dash else "  ")
     content = [*_attributes(element, below), *_children(element, below)]
-    beside = [comment for comment in element.comments if comment.beside and comment.attribute is None]
-    yield f"{indent}{dash}{key}{':' if content else ''}{_beside(beside)}"
+    trailing = [comment for comment in element.comments if comment.trailing and comment.attribute is None]
+    yield f"{indent}{dash}{key}{':' if content else ''}{_trailing(trailing)}"
     yield from content
 
 
@@ -69,20 +69,20 @@ def _attributes(element: Element, indent: str) -> Iterator[str]:
     written = [*element.attributes.items(), *([(TEXT_KEY, element.text)] if element.text else [])]
     for name, value in written:
         comments = [comment for comment in element.comments if comment.attribute == name]
-        above = [comment for comment in comments if not comment.beside]
+        above = [comment for comment in comments if not comment.trailing]
         for index, comment in enumerate(above):
-            yield from _comment(comment, indent, apart=index > 0)
-        beside = [comment for comment in comments if comment.beside]
+            yield from _comment(comment, indent, after_blank_line=index > 0)
+        trailing = [comment for comment in comments if comment.trailing]
         first, *rest = _value(value, indent)
-        yield f"{indent}{scalar(name)}: {first}{_beside(beside)}"
+        yield f"{indent}{scalar(name)}: {first}{_trailing(trailing)}"
         yield from rest
 
 
 def _children(element: Element, indent: str) -> Iterator[str]:
-    inner = [comment for comment in element.comments if comment.attribute is None and not comment.beside]
+    inner = [comment for comment in element.comments if comment.attribute is None and not comment.trailing]
     if not element.children:
         for index, comment in enumerate(inner):
-            yield from _comment(comment, indent, apart=index > 0)
+            yield from _comment(comment, indent, after_blank_line=index > 0)
         return
     yield f"{indent}{CHILDREN_KEY}:"
     indent += "  "
@@ -90,25 +90,27 @@ def _children(element: Element, indent: str) -> Iterator[str]:
     for index in range(len(element.children) + 1):
         for comment in inner:
             if comment.index == index:
-                apart = isinstance(last, Comment) or (last is not None and comment.apart)
-                yield from _comment(comment, indent, apart=apart)
+                after_blank_line = isinstance(last, Comment) or (
+                    last is not None and comment.after_blank_line
+                )
+                yield from _comment(comment, indent, after_blank_line=after_blank_line)
                 last = comment
         if index < len(element.children):
             child = element.children[index]
-            if last is not None and child.source.spans.stands_apart(child.source, child):
+            if last is not None and child.source.spans.follows_blank_line(child.source, child):
                 yield ""
             yield from _node(child, indent, "- ")
             last = child
 
 
-def _comment(comment: Comment, indent: str, *, apart: bool) -> Iterator[str]:
-    if apart:
+def _comment(comment: Comment, indent: str, *, after_blank_line: bool) -> Iterator[str]:
+    if after_blank_line:
         yield ""
     for line in comment_in_yaml(comment.text).split("\n"):
         yield f"{indent}{_marked(line)}"
 
 
-def _beside(comments: list[Comment]) -> str:
+def _trailing(comments: list[Comment]) -> str:
     return (
         f"  {_marked(', '.join(comment_in_yaml(comment.text) for comment in comments))}" if comments else ""
     )
@@ -119,7 +121,7 @@ def _marked(line: str) -> str:
 
 
 def _value(text: str, indent: str) -> list[str]:
-    """Return the lines of a value; those behind the first are those of a block."""
+    """Return the lines of a value; those after the first are the lines of a block."""
     lines = text.split("\n")
     body = lines[:-1] if lines[-1] == "" else lines
     fits = all(line.isprintable() and line == line.rstrip() for line in body)

@@ -15,7 +15,7 @@ _UNSPEAKABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]
 
 
 @dataclass(frozen=True)
-class Played:
+class PlayedScenario:
     """A scenario that was played, or could not be.
 
     Attributes:
@@ -31,7 +31,7 @@ class Played:
     problem: str = ""
 
 
-def junit(tree: str, scenarios: Sequence[Played]) -> str:
+def junit(tree: str, scenarios: Sequence[PlayedScenario]) -> str:
     """Return a test suite for a tree file, with a test case for each scenario; times are simulated seconds.
 
     Args:
@@ -57,7 +57,7 @@ def junit(tree: str, scenarios: Sequence[Played]) -> str:
     return stream.getvalue().replace("?>\n\n", "?>\n") + "\n"
 
 
-def _case(xml: XMLGenerator, tree: str, played: Played) -> None:
+def _case(xml: XMLGenerator, tree: str, played: PlayedScenario) -> None:
     run = played.run
     time_sec = f"{run.time_sec:.3f}" if run else "0.000"
     _start(xml, "testcase", {"name": played.name, "classname": tree, "time": time_sec})

@@ -1,9 +1,10 @@
-"""What can be written in a tree file, from the registry."""
+"""The nodes of the registry, as text and as JSON."""
 
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
 
+from sar_compiler.nodes.models.palette import as_written
 from sar_compiler.nodes.spec import NodeSpec, Parameter, Role
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.views.plain import plain, value_as_script
@@ -41,7 +42,7 @@ def _in_full(spec: NodeSpec) -> str:
 
 
 def _answers(spec: NodeSpec) -> list[str]:
-    """Return what a tick can come to; each answer in a line where more is known of them than their statuses."""
+    """Return the possible outcomes of a node; one answer a line where more is known than their statuses."""
     if not any(answer.label or answer.when or answer.then for answer in spec.answers):
         return [f"answers: {', '.join(sorted(spec.outcomes))}"] if spec.outcomes else []
     return [
@@ -62,14 +63,16 @@ def _attribute(spec: NodeSpec, parameter: Parameter) -> str:
         label = (
             f"the name of a {parameter.target.__name__} in the same tree; found by itself where there is one"
         )
+    if parameter.direction is not None:
+        label = f"{parameter.direction.words}; {label}"
     if parameter.role is Role.NAME:
         notes = f"default: {spec.tag}"
     elif parameter.name in spec.fixed:
-        notes = f"always {plain(spec.fixed[parameter.name])}"
+        notes = f"always {as_written(spec.fixed[parameter.name])}"
     elif parameter.required:
         notes = "required" if parameter.role is Role.ATTRIBUTE else ""
     else:
-        notes = f"default: {plain(parameter.default)}"
+        notes = "optional" if parameter.default is None else f"default: {as_written(parameter.default)}"
     description = ". ".join(part for part in (label, notes, parameter.doc) if part)
     return f"  {parameter.name}: {description}"
 
@@ -96,6 +99,7 @@ def _parameter(spec: NodeSpec, parameter: Parameter) -> dict[str, object]:
     return {
         "name": parameter.name,
         "role": parameter.role.value,
+        "direction": parameter.direction.value.removesuffix("_port") if parameter.direction else None,
         "type": parameter.value_type.label if parameter.value_type else None,
         "refers_to": parameter.target.__name__ if parameter.target else None,
         "required": parameter.required and parameter.name not in spec.fixed,

@@ -1,11 +1,11 @@
-"""What can be written in a tree file, as a palette for Groot2."""
+"""The nodes of the registry as a palette for Groot2."""
 
 from collections.abc import Iterable
 
-from sar_compiler.nodes.palette import describe
+from sar_compiler.nodes.models.palette import describe
 from sar_compiler.nodes.spec import NodeSpec
-from sar_compiler.tree.made import made, made_file
 from sar_compiler.tree.model import ROOT_TAG
+from sar_compiler.tree.synthetic import synthetic_element, synthetic_file
 from sar_compiler.tree.xml_writer import write_xml
 
 
@@ -15,4 +15,4 @@ def palette(specs: Iterable[NodeSpec]) -> str:
     Args:
         specs: What there is; all meanings of a tag.
     """
-    return write_xml(made_file(made(ROOT_TAG, {"BTCPP_format": "4"}, [describe(specs)])))
+    return write_xml(synthetic_file(synthetic_element(ROOT_TAG, {"BTCPP_format": "4"}, [describe(specs)])))

@@ -4,12 +4,12 @@ import json
 from collections.abc import Sequence
 
 from sar_compiler.checks.simulate.coverage import Coverage, Covered
-from sar_compiler.checks.simulate.running import Run, Tick
-from sar_compiler.views.junit import Played
+from sar_compiler.checks.simulate.running import Run, TickRecord
+from sar_compiler.views.junit import PlayedScenario
 from sar_compiler.views.plain import plain
 
 
-def runs_as_json(tree: str, scenarios: Sequence[Played], coverage: Coverage | None = None) -> str:
+def runs_as_json(tree: str, scenarios: Sequence[PlayedScenario], coverage: Coverage | None = None) -> str:
     """Return what was played as a JSON object; times are simulated seconds.
 
     Args:
@@ -26,7 +26,7 @@ def runs_as_json(tree: str, scenarios: Sequence[Played], coverage: Coverage | No
     return json.dumps(result, indent=2, ensure_ascii=False)
 
 
-def _scenario(played: Played) -> dict[str, object]:
+def _scenario(played: PlayedScenario) -> dict[str, object]:
     run = played.run
     if run is None:
         return {"name": played.name, "holds": None, "problem": played.problem}
@@ -41,13 +41,13 @@ def _scenario(played: Played) -> dict[str, object]:
         "ended": run.ended,
         "root": run.root,
         "time": run.time_sec,
-        "facts": run.rehearsal.fact_values(),
+        "facts": run.simulated.fact_values(),
         "ticks": [_tick(run, tick) for tick in run.ticks],
     }
 
 
-def _tick(run: Run, tick: Tick) -> dict[str, object]:
-    names = {behaviour.id: behaviour.name for behaviour in run.rehearsal.root.iterate()}
+def _tick(run: Run, tick: TickRecord) -> dict[str, object]:
+    names = {behaviour.id: behaviour.name for behaviour in run.simulated.root.iterate()}
     return {
         "tick": tick.number,
         "time": tick.time_sec,

@@ -4,9 +4,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from sar_compiler.checks.simulate.coverage import Coverage, Covered
 from sar_compiler.checks.simulate.judging import Failure
-from sar_compiler.checks.simulate.running import Run, Tick
+from sar_compiler.checks.simulate.running import Run, TickRecord
 from sar_compiler.nodes.spec import Kind
-from sar_compiler.runtime.answering import HALTED, STARTED, AnsweringLeaf, Event
+from sar_compiler.runtime.stub_leaf import HALTED, STARTED, Event, StubLeaf
 from sar_compiler.views.plain import value_as_script
 
 
@@ -14,7 +14,7 @@ def trace(run: Run) -> str:
     """Return the ticks of a run in which something new happened, and how it ended."""
     writer = _Writer(run)
     lines: list[str] = []
-    quiet: list[Tick] = []
+    quiet: list[TickRecord] = []
     for before, tick in zip([None, *run.ticks], run.ticks, strict=False):
         if _is_news(tick, before):
             lines += [*writer.left_out(quiet), *writer.block(tick)]
@@ -24,12 +24,12 @@ def trace(run: Run) -> str:
     return "\n".join([*lines, *writer.left_out(quiet), _end(run), *_facts_at_the_end(run)]) + "\n"
 
 
-def leaf_labels(leaves: Sequence[AnsweringLeaf]) -> Mapping[AnsweringLeaf, str]:
+def leaf_labels(leaves: Sequence[StubLeaf]) -> Mapping[StubLeaf, str]:
     """Return what each leaf is called: its name, or as much of its path as tells it from its namesakes."""
     return {leaf: _label(leaf, [other for other in leaves if other.name == leaf.name]) for leaf in leaves}
 
 
-def _label(leaf: AnsweringLeaf, namesakes: Sequence[AnsweringLeaf]) -> str:
+def _label(leaf: StubLeaf, namesakes: Sequence[StubLeaf]) -> str:
     if len(namesakes) == 1:
         return leaf.name
     for count in range(2, len(leaf.path) + 1):
@@ -78,8 +78,8 @@ def _place(node: Covered) -> str:
     return f"{element.source.path}:{element.line}"
 
 
-def _is_news(tick: Tick, before: Tick | None) -> bool:
-    """Say whether something happens in a tick that did not in the one before."""
+def _is_news(tick: TickRecord, before: TickRecord | None) -> bool:
+    """Return whether something happens in a tick that did not in the one before."""
     if before is None or tick.facts or tick.keys or tick.root != before.root:
         return True
     known = _seen(before.events)
@@ -94,11 +94,11 @@ class _Writer:
     """Writes the ticks of a run."""
 
     def __init__(self, run: Run) -> None:
-        self._labels = leaf_labels(run.rehearsal.leaves)
+        self._labels = leaf_labels(run.simulated.leaves)
         self._width = max(map(len, self._labels.values()), default=0)
-        self._origins = run.rehearsal.compiled.origins
+        self._origins = run.simulated.compiled.origins
 
-    def block(self, tick: Tick) -> Iterator[str]:
+    def block(self, tick: TickRecord) -> Iterator[str]:
         """Yield the lines of a tick."""
         came_to = f"root {tick.root}" if tick.root else "not finished"
         yield f"tick {tick.number}, {tick.time_sec:g} s: {came_to}"
@@ -111,7 +111,7 @@ class _Writer:
         if tick.keys:
             yield f"  keys: {_values(tick.keys)}"
 
-    def left_out(self, quiet: Sequence[Tick]) -> list[str]:
+    def left_out(self, quiet: Sequence[TickRecord]) -> list[str]:
         """Return a line for ticks in which nothing new happened, with what was done once more in them."""
         if not quiet:
             return []
@@ -123,7 +123,7 @@ class _Writer:
         return [f"{which}, until {last.time_sec:g} s: {said}"]
 
     def _is_done(self, event: Event) -> bool:
-        """Say whether an event is more than going on with something, or looking."""
+        """Return whether an event is more than going on with something, or looking."""
         running = event.answer is not None and event.answer.status == "RUNNING"
         return not running and self._origins[event.leaf.id].bound.spec.kind is not Kind.CONDITION
 
@@ -140,7 +140,7 @@ def _end(run: Run) -> str:
 
 
 def _facts_at_the_end(run: Run) -> list[str]:
-    facts = run.rehearsal.fact_values()
+    facts = run.simulated.fact_values()
     return [f"facts at the end: {_values(facts)}"] if facts else []
 
 

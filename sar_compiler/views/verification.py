@@ -1,12 +1,12 @@
-"""What verification has found out about a tree, as text and as JSON."""
+"""The result of verifying a tree, as text and as JSON."""
 
 import json
 import textwrap
 from collections.abc import Iterator, Mapping
 
-from sar_compiler.checks.verify.traces import Change, Trace, TraceTick
+from sar_compiler.checks.verify.traces import Trace, TraceTick, ValueChange
 from sar_compiler.checks.verify.verdicts import Verdict, Verification
-from sar_compiler.runtime.answering import ANSWERED, HALTED, AnsweringLeaf, Event
+from sar_compiler.runtime.stub_leaf import ANSWERED, HALTED, Event, StubLeaf
 from sar_compiler.views.plain import plain
 from sar_compiler.views.trace import leaf_labels
 
@@ -47,7 +47,7 @@ def verification_as_json(verification: Verification, seconds: float) -> str:
     return json.dumps(data, indent=2, ensure_ascii=False)
 
 
-def _told(verdict: Verdict, trace: Trace, labels: Mapping[AnsweringLeaf, str]) -> Iterator[str]:
+def _told(verdict: Verdict, trace: Trace, labels: Mapping[StubLeaf, str]) -> Iterator[str]:
     yield f"{verdict.question}: {verdict.outcome.value}"
     yield f"  {verdict.reason}:"
     first = len(trace.ticks) - trace.loop
@@ -58,7 +58,7 @@ def _told(verdict: Verdict, trace: Trace, labels: Mapping[AnsweringLeaf, str]) -
     yield ""
 
 
-def _tick_lines(number: int, tick: TraceTick, labels: Mapping[AnsweringLeaf, str]) -> Iterator[str]:
+def _tick_lines(number: int, tick: TraceTick, labels: Mapping[StubLeaf, str]) -> Iterator[str]:
     label = f"{number:5}  "
     seen = [event for event in tick.events if event.what in (ANSWERED, HALTED)]
     done = [f"{labels[e.leaf]} {e.what if e.answer is None else e.answer.name}" for e in seen]
@@ -70,7 +70,7 @@ def _tick_lines(number: int, tick: TraceTick, labels: Mapping[AnsweringLeaf, str
             label = " " * len(label)
 
 
-def _change(change: Change) -> str:
+def _change(change: ValueChange) -> str:
     before, after = map(_value, change)
     return f"{before} -> {after}"
 
@@ -144,5 +144,5 @@ def _event(event: Event) -> dict[str, object]:
     return told
 
 
-def _changes(changes: Mapping[str, Change]) -> dict[str, list[object]]:
+def _changes(changes: Mapping[str, ValueChange]) -> dict[str, list[object]]:
     return {name: [plain(before), plain(after)] for name, (before, after) in changes.items()}

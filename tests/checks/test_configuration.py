@@ -32,6 +32,7 @@ def test_without_a_file_nothing_is_decided(tree):
 
 
 def test_the_file_is_looked_for_from_the_tree_upwards(tree):
+    (tree.parents[2] / ".git").mkdir()
     write(tree.parents[1] / "sar.toml", 'nodes = ["a.b"]\nmodels = ["m.xml"]\ninclude-path = ["../x"]\n')
     found = configuration_for(tree)
     project = tree.parents[1]
@@ -66,17 +67,51 @@ def test_a_pyproject_file_that_never_speaks_of_it_need_not_be_toml(tree):
 
 
 MISTAKES = {
-    "an unknown setting": ('model = ["a"]', "unknown-setting", 1, 1, "models"),
-    "a text where a list belongs": ('\nnodes = "a"', "wrong-setting", 2, 1, None),
-    "a list of numbers": ("include-path = [1]", "wrong-setting", 1, 1, None),
-    "findings that are no table": ('findings = "off"', "wrong-setting", 1, 1, None),
-    "an unknown kind of finding": ('[findings]\nsame-nam = "off"', "unknown-setting", 2, 1, "same-name"),
-    "an unknown severity": ('[findings]\nsame-name = "of"', "wrong-setting", 2, 14, "off"),
-    "a severity that is no text": ("[findings]\nsame-name = 1", "wrong-setting", 2, 13, None),
-    "an error that is turned off": ('[findings]\nunknown-node = "off"', "wrong-setting", 2, 1, None),
-    "an error that is made less": ('[findings]\nunknown-node = "warning"', "wrong-setting", 2, 1, None),
+    "an unknown setting": ('model = ["a"]', "unknown-key", 1, 1, "models"),
+    "a text where a list belongs": ('\nnodes = "a"', "wrong-shape", 2, 10, None),
+    "a list of numbers": ("include-path = [ 1]", "wrong-value", 1, 18, None),
+    "a list of dates": ("models = [1979-05-27 07:32:00]", "wrong-value", 1, 11, None),
+    "findings that are no table": ('findings = "off"', "wrong-shape", 1, 13, None),
+    "findings that are a list of tables": ("[[findings]]", "wrong-shape", 1, 3, None),
+    "an unknown kind of finding": ('[findings]\nsame-nam = "off"', "unknown-key", 2, 1, "same-name"),
+    "an unknown severity": ('[findings]\nsame-name = "of"', "wrong-value", 2, 14, "off"),
+    "a severity that is no text": ("[findings]\nsame-name = 1", "wrong-value", 2, 13, None),
+    "an error that is turned off": ('[findings]\nunknown-node = "off"', "wrong-value", 2, 17, None),
+    "an error that is made less": ('[findings]\nunknown-node = "warning"', "wrong-value", 2, 17, None),
+    "palettes outside": ('models = ["a.xml", "../b.xml"]', "setting-outside", 1, 21, None),
+    "a folder outside": ('include-path = ["/etc"]', "setting-outside", 1, 18, None),
     "what is not TOML": ("nodes = [\n", "malformed-toml", 1, 10, None),
     "what is not TOML in a line": ("a = 1\nnodes = a\n", "malformed-toml", 2, 9, None),
+    "brackets without end": (f"a = {'[' * 2000}", "too-deep", 1, 1, None),
+    "what is not text": ("a = '\0'", "wrong-encoding", 1, 6, None),
+    # The words of a setting also stand where TOML has no key.
+    "a comment before": (
+        '# same-nam is noisy\n[findings]\nsame-nam = "off"',
+        "unknown-key",
+        3,
+        1,
+        "same-name",
+    ),
+    "a comment behind": ('[findings] # same-nam\nsame-nam = "off"', "unknown-key", 2, 1, "same-name"),
+    "a text before": ('nodes = ["""\nmodel = 1"""]\nmodel = 1', "unknown-key", 3, 1, "models"),
+    "texts before": (
+        "nodes = ['''model = 1''', 'model', \"\\\"model\"]\nmodel = 1",
+        "unknown-key",
+        2,
+        1,
+        "models",
+    ),
+    "a dotted key": ('findings.same-name = "of"', "wrong-value", 1, 23, "off"),
+    "a key in quotes": ('findings."same-name" = "of"', "wrong-value", 1, 25, "off"),
+    "a key with an escape": ('findings."same\\u002Dnam" = "of"', "unknown-key", 1, 11, "same-name"),
+    "a table in braces": (
+        'findings = {never-ends = "off", same-name = "of"} # of',
+        "wrong-value",
+        1,
+        46,
+        "off",
+    ),
+    "a list over lines": ('nodes = [\n  "a", # 2\n  2,\n]', "wrong-value", 3, 3, None),
 }
 
 
@@ -90,7 +125,25 @@ def test_a_mistake_is_found_where_it_stands(tree, name):
 def test_a_mistake_in_pyproject_toml_is_found_in_its_own_table(tree):
     text = '[tool.other.findings]\nsame-nam = 1\n[tool.sar.findings]\nsame-nam = "off"\n'
     write(tree.parents[1] / "pyproject.toml", text)
-    assert mistakes(tree) == [("pyproject.toml", "unknown-setting", 4, 1, "same-name")]
+    assert mistakes(tree) == [("pyproject.toml", "unknown-key", 4, 1, "same-name")]
+
+
+def test_all_mistakes_of_a_file_are_found_at_once(tree):
+    text = 'model = 1\nnodes = 1\n[findings]\nsame-name = "of"\nsame-nam = "off"\n'
+    write(tree.parents[1] / "sar.toml", text)
+    assert [(line, column) for _, _, line, column, _ in mistakes(tree)] == [(1, 1), (2, 9), (4, 14), (5, 1)]
+
+
+def test_tables_of_other_tools_in_pyproject_toml_are_passed_over(tree):
+    text = "[[tool.a.b]]\nx = 1\n[[tool.a.b]]\nx = {y = [[1], [{}]]}\n[tool.sar]\nnodes = 1\n"
+    write(tree.parents[1] / "pyproject.toml", text)
+    assert mistakes(tree) == [("pyproject.toml", "wrong-shape", 6, 9, None)]
+
+
+@pytest.mark.parametrize("text", ["", " \n", "# nothing\n"])
+def test_an_empty_file_decides_nothing(tree, text):
+    write(tree.parents[1] / "sar.toml", text)
+    assert configuration_for(tree) is NOTHING_DECIDED
 
 
 def test_an_error_may_be_said_to_be_one(tree):

@@ -12,7 +12,11 @@ from sar_compiler.tree.xml import parse_xml
 from tests.checks.test_wrong_trees import REGISTRY
 from tests.trees import document, forest_of
 
-LEAVES = ["examples.drive_to_goal.leaves", "examples.decorators.leaves"]
+LEAVES = [
+    "examples.drive_to_goal.leaves",
+    "examples.decorators.leaves",
+    "examples.photo_patrol.photo_patrol.leaves",
+]
 SHIPPED = sorted(
     [*Path("trees").glob("*.xml"), *Path("trees").glob("*.yaml"), *Path("examples").rglob("*.xml")]
 )

@@ -9,9 +9,9 @@ import yaml
 from hypothesis import given
 
 from sar_compiler.checks import RULES, check
-from sar_compiler.checks.rules.subject import Subject
-from sar_compiler.nodes.json_schema import json_schema
+from sar_compiler.checks.rules.check_context import CheckContext
 from sar_compiler.nodes.registry import default_registry
+from sar_compiler.nodes.schemas.json_schema import json_schema
 from sar_compiler.tree.conversion import convert
 from sar_compiler.tree.diagnostic import Severity
 from sar_compiler.tree.forest import Forest
@@ -138,6 +138,6 @@ def test_an_unknown_attribute_is_named_without_a_pattern_that_nobody_reads():
 @given(ELEMENTS)
 def test_the_schema_refuses_nothing_that_the_rules_let_pass(element):
     forest = Forest.of(parse_xml(document(written(element))))
-    if not [finding for rule in RULES for finding in rule(Subject(forest, default_registry()))]:
+    if not [finding for rule in RULES for finding in rule(CheckContext(forest, default_registry()))]:
         assert errors(as_yaml(document(written(element)))) == []
         assert check(forest, default_registry()) == []

@@ -8,7 +8,8 @@ import pytest
 
 from sar_compiler.compiler import bind_main
 from sar_compiler.nodes.outcome_sets import ALL, ALLOWED, SURE, F, K, R, S, bits
-from tests.checks.outcome_oracle import REGISTRY, SUBSETS, Form, RandomTrees, answers_of, forms, leaf
+from tests.checks.outcome_oracle import REGISTRY, SUBSETS, RandomTrees, answers_of, leaf
+from tests.node_forms import Form, forms
 from tests.trees import forest
 
 FORMS = forms()

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sar_compiler.checks import RULES, check
-from sar_compiler.checks.rules.subject import Subject
-from sar_compiler.checks.schema import check_schema, schema_errors
+from sar_compiler.checks.rules.check_context import CheckContext
+from sar_compiler.checks.schema_validation import check_schema, schema_errors
 from sar_compiler.nodes.registry import Registry, default_registry
-from sar_compiler.nodes.schema import xml_schema
+from sar_compiler.nodes.schemas.xml_schema import xml_schema
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
 from tests.checks.test_mistakes import CORRECT, IN_A_TREE
@@ -88,7 +88,7 @@ def written(element):
 @given(ELEMENTS)
 def test_the_rules_find_everything_that_the_schema_refuses(element):
     tree = parse_xml(document(written(element)))
-    found = [finding for rule in RULES for finding in rule(Subject(Forest.of(tree), default_registry()))]
+    found = [finding for rule in RULES for finding in rule(CheckContext(Forest.of(tree), default_registry()))]
     if schema_errors(tree, default_registry()):
         assert found
     assert not list(check_schema(tree, default_registry(), (), found)) or found

@@ -2,10 +2,13 @@
 
 import pytest
 from py_trees.behaviour import Behaviour
+from py_trees.composites import Composite
 
 from sar_compiler.checks import check
-from sar_compiler.nodes import Kind
+from sar_compiler.nodes import Kind, register
+from sar_compiler.nodes.register import MARK
 from sar_compiler.nodes.registry import Registry, default_registry
+from sar_compiler.nodes.semantics import Semantics
 from sar_compiler.nodes.spec import NodeSpec, Use
 from sar_compiler.tree.diagnostic import Severity
 from tests.trees import document, forest_of
@@ -287,4 +290,35 @@ def test_what_is_tried_after_what_cannot_succeed_is_never_ticked():
 
 def test_what_is_tried_after_what_is_skipped_is_ticked():
     body = '<TryCatch>\n<Precondition if="false" else="SKIPPED"><Ready/></Precondition>\n<Drive/>\n<Look/>\n</TryCatch>'
+    assert found(document(body)) == []
+
+
+def test_a_control_of_somebody_s_own_that_says_it_is_a_sequence_is_looked_at_as_one():
+    @register("Steps", kind=Kind.CONTROL, semantics=Semantics.sequence(reactive=True))
+    class Steps(Composite):
+        """Ticks its children one after the other.
+
+        Args:
+            name: The node's name.
+            children: The children.
+        """
+
+        def __init__(self, name: str, children: list[Behaviour]) -> None:
+            super().__init__(name, children)
+
+    registry = Registry([*REGISTRY.specs(), getattr(Steps, MARK)])
+    body = '<Steps name="S">\n<Ready/>\n<Fallback><Failure/><Failure name="other"/></Fallback>\n<Look/>\n</Steps>'
+    findings = check(forest_of(document(body)), registry)
+    assert [(f.code, f.span.line) for f in findings] == [("unreachable-node", 6)]
+    reactive = check(forest_of(document("<Steps>\n<Beep/>\n<Wait/>\n</Steps>")), registry)
+    assert [(f.code, f.hint) for f in reactive] == [
+        ("repeated-effect", "take a node that goes on where it was")
+    ]
+
+
+def test_a_delay_of_no_time_runs_for_a_tick_and_what_follows_that_is_reached():
+    body = (
+        "<Fallback>\n<RunningIsFailure><Delay delay_msec='0'><AlwaysSuccess/></Delay></RunningIsFailure>\n"
+        "<AlwaysSuccess name='after'/>\n</Fallback>"
+    )
     assert found(document(body)) == []

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 COMMANDS = dict(
-    re.findall(r'^(sar-[\w-]+) = "([\w.]+):main"$', Path("pyproject.toml").read_text("utf-8"), re.MULTILINE)
+    re.findall(r'^(sar-[\w-]+) = "([\w.:]+)"$', Path("pyproject.toml").read_text("utf-8"), re.MULTILINE)
 )
 # Being stopped is how the work of the world and of a server ends.
 ENDINGS = {
@@ -28,8 +28,9 @@ class Interrupting:
             sys.meta_path.remove(self)
             signal.raise_signal(signal.SIGINT)
 
-module, *sys.argv[1:] = sys.argv[1:]
-main = importlib.import_module(module).main
+command, *sys.argv[1:] = sys.argv[1:]
+module, _, function = command.partition(":")
+main = getattr(importlib.import_module(module), function)
 sys.meta_path.insert(0, Interrupting())
 sys.exit(main())
 """

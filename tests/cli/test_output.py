@@ -4,7 +4,7 @@ import os
 import sys
 from contextlib import contextmanager
 
-from sar_compiler.cli.output import Output
+from sar_compiler.cli.output import RunOutput
 
 
 @contextmanager
@@ -19,7 +19,7 @@ def closed_pipe(monkeypatch):
 
 
 def test_what_is_shown_and_said_stands_on_standard_output(capsys):
-    output = Output()
+    output = RunOutput()
     output.show("a tree")
     output.say("a summary")
     assert capsys.readouterr() == ("a tree\na summary\n", "")
@@ -27,7 +27,7 @@ def test_what_is_shown_and_said_stands_on_standard_output(capsys):
 
 def test_that_nobody_reads_any_more_is_said_once_on_standard_error(capsys, monkeypatch):
     with closed_pipe(monkeypatch):
-        output = Output()
+        output = RunOutput()
         output.show("a tree")
         output.show("another tree")
     assert output.lost
@@ -39,12 +39,12 @@ def test_that_nobody_reads_any_more_is_said_once_on_standard_error(capsys, monke
 
 def test_what_somebody_should_see_is_said_on_standard_error_then(capsys, monkeypatch):
     with closed_pipe(monkeypatch):
-        Output().say("a summary")
+        RunOutput().say("a summary")
     assert capsys.readouterr().err.endswith("and the run goes on\na summary\n")
 
 
 def test_a_drawing_that_the_terminal_cannot_show_does_not_end_the_run(capsys, monkeypatch, tmp_path):
     with (tmp_path / "out").open("w", encoding="ascii") as stream, monkeypatch.context() as patch:
         patch.setattr(sys, "stdout", stream)
-        Output().show("ZonesRemaining? [✓]")
+        RunOutput().show("ZonesRemaining? [✓]")
     assert "'ascii' codec can't encode" in capsys.readouterr().err

@@ -170,6 +170,42 @@ def test_nodes_describes_a_tag_with_its_attributes(capsys):
     assert "timeout_sec: a number. default: 5.0" in out
 
 
+def test_nodes_tells_ports_by_their_direction(capsys):
+    _, out, _ = run(capsys, "nodes", "Hear", "--nodes", "tests.nodes.port_leaves")
+    assert "  heard: output, takes a {key}; a text. required. What was heard.\n" in out
+    assert "  anything: input and output; a value. required. Whatever it is.\n" in out
+    assert "  volume: input; a number. optional. How loud.\n" in out
+
+
+def test_nodes_writes_defaults_as_a_tree_file_has_them(capsys):
+    _, out, _ = run(capsys, "nodes", "Hear", "--nodes", "tests.nodes.port_leaves")
+    assert "numbers with ; between them. default: 0.5;1.0. " in out
+    assert "default: 1.5. How long." in out
+    assert "memory: true or false. default: true. " in run(capsys, "nodes", "Sequence")[1]
+    assert "memory: true or false. always false. " in run(capsys, "nodes", "ReactiveSequence")[1]
+    assert "synchronise: true or false. optional. " in run(capsys, "nodes", "Parallel")[1]
+
+
+@pytest.mark.parametrize("form", ["xsd", "json"])
+def test_the_schemas_tell_ports_by_their_direction(capsys, form):
+    _, out, _ = run(capsys, "schema", "--format", form, "--nodes", "tests.nodes.port_leaves")
+    assert "Output, takes a {key}. What was heard." in out
+    assert "Input and output. Whatever it is." in out
+    assert "Input. How loud." in out
+
+
+def test_nodes_as_json_has_the_direction_of_a_port(capsys):
+    _, out, _ = run(capsys, "nodes", "Hear", "--nodes", "tests.nodes.port_leaves", "--format", "json")
+    directions = {each["name"]: each["direction"] for each in json.loads(out)[0]["attributes"]}
+    assert directions == {
+        "name": None,
+        "heard": "output",
+        "anything": "inout",
+        "volume": "input",
+        **dict.fromkeys(["path", "wait", "policy", "log"]),
+    }
+
+
 def test_nodes_as_json_is_complete(capsys):
     _, out, _ = run(capsys, "nodes", "Retry", "--format", "json")
     (retry,) = json.loads(out)
@@ -177,6 +213,7 @@ def test_nodes_as_json_is_complete(capsys):
     assert retry["attributes"][1] == {
         "name": "num_failures",
         "role": "attribute",
+        "direction": None,
         "type": "a whole number",
         "refers_to": None,
         "required": True,

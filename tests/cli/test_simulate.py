@@ -113,7 +113,7 @@ def test_a_scenario_that_is_not_there_has_status_2(capsys, tree):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"), [(None, "cannot read"), ("<root", "malformed-xml"), ("<x/>", "no-tree")]
+    ("text", "said"), [(None, "cannot read"), ("<root", "malformed-xml"), ("<root/>", "no-tree")]
 )
 def test_a_tree_that_cannot_be_played_has_status_2(capsys, tmp_path, text, said):
     path = tmp_path / "tree.xml"

@@ -157,7 +157,7 @@ def test_a_mistake_in_the_configuration_is_said_once_and_no_tree_is_looked_at(fo
     (folder / "sar.toml").write_text("[finding]\n", encoding="utf-8")
     status, out, _ = run(capsys, "tree.xml", "tree.xml")
     assert status == 1
-    assert out.startswith("sar.toml:1:2: error[unknown-setting]: there is no setting 'finding'")
+    assert out.startswith("sar.toml:1:2: error[unknown-key]: the configuration has no 'finding'")
     assert out.count("error[") == 1
 
 
@@ -173,6 +173,7 @@ def test_the_palettes_of_a_project_serve_every_command(folder, capsys, command):
 
 
 def test_each_file_is_looked_at_with_its_own_projects_palettes(folder, capsys):
+    (folder / ".git").mkdir()
     for name in ("one", "two"):
         (folder / name).mkdir()
         (folder / name / "tree.xml").write_text(document("<OpenDoor/>"), encoding="utf-8")
@@ -185,8 +186,8 @@ def test_each_file_is_looked_at_with_its_own_projects_palettes(folder, capsys):
 
 
 def test_the_include_path_of_a_project_is_allowed(folder, capsys):
-    (folder / "shared").mkdir()
-    (folder / "trees").mkdir()
+    for name in (".git", "shared", "trees"):
+        (folder / name).mkdir()
     (folder / "shared" / "b.xml").write_text(document("<NavigateToBase/>", main="B"), encoding="utf-8")
     text = document('<SubTree ID="B"/>').replace("<Beh", '<include path="../shared/b.xml"/><Beh')
     (folder / "trees" / "a.xml").write_text(

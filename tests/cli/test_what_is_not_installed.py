@@ -10,10 +10,10 @@ from sar_compiler.cli.arguments import run
 
 def run_without(library, *arguments):
     """Run a command in an interpreter that cannot import a library; return its status and what it said."""
-    command, *rest = arguments
+    (module, function), *rest = arguments[0].split(":"), *arguments[1:]
     program = (
         f"import sys; sys.modules[{library!r}] = None\n"
-        f"from sar_compiler.cli.{command} import main; sys.exit(main({rest!r}))"
+        f"from sar_compiler.{module} import {function} as main; sys.exit(main({rest!r}))"
     )
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=60.0, check=False
@@ -23,13 +23,13 @@ def run_without(library, *arguments):
 
 @pytest.mark.parametrize("library", ["numpy", "PIL"])
 def test_the_simulator_names_what_it_lacks(library, tmp_path):
-    status, said = run_without(library, "sim", "map", "-o", str(tmp_path / "map"))
+    status, said = run_without(library, "cli.sim:main", "map", "-o", str(tmp_path / "map"))
     assert (status, "Traceback" in said) == (2, False)
     assert f"the simulator is not complete (import of {library}" in said
     assert "pip install 'sar_compiler[sim]'" in said
 
 
-SIMULATING = [("sim", "run"), ("run", "--sim")]
+SIMULATING = [("cli.sim:main", "run"), ("cli.run:main", "--sim")]
 
 
 @pytest.mark.ros
@@ -43,13 +43,13 @@ def test_what_the_simulator_lacks_is_not_taken_for_a_missing_ros(library, comman
     assert "ROS 2 is not here" not in said
 
 
-SERVERS = [("detect_survivor_server",), ("report_survivor_server",)]
+SERVERS = [("missions.survivor_servers:detect",), ("missions.survivor_servers:report",)]
 
 
 WITHOUT_ROS = [
     *(("rclpy", command) for command in (*SIMULATING, *SERVERS)),
     *(pytest.param("sar_interfaces", command, marks=pytest.mark.ros) for command in SERVERS),
-    pytest.param("nav2_msgs", ("sim", "run"), marks=pytest.mark.ros),
+    pytest.param("nav2_msgs", SIMULATING[0], marks=pytest.mark.ros),
 ]
 
 

@@ -31,7 +31,7 @@ from sar_compiler.runtime.entries import SetBlackboard
 from sar_compiler.runtime.parents import Ticking, Wrapper, ended
 from sar_compiler.runtime.script_nodes import Precondition
 from sar_compiler.runtime.skipping import reset
-from sar_compiler.runtime.variables import RefusedValueError, Value, said
+from sar_compiler.runtime.variables import RefusedValueError, ScriptValue, said
 
 Case = Mapping[str, Any]
 
@@ -179,11 +179,11 @@ def _front_of(text: str) -> int | float:
 def _front_read() -> Iterator[None]:
     read_as, fit = entry_types.read_as, variables.fit
 
-    def read(text: str, kind: type) -> Value:
+    def read(text: str, kind: type) -> ScriptValue:
         match = _WHOLE.match(text)
         return int(match.group()) if kind is int and match else read_as(text, kind)
 
-    def item(value: Value, kind: type) -> Value:
+    def item(value: ScriptValue, kind: type) -> ScriptValue:
         return read(value, kind) if isinstance(value, str) and kind is not bool else fit(value, kind)
 
     with ExitStack() as stack:

@@ -10,8 +10,8 @@ import pytest
 from sar_compiler.checks import check
 from sar_compiler.checks.document import INCLUDE_ATTRIBUTES, ROOT_ATTRIBUTES
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
-from sar_compiler.nodes.attributes import CONDITIONS, NOTES
-from sar_compiler.nodes.nesting import MAX_LEVELS, MAX_NODES
+from sar_compiler.nodes.binding.attributes import CONDITIONS, NOTES
+from sar_compiler.nodes.binding.nesting import MAX_LEVELS, MAX_NODES
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.values import ConversionError, value_type_of
 from sar_compiler.runtime import script

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from sar_compiler.missions.search_and_rescue.parameter_file import check_parameter_file
-from sar_compiler.missions.search_and_rescue.parameters import read_mission
+from sar_compiler.ros.parameter_file import check_parameter_file
+from sar_compiler.ros.parameter_reader import ParameterReader
 from tests.docs.markdown import blocks, codes, tables
 from tests.processes import BIN
 
@@ -127,7 +127,9 @@ def test_the_small_file_that_the_mistakes_are_made_in_is_correct(tmp_path):
     file = tmp_path / "params.yaml"
     file.write_text(BASE, encoding="utf-8")
     check_parameter_file(file)
-    assert read_mission(flat(yaml.safe_load(BASE)["/**"]["ros__parameters"])).zones[0]["id"] == "kitchen"
+    reader = ParameterReader(flat(yaml.safe_load(BASE)["/**"]["ros__parameters"]))
+    assert reader.places("zone")[0]["id"] == "kitchen"
+    reader.complain()
 
 
 def flat(parameters, prefix=""):

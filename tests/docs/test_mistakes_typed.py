@@ -20,6 +20,7 @@ INSTALLING, USAGE = "Installing", "Wrong usage, status 2"
 SECTIONS = "/robot1/search_and_rescue:\n  ros__parameters: {zone_order: [zone_a]}\n"
 FILES = {
     "wrong.xml": document("<NavigateToZne/>"),
+    "plain.xml": document("<AlwaysSuccess/>"),
     "section.yaml": SECTIONS,
     "misspelt.yaml": SECTIONS.replace("ros__parameters", "ros_parameters"),
 }
@@ -48,6 +49,10 @@ TYPED = {
     "… is for the simulator: add --sim": "sar-run --speed 5",
     "--sim takes a world, and '…' looks like a tree: put the tree before --sim": "sar-run --sim my.xml",
     "there is no world file '…', nor a shipped world of that name": "sar-run --sim moon",
+    "there is no mission '…' (installed: …)": "sar-run --mission serch_and_rescue",
+    "--until complete is for a mission with an end of its own; for this tree say end, success, failure or forever": (
+        "sar-run {folder}/plain.xml --until complete"
+    ),
     "fault '…': …": "sar-run --sim --fault report_survivor:drp=1",
     "robot '…': …": "sar-sim run --robot robot-1",
 }

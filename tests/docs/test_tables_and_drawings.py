@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import fields
+from itertools import takewhile
 from pathlib import Path
 
 import pytest
@@ -11,9 +12,10 @@ from sar_compiler.checks import check
 from sar_compiler.cli import compile as sar_compile
 from sar_compiler.cli import run as sar_run
 from sar_compiler.cli import sim as sar_sim
-from sar_compiler.missions.search_and_rescue.parameters import RunParameters
+from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.nodes.spec import Kind
+from sar_compiler.ros.run_parameters import RunParameters
 from sar_compiler.testing import compiled
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml, read_xml
@@ -92,6 +94,24 @@ def test_every_parameter_of_a_run_is_in_the_table_of_parameters():
     shipped = yaml.safe_load(Path("config/mission_params.yaml").read_text(encoding="utf-8"))
     keys = shipped["/**"]["ros__parameters"]
     assert [key for key in keys if f"`{key}" not in explained] == []
+
+
+def test_everything_that_a_mission_says_is_in_the_tables_of_missions():
+    for described in (Mission, MissionRun):
+        names = {
+            name for name in {**vars(described), **described.__annotations__} if not name.startswith("_")
+        }
+        heading = f"of a `{described.__name__}`"
+        listed = {codes(cells[0])[0].split("(")[0] for cells in rows_below(Path("docs/missions.md"), heading)}
+        assert listed == names
+
+
+def rows_below(page, head):
+    """Return the rows of the table whose first column has a title."""
+    lines = iter(page.read_text(encoding="utf-8").splitlines())
+    next(line for line in lines if line.startswith(f"| {head} |"))
+    next(lines)
+    return [line.strip("| ").split(" | ") for line in takewhile(lambda line: line.startswith("|"), lines)]
 
 
 def test_every_leaf_of_the_mission_is_in_the_table_of_leaves():

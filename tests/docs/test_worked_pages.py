@@ -1,6 +1,6 @@
 """The pages that are worked through from top to bottom do what they say.
 
-Such a page is followed as a reader would, in an empty folder: a block under a line like "`drive_out.xml`:" is
+Such a page is followed as a reader would, in an empty folder: a block under a line like "`there_and_back.xml`:" is
 written to that file, an `sh` block is typed, and the `text` block after it is what one sees. `…` in it stands
 for anything, on a line of its own for any number of lines.
 """
@@ -22,6 +22,7 @@ from tests.processes import BIN
 
 TREES = Path("docs/writing_a_tree.md").resolve()
 LEAVES = Path("docs/writing_a_leaf.md").resolve()
+WORLD = Path("docs/world.md").resolve()
 
 # How long a block of commands may take; the longest flies a robot for some simulated seconds.
 _TIMEOUT_SEC = 120.0
@@ -83,6 +84,12 @@ def test_a_tree_is_written_as_the_page_says(tmp_path):
     assert otherwise == [], "\n".join(otherwise)
 
 
+def test_a_world_is_written_as_the_page_says(tmp_path):
+    typed, otherwise = follow(WORLD, tmp_path)
+    assert typed == 2
+    assert otherwise == [], "\n".join(otherwise)
+
+
 @pytest.mark.ros
 def test_a_leaf_is_written_and_flown_as_the_page_says(tmp_path):
     typed, otherwise = follow(LEAVES, tmp_path)
@@ -95,12 +102,15 @@ def test_the_package_of_the_page_registers_its_leaves_by_entry_point(tmp_path):
         if block.file:
             (tmp_path / block.file).parent.mkdir(parents=True, exist_ok=True)
             (tmp_path / block.file).write_text(block.text, encoding="utf-8")
-    assert typed_in(tmp_path, "sar-compile validate drive_out.xml").returncode == 1
-    # What an installation does with the entry point, without one: it stands beside the package.
-    done = typed_in(tmp_path, "python -c 'import setuptools; setuptools.setup()' -q egg_info")
+    assert typed_in(tmp_path, "sar-compile validate there_and_back.xml").returncode == 1
+    # What an installation does, without one: the package and its metadata in a folder elsewhere.
+    site = tmp_path.parent / f"{tmp_path.name}_site"
+    install = f"-q build_py -d {site} egg_info -e {site}"
+    site.mkdir()
+    done = typed_in(tmp_path, f"python -c 'import setuptools; setuptools.setup()' {install}")
     assert done.returncode == 0, done.stdout
-    done = typed_in(tmp_path, 'PYTHONPATH="$PWD" sar-compile validate drive_out.xml')
-    assert done.stdout == "drive_out.xml: no findings\n"
+    done = typed_in(tmp_path, f"PYTHONPATH={site} sar-compile validate there_and_back.xml")
+    assert done.stdout == "there_and_back.xml: no findings\n"
 
 
 @pytest.mark.parametrize(

@@ -77,7 +77,6 @@ def test_a_leaf_whose_setup_raises_is_named_and_those_before_it_are_shut_down(fl
     ("given", "note"),
     [
         ("goalx:=5.0", "parameter 'goalx' is not read; did you mean 'goal_x'?"),
-        ("survivor.kitchen.x:=5.0", "parameter 'survivor' is not read; did you mean 'survivors'?"),
         ("time_limit:=5.0", "parameter 'time_limit' is not read; did you mean 'time_limit_sec'?"),
     ],
 )

@@ -4,6 +4,7 @@ import re
 
 import pytest
 
+from tests.processes import Command
 from tests.trees import document
 
 pytestmark = pytest.mark.ros
@@ -15,6 +16,15 @@ def refused(start, *arguments):
     assert run.end() == 2, run.output
     assert "Navigating" not in run.output
     return run.output
+
+
+def ended(*arguments):
+    """Fly in the simulator to the end; return the run and its exit status."""
+    run = Command("sar-run", "--sim", "--speed", 20, *arguments)
+    try:
+        return run, run.end()
+    finally:
+        run.kill()
 
 
 def test_an_invalid_tree_is_refused_with_its_findings_before_anything_starts(start, tmp_path):
@@ -106,7 +116,16 @@ def test_what_does_not_appear_in_time_is_named_and_has_a_status_of_its_own(start
 def test_only_what_is_missing_is_waited_for_and_the_mission_starts_when_it_comes(start):
     start("sar-detect-survivor-server")
     start("sar-sim", "run", "--speed", 20)
-    run = start("sar-run", "--until", "complete", "--ros-args", "-p", "use_sim_time:=true")
+    run = start(
+        "sar-run",
+        "--until",
+        "complete",
+        "--ros-args",
+        "-p",
+        "use_sim_time:=true",
+        "-p",
+        "zone_order:=[zone_b]",
+    )
     run.wait_for("Waiting for: service report_survivor: no server")
     start("sar-report-survivor-server")
     assert run.end() == 0, run.output
@@ -125,24 +144,27 @@ def test_a_check_does_not_tell_a_robot_where_it_is(start):
     start("sar-report-survivor-server")
     run = start("sar-run", "--check", "--ros-args", "-p", "use_sim_time:=true")
     run.wait_for("Waiting for: node bt_navigator: state 'inactive', must be 'active'")
-    status, _ = run.stop()
+    status = run.stop()
     assert status == 130
 
 
-def test_a_later_parameter_on_the_command_line_wins_over_the_file(start):
-    run = start(
-        "sar-run", "--sim", "--speed", 20, "--params", "config/mission_params.yaml",
-        "--ros-args", "-p", "zone_order:=[zone_b]",
-    )  # fmt: skip
-    assert run.end() == 0, run.output
+@pytest.fixture(scope="module")
+def one_zone():
+    """A flight to one zone, with the file of all of them and the tree shown; return the run, ended, and its status."""
+    return ended(
+        "--params", "config/mission_params.yaml", "--view", "text", "--ros-args", "-p", "zone_order:=[zone_b]"
+    )
+
+
+def test_a_later_parameter_on_the_command_line_wins_over_the_file(one_zone):
+    run, status = one_zone
+    assert status == 0, run.output
     assert "zones visited:   1 of 1 (zone_b)" in run.output
 
 
-def test_the_tree_is_shown_at_every_tick_in_the_notation_of_py_trees(start):
-    run = start(
-        "sar-run", "--sim", "--speed", 20, "--view", "text", "--ros-args", "-p", "zone_order:=[zone_b]"
-    )
-    assert run.end() == 0
+def test_the_tree_is_shown_at_every_tick_in_the_notation_of_py_trees(one_zone):
+    run, status = one_zone
+    assert status == 0
     assert "    {-} Patrol [*]" in run.output
     assert "        --> ZonesRemaining? [✓]" in run.output
     assert re.search(
@@ -159,33 +181,46 @@ def test_a_simulation_does_not_start_beside_another_one(start, other):
     first.stop()
 
 
-def test_a_refused_report_leaves_the_mission_incomplete(start):
-    run = start("sar-run", "--sim", "--speed", 20, "--fault", "report_survivor:refuse=1")
-    assert run.end() == 1
+@pytest.fixture(scope="module")
+def unacknowledged():
+    """A flight whose first report is never answered, and whose second one is refused."""
+    return ended("--fault", "report_survivor:drop=1", "--fault", "report_survivor:refuse=1")
+
+
+def test_a_report_without_an_answer_leaves_the_mission_incomplete(unacknowledged):
+    run, status = unacknowledged
+    assert status == 1
     assert "The base station did not acknowledge survivor_1 in zone_a" in run.output
+
+
+def test_a_refused_report_leaves_the_mission_incomplete(unacknowledged):
+    run, status = unacknowledged
+    assert status == 1
+    assert "The base station did not acknowledge survivor_2 in zone_c" in run.output
     assert "back at base:    yes" in run.output
 
 
-def test_a_report_without_an_answer_leaves_the_mission_incomplete(start):
-    run = start("sar-run", "--sim", "--speed", 20, "--fault", "report_survivor:drop=1")
-    assert run.end() == 1
-    assert "The base station did not acknowledge survivor_1 in zone_a" in run.output
+@pytest.fixture(scope="module")
+def delayed():
+    """A flight with all that makes a mission late, and no more."""
+    faults = ("navigate_to_pose:reject=1", "detect_survivor:delay=3", "navigate_to_pose:die@zone_c,back=5")
+    return ended(*(word for fault in faults for word in ("--fault", fault)))
 
 
-def test_a_slow_answer_is_waited_for(start):
-    run = start("sar-run", "--sim", "--speed", 20, "--fault", "detect_survivor:delay=3")
-    assert run.end() == 0, run.output
-
-
-def test_a_rejected_goal_is_tried_again(start):
-    run = start("sar-run", "--sim", "--speed", 20, "--fault", "navigate_to_pose:reject=1")
-    assert run.end() == 0, run.output
+def test_a_rejected_goal_is_tried_again(delayed):
+    run, status = delayed
+    assert status == 0, run.output
     assert "rejected" in run.output
 
 
-def test_a_server_that_disappears_and_comes_back_delays_the_mission(start):
-    run = start("sar-run", "--sim", "--speed", 20, "--fault", "navigate_to_pose:die@zone_c,back=5")
-    assert run.end(90) == 0, run.output
+def test_a_slow_answer_is_waited_for(delayed):
+    run, status = delayed
+    assert status == 0, run.output
+
+
+def test_a_server_that_disappears_and_comes_back_delays_the_mission(delayed):
+    run, status = delayed
+    assert status == 0, run.output
     assert "bt_navigator disappears" in run.output
 
 

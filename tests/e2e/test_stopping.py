@@ -8,6 +8,7 @@ pytestmark = pytest.mark.ros
 
 CANCELED = 5
 EXECUTING = 2
+ONE_ZONE = ("--ros-args", "-p", "zone_order:=[zone_b]")
 
 
 @pytest.mark.parametrize(("number", "expected"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
@@ -19,7 +20,7 @@ def test_a_run_stopped_on_the_way_cancels_its_goal_and_ends_in_time(start, witne
     mission = start("sar-run", "--ros-args", "-p", "use_sim_time:=true").wait_for("Navigating to zone_a...")
     watching.wait_for_goals(lambda goals: goals == [EXECUTING])
     watching.wait_until_moving()
-    status, _ = mission.stop(number, timeout_sec=2.0)
+    status = mission.stop(number)
     assert status == expected, mission.output
     watching.wait_for_goals(lambda goals: goals == [CANCELED])
     assert "Summary: the mission is incomplete." in mission.output
@@ -27,8 +28,8 @@ def test_a_run_stopped_on_the_way_cancels_its_goal_and_ends_in_time(start, witne
 
 
 def test_a_run_stopped_on_the_way_home_says_what_was_missing(start):
-    run = start("sar-run", "--sim", "--speed", 10).wait_for("Navigating to base station...")
-    status, _ = run.stop()
+    run = start("sar-run", "--sim", "--speed", 10, *ONE_ZONE).wait_for("Navigating to base station...")
+    status = run.stop()
     assert status == 130
     assert "missing:         The robot did not return to the base station." in run.output
 
@@ -39,19 +40,21 @@ def test_a_run_stopped_on_the_way_home_says_what_was_missing(start):
 )
 def test_ctrl_c_ends_a_simulated_run_at_any_moment_without_a_traceback(start, moment):
     run = start("sar-run", "--sim").wait_for(moment)
-    status, _ = run.stop(timeout_sec=2.0)
+    status = run.stop()
     assert status == 130, run.output
 
 
 def test_ctrl_c_while_waiting_for_nav2_ends_the_wait(start):
     run = start("sar-run").wait_for("Base station at")
-    status, _ = run.stop(timeout_sec=2.0)
+    status = run.stop()
     assert status == 130, run.output
 
 
 def test_a_complete_mission_that_idles_ends_with_success(start):
-    run = start("sar-run", "--sim", "--speed", 20, "--until", "forever").wait_for("Mission complete.")
-    status, _ = run.stop()
+    run = start("sar-run", "--sim", "--speed", 20, "--until", "forever", *ONE_ZONE).wait_for(
+        "Mission complete."
+    )
+    status = run.stop()
     assert status == 0, run.output
 
 

@@ -15,6 +15,7 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 
 from examples.drive_to_goal import leaves
+from tests.waiting import SILENCE_SEC
 
 
 class Stage:
@@ -90,7 +91,7 @@ class Stage:
         self._until(lambda: self._commands, "a command")
         return self._commands.pop(0)
 
-    def _until(self, condition, what, timeout_sec=5.0):
+    def _until(self, condition, what, timeout_sec=SILENCE_SEC):
         deadline = time.monotonic() + timeout_sec
         while not condition():
             assert time.monotonic() < deadline, f"{what} did not come"

@@ -8,9 +8,6 @@ from tests.examples.readme import steps
 
 pytestmark = pytest.mark.ros
 
-# Two processes may take seconds to find each other's endpoints.
-FOUND_SEC = 30.0
-
 CAMERA = "examples/cameras/camera.py"
 PROCESSOR = "examples/cameras/image_processor.py"
 QUICK = ["-p", "rate_hz:=20.0"]
@@ -33,15 +30,11 @@ class Listener:
     def wait_for(self, topic, count=1):
         """Wait until so many texts more were heard."""
         wanted = len(self.heard[topic]) + count
-        self.ros.spin_until(
-            lambda: len(self.heard[topic]) >= wanted, f"{wanted} texts on {topic}", timeout_sec=FOUND_SEC
-        )
+        self.ros.spin_until(lambda: len(self.heard[topic]) >= wanted, f"{wanted} texts on {topic}")
 
     def wait_for_nodes(self, *names):
         """Wait until nodes are in the graph, by their full names."""
-        self.ros.spin_until(
-            lambda: set(names) <= self.nodes(), f"the nodes {', '.join(names)}", timeout_sec=FOUND_SEC
-        )
+        self.ros.spin_until(lambda: set(names) <= self.nodes(), f"the nodes {', '.join(names)}")
 
     def nodes(self):
         """Return the full names of the nodes in the graph."""
@@ -54,19 +47,88 @@ def listener(ros):
     return Listener(ros)
 
 
+def a_namespace_moves_the_topic_of_each_camera(listener):
+    for topic in ("/front/image_raw", "/rear/image_raw", "/image_raw"):
+        listener.listen(topic)
+    yield
+    listener.wait_for_nodes("/front/camera_node", "/rear/camera_node")
+    listener.wait_for("/front/image_raw")
+    listener.wait_for("/rear/image_raw")
+    assert listener.heard["/image_raw"] == []
+    assert listener.node.get_publishers_info_by_topic("/image_raw") == []
+    assert "/camera_node" not in listener.nodes()
+
+
+def a_remapped_node_is_in_the_graph_by_its_new_name_alone(listener):
+    yield
+    listener.wait_for_nodes("/front_camera", "/rear_camera")
+    assert "/camera_node" not in listener.nodes()
+
+
+def remapped_to_one_topic_the_processor_passes_on_what_the_camera_takes(listener):
+    listener.listen("/seen")
+    listener.listen("/image_raw")
+    yield
+    listener.wait_for("/seen")
+    assert listener.heard["/seen"][0].endswith(" of an empty room")
+    assert listener.heard["/image_raw"] == []
+
+
+def in_namespaces_each_processor_sees_its_own_camera_alone(listener):
+    listener.listen("/front/seen")
+    listener.listen("/rear/seen")
+    yield
+    for side in ("front", "rear"):
+        listener.wait_for(f"/{side}/seen", count=2)
+    for side in ("front", "rear"):
+        heard = listener.heard[f"/{side}/seen"]
+        assert [text for text in heard if not text.endswith(f" of what is at the {side}")] == []
+
+
+def a_parameter_given_with_p_wins_over_every_section_of_the_file(listener):
+    topics = ("/image_raw", "/front/image_raw")
+    for topic in topics:
+        listener.listen(topic)
+    yield
+    for topic in topics:
+        listener.wait_for(topic)
+        assert listener.heard[topic][0].endswith(" of a kitchen")
+
+
+def nothing_more(listener):
+    yield
+
+
+# What is true in the graph while the commands of a step run: what comes before `yield`, and behind it.
+PROMISES = {
+    "namespaces-1": a_namespace_moves_the_topic_of_each_camera,
+    "node_remapping-1": a_remapped_node_is_in_the_graph_by_its_new_name_alone,
+    "topic_remapping-2": remapped_to_one_topic_the_processor_passes_on_what_the_camera_takes,
+    "namespace_and_remapping-1": in_namespaces_each_processor_sees_its_own_camera_alone,
+    "parameters-3": a_parameter_given_with_p_wins_over_every_section_of_the_file,
+}
+
+
 CAMERA_EXAMPLES = ["namespaces", "node_remapping", "topic_remapping", "namespace_and_remapping", "parameters"]
 ENDLESS = [step for example in CAMERA_EXAMPLES for step in steps(example)] + steps("cameras")[:1]
 
 
+def test_every_promise_is_of_a_step_that_is_tried():
+    assert PROMISES.keys() <= {str(step) for step in ENDLESS}
+
+
 @pytest.mark.parametrize("step", ENDLESS, ids=str)
-def test_one_sees_what_the_readme_shows_and_ctrl_c_ends_it(step, start, ros):
+def test_one_sees_what_the_readme_shows_and_promises_and_ctrl_c_ends_it(step, start, listener):
+    promise = PROMISES.get(str(step), nothing_more)(listener)
+    next(promise)
     commands = step.start(start)
     try:
-        ros.spin_until(lambda: not step.unseen(commands), "what is shown", timeout_sec=FOUND_SEC)
+        listener.ros.spin_until(lambda: not step.unseen(commands), "what is shown")
     except AssertionError as error:
         outputs = "\n".join(command.output for command in commands)
         message = f"{error}: {step.unseen(commands)} is not in\n{outputs}"
         raise AssertionError(message) from None
+    assert list(promise) == []
     for command in commands:
         command.send(signal.SIGINT)
     assert [command.end() for command in commands] == [0] * len(commands)
@@ -89,25 +151,7 @@ def test_sigterm_ends_both_programs_in_order(start):
     programs = [start("python", CAMERA), start("python", PROCESSOR)]
     programs[0].wait_for("Publishing on /image_raw")
     programs[1].wait_for("Looking at /camera/image")
-    assert [program.stop(signal.SIGTERM, timeout_sec=10.0)[0] for program in programs] == [0, 0]
-
-
-def test_a_namespace_moves_the_topic_of_each_camera(start, listener):
-    for topic in ("/front/image_raw", "/rear/image_raw", "/image_raw"):
-        listener.listen(topic)
-    steps("namespaces")[0].start(start)
-    listener.wait_for_nodes("/front/camera_node", "/rear/camera_node")
-    listener.wait_for("/front/image_raw")
-    listener.wait_for("/rear/image_raw")
-    assert listener.heard["/image_raw"] == []
-    assert listener.node.get_publishers_info_by_topic("/image_raw") == []
-    assert "/camera_node" not in listener.nodes()
-
-
-def test_a_remapped_node_is_in_the_graph_by_its_new_name_alone(start, listener):
-    steps("node_remapping")[0].start(start)
-    listener.wait_for_nodes("/front_camera", "/rear_camera")
-    assert "/camera_node" not in listener.nodes()
+    assert [program.stop(signal.SIGTERM, within_sec=10.0) for program in programs] == [0, 0]
 
 
 def test_without_remapping_the_processor_sees_nothing_of_the_camera(start, listener):
@@ -118,33 +162,3 @@ def test_without_remapping_the_processor_sees_nothing_of_the_camera(start, liste
     listener.wait_for("/image_raw", count=5)
     assert listener.node.get_publishers_info_by_topic("/camera/image") == []
     assert "I see" not in processor.output
-
-
-def test_remapped_to_one_topic_the_processor_passes_on_what_the_camera_takes(start, listener):
-    listener.listen("/seen")
-    listener.listen("/image_raw")
-    steps("topic_remapping")[1].start(start)
-    listener.wait_for("/seen")
-    assert listener.heard["/seen"][0].endswith(" of an empty room")
-    assert listener.heard["/image_raw"] == []
-
-
-def test_in_namespaces_each_processor_sees_its_own_camera_alone(start, listener):
-    listener.listen("/front/seen")
-    listener.listen("/rear/seen")
-    steps("namespace_and_remapping")[0].start(start)
-    for side in ("front", "rear"):
-        listener.wait_for(f"/{side}/seen", count=2)
-    for side in ("front", "rear"):
-        heard = listener.heard[f"/{side}/seen"]
-        assert [text for text in heard if not text.endswith(f" of what is at the {side}")] == []
-
-
-def test_a_parameter_given_with_p_wins_over_every_section_of_the_file(start, listener):
-    topics = ("/image_raw", "/front/image_raw")
-    for topic in topics:
-        listener.listen(topic)
-    steps("parameters")[2].start(start)
-    for topic in topics:
-        listener.wait_for(topic)
-        assert listener.heard[topic][0].endswith(" of a kitchen")

@@ -71,7 +71,7 @@ def test_the_robot_stands_at_the_goal_that_the_parameters_name(start, witness, g
     run.wait_for("--> GoalNotReached? [✕]")
     watching.wait_until_seen()
     assert 0.1 < math.dist(watching.place(), (goal_x, goal_y)) < 0.35
-    status, _ = run.stop()
+    status = run.stop()
     assert status == 130
 
 
@@ -84,7 +84,7 @@ def test_the_recovery_turns_the_robot_after_a_time_out(start, witness):
     run.wait_for("-^- DriveForwardTimeout [✕] -- timed out")
     run.wait_for("--> SpinInPlace [*] -- ")
     watching.wait_for_yaw(lambda yaw: yaw > 0.02)
-    status, _ = run.stop()
+    status = run.stop()
     assert status == 130
 
 

@@ -3,20 +3,15 @@
 import math
 import os
 import re
-import threading
 from pathlib import Path
 
 import pytest
-import rclpy
 import yaml
 from action_msgs.msg import GoalStatusArray
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from rclpy.context import Context
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.node import Node
 from tf2_msgs.msg import TFMessage
 
-from tests.e2e.witness import LATCHED
+from tests.e2e.witness import LATCHED, Watcher
 from tests.processes import BIN, Command
 
 FOLDER = Path("examples/two_robots")
@@ -36,14 +31,11 @@ def on_the_map(start, places):
     return [(start["x"] + cos * x - sin * y, start["y"] + sin * x + cos * y) for x, y in places]
 
 
-class Bystander:
+class Bystander(Watcher):
     """A node in no robot's namespace, which keeps what it hears from both and on the global topics."""
 
     def __init__(self):
-        self._context = Context()
-        rclpy.init(context=self._context, args=[])
-        self.node = Node("bystander", context=self._context)
-        self._news = threading.Condition()
+        super().__init__("bystander")
         self.frames = {}
         self.goals = {}
         self.places: dict[str, list[tuple[float, float]]] = {f"/{robot}/tf": [] for robot in ROBOTS}
@@ -55,16 +47,13 @@ class Bystander:
             self._hear(GoalStatusArray, status, self._take_goals, LATCHED)
         for robot in ROBOTS:
             self._hear(PoseWithCovarianceStamped, f"/{robot}/initialpose", self._take_told, 10)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self.node)
-        self._thread = threading.Thread(target=self._spin, daemon=True)
-        self._thread.start()
+        self.watch()
 
     def _hear(self, kind, topic, take, qos):
         def took(message):
             with self._news:
                 take(topic, message)
-                self._news.notify_all()
+                self._news.tell()
 
         self.node.create_subscription(kind, topic, took, qos)
 
@@ -85,23 +74,10 @@ class Bystander:
         position = message.pose.pose.position
         self.told[topic.split("/")[1]].add((position.x, position.y))
 
-    def _spin(self):
-        try:
-            self._executor.spin()
-        except ExternalShutdownException:
-            return
-
-    def wait_until(self, seen, what, timeout_sec=20.0):
+    def wait_until(self, seen, what):
         """Wait until something has been heard."""
         with self._news:
-            assert self._news.wait_for(seen, timeout_sec), f"{what} did not come: {self.frames}, {self.goals}"
-
-    def close(self):
-        """Stop listening."""
-        self._context.try_shutdown()
-        self._thread.join(5.0)
-        self._executor.shutdown()
-        self.node.destroy_node()
+            self._news.wait_until(seen, lambda: f"{what} did not come: {self.frames}, {self.goals}")
 
 
 class Flight:
@@ -116,7 +92,7 @@ class Flight:
 
     def __init__(self, run, bystander):
         self.run, self.bystander = run, bystander
-        run.wait_for("Mission complete.", 60.0)
+        run.wait_for("Mission complete.")
         node = bystander.node
         self.global_publishers = {name: node.count_publishers(name) for name in ("/tf", "/tf_static")}
         self.status = run.end()

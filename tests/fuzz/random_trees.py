@@ -4,7 +4,7 @@ from xml.sax.saxutils import quoteattr
 
 from hypothesis import strategies as st
 
-from sar_compiler.nodes.attributes import CONDITIONS, NOTES
+from sar_compiler.nodes.binding.attributes import CONDITIONS, NOTES
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter
 

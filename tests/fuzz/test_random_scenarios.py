@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sar_compiler.checks.simulate.judging import failures
-from sar_compiler.checks.simulate.reading import Play, Stage, understand
-from sar_compiler.checks.simulate.running import Simulation
-from sar_compiler.checks.yaml_values import Document
+from sar_compiler.checks.simulate.running import ScenarioPlayer
+from sar_compiler.checks.simulate.scenario_files import Play, Stage, understand
+from sar_compiler.documents.yaml_files import parse_yaml
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.forest import load_forest
@@ -48,7 +48,7 @@ def changed(draw: st.DrawFn) -> str:
 def understood(text: str, stage: Stage) -> tuple[Play | None, tuple[Diagnostic, ...]]:
     """Return what a scenario means, or what is wrong with it."""
     try:
-        return understand(Document(text, "scenario.yaml", "write something"), stage), ()
+        return understand(parse_yaml(text, "scenario.yaml", "write something"), stage), ()
     except TreeError as error:
         return None, error.findings
 
@@ -61,7 +61,7 @@ def test_a_changed_scenario_is_played_or_has_findings_with_places(stage, text):
     if play is None:
         assert findings
         return
-    run = Simulation(play.rehearsal, play.scenario).go()
+    run = ScenarioPlayer(play.simulated, play.scenario).go()
     assert "Error:" not in run.trouble  # nothing but what the project raises itself
     assert trace(run)
     assert isinstance(failures(run), list)

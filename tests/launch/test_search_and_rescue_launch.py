@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from sar_compiler.missions.search_and_rescue.ending import Until
+from sar_compiler.missions.ending import Until
 from sar_compiler.resources import find
 from tests.launch.launch_file import ROOT, LaunchFile, keyword, texts
 from tests.launch.topics import KNOWN, SIMULATED
@@ -137,7 +137,7 @@ def simulator() -> Iterator[Command]:
         "sar-sim", "run", "disaster_zone", "--speed", "1.0", "--ros-args", "-r", "__ns:=/robot1", *remaps
     )
     yield command
-    command.stop(timeout_sec=20.0)
+    command.stop(within_sec=20.0)
 
 
 @pytest.mark.ros
@@ -147,5 +147,4 @@ def test_the_simulator_has_the_topics_that_the_view_and_the_recording_are_for(si
     ros.spin_until(
         lambda: wanted <= {name for name, _ in node.get_topic_names_and_types()},
         f"all of {sorted(wanted)}",
-        timeout_sec=30.0,
     )

@@ -6,8 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from tests.ros.conftest import make_ros, ros, said
+
 if TYPE_CHECKING:
     from tests.missions.mission_stage import Stage
+
+__all__ = ["make_ros", "ros", "said"]
 
 
 def _stage(*contexts: Any) -> "Stage":

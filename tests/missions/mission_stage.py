@@ -21,6 +21,7 @@ from sar_interfaces.srv import ReportSurvivor as ReportService
 from tf2_msgs.msg import TFMessage
 
 from sar_compiler.missions.search_and_rescue import MissionRecord, ZoneManager
+from tests.waiting import SILENCE_SEC
 
 L = TypeVar("L", bound=Behaviour)
 
@@ -176,11 +177,11 @@ class NavServer:
 
     def wait_for_start(self) -> None:
         """Wait, without spinning the mission's node, until a goal is accepted and executed."""
-        assert self._started.wait(8.0), "no goal was accepted within 8 s"
+        assert self._started.wait(SILENCE_SEC), "no goal was accepted"
 
     def wait_for_end(self) -> None:
         """Wait, without spinning the mission's node, until the latest goal has ended."""
-        assert self._ended.wait(8.0), "the goal did not end within 8 s"
+        assert self._ended.wait(SILENCE_SEC), "the goal did not end"
 
     def _on_goal(self, goal: Any) -> GoalResponse:
         self.requests += 1
@@ -336,7 +337,7 @@ class Stage:
         leaf.setup(node=self.node, wake=self.wake)
         return leaf
 
-    def until(self, condition: Callable[[], object], what: str, timeout_sec: float = 8.0) -> None:
+    def until(self, condition: Callable[[], object], what: str, timeout_sec: float = SILENCE_SEC) -> None:
         """Spin the mission's node until something is so."""
         end = time.monotonic() + timeout_sec
         while not condition():

@@ -6,7 +6,7 @@ import pytest
 from py_trees.common import Status
 
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
-from sar_compiler.compiler.rehearsal import Assumptions, rehearse
+from sar_compiler.compiler.simulated_tree import Assumptions, compile_simulated
 from sar_compiler.missions.search_and_rescue import MissionRecord, ZoneManager
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.answers import Answer
@@ -24,12 +24,12 @@ def test_zones_are_counted_as_the_real_leaves_count_them():
     binding = bind_main(forest(body), default_registry())
     zones = ZoneManager([{"id": name, **PLACE} for name in ("a", "b")], PLACE)
     real = compile_tree(binding, {ZoneManager: zones, MissionRecord: MissionRecord()}, {}).root
-    rehearsal = rehearse(binding, {}, Assumptions(facts={"zones_left": zones.total_zones()}))
+    simulated = compile_simulated(binding, {}, Assumptions(facts={"zones_left": zones.total_zones()}))
     for _ in range(zones.total_zones() + 2):
         real.tick_once()
-        rehearsal.root.tick_once()
-        assert rehearsal.root.status == real.status
-        assert rehearsal.fact_values()["zones_left"] == zones.total_zones() - zones.current_index()
+        simulated.root.tick_once()
+        assert simulated.root.status == real.status
+        assert simulated.fact_values()["zones_left"] == zones.total_zones() - zones.current_index()
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def test_a_new_search_forgets_what_the_last_one_found():
 
 def test_nobody_reports_what_nobody_found():
     binding = bind_main(forest("<Sequence><DetectSurvivor/><NotifyBase/></Sequence>"), default_registry())
-    _, report = rehearse(binding, {}).leaves
+    _, report = compile_simulated(binding, {}).leaves
     assert report.options() == (Answer("FAILURE", "nothing to report", "!named_by_DetectSurvivor"),)
 
 
@@ -61,11 +61,11 @@ def test_a_robot_that_drives_is_nowhere_until_it_arrives():
     assert run.tick(2).facts["at"] == "zone"
 
 
-def test_a_rehearsal_is_made_of_the_same_classes_as_a_flight():
+def test_a_simulated_tree_is_made_of_the_same_classes_as_a_run():
     binding = bind_main(load_forest(Path(TREE), read_tree_file), default_registry())
-    flown, rehearsed = preview_tree(binding).root, rehearse(binding, {}).root
+    flown, simulated_tree = preview_tree(binding).root, compile_simulated(binding, {}).root
     assert [type(node) for node in flown.iterate() if node.children] == [
-        type(node) for node in rehearsed.iterate() if node.children
+        type(node) for node in simulated_tree.iterate() if node.children
     ]
-    assert [node.name for node in flown.iterate()] == [node.name for node in rehearsed.iterate()]
-    assert rehearsed.status == Status.INVALID
+    assert [node.name for node in flown.iterate()] == [node.name for node in simulated_tree.iterate()]
+    assert simulated_tree.status == Status.INVALID

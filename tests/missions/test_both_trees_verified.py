@@ -12,6 +12,8 @@ from sar_compiler.cli.compile import main
 from tests.docs.markdown import blocks
 from tests.processes import in_order
 
+pytestmark = pytest.mark.unmeasured
+
 CONTRACT, RESILIENT = "trees/search_and_rescue.xml", "trees/search_and_rescue_resilient.xml"
 PAGE = Path("docs/mission.md")
 README = Path("README.md")

@@ -3,98 +3,148 @@
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.missions.search_and_rescue.ending import Ending, Until
+from sar_compiler.missions.ending import EndCondition, Until
+from sar_compiler.missions.mission import MissionRun
+from sar_compiler.missions.search_and_rescue.mission import Search
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 
-SUCCESS, FAILURE, RUNNING = Status.SUCCESS, Status.FAILURE, Status.RUNNING
+SUCCESS, FAILURE, RUNNING, SKIPPED = Status.SUCCESS, Status.FAILURE, Status.RUNNING, Status.INVALID
+POSE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
 
 
 @pytest.fixture
-def zones():
-    return ZoneManager([{"id": "a", "x": 0.0, "y": 0.0, "yaw": 0.0}], {"x": 0.0, "y": 0.0, "yaw": 0.0})
+def mission():
+    return Search([{"id": "a", **POSE}], POSE)
 
 
 @pytest.fixture
-def record():
-    return MissionRecord()
+def zones(mission):
+    return mission.context[ZoneManager]
 
 
-def test_a_mission_is_over_as_soon_as_it_is_complete(zones, record):
-    ending = Ending(Until.COMPLETE, record, zones)
+@pytest.fixture
+def record(mission):
+    return mission.context[MissionRecord]
+
+
+def test_a_mission_is_over_as_soon_as_it_is_complete(mission, zones, record):
+    ending = EndCondition(Until.COMPLETE, mission)
     assert ending.after_tick(RUNNING, 1.0) is None
     zones.advance()
     assert ending.after_tick(SUCCESS, 2.0) is None
     record.base_reached()
-    verdict = ending.after_tick(SUCCESS, 3.0)
-    assert verdict is not None
-    assert (verdict.achieved, verdict.reason) == (True, "Mission complete.")
+    result = ending.after_tick(SUCCESS, 3.0)
+    assert result is not None
+    assert (result.achieved, result.reason) == (True, "Mission complete.")
 
 
-def test_a_mission_that_can_no_longer_become_complete_is_over(zones, record):
-    ending = Ending(Until.COMPLETE, record, zones)
+def test_a_mission_that_can_no_longer_become_complete_is_over(mission, zones, record):
+    ending = EndCondition(Until.COMPLETE, mission)
     record.survivor_found("a", 1.0, 2.0)
     record.base_reached()
     zones.advance()
     assert ending.after_tick(SUCCESS, 1.0) is None
-    verdict = ending.after_tick(SUCCESS, 2.0)
-    assert verdict is not None
+    result = ending.after_tick(SUCCESS, 2.0)
+    assert result is not None
     missing = "The base station did not acknowledge a survivor without a name in a at (1.00, 2.00)."
     assert ending.shortfalls() == [missing]
-    assert (verdict.achieved, verdict.reason) == (
+    assert (result.achieved, result.reason) == (
         False,
         f"No zone is left, and the tree idles at SUCCESS. {missing}",
     )
 
 
-def test_a_tree_that_runs_again_in_between_is_not_over(zones, record):
-    ending = Ending(Until.COMPLETE, record, zones)
+def test_a_tree_that_runs_again_in_between_is_not_over(mission, zones):
+    ending = EndCondition(Until.COMPLETE, mission)
     zones.advance()
     assert [ending.after_tick(status, 1.0) for status in (FAILURE, RUNNING, FAILURE)] == [None] * 3
     assert ending.after_tick(FAILURE, 2.0) is not None
 
 
-def test_a_tree_that_fails_while_zones_remain_goes_on(zones, record):
-    ending = Ending(Until.COMPLETE, record, zones)
+def test_a_tree_that_fails_while_zones_remain_goes_on(mission):
+    ending = EndCondition(Until.COMPLETE, mission)
     assert [ending.after_tick(FAILURE, 1.0) for _ in range(5)] == [None] * 5
 
 
 @pytest.mark.parametrize(("until", "wanted"), [(Until.SUCCESS, SUCCESS), (Until.FAILURE, FAILURE)])
 def test_a_run_until_a_status_of_the_root_ends_with_it_and_no_other(until, wanted):
-    ending = Ending(until)
-    for status in (RUNNING, SUCCESS, FAILURE):
-        verdict = ending.after_tick(status, 1.0)
-        assert (verdict is not None) == (status == wanted)
-        assert verdict is None or verdict.achieved
+    ending = EndCondition(until)
+    for status in (RUNNING, SUCCESS, FAILURE, SKIPPED):
+        result = ending.after_tick(status, 1.0)
+        assert (result is not None) == (status == wanted)
+        assert result is None or result.achieved
+
+
+@pytest.mark.parametrize(
+    ("status", "achieved", "name"),
+    [(SUCCESS, True, "SUCCESS"), (FAILURE, False, "FAILURE"), (SKIPPED, False, "SKIPPED")],
+)
+def test_a_run_until_the_end_is_achieved_if_the_root_succeeds(status, achieved, name):
+    ending = EndCondition(Until.END)
+    assert ending.after_tick(RUNNING, 1.0) is None
+    result = ending.after_tick(status, 2.0)
+    assert result is not None
+    assert (result.achieved, result.reason) == (achieved, f"The root of the tree ended with {name}.")
+
+
+def test_each_round_that_does_not_end_the_run_is_said_with_its_number():
+    said: list[str] = []
+    ending = EndCondition(Until.SUCCESS, say=said.append)
+    for status in (FAILURE, RUNNING, SKIPPED, *[FAILURE] * 20):
+        assert ending.after_tick(status, 1.0) is None
+    assert said[:4] == [
+        "Root FAILURE, starting again (1st time).",
+        "Root SKIPPED, starting again (2nd time).",
+        "Root FAILURE, starting again (3rd time).",
+        "Root FAILURE, starting again (4th time).",
+    ]
+    assert [said[n - 1].split("(")[1] for n in (11, 12, 13, 21, 22)] == [
+        "11th time).", "12th time).", "13th time).", "21st time).", "22nd time).",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("until", [Until.COMPLETE, Until.FOREVER])
+def test_a_run_that_the_root_does_not_end_says_nothing_of_its_rounds(until, mission):
+    said: list[str] = []
+    ending = EndCondition(until, mission, say=said.append)
+    for status in (FAILURE, SUCCESS):
+        ending.after_tick(status, 1.0)
+    assert said == []
 
 
 @pytest.mark.parametrize("status", list(Status))
-def test_a_run_without_end_never_ends(status, zones, record):
+def test_a_run_without_end_never_ends(status, mission, zones, record):
     zones.advance()
     record.base_reached()
-    ending = Ending(Until.FOREVER, record, zones)
+    ending = EndCondition(Until.FOREVER, mission)
     assert ending.after_tick(status, 1e9) is None
     assert ending.complete
 
 
-def test_the_time_limit_ends_what_is_not_over_by_itself(zones, record):
-    ending = Ending(Until.COMPLETE, record, zones, time_limit_sec=10.0)
+def test_the_time_limit_ends_what_is_not_over_by_itself(mission):
+    ending = EndCondition(Until.COMPLETE, mission, time_limit_sec=10.0)
     assert ending.after_tick(RUNNING, 10.0) is None
-    verdict = ending.after_tick(RUNNING, 10.1)
-    assert verdict is not None
-    assert (verdict.achieved, verdict.reason) == (False, "The time limit of 10 s was reached.")
+    result = ending.after_tick(RUNNING, 10.1)
+    assert result is not None
+    assert (result.achieved, result.reason) == (False, "The time limit of 10 s was reached.")
 
 
-def test_a_mission_that_completes_at_the_limit_is_complete(zones, record):
-    ending = Ending(Until.COMPLETE, record, zones, time_limit_sec=10.0)
+def test_a_mission_that_completes_at_the_limit_is_complete(mission, zones, record):
+    ending = EndCondition(Until.COMPLETE, mission, time_limit_sec=10.0)
     zones.advance()
     record.base_reached()
-    verdict = ending.after_tick(SUCCESS, 11.0)
-    assert verdict is not None
-    assert verdict.achieved
+    result = ending.after_tick(SUCCESS, 11.0)
+    assert result is not None
+    assert result.achieved
 
 
-def test_a_tree_of_another_kind_lacks_nothing_and_is_never_complete():
-    ending = Ending(Until.FOREVER)
+class Unending(MissionRun):
+    """A mission that leaves everything as it is by default."""
+
+
+@pytest.mark.parametrize("mission", [None, Unending()])
+def test_without_an_end_of_its_own_nothing_lacks_and_nothing_is_ever_complete(mission):
+    ending = EndCondition(Until.FOREVER, mission)
     assert ending.shortfalls() == []
     assert not ending.complete

@@ -27,7 +27,7 @@ from sar_compiler.missions.search_and_rescue import (
 )
 from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
 from sar_compiler.ros.leaves.errors import MissingNodeError
-from sar_compiler.runtime.leaf import Settling
+from sar_compiler.runtime.leaf_protocol import Settling
 
 if TYPE_CHECKING:
     from tests.missions.mission_stage import Stage

@@ -147,19 +147,36 @@ class TestTheLog:
         visit_every_zone(stage)
         assert stage.run(drive_home(stage)) is Status.SUCCESS
         assert "No zone is left; abandoned: zone_a. Returning to base." in stage.lines
-        assert "Mission complete." not in stage.lines
+        assert stage.lines[-1] == (
+            "Back at base with the mission incomplete: zone_a was abandoned after attempt 3."
+        )
 
-    def test_coming_home_with_a_report_kept_completes_nothing(self, stage: "Stage") -> None:
+    def test_coming_home_with_a_survivor_not_acknowledged_says_so_once_and_complete_once_it_is(
+        self, stage: "Stage"
+    ) -> None:
         stage.nav_server().script = ["succeed"]
+        stage.record.survivor_found("zone_a", 1.0, 2.0)
         stage.record.survivor_named("survivor_1", 1.0, 2.0)
-        stage.record.report_kept("survivor_1")
-        assert stage.run(drive_home(stage)) is Status.SUCCESS
-        assert "Mission complete." not in stage.lines
+        visit_every_zone(stage)
+        leaf = drive_home(stage)
+        incomplete = (
+            "Back at base with the mission incomplete: "
+            "The base station did not acknowledge survivor_1 in zone_a at (1.00, 2.00)."
+        )
+        assert stage.run(leaf) is Status.SUCCESS
+        assert stage.lines[-1] == incomplete
+        stage.run(leaf)
+        assert stage.lines.count(incomplete) == 1
+        stage.record.survivor_acknowledged("survivor_1")
+        stage.run(leaf)
+        assert stage.lines[-1] == "Mission complete."
 
     def test_coming_home_with_zones_left_does_not_claim_that_all_were_visited(self, stage: "Stage") -> None:
         stage.nav_server().script = ["succeed"]
         assert stage.run(drive_home(stage)) is Status.SUCCESS
         assert "All zones visited. Returning to base." not in stage.lines
+        assert "Mission complete." not in stage.lines
+        assert "zone_a was not visited. zone_b was not visited." in stage.lines[-1]
         assert stage.record.home
 
 
@@ -461,9 +478,9 @@ class TestOldGoals:
         server = stage.nav_server()
         server.accept = accept
         leaf = drive(stage)
-        stage.tick_until(leaf, lambda: server.requests == 1 and leaf._goal is not None, "the goal")
-        assert leaf._goal is not None
-        old = weakref.ref(leaf._goal)
+        stage.tick_until(leaf, lambda: server.requests == 1 and leaf._exchange is not None, "the goal")
+        assert leaf._exchange is not None
+        old = weakref.ref(leaf._exchange)
         leaf.stop(Status.INVALID)
         stage.until(lambda: leaf.settled() and results_awaited(leaf) == 0, "calm")
         gc.collect()

@@ -1,4 +1,4 @@
-"""The resilient tree, rehearsed without a robot."""
+"""The resilient tree, simulated without a robot."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,10 +7,10 @@ import pytest
 from py_trees.common import Status
 
 from sar_compiler.compiler import bind_main
-from sar_compiler.compiler.rehearsal import Rehearsal, rehearse
+from sar_compiler.compiler.simulated_tree import SimulatedTree, compile_simulated
 from sar_compiler.nodes.registry import default_registry
-from sar_compiler.runtime.answering import ANSWERED, AnsweringLeaf
 from sar_compiler.runtime.answers import Answer, nominal
+from sar_compiler.runtime.stub_leaf import ANSWERED, StubLeaf
 from sar_compiler.tree.forest import load_forest
 from sar_compiler.tree.reading import read_tree_file
 
@@ -23,32 +23,32 @@ class Always:
     def __init__(self, **answers: str) -> None:
         self._answers = answers
 
-    def choose(self, leaf: AnsweringLeaf, options: Sequence[Answer]) -> Answer:
+    def choose(self, leaf: StubLeaf, options: Sequence[Answer]) -> Answer:
         said = self._answers.get(leaf.name, self._answers.get(leaf.tag))
         wanted = [answer for answer in options if answer.name == said]
         return wanted[0] if wanted else nominal(options)
 
 
-def tick(rehearsal: Rehearsal) -> Status:
-    rehearsal.clock.advance(30.0)
-    rehearsal.root.tick_once()
-    return rehearsal.root.status
+def tick(simulated: SimulatedTree) -> Status:
+    simulated.clock.advance(30.0)
+    simulated.root.tick_once()
+    return simulated.root.status
 
 
-def flown(**answers: str) -> Rehearsal:
-    rehearsal = rehearse(bind_main(load_forest(TREE, read_tree_file), default_registry()), {})
-    rehearsal.chooser = Always(**answers)
+def flown(**answers: str) -> SimulatedTree:
+    simulated = compile_simulated(bind_main(load_forest(TREE, read_tree_file), default_registry()), {})
+    simulated.policy = Always(**answers)
     for _ in range(200):
-        if tick(rehearsal) is not Status.RUNNING:
-            return rehearsal
-    message = f"the mission did not end within 200 ticks; facts: {rehearsal.fact_values()}"
+        if tick(simulated) is not Status.RUNNING:
+            return simulated
+    message = f"the mission did not end within 200 ticks; facts: {simulated.fact_values()}"
     raise AssertionError(message)
 
 
-def answered(rehearsal: Rehearsal) -> list[str]:
+def answered(simulated: SimulatedTree) -> list[str]:
     return [
         f"{event.leaf.name} {event.answer.name}"
-        for event in rehearsal.events
+        for event in simulated.events
         if event.what == ANSWERED and event.answer is not None
     ]
 
@@ -77,10 +77,10 @@ def test_the_mission_ends_and_succeeds_only_if_nothing_is_missing(
 
 @pytest.mark.parametrize(("answers", "end"), DAYS.values(), ids=DAYS)
 def test_a_mission_that_is_over_stays_over(answers: dict[str, str], end: Status) -> None:
-    rehearsal = flown(**answers)
-    rehearsal.events.clear()
-    assert [tick(rehearsal) for _ in range(3)] == [end] * 3
-    assert rehearsal.events == []
+    simulated = flown(**answers)
+    simulated.events.clear()
+    assert [tick(simulated) for _ in range(3)] == [end] * 3
+    assert simulated.events == []
 
 
 def test_a_zone_out_of_reach_is_tried_twice_in_each_of_three_rounds() -> None:

@@ -170,8 +170,8 @@ class TestTheCall:
         stage.detect_service(SURVIVORS)
         leaf = search(stage)
         leaf.tick_once()
-        stage.tick_until(leaf, lambda: leaf._call is not None and leaf._call.sent, "sending")
-        call = leaf._call
+        stage.tick_until(leaf, lambda: leaf._exchange is not None and leaf._exchange.sent, "sending")
+        call = leaf._exchange
         assert call is not None
         future = call._future
         assert future is not None
@@ -197,7 +197,7 @@ class TestTheCall:
     def test_a_given_up_call_does_nothing_more(self, stage: "Stage") -> None:
         leaf = search(stage)
         leaf.tick_once()
-        call = leaf._call
+        call = leaf._exchange
         assert call is not None
         leaf.stop(Status.INVALID)
         call.advance()

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.compiler import bind_main
-from sar_compiler.compiler.rehearsal import Assumptions, Rehearsal, rehearse
+from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.missions.search_and_rescue import (
     AbandonZone,
     AdvanceZone,
@@ -26,11 +26,11 @@ BASE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
 STEPS = ("AdvanceZone", "PostponeZone", "AbandonZone")
 
 
-def answering(zones: int, attempts: int) -> Rehearsal:
+def simulated_with(zones: int, attempts: int) -> SimulatedTree:
     written = {"PostponeZone": f' attempts="{attempts}"'}
     steps = "".join(f"<{step}{written.get(step, '')}/>" for step in STEPS)
     binding = bind_main(forest(f"<Sequence>{steps}</Sequence>"), default_registry())
-    return rehearse(binding, {}, Assumptions(facts={"zones_left": zones}))
+    return compile_simulated(binding, {}, Assumptions(facts={"zones_left": zones}))
 
 
 def flying(stage: "Stage", zones: ZoneManager, record: MissionRecord, attempts: int) -> dict[str, Behaviour]:
@@ -52,12 +52,12 @@ def test_postponing_in_rounds_is_postponing_each_zone_so_often(
 ) -> None:
     plan = [{"id": f"zone_{index}", "x": 0.0, "y": 0.0, "yaw": 0.0} for index in range(count)]
     zones, record = ZoneManager(plan, BASE), MissionRecord()
-    real, rehearsed = flying(stage, zones, record, attempts), answering(count, attempts)
-    stand_ins = {leaf.name: leaf for leaf in rehearsed.leaves}
+    real, simulated_tree = flying(stage, zones, record, attempts), simulated_with(count, attempts)
+    stand_ins = {leaf.name: leaf for leaf in simulated_tree.leaves}
     for step in steps:
         real[step].tick_once()
         stand_ins[step].tick_once()
         assert real[step].status is stand_ins[step].status, step
-        facts = rehearsed.fact_values()
+        facts = simulated_tree.fact_values()
         assert facts["zones_left"] == len(zones.remaining_zones())
         assert facts["zones_abandoned"] == len(record.zones_abandoned)

@@ -2,19 +2,13 @@
 
 EQUIVALENT: list[tuple[str, str, str, str]] = [
     (
-        "sar_compiler/checks/configuration.py",
-        "if sys.version_info >= (3, 11):",
-        "3, 11 -> 3,",
-        "only Python 3.10 goes the other way, where tomllib is not found",
-    ),
-    (
-        "sar_compiler/nodes/binding.py",
+        "sar_compiler/nodes/binding/binder.py",
         "self._level += 1",
         "1 -> 2",
         "the level is only a bound: where it is too high, `nesting` counts how deep the tree really is",
     ),
     (
-        "sar_compiler/checks/rules/natures.py",
+        "sar_compiler/checks/rules/outcome_analysis.py",
         '_YES_OR_NO: tuple[frozenset[str], ...] = (frozenset(), frozenset({"SUCCESS", "FAILURE"}))',
         "\"SUCCESS\" -> 'SUCCESSx'",
         "it only saves time: the rules find nothing in a tree of nothing but questions",

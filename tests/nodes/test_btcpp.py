@@ -12,8 +12,8 @@ from py_trees.common import Status
 
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
 from sar_compiler.nodes import Kind, register
-from sar_compiler.nodes.btcpp import convert_to_btcpp, to_btcpp
-from sar_compiler.nodes.palette import is_built_in
+from sar_compiler.nodes.btcpp.to_btcpp import convert_to_btcpp, to_btcpp
+from sar_compiler.nodes.models.palette import is_built_in
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.tree.diagnostic import Severity, TreeError
@@ -428,7 +428,7 @@ BODIES = st.recursive(
 
 
 def named(body):
-    """Give every answering leaf a name of its own."""
+    """Give every stub leaf a name of its own."""
     first, *rest = body.split("<Answer ")
     return first + "".join(f'<Answer name="a{number}" {part}' for number, part in enumerate(rest))
 

@@ -3,7 +3,7 @@
 import pytest
 
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
-from sar_compiler.nodes.attributes import CONDITIONS
+from sar_compiler.nodes.binding.attributes import CONDITIONS
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.conditions import Conditions
 from tests.trees import errors, forest, forest_of

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler.checks.schema import schema_errors
+from sar_compiler.checks.schema_validation import schema_errors
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Kind, NodeSpec

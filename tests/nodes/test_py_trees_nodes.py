@@ -13,10 +13,10 @@ from py_trees.blackboard import Blackboard
 from py_trees.common import OneShotPolicy, ParallelPolicy, Status
 
 from sar_compiler.compiler import bind_main, compile_tree
-from sar_compiler.nodes import decorators as ours
-from sar_compiler.nodes import leaves
+from sar_compiler.nodes.language import decorators as ours
+from sar_compiler.nodes.language import leaves
 from sar_compiler.nodes.registry import default_registry
-from sar_compiler.nodes.schema import xml_schema
+from sar_compiler.nodes.schemas.xml_schema import xml_schema
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.py_trees_timers import Timeout, Timer
 from sar_compiler.tree.diagnostic import TreeError

@@ -14,7 +14,7 @@ from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.skipping import SKIPPED, was_skipped
 from sar_compiler.tree.diagnostic import TreeError
-from tests.checks.outcome_oracle import forms
+from tests.node_forms import forms
 from tests.trees import forest
 
 STATUSES = {S: Status.SUCCESS, F: Status.FAILURE, R: Status.RUNNING, K: SKIPPED}

@@ -7,8 +7,8 @@ from py_trees.common import Status
 
 from sar_compiler.checks import check
 from sar_compiler.compiler import bind_main, preview_tree
-from sar_compiler.nodes import nesting
-from sar_compiler.nodes.nesting import MAX_LEVELS, MAX_NODES
+from sar_compiler.nodes.binding import nesting
+from sar_compiler.nodes.binding.nesting import MAX_LEVELS, MAX_NODES
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.tree.forest import load_forest
 from sar_compiler.tree.reading import read_tree_file

@@ -65,7 +65,7 @@ def test_the_shipped_tree_is_valid_and_shown_by_its_name(workspace):
 
 def test_one_command_of_the_install_folder_flies_the_whole_mission(start):
     run = start("sar-run", "--sim", "--speed", 20)
-    assert run.end(90) == 0, run.output
+    assert run.end() == 0, run.output
     assert "Summary: the mission is complete." in run.output
 
 
@@ -74,7 +74,7 @@ def test_four_processes_of_the_install_folder_fly_the_mission_together(start):
     detection = start("sar-detect-survivor-server")
     reports = start("sar-report-survivor-server")
     run = start("sar-run", "--until", "complete", "--ros-args", "-p", "use_sim_time:=true")
-    assert run.end(90) == 0, run.output
+    assert run.end() == 0, run.output
     assert "Detection request for zone_a: FOUND at (-2.50, 3.20)" in detection.log
     assert "Report received: survivor_2 at (4.10, -2.50). Acknowledged." in reports.log
 

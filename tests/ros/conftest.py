@@ -6,6 +6,8 @@ from typing import Any
 
 import pytest
 
+from tests.waiting import SILENCE_SEC
+
 
 class Ros:
     """One context with one executor, and the nodes in it."""
@@ -31,7 +33,9 @@ class Ros:
         self.executor.remove_node(node)
         node.destroy_node()
 
-    def spin_until(self, condition: Callable[[], object], what: str, timeout_sec: float = 5.0) -> None:
+    def spin_until(
+        self, condition: Callable[[], object], what: str, timeout_sec: float = SILENCE_SEC
+    ) -> None:
         deadline = time.monotonic() + timeout_sec
         while not condition():
             assert time.monotonic() < deadline, f"did not come within {timeout_sec:g} s: {what}"

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from sar_compiler.missions.search_and_rescue.parameter_file import (
+from sar_compiler.resources import shipped_root
+from sar_compiler.ros.parameter_file import (
     ParameterFileError,
     check_parameter_file,
     rcl_kind,
 )
-from sar_compiler.missions.search_and_rescue.parameters import read_mission
-from sar_compiler.resources import shipped_root
+from sar_compiler.ros.parameter_reader import ParameterReader
+from sar_compiler.ros.run_parameters import read_run
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -71,10 +72,12 @@ def section(name: str, value: object, key: str = "x") -> str:
 
 class TestFiles:
     def test_the_shipped_file_is_a_mission(self, launch: Launch) -> None:
-        read = read_mission(launch.values(params=shipped_root() / "config" / "mission_params.yaml"))
-        assert [zone["id"] for zone in read.zones] == ["zone_a", "zone_b", "zone_c", "zone_d"]
-        assert read.zones[1] == {"id": "zone_b", "x": 3.5, "y": 3.0, "yaw": 1.57}
-        assert (read.tick_rate_hz, read.set_initial_pose, read.notes) == (2.0, True, ())
+        reader = ParameterReader(launch.values(params=shipped_root() / "config" / "mission_params.yaml"))
+        zones, run = reader.places("zone"), read_run(reader)
+        reader.complain()
+        assert [zone["id"] for zone in zones] == ["zone_a", "zone_b", "zone_c", "zone_d"]
+        assert zones[1] == {"id": "zone_b", "x": 3.5, "y": 3.0, "yaw": 1.57}
+        assert (run.tick_rate_hz, run.set_initial_pose, reader.notes) == (2.0, True, [])
 
     def test_whole_numbers_lists_and_switches_arrive_as_such(self, launch: Launch) -> None:
         path = launch.file(

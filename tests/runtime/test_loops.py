@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from py_trees.behaviours import Success
 from py_trees.common import Status
 
+from sar_compiler.runtime.chosen_outcome import Outcome
 from sar_compiler.runtime.loops import LoopBool, LoopDouble, LoopInt, LoopString, QueueError
-from sar_compiler.runtime.outcomes import Outcome
 from sar_compiler.runtime.ports import Input, Output, PortError
 from tests.runtime.stage import Stage
 

@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 from sar_compiler.runtime.expressions import (
     Access,
     Assignment,
-    Comparison,
+    ComparisonChain,
     Conditional,
     Literal,
     Name,
     Operation,
+    OperatorTerm,
     Prefix,
     Script,
-    Step,
     name_uses,
 )
 from sar_compiler.runtime.script import MAX_DEPTH, parse
@@ -32,7 +32,7 @@ def bracketed(expression):
             return name
         case Prefix(operator, operand):
             return f"({operator}{bracketed(operand)})"
-        case Operation(first, steps) | Comparison(first, steps):
+        case Operation(first, steps) | ComparisonChain(first, steps):
             rest = "".join(f" {step.operator} {bracketed(step.operand)}" for step in steps)
             return f"({bracketed(first)}{rest})"
         case Conditional(condition, then, otherwise):
@@ -326,7 +326,9 @@ def names():
 
 def chains(kind, operators, parts):
     steps = st.lists(
-        st.builds(Step, st.sampled_from(operators), parts, st.just(0), st.just(0)), min_size=1, max_size=3
+        st.builds(OperatorTerm, st.sampled_from(operators), parts, st.just(0), st.just(0)),
+        min_size=1,
+        max_size=3,
     )
     return st.builds(kind, parts, steps.map(tuple), st.just(0), st.just(0))
 
@@ -337,7 +339,7 @@ def larger(parts):
     return st.one_of(
         st.builds(Prefix, st.sampled_from("-~!"), parts, *nowhere),
         *(chains(Operation, rank, parts) for rank in ranks),
-        chains(Comparison, ["==", "!=", "<", ">", "<=", ">="], parts),
+        chains(ComparisonChain, ["==", "!=", "<", ">", "<=", ">="], parts),
         st.builds(Conditional, parts, parts, parts, *nowhere),
         st.builds(Assignment, st.sampled_from([":=", "=", "+=", "-=", "*=", "/="]), names(), parts, *nowhere),
     )

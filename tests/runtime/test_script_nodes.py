@@ -4,7 +4,7 @@ import pytest
 from py_trees.common import Status
 
 from sar_compiler.runtime.blackboard import Scope
-from sar_compiler.runtime.outcomes import Outcome
+from sar_compiler.runtime.chosen_outcome import Outcome
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.script_nodes import Precondition, RunScript, ScriptCondition

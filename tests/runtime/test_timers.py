@@ -7,7 +7,7 @@ from py_trees.common import Status
 
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.ports import Input
-from sar_compiler.runtime.timers import Delay, DurationError, Sleep, Timeout, Timer
+from sar_compiler.runtime.timers import Countdown, Delay, DurationError, Sleep, Timeout
 from tests.runtime.stage import Stage
 
 CLOCK = st.lists(st.floats(-100.0, 100.0), max_size=20)
@@ -15,7 +15,7 @@ CLOCK = st.lists(st.floats(-100.0, 100.0), max_size=20)
 
 def test_a_timer_counts_down_to_zero():
     clock = ManualClock()
-    timer = Timer(clock)
+    timer = Countdown(clock)
     timer.start(2.0)
     clock.advance(0.5)
     assert timer.remaining() == 1.5
@@ -25,7 +25,7 @@ def test_a_timer_counts_down_to_zero():
 
 def test_a_clock_that_goes_back_counts_as_one_that_stood_still():
     clock = ManualClock(1000.0)
-    timer = Timer(clock)
+    timer = Countdown(clock)
     timer.start(2.0)
     clock.advance(0.5)
     timer.remaining()
@@ -38,7 +38,7 @@ def test_a_clock_that_goes_back_counts_as_one_that_stood_still():
 @given(seconds=st.floats(0.0, 50.0), steps=CLOCK)
 def test_whatever_the_clock_does_the_time_left_never_grows_and_is_never_negative(seconds, steps):
     clock = ManualClock()
-    timer = Timer(clock)
+    timer = Countdown(clock)
     timer.start(seconds)
     left = seconds
     for step in steps:

@@ -10,8 +10,7 @@ from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.occupancy import OccupancyMap, read_map
 from sar_compiler.sim.world import World
 from sar_compiler.sim.world_file import find_world
-
-TIMEOUT_SEC = 20.0
+from tests.waiting import SILENCE_SEC
 
 
 @pytest.fixture(scope="session")
@@ -37,7 +36,7 @@ class Client:
         self.executor = SingleThreadedExecutor(context=context)
         self.executor.add_node(self.node)
 
-    def wait(self, happened: Callable[[], bool], what: str, timeout_sec: float = TIMEOUT_SEC) -> None:
+    def wait(self, happened: Callable[[], bool], what: str, timeout_sec: float = SILENCE_SEC) -> None:
         deadline = time.monotonic() + timeout_sec
         while not happened():
             assert time.monotonic() < deadline, f"{what} did not come within {timeout_sec:g} s"
@@ -67,7 +66,7 @@ class Client:
         return received
 
     def set_initial_pose(
-        self, pose: Pose2D | None = None, frame: str = "map", timeout_sec: float = TIMEOUT_SEC
+        self, pose: Pose2D | None = None, frame: str = "map", timeout_sec: float = SILENCE_SEC
     ) -> Any:
         """Publish the initial pose until `amcl_pose` answers, and return the answer."""
         from geometry_msgs.msg import PoseWithCovarianceStamped

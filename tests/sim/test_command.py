@@ -110,7 +110,10 @@ def test_a_second_simulation_is_refused_and_the_first_named(client: Client) -> N
         (["run", "--speed", "fast"], "'fast' is not a number above 0"),
         (["run", "--seed", "-1"], "'-1' is not a whole number"),
         (["run", "--fault", "navigate_to_pose:abrt=zone_a"], "did you mean 'abort'?"),
-        (["run", "--fault", "report_survivor:drop=1"], "the world has no such service"),
+        (
+            ["run", "--fault", "report_survivor:drop=1"],
+            "'report_survivor' is no target (known: navigate_to_pose)",
+        ),
         (["run", "--robot", ""], "the robot has no name; expected NAME, NAME:X,Y"),
         (["run", "--robot", ":1,2"], "robot ':1,2': has no name; expected NAME, NAME:X,Y"),
         (["run", "--robot", "robot-1"], "'robot-1' cannot be a namespace"),

@@ -4,7 +4,9 @@ import re
 
 import pytest
 
+from sar_compiler.missions.search_and_rescue.mission import MISSION
 from sar_compiler.ros.faults import (
+    NAVIGATION_FAULTS,
     CallFate,
     Fault,
     FaultError,
@@ -13,6 +15,8 @@ from sar_compiler.ros.faults import (
     ServiceFaults,
     parse_fault,
 )
+
+TARGETS = {**MISSION.faults, **NAVIGATION_FAULTS}
 
 
 @pytest.mark.parametrize(
@@ -28,8 +32,8 @@ from sar_compiler.ros.faults import (
     ],
 )
 def test_a_fault_is_read_and_written_alike(text: str, fault: Fault) -> None:
-    assert parse_fault(text) == fault
-    assert str(fault) == text
+    assert parse_fault(text, TARGETS) == fault
+    assert str(parse_fault(text, TARGETS)) == text
 
 
 @pytest.mark.parametrize(
@@ -56,11 +60,11 @@ def test_a_fault_is_read_and_written_alike(text: str, fault: Fault) -> None:
 )
 def test_a_fault_that_makes_no_sense_is_explained(text: str, problem: str) -> None:
     with pytest.raises(FaultError, match=re.escape(f"fault '{text}': ") + ".*" + re.escape(problem)):
-        parse_fault(text)
+        parse_fault(text, TARGETS)
 
 
 def plan(*texts: str) -> FaultPlan:
-    return FaultPlan([parse_fault(text) for text in texts])
+    return FaultPlan([parse_fault(text, TARGETS) for text in texts])
 
 
 def test_calls_are_dropped_first_then_refused_and_all_answers_delayed() -> None:

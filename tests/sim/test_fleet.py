@@ -11,13 +11,12 @@ from hypothesis import strategies as st
 from sar_compiler.sim.fleet import check_placements, make_robots, seed_of
 from sar_compiler.sim.geometry import Box, Pose2D
 from sar_compiler.sim.lidar import Lidar
-from sar_compiler.sim.navigator import Drive, Ending, Outcome
+from sar_compiler.sim.navigator import Drive, DriveEnd, DriveOutcome
 from sar_compiler.sim.occupancy import OccupancyMap
 from sar_compiler.sim.placement import Placement, PlacementError, parse_placement
 from sar_compiler.sim.planner import NavCode, Planner
 from sar_compiler.sim.robot import Robot, RobotState, Twist2D
 from sar_compiler.sim.world import World
-from sar_compiler.sim.world_file import find_world
 
 STEP = 0.05
 OPEN = World("open", Pose2D(0.0, 0.0), 0.22)
@@ -147,15 +146,14 @@ class TestSolidity:
     @settings(max_examples=40, deadline=None)
     @given(orders)
     def test_whatever_the_commands_no_robot_enters_another_or_an_obstacle(
-        self, drawn: list[tuple[Twist2D, Twist2D, Twist2D, int]]
+        self, disaster_zone: World, drawn: list[tuple[Twist2D, Twist2D, Twist2D, int]]
     ) -> None:
-        world = find_world("disaster_zone")
         starts = [Pose2D(0.0, 0.0), Pose2D(0.5, 0.1, 2.0), Pose2D(0.2, 0.6, -1.5)]
-        for states in run(placed(*starts, world=world), spread(drawn)):
+        for states in run(placed(*starts, world=disaster_zone), spread(drawn)):
             for number, state in enumerate(states):
-                assert world.solid.clearance(state.pose.x, state.pose.y) >= world.robot_radius
+                assert disaster_zone.solid.clearance(state.pose.x, state.pose.y) >= disaster_zone.robot_radius
                 for other in states[number + 1 :]:
-                    assert state.pose.distance_to(other.pose) >= 2 * world.robot_radius
+                    assert state.pose.distance_to(other.pose) >= 2 * disaster_zone.robot_radius
 
     def test_two_that_meet_stop_rim_to_rim(self) -> None:
         robots = placed(Pose2D(0.0, 0.0), Pose2D(2.0, 0.0, math.pi))
@@ -197,11 +195,10 @@ class TestRepeatability:
     @settings(max_examples=15, deadline=None)
     @given(orders)
     def test_one_robot_alone_is_the_robot_of_a_world_without_others(
-        self, drawn: list[tuple[Twist2D, Twist2D, Twist2D, int]]
+        self, disaster_zone: World, drawn: list[tuple[Twist2D, Twist2D, Twist2D, int]]
     ) -> None:
-        world = find_world("disaster_zone")
-        alone = run([Robot(world, seed=5)], spread(drawn))
-        assert run(make_robots(world, [Placement("")], seed=5), spread(drawn)) == alone
+        alone = run([Robot(disaster_zone, seed=5)], spread(drawn))
+        assert run(make_robots(disaster_zone, [Placement("")], seed=5), spread(drawn)) == alone
 
     def test_another_robot_far_away_changes_nothing(self) -> None:
         commands = [(Twist2D(0.5, 0.7), Twist2D(-0.3, 0.2))] * 200
@@ -248,13 +245,13 @@ class TestNavigators:
 
     def drive(
         self, robots: list[Robot], goals: list[Pose2D], planner: Planner
-    ) -> list[tuple[Outcome, float]]:
+    ) -> list[tuple[DriveOutcome, float]]:
         """Drive each robot to its goal, and return how and when (simulated seconds) each ended."""
         drives = [
             Drive(planner, robot.limits, goal, robot.state.pose, 0.0)
             for robot, goal in zip(robots, goals, strict=True)
         ]
-        ends: dict[int, tuple[Outcome, float]] = {}
+        ends: dict[int, tuple[DriveOutcome, float]] = {}
         for step in range(6000):
             for number, (drive, robot) in enumerate(zip(drives, robots, strict=True)):
                 if number not in ends:
@@ -272,7 +269,7 @@ class TestNavigators:
         robots = make_robots(disaster_zone, PAIR)
         goals = [Pose2D(-3.0, 3.0), Pose2D(4.0, -3.0, 3.14)]
         outcomes = [outcome for outcome, _ in self.drive(robots, goals, planner)]
-        assert outcomes == [Outcome(Ending.SUCCEEDED)] * 2
+        assert outcomes == [DriveOutcome(DriveEnd.SUCCEEDED)] * 2
         assert all(
             robot.state.pose.distance_to(goal) < 0.1 for robot, goal in zip(robots, goals, strict=True)
         )
@@ -290,7 +287,7 @@ class TestNavigators:
         robots = make_robots(disaster_zone, PAIR)
         ends = self.drive(robots, [Pose2D(0.7, 0.0), Pose2D(-0.7, 0.0)], planner)
         for outcome, after_sec in ends:
-            assert (outcome.ending, outcome.code) == (Ending.ABORTED, NavCode.FAILED_TO_MAKE_PROGRESS)
+            assert (outcome.ending, outcome.code) == (DriveEnd.ABORTED, NavCode.FAILED_TO_MAKE_PROGRESS)
             assert outcome.text.endswith("something that is not on the map is in its way")
             assert after_sec < 20.0
 

@@ -7,7 +7,7 @@ import pytest
 
 from sar_compiler.sim.follower import Follower
 from sar_compiler.sim.geometry import Box, Pose2D, normalise_angle
-from sar_compiler.sim.navigator import Drive, Ending, Outcome
+from sar_compiler.sim.navigator import Drive, DriveEnd, DriveOutcome
 from sar_compiler.sim.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from sar_compiler.sim.path import Path2D
 from sar_compiler.sim.planner import NavCode, Planner, PlanningError
@@ -30,7 +30,7 @@ def planner(shipped_map: OccupancyMap) -> Planner:
     return Planner(shipped_map, 0.22)
 
 
-def finish(drive: Drive, robot: Robot, now: float = 0.0) -> tuple[Outcome, list[RobotState]]:
+def finish(drive: Drive, robot: Robot, now: float = 0.0) -> tuple[DriveOutcome, list[RobotState]]:
     """Drive to the end."""
     states: list[RobotState] = []
     for step in range(4000):
@@ -104,7 +104,7 @@ def test_the_tour_of_all_zones_ends_at_each_pose(disaster_zone: World, planner: 
         drive = Drive(planner, robot.limits, goal, robot.state.pose, now)
         outcome, states = finish(drive, robot, now)
         now += len(states) * STEP
-        assert outcome == Outcome(Ending.SUCCEEDED)
+        assert outcome == DriveOutcome(DriveEnd.SUCCEEDED)
         assert robot.state.pose.distance_to(goal) < 0.1
         assert abs(normalise_angle(robot.state.pose.yaw - goal.yaw)) < 0.1
         assert abs(robot.state.velocity.v) < 0.02
@@ -123,7 +123,7 @@ def test_the_same_drive_twice_is_the_same(disaster_zone: World, planner: Planner
 def test_a_goal_where_the_robot_stands_only_turns_it(disaster_zone: World, planner: Planner) -> None:
     robot = Robot(disaster_zone)
     outcome, states = finish(Drive(planner, robot.limits, Pose2D(0.0, 0.0, 2.0), HOME, 0.0), robot)
-    assert outcome.ending is Ending.SUCCEEDED
+    assert outcome.ending is DriveEnd.SUCCEEDED
     assert all(state.pose.distance_to(HOME) < 0.05 for state in states)
 
 
@@ -136,7 +136,7 @@ def test_braking_brings_the_robot_to_a_stand_and_cancels(disaster_zone: World, p
     assert robot.state.velocity.v > 0.4
     drive.brake()
     outcome, states = finish(drive, robot, 5.0)
-    assert outcome == Outcome(Ending.CANCELED)
+    assert outcome == DriveOutcome(DriveEnd.CANCELED)
     assert abs(robot.state.velocity.v) < 0.02
     assert len(states) < 20
 
@@ -152,7 +152,7 @@ def test_an_obstacle_that_is_not_on_the_map_ends_in_no_progress(
     )
     robot = Robot(World("fenced", HOME, 0.22, boxes=disaster_zone.boxes + fence))
     outcome, _ = finish(Drive(planner, robot.limits, TOUR[0], HOME, 0.0), robot)
-    assert outcome.ending is Ending.ABORTED
+    assert outcome.ending is DriveEnd.ABORTED
     assert outcome.code is NavCode.FAILED_TO_MAKE_PROGRESS
 
 

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from sar_compiler.sim.geometry import Box, Pose2D
 from sar_compiler.sim.robot import STAND, Limits, Robot, RobotState, Twist2D
 from sar_compiler.sim.world import World
-from sar_compiler.sim.world_file import find_world
 
 STEP = 0.05
 anything = st.floats(allow_nan=True, allow_infinity=True)
@@ -37,22 +36,20 @@ def drive(robot: Robot, orders: list[tuple[Twist2D, int]]) -> list[RobotState]:
 @settings(max_examples=60, deadline=None)
 @given(commands, st.floats(0.1, 30.0))
 def test_whatever_the_commands_the_body_never_enters_an_obstacle(
-    orders: list[tuple[Twist2D, int]], speed: float
+    disaster_zone: World, orders: list[tuple[Twist2D, int]], speed: float
 ) -> None:
-    world = find_world("disaster_zone")
-    robot = Robot(world, limits=Limits(speed=speed, acceleration=50.0))
+    robot = Robot(disaster_zone, limits=Limits(speed=speed, acceleration=50.0))
     for state in drive(robot, orders):
         assert state.pose.is_finite
-        assert world.solid.clearance(state.pose.x, state.pose.y) >= world.robot_radius
+        assert disaster_zone.solid.clearance(state.pose.x, state.pose.y) >= disaster_zone.robot_radius
 
 
 @given(commands, st.integers(0, 3))
 @settings(max_examples=20, deadline=None)
 def test_the_same_seed_and_commands_give_the_same_states_bit_for_bit(
-    orders: list[tuple[Twist2D, int]], seed: int
+    disaster_zone: World, orders: list[tuple[Twist2D, int]], seed: int
 ) -> None:
-    world = find_world("disaster_zone")
-    assert drive(Robot(world, seed=seed), orders) == drive(Robot(world, seed=seed), orders)
+    assert drive(Robot(disaster_zone, seed=seed), orders) == drive(Robot(disaster_zone, seed=seed), orders)
 
 
 @given(commands)

@@ -11,6 +11,7 @@ from tests.sim.conftest import Client
 pytestmark = pytest.mark.ros
 
 NAME = "report_survivor"
+TARGETS = {NAME: ("drop", "delay", "refuse")}
 
 
 @pytest.fixture
@@ -27,7 +28,9 @@ def serve(client: Client) -> Callable[..., Any]:
         return response
 
     def start(*specs: str) -> Callable[[], Any]:
-        faults = FaultPlan([parse_fault(spec) for spec in specs]).for_service(NAME) if specs else None
+        faults = (
+            FaultPlan([parse_fault(spec, TARGETS) for spec in specs]).for_service(NAME) if specs else None
+        )
         create_service(client.node, ReportSurvivor, NAME, answer, refuse=refuse, faults=faults)
         caller = client.node.create_client(ReportSurvivor, NAME)
         client.wait(caller.service_is_ready, f"service {NAME}")

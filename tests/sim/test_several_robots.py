@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from sar_compiler.ros.faults import FaultPlan, parse_fault
+from sar_compiler.ros.faults import NAVIGATION_FAULTS, FaultPlan, parse_fault
 from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.placement import Placement, PlacementError
 from sar_compiler.sim.world import World
@@ -155,7 +155,7 @@ def test_a_scan_shows_the_other_robot(simulate: Simulate, clients: tuple[Client,
 def test_a_fault_happens_to_every_robot_and_each_has_its_own_count(
     simulate: Simulate, clients: tuple[Client, Client]
 ) -> None:
-    simulate(robots=PAIR, faults=FaultPlan([parse_fault("navigate_to_pose:reject=1")]))
+    simulate(robots=PAIR, faults=FaultPlan([parse_fault("navigate_to_pose:reject=1", NAVIGATION_FAULTS)]))
     for client in clients:
         client.make_ready()
         navigation = Navigation(client)

@@ -1,7 +1,6 @@
 """The world, its file, and the motion test."""
 
 import math
-import re
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from sar_compiler.sim.geometry import Box, Cylinder, Pose2D, normalise_angle
 from sar_compiler.sim.lidar import Lidar, cast
 from sar_compiler.sim.world import Solid, World
 from sar_compiler.sim.world_file import WorldError, find_world, load_world
-from sar_compiler.sim.yaml_reader import YamlFileError
+from sar_compiler.tree.diagnostic import Diagnostic, TreeError, UnreadableFileError
 
 coordinates = st.floats(-10.0, 10.0)
 angles = st.floats(-math.pi, math.pi)
@@ -121,45 +120,82 @@ def test_a_world_that_is_not_there_is_named_with_those_that_are() -> None:
 ROBOT = "robot: {x: 0, y: 0, radius: 0.22}\n"
 
 
-@pytest.mark.parametrize(
-    ("text", "line", "problem"),
-    [
-        ("", None, "is empty"),
-        ("robot: [\n", 2, "is not YAML"),
-        ("- 1\n", 1, "expected a mapping (expected: robot, walls), found a list"),
-        (ROBOT, 1, "'walls' is missing"),
-        ("robot: {x: 0, y: 0}\nwalls: []\n", 1, "robot: 'radius' is missing"),
-        (ROBOT + "walls: []\nwals: []\n", 3, "wals: 'wals' is not known here"),
-        (ROBOT + "walls: []\nwalls: []\n", 3, "walls: is given twice"),
-        (ROBOT + "walls: 3\n", 2, "walls: expected a list, found '3'"),
-        (
-            ROBOT + "walls:\n  - {x: 1, y: 1, size_x: 0, size_y: 1}\n",
-            3,
-            "walls[0].size_x: expected a number greater than 0",
-        ),
-        (
-            ROBOT + "walls:\n  - {x: .nan, y: 1, size_x: 1, size_y: 1}\n",
-            3,
-            "walls[0].x: expected a number, found '.nan'",
-        ),
-        (
-            ROBOT + "walls: []\ndebris:\n  - {shape: bx, x: 1}\n",
-            4,
-            "debris[0].shape: 'bx' is not known here (expected: box, cylinder); did you mean 'box'?",
-        ),
-        (
-            ROBOT + "walls:\n  - {x: 0.3, y: 0, size_x: 0.2, size_y: 1}\n",
-            1,
-            "robot: the robot would start in an obstacle",
-        ),
-        (ROBOT + "walls: []\nmap: ''\n", 3, "map: expected text, found nothing"),
-    ],
-)
-def test_a_mistake_in_a_world_file_is_named_with_its_place(
-    tmp_path: Path, text: str, line: int | None, problem: str
-) -> None:
+# Each: the file, then line, column, code, the end of the message, and what to write instead.
+MISTAKES: list[tuple[str, int, int, str, str, str]] = [
+    ("", 1, 1, "empty-file", "the file is empty", "write robot: "),
+    ("robot: [\n", 2, 1, "malformed-yaml", "something is missing here", "write it"),
+    ("- 1\n", 1, 1, "wrong-shape", "a world is a mapping of robot, walls, debris, zones, survey, map", ""),
+    (ROBOT, 1, 1, "missing-key", "a world needs 'walls'", ""),
+    ("robot: {x: 0}\nwalls: []\n", 1, 1, "missing-key", "'robot' needs 'y' and 'radius'", ""),
+    (ROBOT + "walls: []\nzons: {}\n", 3, 1, "unknown-key", "a world has no 'zons'; it has robot", "zones"),
+    (ROBOT + "wals: []\n", 2, 1, "unknown-key", "a world has no 'wals'", "walls"),
+    (ROBOT + "walls: []\nwalls: []\n", 3, 1, "duplicate-key", "'walls' is written twice here", ""),
+    (ROBOT + "walls: 3\n", 2, 8, "wrong-shape", "'walls' is a list of walls, and this is '3'", ""),
+    (ROBOT + "walls: [3]\n", 2, 9, "wrong-shape", "'walls' is a mapping of x, y, size_x, size_y, yaw", ""),
+    (
+        ROBOT + "walls:\n  - {x: 1, y: 1, size_x: 0, size_y: 1}\n",
+        *(3, 26, "wrong-value", "'size_x' is a number above 0, and this is '0'", ""),
+    ),
+    (
+        ROBOT + "walls:\n  - {x: .nan, y: 1, size_x: 1, size_y: 1}\n",
+        *(3, 9, "wrong-value", "'x' is a number, and this is '.nan'", ""),
+    ),
+    (
+        ROBOT + "walls: []\nzones: {a: {x: nan, y: '1'}}\n",
+        *(3, 16, "wrong-value", "'x' is a number, and this is 'nan'", ""),
+    ),
+    (
+        ROBOT + "walls: []\nzones: {a: {x: 1, y: '1'}}\n",
+        *(3, 23, "wrong-value", "'y' is a number, and this is the text '1'", ""),
+    ),
+    (
+        ROBOT + "walls: []\ndebris:\n  - {shape: bx, x: 1}\n",
+        *(4, 13, "wrong-value", "'shape' is one of box, cylinder, and this is 'bx'", "box"),
+    ),
+    (
+        ROBOT + "walls: []\ndebris:\n  - {shape: cylinder, x: 1, y: 1, radius: 1, yaw: 0}\n",
+        *(4, 46, "unknown-key", "a cylinder has no 'yaw'", ""),
+    ),
+    (
+        ROBOT + "walls: []\ndebris:\n  - {shape: box, x: 1, y: 1, radius: 1, size_x: 1}\n",
+        *(4, 5, "missing-key", "a box needs 'size_y'", ""),
+    ),
+    (
+        ROBOT + "walls:\n  - {x: 0.3, y: 0, size_x: 0.2, size_y: 1}\n",
+        *(1, 1, "wrong-value", "the robot would start in an obstacle", ""),
+    ),
+    (ROBOT + "walls: []\nmap: ''\n", 3, 7, "missing-value", "'map' is a path, and this is the text ''", ""),
+]
+
+
+def found(tmp_path: Path, text: str) -> tuple[Diagnostic, ...]:
     path = tmp_path / "world.yaml"
     path.write_text(text, encoding="utf-8")
-    place = str(path) if line is None else f"{path}:{line}"
-    with pytest.raises(YamlFileError, match=f"^{re.escape(place)}: {re.escape(problem)}"):
+    with pytest.raises(TreeError) as caught:
         load_world(path)
+    return caught.value.findings
+
+
+@pytest.mark.parametrize(("text", "line", "column", "code", "problem", "advice"), MISTAKES)
+def test_a_mistake_in_a_world_file_is_found_where_it_stands(
+    tmp_path: Path, text: str, line: int, column: int, code: str, problem: str, advice: str
+) -> None:
+    first = found(tmp_path, text)[0]
+    assert (first.code, first.span.line, first.span.column) == (code, line, column)
+    assert problem in first.message
+    assert advice in first.advice
+
+
+def test_all_mistakes_in_a_world_file_are_said_at_once_in_the_order_of_the_file(tmp_path: Path) -> None:
+    text = "robot: {x: 0, y: 0, radus: 0.22}\nwals: []\nzones: {a: {x: 1}}\nsurvey: [{x: 1, y: b}]\n"
+    assert [(each.code, each.span.line, each.suggestion) for each in found(tmp_path, text)] == [
+        ("unknown-key", 1, "radius"),
+        ("unknown-key", 2, "walls"),
+        ("missing-key", 3, None),
+        ("wrong-value", 4, None),
+    ]
+
+
+def test_a_world_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    with pytest.raises(UnreadableFileError, match="cannot read"):
+        load_world(tmp_path)

@@ -89,8 +89,8 @@ def comments(draw, children):
         for index in range(children + 1)
         for text in draw(st.lists(COMMENT_TEXTS, max_size=2 if draw(st.booleans()) else 0))
     ]
-    beside = draw(st.none() | COMMENT_TEXTS.filter(lambda text: "\n" not in text))
-    return (*([Comment(beside, beside=True)] if beside is not None else []), *inner)
+    trailing = draw(st.none() | COMMENT_TEXTS.filter(lambda text: "\n" not in text))
+    return (*([Comment(trailing, trailing=True)] if trailing is not None else []), *inner)
 
 
 @st.composite
@@ -117,6 +117,6 @@ def everything(tree_file):
 
 
 def _all_of(element):
-    said = [(one.text, one.index, one.attribute, one.beside) for one in element.comments]
+    said = [(one.text, one.index, one.attribute, one.trailing) for one in element.comments]
     children = [_all_of(child) for child in element.children]
     return element.tag, list(element.attributes.items()), element.text, said, children

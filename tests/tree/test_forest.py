@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.checks import check
-from sar_compiler.nodes.main_tree import find_main_tree
+from sar_compiler.nodes.binding.main_tree import find_main_tree
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
 from sar_compiler.tree.forest import MAX_FILES, MAX_INCLUDE_DEPTH, load_forest

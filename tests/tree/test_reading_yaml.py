@@ -269,7 +269,7 @@ def test_comments_are_kept_with_what_they_belong_to():
         ("behind the root", 1),
     ]
     root = tree_file.root
-    assert [(one.text, one.index, one.attribute, one.beside) for one in root.comments] == [
+    assert [(one.text, one.index, one.attribute, one.trailing) for one in root.comments] == [
         ("beside the root", 0, None, True),
         ("beside an attribute", 0, "BTCPP_format", True),
         ("above an attribute", 0, "name", False),
@@ -278,9 +278,9 @@ def test_comments_are_kept_with_what_they_belong_to():
         ("behind B", 2, None, False),
     ]
     first, second = root.children
-    assert [(one.text, one.beside) for one in first.comments] == [("beside A", True)]
+    assert [(one.text, one.trailing) for one in first.comments] == [("beside A", True)]
     assert second.attributes == {"code": "a # b\n"}
-    assert [(one.text, one.attribute, one.beside) for one in second.comments] == [
+    assert [(one.text, one.attribute, one.trailing) for one in second.comments] == [
         ("beside B", None, True),
         ("beside code", "code", True),
         ("in B", None, False),

@@ -5,7 +5,7 @@ from xml.etree import ElementTree as ET
 
 from sar_compiler.checks.simulate.coverage import Coverage
 from sar_compiler.checks.simulate.judging import failures
-from sar_compiler.views.junit import Played, junit
+from sar_compiler.views.junit import PlayedScenario, junit
 from sar_compiler.views.runs import runs_as_json
 from sar_compiler.views.trace import coverage_text, leaf_labels, trace, verdict
 from tests.checks.simulate.stage import played
@@ -76,7 +76,7 @@ def test_namesakes_are_told_apart_by_what_is_around_them():
     body = """<Sequence name="Main"><Sequence name="Out"><NavigateToZone/></Sequence>
     <Sequence name="Home"><NavigateToZone/><NavigateToBase/></Sequence></Sequence>"""
     run = played("name: x", body)
-    assert list(leaf_labels(run.rehearsal.leaves).values()) == [
+    assert list(leaf_labels(run.simulated.leaves).values()) == [
         "Out/NavigateToZone",
         "Home/NavigateToZone",
         "NavigateToBase",
@@ -85,7 +85,7 @@ def test_namesakes_are_told_apart_by_what_is_around_them():
 
 def test_namesakes_side_by_side_are_numbered():
     run = played("name: x", "<Sequence><NavigateToBase/><NavigateToBase/></Sequence>")
-    assert list(leaf_labels(run.rehearsal.leaves).values()) == ["NavigateToBase (1)", "NavigateToBase (2)"]
+    assert list(leaf_labels(run.simulated.leaves).values()) == ["NavigateToBase (1)", "NavigateToBase (2)"]
 
 
 def test_the_verdict_names_the_line_of_every_expectation_that_does_not_hold():
@@ -112,9 +112,9 @@ def parts():
     good = played("name: good", "<AdvanceZone/>")
     bad = played("name: <bad> &\nexpect: {root: FAILURE}", "<AdvanceZone/>")
     return [
-        Played("good", good),
-        Played("<bad> &", bad, tuple(failures(bad))),
-        Played("worse.yaml", problem="no\x00 scenario"),
+        PlayedScenario("good", good),
+        PlayedScenario("<bad> &", bad, tuple(failures(bad))),
+        PlayedScenario("worse.yaml", problem="no\x00 scenario"),
     ]
 
 

@@ -4,25 +4,25 @@ import difflib
 import itertools
 from collections.abc import Iterator
 
-from sar_compiler.checks.rules.entries import (
-    Board,
-    EntryUses,
-    Use,
+from sar_compiler.checks.rules.check_context import CheckContext
+from sar_compiler.checks.rules.entry_accesses import (
+    EntryAccess,
+    EntryAccesses,
+    EntryTable,
     argument_of,
     between,
-    board_of,
     comes_first,
+    entry_table_of,
     parting,
 )
-from sar_compiler.checks.rules.mentions import Mentions, Moment, mentions_of
-from sar_compiler.checks.rules.natures import Natures
+from sar_compiler.checks.rules.key_accesses import AccessTime, KeyAccesses, key_accesses_of
+from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
 from sar_compiler.checks.rules.scripts import is_condition
-from sar_compiler.checks.rules.subject import Subject
-from sar_compiler.nodes.attributes import closed
-from sar_compiler.nodes.bound import BoundNode, BoundTree
-from sar_compiler.nodes.collector import file_of
+from sar_compiler.nodes.binding.attributes import closed
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.binding.collector import file_of
+from sar_compiler.nodes.language.py_trees_nodes import WRITES
 from sar_compiler.nodes.outcome_sets import K, S
-from sar_compiler.nodes.py_trees_nodes import WRITES
 from sar_compiler.nodes.semantics import AccessKind, Order
 from sar_compiler.nodes.values import nearest
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
@@ -31,28 +31,28 @@ _LIKE, _CLOSE = 0.7, 0.75
 """How much two keys must be alike so that one may be meant by the other, and so that nothing else can be."""
 
 
-def check_keys(subject: Subject) -> Iterator[Diagnostic]:
+def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield what goes wrong between those who write keys and those who read them."""
-    if not subject.sound:
+    if not context.sound:
         return  # a mistake elsewhere may be what keeps a key from being written
-    main = subject.forest.main_tree()
-    known: dict[BoundTree, Mentions] = {}
+    main = context.forest.main_tree()
+    known: dict[BoundTree, KeyAccesses] = {}
     reported: set[tuple[str, int, int]] = set()
-    for top in subject.bound.tops:
-        board = board_of(top, known)
-        model = subject.bound.models.subtrees.get(top.tree.name)
+    for top in context.bound.tops:
+        board = entry_table_of(top, known)
+        model = context.bound.models.subtrees.get(top.tree.name)
         ports = model.ports if model is not None else {}
         for entry in board.entries if ports else ():
             # Whoever uses the tree gives it what its model says.
             entry.is_parameter = entry.is_parameter or (entry.scope is top.scope and entry.key in ports)
-        for finding in _of_board(board, subject, is_main=top.tree.element is main):
+        for finding in _of_board(board, context, is_main=top.tree.element is main):
             place = (finding.source.path, finding.span.line, finding.span.column)
             if place not in reported:
                 reported.add(place)
                 yield finding
 
 
-def _of_board(board: Board, subject: Subject, *, is_main: bool) -> Iterator[Diagnostic]:
+def _of_board(board: EntryTable, context: CheckContext, *, is_main: bool) -> Iterator[Diagnostic]:
     for entry in board.entries:
         if entry.given or entry.is_parameter:
             continue
@@ -61,19 +61,19 @@ def _of_board(board: Board, subject: Subject, *, is_main: bool) -> Iterator[Diag
             continue
         if not board.is_foreign:
             yield from _too_early(entry)
-        yield from _overwritten(entry, subject)
+        yield from _overwritten(entry, context)
         if not board.is_foreign:
             yield from _side_by_side(entry)
         if is_main and not board.is_open and not board.is_foreign:
             yield from _unread(entry, board)
 
 
-def _unwritten(entry: EntryUses, board: Board, *, is_main: bool) -> Iterator[Diagnostic]:
+def _unwritten(entry: EntryAccesses, board: EntryTable, *, is_main: bool) -> Iterator[Diagnostic]:
     readers = entry.of(AccessKind.READ, AccessKind.PEEK, AccessKind.CHANGE)
     if not readers:
         return
     use = readers[0]
-    if use.mention.kind is AccessKind.CHANGE and is_condition(use.bound, use.mention.attribute):
+    if use.access.kind is AccessKind.CHANGE and is_condition(use.bound, use.access.attribute):
         return  # `check_scripts` asks whether == is meant
     if _is_given_another(use):
         return  # `check_subtrees` finds the attribute that means nothing
@@ -87,25 +87,25 @@ def _unwritten(entry: EntryUses, board: Board, *, is_main: bool) -> Iterator[Dia
     yield _unwritten_finding(use, entry, near)
 
 
-def _unwritten_finding(use: Use, entry: EntryUses, near: str | None) -> Diagnostic:
+def _unwritten_finding(use: EntryAccess, entry: EntryAccesses, near: str | None) -> Diagnostic:
     argument = argument_of(use, entry)
     if argument is not None:
         return _unwritten_argument(*argument, entry, near)
-    mention, key = use.mention, use.mention.key
+    access, key = use.access, use.access.key
     suggestion, hint = None, _how_to_give(use, key)
     if near is not None and key == entry.key:
-        suggestion = near if mention.place else f"{{{near}}}" if mention.attribute in use.bound.keys else near
-    if mention.kind is AccessKind.CHANGE:
-        message = (
-            f"{mention.attribute}: nothing makes '{key}', and = and its like need a variable that exists"
-        )
+        suggestion = near if access.place else f"{{{near}}}" if access.attribute in use.bound.keys else near
+    if access.kind is AccessKind.CHANGE:
+        message = f"{access.attribute}: nothing makes '{key}', and = and its like need a variable that exists"
         hint = f"write {key} := ... where it is to be made"
     else:
-        message = f"{mention.attribute}: '{key}' is read here, and nothing ever writes it"
+        message = f"{access.attribute}: '{key}' is read here, and nothing ever writes it"
     return _warning("unwritten-key", message, use, suggestion=suggestion, hint=hint)
 
 
-def _unwritten_argument(place: BoundNode, attribute: str, entry: EntryUses, near: str | None) -> Diagnostic:
+def _unwritten_argument(
+    place: BoundNode, attribute: str, entry: EntryAccesses, near: str | None
+) -> Diagnostic:
     """Say of a key that a subtree is given and reads, where it is given to it."""
     message = f"{attribute}: '{entry.key}' is read in '{place.name}', and nothing ever writes it"
     suggestion = f"{{{near}}}" if near is not None else None
@@ -114,16 +114,16 @@ def _unwritten_argument(place: BoundNode, attribute: str, entry: EntryUses, near
     return Diagnostic("unwritten-key", message, source, span, suggestion, hint, Severity.WARNING)
 
 
-def _how_to_give(use: Use, key: str) -> str:
+def _how_to_give(use: EntryAccess, key: str) -> str:
     if _is_name_of_key(use):
-        return f'{use.mention.attribute} takes the name itself: write {use.mention.attribute}="{key}"'
+        return f'{use.access.attribute} takes the name itself: write {use.access.attribute}="{key}"'
     if use.instance.around is not None:
         return f'give it to the subtree, <SubTree ID="{use.instance.tree.name}" {key}="..."/>, or let a node write it'
-    shown = f"@{key}" if use.mention.place else f"{{@{key}}}"
+    shown = f"@{key}" if use.access.place else f"{{@{key}}}"
     return f"let a node before it write it; a parameter of the mission is {shown}"
 
 
-def _is_slip(entry: EntryUses, near: str) -> bool:
+def _is_slip(entry: EntryAccesses, near: str) -> bool:
     """Say whether a key is written only once, and so much like another one that it can be nothing else."""
     plural = {entry.key, near} in ({entry.key, f"{entry.key}s"}, {near, f"{near}s"})
     numbered = entry.key.rstrip("0123456789") == near.rstrip("0123456789")
@@ -131,18 +131,18 @@ def _is_slip(entry: EntryUses, near: str) -> bool:
     return len(entry.uses) == 1 and close and not plural and not numbered
 
 
-def _is_given_another(use: Use) -> bool:
+def _is_given_another(use: EntryAccess) -> bool:
     """Say whether the tree of a use is given a key that it does nothing with."""
     place = use.instance.place
     if place is None:
         return False
     given = {*place.remapping.keys, *place.remapping.constants}
-    return bool(given - {mention.key for mention in mentions_of(use.instance.tree).mentions})
+    return bool(given - {access.key for access in key_accesses_of(use.instance.tree).accesses})
 
 
-def _is_name_of_key(use: Use) -> bool:
+def _is_name_of_key(use: EntryAccess) -> bool:
     """Say whether a port takes the name of a key, which with braces is that of a key that holds the name."""
-    role = use.bound.spec.semantics.keys.get(use.mention.attribute)
+    role = use.bound.spec.semantics.keys.get(use.access.attribute)
     return role is not None and role.indirect
 
 
@@ -155,19 +155,17 @@ def _likeness(word: str, other: str) -> float:
     return difflib.SequenceMatcher(None, word, other).ratio()
 
 
-def _may_be_enumeration(use: Use) -> bool:
+def _may_be_enumeration(use: EntryAccess) -> bool:
     """Say whether a name of a script may be that of an enumeration, which only the program knows."""
-    return (
-        use.mention.place is not None and use.mention.key[0].isupper() and use.mention.kind is AccessKind.READ
-    )
+    return use.access.place is not None and use.access.key[0].isupper() and use.access.kind is AccessKind.READ
 
 
-def _too_early(entry: EntryUses) -> Iterator[Diagnostic]:
+def _too_early(entry: EntryAccesses) -> Iterator[Diagnostic]:
     for use in entry.of(AccessKind.READ):
         if all(comes_first(use, writer) for writer in entry.writers):
             writer = entry.writers[0]
             message = (
-                f"{use.mention.attribute}: '{use.mention.key}' is read here before it can have been written: "
+                f"{use.access.attribute}: '{use.access.key}' is read here before it can have been written: "
                 f"'{writer.bound.name}' (line {writer.bound.element.line}"
                 f"{file_of(writer.bound.element, use.bound.element)}), which writes it, comes later"
             )
@@ -176,7 +174,7 @@ def _too_early(entry: EntryUses) -> Iterator[Diagnostic]:
             return
 
 
-def _overwritten(entry: EntryUses, subject: Subject) -> Iterator[Diagnostic]:
+def _overwritten(entry: EntryAccesses, context: CheckContext) -> Iterator[Diagnostic]:
     writers = entry.of(AccessKind.WRITE)
     if entry.of(AccessKind.BOTH, AccessKind.CHANGE):
         return
@@ -184,17 +182,17 @@ def _overwritten(entry: EntryUses, subject: Subject) -> Iterator[Diagnostic]:
         if not _follow_each_other(first, second):
             continue
         lost = _only_read_after(entry, second) or all(
-            _just_succeeds(node, subject.natures) for node in between(first, second)
+            _just_succeeds(node, context.outcomes) for node in between(first, second)
         )
         if lost and not any(_lies_between(use, first, second) for use in entry.readers):
             message = (
-                f"{second.mention.attribute}: '{second.mention.key}' is written again here, before anybody can have "
+                f"{second.access.attribute}: '{second.access.key}' is written again here, before anybody can have "
                 f"read what '{first.bound.name}' (line {first.bound.element.line}) wrote"
             )
             yield _warning("overwritten-key", message, second, hint="use two keys, or delete one of the two")
 
 
-def _side_by_side(entry: EntryUses) -> Iterator[Diagnostic]:
+def _side_by_side(entry: EntryAccesses) -> Iterator[Diagnostic]:
     for first, second in itertools.pairwise(entry.of(AccessKind.WRITE)):
         together = parting(first, second)
         if 0 < together < min(len(first.path), len(second.path)):
@@ -203,7 +201,7 @@ def _side_by_side(entry: EntryUses) -> Iterator[Diagnostic]:
             is_signal = any(parting(use, first) >= together for use in entry.readers)
             if around.spec.semantics.order is Order.TOGETHER and not is_signal:
                 message = (
-                    f"{second.mention.attribute}: '{second.mention.key}' is written here and by '{first.bound.name}' "
+                    f"{second.access.attribute}: '{second.access.key}' is written here and by '{first.bound.name}' "
                     f"(line {first.bound.element.line}), side by side in '{around.name}': which one stays is left to "
                     "their timing"
                 )
@@ -211,10 +209,10 @@ def _side_by_side(entry: EntryUses) -> Iterator[Diagnostic]:
                 return
 
 
-def _follow_each_other(first: Use, second: Use) -> bool:
+def _follow_each_other(first: EntryAccess, second: EntryAccess) -> bool:
     if first.bound is second.bound or first.instance is not second.instance:
         return False
-    if not second.mention.is_certain or second.mention.moment is Moment.AFTER:
+    if not second.access.is_certain or second.access.time is AccessTime.AFTER:
         return False
     if first.bound.spec.cls is None or second.bound.spec.cls is None:
         return False
@@ -224,12 +222,12 @@ def _follow_each_other(first: Use, second: Use) -> bool:
     return bool(in_sequence) and comes_first(first, second)
 
 
-def _only_read_after(entry: EntryUses, second: Use) -> bool:
+def _only_read_after(entry: EntryAccesses, second: EntryAccess) -> bool:
     """Say whether everybody who reads an entry comes after a write, in the same sequence."""
     return bool(entry.readers) and all(comes_first(second, use) for use in entry.readers)
 
 
-def _lies_between(use: Use, first: Use, second: Use) -> bool:
+def _lies_between(use: EntryAccess, first: EntryAccess, second: EntryAccess) -> bool:
     """Say whether a use may come between two writes that follow each other in a sequence."""
     together = parting(first, second)
     if use.bound is second.bound:
@@ -245,11 +243,11 @@ def _lies_between(use: Use, first: Use, second: Use) -> bool:
     return start <= order.index(mine) <= end
 
 
-def _just_succeeds(bound: BoundNode, natures: Natures) -> bool:
-    return natures.may(bound) & ~K == S
+def _just_succeeds(bound: BoundNode, outcomes: PossibleOutcomes) -> bool:
+    return outcomes.may_return(bound) & ~K == S
 
 
-def _unread(entry: EntryUses, board: Board) -> Iterator[Diagnostic]:
+def _unread(entry: EntryAccesses, board: EntryTable) -> Iterator[Diagnostic]:
     if entry.readers or entry.of(AccessKind.CHANGE):
         return
     wanting = [other.key for other in board.entries if other.scope is entry.scope and not other.is_made]
@@ -261,42 +259,40 @@ def _unread(entry: EntryUses, board: Board) -> Iterator[Diagnostic]:
         if _is_meant_elsewhere(use):
             return  # `check_texts` finds the brace that is missing
         only_writes = use.bound.spec.kind.is_leaf and use.bound.spec.effects == WRITES
-        if only_writes and use.mention.attribute not in use.bound.conditions:
-            message = (
-                f"{use.mention.attribute}: '{use.mention.key}' is written here, and nothing ever reads it"
-            )
+        if only_writes and use.access.attribute not in use.bound.conditions:
+            message = f"{use.access.attribute}: '{use.access.key}' is written here, and nothing ever reads it"
             yield Diagnostic(
                 "unread-key",
                 message,
                 use.bound.element.source,
-                use.mention.span(),
+                use.access.span(),
                 hint="delete it, unless somebody looks at the blackboard from outside",
                 severity=Severity.INFO,
             )
             return
 
 
-def _is_given_for_nothing(entry: EntryUses, board: Board) -> bool:
+def _is_given_for_nothing(entry: EntryAccesses, board: EntryTable) -> bool:
     """Say whether a subtree is given an entry by a key with which it does nothing."""
     owner = (entry.scope, entry.key)
     return any(
         instance.scope.owner(key) == owner
-        and name not in {mention.key for mention in mentions_of(inner.tree).mentions}
+        and name not in {access.key for access in key_accesses_of(inner.tree).accesses}
         for instance in board.top.iterate()
         for place, inner in instance.inner.items()
         for name, key in place.remapping.keys.items()
     )
 
 
-def _is_meant_elsewhere(use: Use) -> bool:
+def _is_meant_elsewhere(use: EntryAccess) -> bool:
     """Say whether a text in the same tree is the key of a use but for a brace."""
-    meant = f"{{{use.mention.key}}}"
+    meant = f"{{{use.access.key}}}"
     texts = (text for bound in use.instance.tree.nodes for text in bound.element.attributes.values())
     return any(closed(text) == meant for text in texts)
 
 
 def _warning(
-    code: str, message: str, use: Use, *, suggestion: str | None = None, hint: str | None = None
+    code: str, message: str, use: EntryAccess, *, suggestion: str | None = None, hint: str | None = None
 ) -> Diagnostic:
-    source, span = use.bound.element.source, use.mention.span()
+    source, span = use.bound.element.source, use.access.span()
     return Diagnostic(code, message, source, span, suggestion, hint, Severity.WARNING)

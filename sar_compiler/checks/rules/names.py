@@ -3,8 +3,8 @@
 import re
 from collections.abc import Iterator, Sequence
 
-from sar_compiler.checks.rules.subject import Subject
-from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.checks.rules.check_context import CheckContext
+from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
 # One with a blank beside it is punctuation.
@@ -15,9 +15,9 @@ _SEPARATES = {
 }
 
 
-def check_names(subject: Subject) -> Iterator[Diagnostic]:
+def check_names(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield nodes beside each other to which their author has given one name, and names that read as a path."""
-    for tree in subject.trees if subject.sound and not subject.is_foreign else ():
+    for tree in context.trees if context.sound and not context.is_foreign else ():
         yield from _separated(tree.nodes)
         for bound in tree.parents:
             children = bound.children

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 
 from py_trees.common import OneShotPolicy
 
-from sar_compiler.checks.rules.natures import Natures
-from sar_compiler.checks.rules.subject import Subject, information, warning
-from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.checks.rules.check_context import CheckContext, information, warning
+from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
+from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.outcome_sets import ALLOWED, ANSWERS, F, K, R, S
 from sar_compiler.nodes.semantics import Order
 from sar_compiler.tree.diagnostic import Diagnostic
@@ -18,33 +18,33 @@ _NEVER = {F: "never fails", S: "never succeeds", R: "always ends in its first ti
 """Of a child that cannot answer what its decorator is there for."""
 
 
-def check_needless(subject: Subject) -> Iterator[Diagnostic]:
+def check_needless(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield nodes that could as well not be there, or that spoil what is in them."""
     # Of trees that are flown by another program, or with mistakes still in them, nothing is said in passing.
-    is_own = subject.sound and not subject.is_foreign
-    for tree in subject.trees:
+    is_own = context.sound and not context.is_foreign
+    for tree in context.trees:
         for bound in tree.parents:
-            if len(bound.children) == 1 and len(bound.element.children) == 1 and bound not in subject.broken:
+            if len(bound.children) == 1 and len(bound.element.children) == 1 and bound not in context.broken:
                 needless = _needless(bound, bound.children[0])
                 if needless is None:
-                    yield from _of_one(bound, bound.children[0], subject.natures)
+                    yield from _of_one(bound, bound.children[0], context.outcomes)
                 elif is_own and not bound.conditions and bound.oneshot is None:
                     yield needless
 
 
-def _of_one(bound: BoundNode, child: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
+def _of_one(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     means = bound.spec.semantics
     never = _NEVER.get(means.changes & ~K)
-    if never is not None and not natures.may(child) & means.changes:
+    if never is not None and not outcomes.may_return(child) & means.changes:
         message = f"'{bound.name}' has no effect: '{child.name}' {never}"
         hint = f"delete <{bound.element.tag}>, or put it elsewhere"
         yield warning("without-effect", message, bound, hint=hint)
     elif means.limit_sec is not None:
         yield from _timeout(bound)
     elif means.changes == R:
-        yield from _interrupting(bound, child, natures)
+        yield from _interrupting(bound, child, outcomes)
     elif means.repeats:
-        yield from _spent(bound, child, natures)
+        yield from _spent(bound, child, outcomes)
 
 
 def _needless(bound: BoundNode, child: BoundNode) -> Diagnostic | None:
@@ -69,8 +69,8 @@ def _takes_back(bound: BoundNode, child: BoundNode) -> bool:
     return turned != ANSWERS and tuple(twice(bound, [answer], ALLOWED) for answer in turned) == ANSWERS
 
 
-def _interrupting(bound: BoundNode, child: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
-    found = natures.anywhere(child, natures.is_work)
+def _interrupting(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
+    found = outcomes.anywhere(child, outcomes.is_work)
     if found is not None:
         message = (
             f"{found.name} is interrupted in every tick in which it runs: '{bound.name}' ends, and what ends is "
@@ -80,11 +80,11 @@ def _interrupting(bound: BoundNode, child: BoundNode, natures: Natures) -> Itera
         yield warning("interrupted-action", message, bound, hint=hint)
 
 
-def _spent(bound: BoundNode, child: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
+def _spent(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     """Yield rounds around something that is done only once."""
     retries = bound.spec.semantics.repeats == F
     once, within = _done_once(child)
-    if once is None or (retries and not natures.may(within) & F):
+    if once is None or (retries and not outcomes.may_return(within) & F):
         return
     if retries and (once.oneshot or once.values.get("policy")) is OneShotPolicy.ON_SUCCESSFUL_COMPLETION:
         return

@@ -4,12 +4,12 @@ import functools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from sar_compiler.checks.rules.entries import Use, Ways, comes_first, parting
-from sar_compiler.checks.rules.mentions import Mention
-from sar_compiler.checks.rules.subject import Subject, warning
+from sar_compiler.checks.rules.check_context import CheckContext, warning
+from sar_compiler.checks.rules.entry_accesses import EntryAccess, PathFinder, comes_first, parting
+from sar_compiler.checks.rules.key_accesses import KeyAccess
 from sar_compiler.nodes.answers import SELF, filled_text, number_text
-from sar_compiler.nodes.bound import BoundNode
-from sar_compiler.nodes.instances import Instance
+from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.semantics import AccessKind
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.runtime.answers import Fact
@@ -23,12 +23,12 @@ _UNKNOWN = "unknown"
 _DOING_AND_UNDOING = 2
 
 
-def check_order(subject: Subject) -> Iterator[Diagnostic]:
+def check_order(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield leaves that can only fail where they stand, and those that work with what was undone before them."""
-    if not subject.sound:
+    if not context.sound:
         return
     reported: set[BoundNode] = set()
-    for top in subject.bound.tops:
+    for top in context.bound.tops:
         leaves = list(_leaves(top))
         changing: dict[str, list[_Leaf]] = {}
         for leaf in leaves:
@@ -77,7 +77,7 @@ class _Words:
 class _Leaf:
     """A leaf with facts, in one instance of its tree."""
 
-    use: Use
+    use: EntryAccess
     words: _Words
 
 
@@ -88,7 +88,7 @@ def _leaves(top: Instance) -> Iterator[_Leaf]:
     def identifier(instance: Instance, bound: BoundNode) -> str:
         return numbers.setdefault((instance, bound), f"node{len(numbers)}")
 
-    ways = Ways()
+    paths = PathFinder()
     for instance in top.iterate():
         for bound in instance.tree.demanding:
             spec = bound.spec
@@ -105,7 +105,7 @@ def _leaves(top: Instance) -> Iterator[_Leaf]:
                 known[key] = _Words(spec, names)
             words = known[key]
             if words.needs or words.reads or words.changes:
-                yield _Leaf(Use(instance, Mention(bound, "", "", AccessKind.READ), ways), words)
+                yield _Leaf(EntryAccess(instance, KeyAccess(bound, "", "", AccessKind.READ), paths), words)
 
 
 def _numbers(bound: BoundNode) -> dict[str, str]:

@@ -3,28 +3,28 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from sar_compiler.checks.rules.natures import Found, Natures, acts
-from sar_compiler.checks.rules.subject import Subject, warning
-from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.checks.rules.check_context import CheckContext, warning
+from sar_compiler.checks.rules.outcome_analysis import Found, PossibleOutcomes, acts
+from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.semantics import Order
 from sar_compiler.nodes.spec import Use
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
 
-def check_parallels(subject: Subject) -> Iterator[Diagnostic]:
+def check_parallels(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield what one child of a Parallel does to another."""
-    for tree in subject.trees:
+    for tree in context.trees:
         for bound in tree.parents:
-            if bound.spec.semantics.order is Order.TOGETHER and bound not in subject.broken:
-                yield from _cancelled(bound, subject.natures)
-                yield from _out_of_step(bound, subject.natures)
+            if bound.spec.semantics.order is Order.TOGETHER and bound not in context.broken:
+                yield from _cancelled(bound, context.outcomes)
+                yield from _out_of_step(bound, context.outcomes)
                 yield from _shared_actions(bound)
 
 
-def _cancelled(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
+def _cancelled(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     if bound.values.get("policy") != "SuccessOnOne" and bound.values.get("success_count") != 1:
         return
-    work = [found for child in bound.children if (found := natures.anywhere(child, natures.is_work))]
+    work = [found for child in bound.children if (found := outcomes.anywhere(child, outcomes.is_work))]
     if len(work) > 1:
         message = (
             f"in '{bound.name}' the first success interrupts the others: {work[1].name} stops half done when "
@@ -38,13 +38,13 @@ def _cancelled(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
         )
 
 
-def _out_of_step(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
+def _out_of_step(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     if bound.values.get("policy") != "SuccessOnAll" or bound.values.get("synchronise") is not False:
         return
-    running = [child for child in bound.children if natures.takes_time(child)]
+    running = [child for child in bound.children if outcomes.takes_time(child)]
     for child in bound.children:
         others = [other for other in running if other is not child]
-        if others and (child in running or natures.anywhere(child, acts)):
+        if others and (child in running or outcomes.anywhere(child, acts)):
             message = (
                 f"'{child.name}' is started again whenever it has succeeded and '{others[0].name}' still runs: "
                 f"'{bound.name}' succeeds only in a tick in which all its children do"

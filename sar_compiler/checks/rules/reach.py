@@ -3,9 +3,9 @@
 import itertools
 from collections.abc import Iterator, Sequence
 
-from sar_compiler.checks.rules.natures import Natures
-from sar_compiler.checks.rules.subject import Subject, warning
-from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.checks.rules.check_context import CheckContext, warning
+from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
+from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.outcome_sets import F, K, R, S
 from sar_compiler.nodes.semantics import Gate, Order
 from sar_compiler.tree.diagnostic import Diagnostic
@@ -13,23 +13,23 @@ from sar_compiler.tree.diagnostic import Diagnostic
 _VERBS = {S: "succeeds", F: "fails", R: "runs"}
 
 
-def check_reach(subject: Subject) -> Iterator[Diagnostic]:
+def check_reach(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield nodes that no tick comes to, and nodes that run for ever."""
-    if not subject.is_telling:
+    if not context.is_telling:
         return
-    natures = subject.natures
-    for bound in natures.blocked:
-        if bound not in subject.broken:
-            yield from _after_the_last(bound, natures)
-    for tree in subject.trees:
+    outcomes = context.outcomes
+    for bound in outcomes.blocked:
+        if bound not in context.broken:
+            yield from _after_the_last(bound, outcomes)
+    for tree in context.trees:
         for bound in tree.parents:
-            if bound.spec.semantics.order is not Order.IN_ORDER and bound not in subject.broken:
-                yield from _endless(bound, natures)
-                yield from _unreached(bound, natures)
+            if bound.spec.semantics.order is not Order.IN_ORDER and bound not in context.broken:
+                yield from _endless(bound, outcomes)
+                yield from _unreached(bound, outcomes)
 
 
-def _endless(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
-    if natures.may(bound) != R or any(natures.may(child) == R for child in bound.children):
+def _endless(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
+    if outcomes.may_return(bound) != R or any(outcomes.may_return(child) == R for child in bound.children):
         return
     child = bound.children[0]
     ends = bound.spec.semantics.ends_by(bound) & ~K if len(bound.children) == 1 else 0
@@ -38,17 +38,17 @@ def _endless(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
     yield warning("never-ends", f"'{bound.name}' never ends: {why}", bound, hint=hint)
 
 
-def _unreached(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
+def _unreached(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     children, means = bound.children, bound.spec.semantics
     if means.rounds is not None and means.rounds(bound) == 0:
         yield _unreachable(children[0], f"'{bound.name}' ticks it 0 times")
     for number, gate in means.gates(bound).items():
-        if number < len(children) and not _opens(gate, children, natures):
+        if number < len(children) and not _opens(gate, children, outcomes):
             yield _unreachable(children[number], _shut(gate, children))
 
 
-def _opens(gate: Gate, children: Sequence[BoundNode], natures: Natures) -> bool:
-    return any(natures.may(children[number]) & gate.answers for number in gate.children)
+def _opens(gate: Gate, children: Sequence[BoundNode], outcomes: PossibleOutcomes) -> bool:
+    return any(outcomes.may_return(children[number]) & gate.answers for number in gate.children)
 
 
 def _shut(gate: Gate, children: Sequence[BoundNode]) -> str:
@@ -59,11 +59,11 @@ def _shut(gate: Gate, children: Sequence[BoundNode]) -> str:
     return f"'{children[gate.children[0]].name}' never {verb}"
 
 
-def _after_the_last(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
+def _after_the_last(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     """Yield the first child after one that never answers so that a tick goes on to the next."""
     goes_on = bound.spec.semantics.goes_on
     for before, child in itertools.pairwise(bound.children):
-        answers = natures.may(before)
+        answers = outcomes.may_return(before)
         if not answers & (goes_on | K):
             # Of what runs for ever by a mistake, `_endless` speaks.
             if answers != R or not before.children:

@@ -2,45 +2,45 @@
 
 from collections.abc import Iterator
 
-from sar_compiler.checks.rules.natures import (
+from sar_compiler.checks.rules.check_context import CheckContext, information, warning
+from sar_compiler.checks.rules.outcome_analysis import (
     Found,
-    Natures,
+    PossibleOutcomes,
     acts,
     consequence,
     is_question,
 )
-from sar_compiler.checks.rules.subject import Subject, information, warning
-from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.outcome_sets import F, R, S
 from sar_compiler.tree.diagnostic import Diagnostic
 
 
-def check_reactive(subject: Subject) -> Iterator[Diagnostic]:
+def check_reactive(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield what is done, or interrupted, in every tick because of a control without memory."""
-    if not subject.is_telling:
+    if not context.is_telling:
         return
-    natures = subject.natures
-    for bound in natures.running:
-        if bound.is_reactive and bound not in subject.broken:
-            yield from (_sequence if bound.spec.semantics.is_sequence else _selector)(bound, natures)
-    main = subject.forest.main_tree()
-    for top in subject.bound.tops:
+    outcomes = context.outcomes
+    for bound in outcomes.running:
+        if bound.is_reactive and bound not in context.broken:
+            yield from (_sequence if bound.spec.semantics.is_sequence else _selector)(bound, outcomes)
+    main = context.forest.main_tree()
+    for top in context.bound.tops:
         if top.tree.element is main and top.tree.root is not None:
-            yield from _finished(top.tree.root, natures)
+            yield from _finished(top.tree.root, outcomes)
 
 
-def _sequence(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
-    running = [index for index, child in enumerate(bound.children) if natures.takes_time(child)]
+def _sequence(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
+    running = [index for index, child in enumerate(bound.children) if outcomes.takes_time(child)]
     for index in range(running[-1]):
         child = bound.children[index]
         later = next(bound.children[number] for number in running if number > index)
-        if not natures.may(child) & S:
+        if not outcomes.may_return(child) & S:
             return  # what stands behind it is never reached
-        found = natures.begun_again(child, natures.works)
-        if found is not None and natures.can(child) & S:
+        found = outcomes.begun_again(child, outcomes.works)
+        if found is not None and outcomes.known_to_return(child) & S:
             yield _restarted(found, later, bound, f"while '{later.name}' runs")
             return
-        found = natures.begun_again(child, natures.acts_at_once)
+        found = outcomes.begun_again(child, outcomes.acts_at_once)
         if found is not None:
             message = (
                 f"{found.name} {consequence(found.leaf)} while '{later.name}' runs: "
@@ -49,17 +49,21 @@ def _sequence(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
             yield warning("repeated-effect", message, found.place, hint=_remember(bound))
 
 
-def _selector(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
+def _selector(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     for index, child in enumerate(bound.children[:-1]):
-        later = next((each for each in bound.children[index + 1 :] if natures.takes_time(each)), None)
+        later = next((each for each in bound.children[index + 1 :] if outcomes.takes_time(each)), None)
         if later is None:
             return
-        found = natures.begun_again(_beginning(child), natures.works)
-        if found is not None and natures.can(found.leaf) & F and natures.can(child) & F:
+        found = outcomes.begun_again(_beginning(child), outcomes.works)
+        if (
+            found is not None
+            and outcomes.known_to_return(found.leaf) & F
+            and outcomes.known_to_return(child) & F
+        ):
             place = Found(found.leaf, child) if child.subtree is not None else found
             yield _restarted(place, later, bound, "after it has failed")
             return
-    yield from _lost_progress(bound, natures)
+    yield from _lost_progress(bound, outcomes)
 
 
 def _beginning(bound: BoundNode) -> BoundNode:
@@ -79,12 +83,12 @@ def _restarted(found: Found, later: BoundNode, bound: BoundNode, when: str) -> D
     return warning("endless-restart", message, found.place, hint=_remember(bound))
 
 
-def _lost_progress(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
+def _lost_progress(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     for index, child in enumerate(bound.children):
-        before = [each for each in bound.children[:index] if natures.can(each) & (S | R)]
+        before = [each for each in bound.children[:index] if outcomes.known_to_return(each) & (S | R)]
         if not before or not _starts_over(child):
             continue
-        steps = [found for step in child.children if (found := natures.begun_again(step, natures.is_work))]
+        steps = [found for step in child.children if (found := outcomes.begun_again(step, outcomes.is_work))]
         if len(steps) > 1:
             message = (
                 f"'{child.name}' begins again with {steps[0].name} whenever '{before[-1].name}' has interrupted it: "
@@ -100,7 +104,7 @@ def _starts_over(bound: BoundNode) -> bool:
     return means.is_sequence and not means.resumes and not bound.is_reactive and bound.oneshot is None
 
 
-def _finished(root: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
+def _finished(root: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     """Yield work under the root that is started again once it is done, since nothing before it has changed."""
     waiting = [root]
     while waiting:
@@ -112,19 +116,19 @@ def _finished(root: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
         elif bound.spec.semantics.steady:
             waiting.extend(bound.children)
         elif bound.spec.semantics.is_selector and bound.is_reactive:
-            yield from _done_again(bound, natures)
+            yield from _done_again(bound, outcomes)
             waiting.extend(bound.children)
 
 
-def _done_again(bound: BoundNode, natures: Natures) -> Iterator[Diagnostic]:
+def _done_again(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     for index, child in enumerate(bound.children):
         # What begins with a question asks for itself whether there is anything to do.
-        if not natures.can(child) & S or is_question(_beginning(child)):
+        if not outcomes.known_to_return(child) & S or is_question(_beginning(child)):
             continue
         # A question before it may be whether it is done; a plan that gives up at once is none.
-        if not index or not all(_gives_up(earlier, natures) for earlier in bound.children[:index]):
+        if not index or not all(_gives_up(earlier, outcomes) for earlier in bound.children[:index]):
             continue
-        found = natures.begun_again(child, acts)
+        found = outcomes.begun_again(child, acts)
         if found is not None:
             what = "it" if found.place is child else f"'{child.name}'"
             message = (
@@ -139,11 +143,11 @@ def _once(child: BoundNode, found: Found) -> str:
     return f'wrap {what} in OneShot: write oneshot="ON_COMPLETION"'
 
 
-def _gives_up(bound: BoundNode, natures: Natures) -> bool:
+def _gives_up(bound: BoundNode, outcomes: PossibleOutcomes) -> bool:
     """Say whether a node does something, and is known to fail in its first tick by a question that it begins with."""
     first = _beginning(bound)
-    asks = is_question(first) and natures.can(first) & F and first is not bound
-    return bool(asks) and natures.anywhere(bound, acts) is not None
+    asks = is_question(first) and outcomes.known_to_return(first) & F and first is not bound
+    return bool(asks) and outcomes.anywhere(bound, acts) is not None
 
 
 def _remember(bound: BoundNode) -> str:

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from sar_compiler.checks.rules.subject import Subject
-from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.checks.rules.check_context import CheckContext
+from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.values import CONDITION
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
@@ -11,9 +11,9 @@ from sar_compiler.tree.diagnostic import Diagnostic, Severity
 _CONDITIONS = frozenset({"_failureIf", "_successIf", "_skipIf", "_while"})
 
 
-def check_scripts(subject: Subject) -> Iterator[Diagnostic]:
+def check_scripts(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield conditions that give a variable a value instead of comparing it."""
-    for tree in subject.trees:
+    for tree in context.trees:
         scripted = tree.nodes if tree.wrappers else tree.demanding
         for bound in scripted:
             for attribute, script in (*bound.conditions.items(), *bound.values.items()):

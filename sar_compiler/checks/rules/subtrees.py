@@ -2,42 +2,42 @@
 
 from collections.abc import Iterator
 
-from sar_compiler.checks.rules.mentions import mentions_of
-from sar_compiler.checks.rules.subject import Subject
-from sar_compiler.nodes.attributes import underscored
-from sar_compiler.nodes.bound import BoundNode, BoundTree
-from sar_compiler.nodes.nesting import trees_in
+from sar_compiler.checks.rules.check_context import CheckContext
+from sar_compiler.checks.rules.key_accesses import key_accesses_of
+from sar_compiler.nodes.binding.attributes import underscored
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.binding.nesting import trees_in
 from sar_compiler.nodes.values import nearest
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
 
-def check_subtrees(subject: Subject) -> Iterator[Diagnostic]:
+def check_subtrees(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield trees that are in no other, and attributes of `SubTree` that mean nothing in the tree."""
-    if not subject.sound:
+    if not context.sound:
         return  # a mistake in a tree may be what keeps it from using a key, or another tree
-    yield from _unused_trees(subject)
+    yield from _unused_trees(context)
     wanted = _Wanted()
-    for tree in subject.trees:
+    for tree in context.trees:
         for use in tree.subtrees():
-            yield from _unused_arguments(use, subject, wanted)
+            yield from _unused_arguments(use, context, wanted)
 
 
-def _unused_trees(subject: Subject) -> Iterator[Diagnostic]:
-    main = subject.forest.main_tree()
-    mains = [tree for tree in subject.bound.trees if tree.element is main]
-    if not mains or subject.forest.main.main_tree_name is None:
+def _unused_trees(context: CheckContext) -> Iterator[Diagnostic]:
+    main = context.forest.main_tree()
+    mains = [tree for tree in context.bound.trees if tree.element is main]
+    if not mains or context.forest.main.main_tree_name is None:
         return
     used = set(trees_in(mains[0]))
     # Others may use them: what stands in each other is one finding, that of the outermost one.
-    inner = {node.subtree for tree in subject.bound.trees for node in tree.subtrees()}
-    for tree in subject.bound.trees:
+    inner = {node.subtree for tree in context.bound.trees for node in tree.subtrees()}
+    for tree in context.bound.trees:
         element = tree.element
-        is_own = element.source is subject.forest.main.source
+        is_own = element.source is context.forest.main.source
         if (
             is_own
             and tree not in used
             and tree not in inner
-            and subject.forest.trees.get(tree.name) is element
+            and context.forest.trees.get(tree.name) is element
         ):
             message = f"the tree '{tree.name}' is never ticked: it stands neither in '{mains[0].name}' nor in any other"
             hint = f'put it somewhere, <SubTree ID="{tree.name}"/>, or delete it'
@@ -60,10 +60,10 @@ class _Wanted:
         return self._known[tree]
 
     def _keys(self, tree: BoundTree) -> frozenset[str] | None:
-        mentions = mentions_of(tree)
-        if mentions.is_open:
+        accesses = key_accesses_of(tree)
+        if accesses.is_open:
             return None
-        keys = {mention.key for mention in mentions.mentions}
+        keys = {access.key for access in accesses.accesses}
         for use in tree.subtrees():
             keys.update(use.remapping.keys.values())
             inner = (
@@ -75,12 +75,12 @@ class _Wanted:
         return frozenset(keys)
 
 
-def _unused_arguments(use: BoundNode, subject: Subject, wanted: _Wanted) -> Iterator[Diagnostic]:
+def _unused_arguments(use: BoundNode, context: CheckContext, wanted: _Wanted) -> Iterator[Diagnostic]:
     tree = use.subtree
     keys = wanted.by(tree) if tree is not None else None
     if tree is None or keys is None:
         return
-    model = subject.bound.models.subtrees.get(tree.name)
+    model = context.bound.models.subtrees.get(tree.name)
     declared = model.ports if model is not None else ()
     given = {*use.remapping.keys, *use.remapping.constants}
     for name in use.element.attributes:

@@ -2,17 +2,17 @@
 
 from collections.abc import Iterator
 
-from sar_compiler.checks.rules.subject import Subject
-from sar_compiler.nodes.attributes import closed
-from sar_compiler.nodes.bound import BoundNode
+from sar_compiler.checks.rules.check_context import CheckContext
+from sar_compiler.nodes.binding.attributes import closed
+from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.spec import NodeSpec, Role
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
 
-def check_texts(subject: Subject) -> Iterator[Diagnostic]:
+def check_texts(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield texts that begin or end as a key does."""
-    texts = {id(spec): names for spec in subject.bound.specs if (names := _texts(spec))}
-    for tree in subject.trees:
+    texts = {id(spec): names for spec in context.bound.specs if (names := _texts(spec))}
+    for tree in context.trees:
         for bound in tree.nodes if texts else ():
             names = texts.get(id(bound.spec), [])
             if names and bound.values:

@@ -1,4 +1,4 @@
-"""What a set of runs has not shown of a tree."""
+"""The coverage of a tree by a set of runs."""
 
 from dataclasses import dataclass, field
 from uuid import UUID
@@ -6,14 +6,14 @@ from uuid import UUID
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.checks.simulate.running import Run
-from sar_compiler.nodes.bound import BoundNode
-from sar_compiler.runtime.answering import AnsweringLeaf
+from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.runtime.answers import STATUSES
+from sar_compiler.runtime.stub_leaf import StubLeaf
 
 
 @dataclass
 class Covered:
-    """What was seen of one node of the file, wherever it stands.
+    """The outcomes seen of one node of the file, in all instances of its tree.
 
     Attributes:
         bound: The node.
@@ -29,7 +29,7 @@ class Covered:
 
     @property
     def unseen(self) -> list[str]:
-        """What has not been seen of it."""
+        """The outcomes that were not seen."""
         return [outcome for outcome in self.outcomes if outcome not in self.seen]
 
 
@@ -56,9 +56,9 @@ class Coverage:
 
     def add(self, run: Run) -> None:
         """Take in what a run has shown."""
-        origins = run.rehearsal.compiled.origins
+        origins = run.simulated.compiled.origins
         nodes: dict[UUID, Covered] = {}
-        for behaviour in run.rehearsal.root.iterate():
+        for behaviour in run.simulated.root.iterate():
             bound = origins[behaviour.id].bound
             # What is wrapped around a node (conditions, a OneShot) has another name, and is not the node.
             if behaviour.name == bound.name:
@@ -74,8 +74,8 @@ class Coverage:
 
 
 def _outcomes(behaviour: Behaviour, bound: BoundNode) -> list[str]:
-    """Return all that a leaf can come to."""
-    if isinstance(behaviour, AnsweringLeaf):
+    """Return all outcomes that a leaf can have."""
+    if isinstance(behaviour, StubLeaf):
         return [answer.name for answer in behaviour.answers]
     leaf = bound.spec.kind.is_leaf and not behaviour.children
     return [status for status in STATUSES if leaf and status in bound.spec.outcomes]

@@ -1,11 +1,11 @@
-"""What of a scenario's expectations does not hold in its run."""
+"""Comparing a run with the scenario's expectations."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from sar_compiler.checks.leaf_words import Deed
-from sar_compiler.checks.simulate.running import Run, Tick
-from sar_compiler.runtime.answering import Event
+from sar_compiler.checks.leaf_words import EventPattern
+from sar_compiler.checks.simulate.running import Run, TickRecord
+from sar_compiler.runtime.stub_leaf import Event
 
 
 @dataclass(frozen=True)
@@ -32,12 +32,12 @@ def failures(run: Run) -> list[Failure]:
 
 
 def _all(run: Run) -> Iterator[tuple[str, str]]:
-    """Yield where an expectation stands, as `Expectations.lines` has it, and what is the case instead."""
+    """Yield the key of each failed expectation in `Expectations.lines`, and the actual result."""
     expect = run.scenario.expect
     yield from _ending(run)
     if expect.root is not None and run.root != expect.root:
         yield "root", f"the root is {run.root} in the last tick; expected {expect.root}"
-    values = run.rehearsal.fact_values()
+    values = run.simulated.fact_values()
     for name, fact in expect.facts.items():
         if values.get(name) != fact:
             yield (
@@ -46,11 +46,11 @@ def _all(run: Run) -> Iterator[tuple[str, str]]:
             )
     yield from _order(run)
     for deed in expect.never:
-        when = next((tick for tick, event in _events(run) if deed.is_done(event)), None)
+        when = next((tick for tick, event in _events(run) if deed.matches(event)), None)
         if when is not None:
             yield f"never {deed.text}", f"'{deed.text}' happens in tick {when.number} ({when.time_sec:g} s)"
     for deed, bounds in expect.counts:
-        number = sum(deed.is_done(event) for _, event in _events(run))
+        number = sum(deed.matches(event) for _, event in _events(run))
         if number < bounds.least or (bounds.most is not None and number > bounds.most):
             yield f"count {deed.text}", f"'{deed.text}' {_times(number)}; expected {bounds}"
 
@@ -72,18 +72,18 @@ def _ending(run: Run) -> Iterator[tuple[str, str]]:
 
 
 def _order(run: Run) -> Iterator[tuple[str, str]]:
-    """Look for the events of an order, each behind the one before."""
+    """Search for the events of an order, each after the one before."""
     events = _events(run)
-    before: Deed | None = None
+    before: EventPattern | None = None
     for deed in run.scenario.expect.order:
-        if not any(deed.is_done(event) for _, event in events):
+        if not any(deed.matches(event) for _, event in events):
             place = f" after '{before.text}'" if before else ""
             yield f"order {deed.text}", f"'{deed.text}' does not happen{place}"
             return
         before = deed
 
 
-def _events(run: Run) -> Iterator[tuple[Tick, Event]]:
+def _events(run: Run) -> Iterator[tuple[TickRecord, Event]]:
     return ((tick, event) for tick in run.ticks for event in tick.events)
 
 

@@ -6,15 +6,15 @@ from uuid import UUID
 
 from py_trees.behaviour import Behaviour
 
+from sar_compiler.checks.simulate.run_variables import RunVariables
 from sar_compiler.checks.simulate.scenario import Scenario
 from sar_compiler.checks.simulate.scripted import Scripted
-from sar_compiler.checks.simulate.variables import RunVariables
-from sar_compiler.compiler.rehearsal import Rehearsal
+from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.errors import SarError
-from sar_compiler.runtime.answering import Event
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.skipping import was_skipped
+from sar_compiler.runtime.stub_leaf import Event
 
 _ROOT_IS_DONE = parse("root == 'SUCCESS' || root == 'FAILURE'")
 
@@ -24,8 +24,8 @@ class UntilError(SarError):
 
 
 @dataclass(frozen=True)
-class Tick:
-    """What one tick came to.
+class TickRecord:
+    """The result of one tick.
 
     Attributes:
         number: Which tick it was, from 1.
@@ -48,25 +48,25 @@ class Tick:
 
 @dataclass
 class Run:
-    """A run, as far as it has come.
+    """A run so far.
 
     Attributes:
-        rehearsal: The tree.
+        simulated: The tree.
         scenario: The scenario.
         ticks: Its ticks.
         ended: Whether the condition for its end has come true.
         trouble: What broke it off; empty if nothing did.
     """
 
-    rehearsal: Rehearsal
+    simulated: SimulatedTree
     scenario: Scenario
-    ticks: list[Tick] = field(default_factory=list)
+    ticks: list[TickRecord] = field(default_factory=list)
     ended: bool = False
     trouble: str = ""
 
     @property
     def root(self) -> str:
-        """What the root came to in the last tick; `INVALID` before the first one."""
+        """The root's status after the last tick; `INVALID` before the first one."""
         return self.ticks[-1].root if self.ticks else "INVALID"
 
     @property
@@ -75,57 +75,57 @@ class Run:
         return self.ticks[-1].time_sec if self.ticks else 0.0
 
 
-class Simulation:
+class ScenarioPlayer:
     """Ticks a tree by a scenario, tick by tick.
 
     Args:
-        rehearsal: The tree, not ticked yet.
+        simulated: The tree, not ticked yet.
         scenario: The scenario.
 
     Attributes:
         run: What has come of it so far.
     """
 
-    def __init__(self, rehearsal: Rehearsal, scenario: Scenario) -> None:
-        self.run = Run(rehearsal, scenario)
-        self._rehearsal = rehearsal
-        self._start_sec = rehearsal.clock.now()
-        self._variables = RunVariables(rehearsal)
+    def __init__(self, simulated: SimulatedTree, scenario: Scenario) -> None:
+        self.run = Run(simulated, scenario)
+        self._simulated = simulated
+        self._start_sec = simulated.clock.now()
+        self._variables = RunVariables(simulated)
         self._until = Program(scenario.until or _ROOT_IS_DONE)
-        self._facts: Mapping[str, object] = dict(rehearsal.fact_values())
-        self._keys = _keys(rehearsal)
-        rehearsal.chooser = Scripted(scenario.scripts, self._variables, rehearsal.clock)
+        self._facts: Mapping[str, object] = dict(simulated.fact_values())
+        self._keys = _keys(simulated)
+        simulated.policy = Scripted(scenario.scripts, self._variables, simulated.clock)
 
-    def tick(self) -> Tick:
+    def tick(self) -> TickRecord:
         """Tick the tree once, a period after the last time.
 
         Raises:
             Exception: Whatever a node raises.
         """
-        rehearsal, run = self._rehearsal, self.run
+        simulated, run = self._simulated, self.run
         if run.ticks:
-            rehearsal.clock.advance(run.scenario.period_sec)
-        number, time_sec = len(run.ticks) + 1, round(rehearsal.clock.now() - self._start_sec, 6)
+            simulated.clock.advance(run.scenario.period_sec)
+        number, time_sec = len(run.ticks) + 1, round(simulated.clock.now() - self._start_sec, 6)
         self._variables.now = {"root": run.root, "tick": number, "time": time_sec}
         statuses: dict[UUID, str] = {}
-        rehearsal.events.clear()
+        simulated.events.clear()
         root = ""
         try:
-            for behaviour in rehearsal.root.tick():
+            for behaviour in simulated.root.tick():
                 statuses[behaviour.id] = _outcome(behaviour)
-            root = _outcome(rehearsal.root)
+            root = _outcome(simulated.root)
         finally:
-            facts, keys = dict(rehearsal.fact_values()), _keys(rehearsal)
+            facts, keys = dict(simulated.fact_values()), _keys(simulated)
             changed, written = _changes(self._facts, facts), _changes(self._keys, keys)
             self._facts, self._keys = facts, keys
             run.ticks.append(
-                Tick(number, time_sec, tuple(rehearsal.events), root, changed, written, statuses)
+                TickRecord(number, time_sec, tuple(simulated.events), root, changed, written, statuses)
             )
         self._variables.now = {"root": root, "tick": number, "time": time_sec}
         return run.ticks[-1]
 
     def is_over(self) -> bool:
-        """Say whether the condition for the end is true now.
+        """Return whether the condition for the end is true now.
 
         Raises:
             UntilError: If that cannot be said.
@@ -146,7 +146,7 @@ class Simulation:
                 if self.is_over():
                     break
         except SarError as error:
-            run.trouble = f"{error}{self._rehearsal.advice_on(error)}"
+            run.trouble = f"{error}{self._simulated.advice_on(error)}"
         except Exception as error:  # noqa: BLE001 - whatever a user's decorator raises ends a real run as well
             run.trouble = f"{type(error).__name__}: {error}"
         return run
@@ -156,9 +156,9 @@ def _outcome(behaviour: Behaviour) -> str:
     return "SKIPPED" if was_skipped(behaviour) else str(behaviour.status.name)
 
 
-def _keys(rehearsal: Rehearsal) -> Mapping[str, object]:
+def _keys(simulated: SimulatedTree) -> Mapping[str, object]:
     """Return the entries of the tree's blackboard, by their keys; those of a subtree with its path before."""
-    board = rehearsal.compiled.board
+    board = simulated.compiled.board
     prefix = f"{board.prefix}/"
     return {name.removeprefix(prefix): board.get(name) for name in board.names()}
 

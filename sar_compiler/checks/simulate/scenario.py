@@ -1,30 +1,30 @@
-"""What a scenario says, as plain data."""
+"""Scenarios as plain data."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from sar_compiler.checks.leaf_words import Deed
-from sar_compiler.runtime.answering import AnsweringLeaf
+from sar_compiler.checks.leaf_words import EventPattern
 from sar_compiler.runtime.answers import Fact
 from sar_compiler.runtime.expressions import Script
+from sar_compiler.runtime.stub_leaf import StubLeaf
 
 PERIOD_SEC = 0.5
-"""The time between two ticks where nothing else is said: 2 Hz, as `sar-run` ticks."""
+"""The default time between two ticks, seconds: 2 Hz, as `sar-run` ticks."""
 MAX_TICKS = 1000
-"""After so many ticks a run is broken off where nothing else is said."""
+"""The default limit: a run is stopped after this many ticks."""
 
 
 @dataclass(frozen=True)
-class Step:
-    """What a leaf answers once, or as often as is said.
+class AnswerStep:
+    """One step of a script: an answer given once, or a number of times.
 
     Attributes:
         answer: The label or the status of the answer.
         after_sec: For how long it runs before, seconds.
         when: Takes the step only where this is true; None: always.
         times: How often the step is taken; None for any number.
-        every: Takes the step only at every so manieth chance.
+        every: Takes the step only at every n-th chance.
     """
 
     answer: str
@@ -54,10 +54,10 @@ class Bounds:
 
 @dataclass(frozen=True)
 class Expectations:
-    """What must be true of a run.
+    """The expected results of a run.
 
     Attributes:
-        root: What the root comes to in the last tick: `SUCCESS`, `FAILURE`, `RUNNING` or `SKIPPED`.
+        root: The root's status after the last tick: `SUCCESS`, `FAILURE`, `RUNNING` or `SKIPPED`.
         ends: Whether the run ends, before it is broken off.
         within_ticks: It ends within so many ticks.
         within_sec: It ends within so many seconds.
@@ -75,9 +75,9 @@ class Expectations:
     within_ticks: int | None = None
     within_sec: float | None = None
     facts: Mapping[str, Fact] = field(default_factory=dict)
-    order: tuple[Deed, ...] = ()
-    never: tuple[Deed, ...] = ()
-    counts: tuple[tuple[Deed, Bounds], ...] = ()
+    order: tuple[EventPattern, ...] = ()
+    never: tuple[EventPattern, ...] = ()
+    counts: tuple[tuple[EventPattern, Bounds], ...] = ()
     trace: Path | None = None
     lines: Mapping[str, int] = field(default_factory=dict)
 
@@ -101,5 +101,5 @@ class Scenario:
     period_sec: float = PERIOD_SEC
     max_ticks: int = MAX_TICKS
     until: Script | None = None
-    scripts: Mapping[AnsweringLeaf, tuple[Step, ...]] = field(default_factory=dict)
+    scripts: Mapping[StubLeaf, tuple[AnswerStep, ...]] = field(default_factory=dict)
     expect: Expectations = field(default_factory=Expectations)

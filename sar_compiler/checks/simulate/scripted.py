@@ -4,13 +4,13 @@ from collections.abc import Callable, Mapping, Sequence
 
 from py_trees.common import Status
 
-from sar_compiler.checks.simulate.scenario import Step
-from sar_compiler.checks.simulate.variables import RunVariables
+from sar_compiler.checks.simulate.run_variables import RunVariables
+from sar_compiler.checks.simulate.scenario import AnswerStep
 from sar_compiler.errors import SarError
-from sar_compiler.runtime.answering import AnsweringLeaf
 from sar_compiler.runtime.answers import Answer, nominal
 from sar_compiler.runtime.clock import Clock
 from sar_compiler.runtime.evaluation import EvaluationError, Program
+from sar_compiler.runtime.stub_leaf import StubLeaf
 
 # Ticks come at multiples of the period, which floats hit only nearly.
 _TOLERANCE_SEC = 1e-6
@@ -30,11 +30,11 @@ class Scripted:
     """
 
     def __init__(
-        self, scripts: Mapping[AnsweringLeaf, Sequence[Step]], variables: RunVariables, clock: Clock
+        self, scripts: Mapping[StubLeaf, Sequence[AnswerStep]], variables: RunVariables, clock: Clock
     ) -> None:
         self._plans = {leaf: _Plan(leaf, steps, variables, clock) for leaf, steps in scripts.items()}
 
-    def choose(self, leaf: AnsweringLeaf, options: Sequence[Answer]) -> Answer:
+    def choose(self, leaf: StubLeaf, options: Sequence[Answer]) -> Answer:
         """Return what the scenario says, else what is usual.
 
         Raises:
@@ -45,16 +45,16 @@ class Scripted:
 
 
 class _Plan:
-    """What one leaf answers."""
+    """The answers of one leaf."""
 
     def __init__(
-        self, leaf: AnsweringLeaf, steps: Sequence[Step], variables: RunVariables, clock: Clock
+        self, leaf: StubLeaf, steps: Sequence[AnswerStep], variables: RunVariables, clock: Clock
     ) -> None:
         self._leaf = leaf
         self._variables = variables
         self._clock = clock
         self._steps = [_Left(step) for step in steps]
-        self._current: Step | None = None
+        self._current: AnswerStep | None = None
         self._since = 0.0
 
     def choose(self, options: Sequence[Answer]) -> Answer:
@@ -84,7 +84,7 @@ class _Plan:
         )
         raise ScriptedError(message)
 
-    def _holds(self, step: Step) -> bool:
+    def _holds(self, step: AnswerStep) -> bool:
         if step.when is None:
             return True
         try:
@@ -94,13 +94,13 @@ class _Plan:
             raise ScriptedError(message) from error
 
 
-_Holds = Callable[[Step], bool]
+_Holds = Callable[[AnswerStep], bool]
 
 
 class _Left:
     """How often a step can still be taken."""
 
-    def __init__(self, step: Step) -> None:
+    def __init__(self, step: AnswerStep) -> None:
         self.step = step
         self._left = step.times
         self._chances = 0

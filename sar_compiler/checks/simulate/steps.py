@@ -1,25 +1,27 @@
-"""What a scenario says of its leaves: `leaves:`."""
+"""The scripts of the leaves of a scenario: `leaves:`."""
 
 from collections.abc import Sequence
 
 from sar_compiler.checks.leaf_words import LeafWords
-from sar_compiler.checks.simulate.scenario import Step
-from sar_compiler.checks.yaml_values import Document, Value
-from sar_compiler.compiler.rehearsal import fits
-from sar_compiler.runtime.answering import AnsweringLeaf
+from sar_compiler.checks.simulate.scenario import AnswerStep
+from sar_compiler.checks.typed_values import script, seconds
+from sar_compiler.compiler.simulated_tree import fits
+from sar_compiler.documents.located import Document, Value
+from sar_compiler.runtime.stub_leaf import StubLeaf
 
-_KEYS = ("answer", "after", "when", "times", "every")
 _ALWAYS = "always"
 
 
-def read_scripts(document: Document, value: Value, words: LeafWords) -> dict[AnsweringLeaf, tuple[Step, ...]]:
+def read_scripts(
+    document: Document, value: Value, words: LeafWords
+) -> dict[StubLeaf, tuple[AnswerStep, ...]]:
     """Return the steps of each leaf of which a scenario says something.
 
     Where several keys name a leaf, its path counts before its name, and its name before its tag.
     """
-    scripts: dict[AnsweringLeaf, tuple[Step, ...]] = {}
-    ranks: dict[AnsweringLeaf, int] = {}
-    for key, inner in document.entries(value, None, "leaves"):
+    scripts: dict[StubLeaf, tuple[AnswerStep, ...]] = {}
+    ranks: dict[StubLeaf, int] = {}
+    for key, inner in value.entries or ():
         leaves = words.find(document, key)
         steps = _steps(document, inner, words, leaves)
         for leaf in leaves:
@@ -30,47 +32,41 @@ def read_scripts(document: Document, value: Value, words: LeafWords) -> dict[Ans
 
 
 def _steps(
-    document: Document, value: Value, words: LeafWords, leaves: Sequence[AnsweringLeaf]
-) -> tuple[Step, ...]:
-    """Read one step for every time, or a list of steps for one time each."""
+    document: Document, value: Value, words: LeafWords, leaves: Sequence[StubLeaf]
+) -> tuple[AnswerStep, ...]:
+    """Read one step that is always taken, or a list of steps that are taken once each."""
     one = value.items is None
-    steps = [_step(document, item, words, leaves, always=one) for item in document.listed(value)]
+    steps = [_step(document, item, words, leaves, always=one) for item in value.listed]
     return tuple(step for step in steps if step is not None)
 
 
 def _step(
-    document: Document, value: Value, words: LeafWords, leaves: Sequence[AnsweringLeaf], *, always: bool
-) -> Step | None:
+    document: Document, value: Value, words: LeafWords, leaves: Sequence[StubLeaf], *, always: bool
+) -> AnswerStep | None:
     times = None if always else 1
     if value.entries is None:
         answer = words.answer(document, value, leaves) if leaves else None
-        return None if answer is None else Step(answer, times=times)
-    parts = document.mapping(value, _KEYS, "what a leaf answers")
-    if "answer" not in parts:
-        document.report(value, "missing-value", "this says no answer: write answer: SUCCESS")
-        return None
+        return None if answer is None else AnswerStep(answer, times=times)
+    parts = value.mapping
     answer = words.answer(document, parts["answer"], leaves) if leaves else None
-    after, when, every = (parts.get(key) for key in ("after", "when", "every"))
+    after = parts.get("after")
     if after is not None:
         _check_running(document, after, leaves)
-    step = Step(
+    step = AnswerStep(
         answer or "",
-        after_sec=(document.seconds(after, "after") if after else None) or 0.0,
-        when=document.script(when, "when") if when else None,
-        times=_times(document, parts["times"]) if "times" in parts else times,
-        every=(document.whole(every, "every", 1) if every else None) or 1,
+        after_sec=seconds(after) if after else 0.0,
+        when=script(document, parts.get("when")),
+        times=_times(parts["times"]) if "times" in parts else times,
+        every=int(parts["every"].data) if "every" in parts else 1,
     )
     return step if answer is not None else None
 
 
-def _times(document: Document, value: Value) -> int | None:
-    if value.text == _ALWAYS:
-        return None
-    number = document.whole(value, f"times, if it is not '{_ALWAYS}',", 1)
-    return 1 if number is None else number
+def _times(value: Value) -> int | None:
+    return None if value.data == _ALWAYS else int(value.data)
 
 
-def _check_running(document: Document, value: Value, leaves: Sequence[AnsweringLeaf]) -> None:
+def _check_running(document: Document, value: Value, leaves: Sequence[StubLeaf]) -> None:
     for leaf in leaves:
         if all(answer.status != "RUNNING" for answer in leaf.answers):
             message = f"'{leaf.name}' answers at once: it never runs, so nothing can come after a time"

@@ -1,17 +1,17 @@
-"""All possible runs of a tree: whether what should be so is so in every one of them.
+"""Verifying a tree: whether properties hold in all of its possible runs.
 
-The tree is compiled with answering leaves and brought into flat form; every combination of answers is played in
+The tree is compiled with stub leaves and brought into flat form; every combination of answers is played in
 every state that can be reached, those that fewest ticks lead to first.
 """
 
 from sar_compiler.checks.verify.exploring import Progress
 from sar_compiler.checks.verify.property_files import PropertyFile, parse_property_file, read_property_file
-from sar_compiler.checks.verify.verdicts import Outcome, Verdict, Verification
+from sar_compiler.checks.verify.verdicts import ProofStatus, Verdict, Verification
 from sar_compiler.checks.verify.verifying import UndecidableError, verify
 
 __all__ = [
-    "Outcome",
     "Progress",
+    "ProofStatus",
     "PropertyFile",
     "UndecidableError",
     "Verdict",

@@ -1,4 +1,4 @@
-"""All that one tick can come to: every combination of choices, one after another."""
+"""The possible results of one tick: every combination of choices, one after another."""
 
 from sar_compiler.errors import SarError
 
@@ -10,8 +10,10 @@ class UnsteadyError(SarError):
 class Choices:
     """Goes through the combinations of a tick in order, like the digits of a number.
 
-    The tick is played again and again. Each time it asks `pick` as it goes; the first answers are those of
-    the combination in hand, and where that ends the first option is taken.
+    A tick cannot be forked in the middle, where leaves and timers choose: what has happened in it is on Python's
+    stack. So it is restarted from the state before it, once for each combination. Each time it asks `pick` as it
+    goes; the first answers are those of the combination in hand, and where that ends the first option is taken.
+    Restarting is right only if the same choices lead to the same questions, which `pick` checks.
     """
 
     def __init__(self) -> None:
@@ -21,7 +23,7 @@ class Choices:
 
     @property
     def path(self) -> tuple[int, ...]:
-        """What was picked so far in this tick; questions with one option are left out."""
+        """The options picked so far in this tick; questions with one option are left out."""
         return tuple(self._path[: self._asked])
 
     def begin(self) -> None:
@@ -37,7 +39,7 @@ class Choices:
         self._asked = 0
 
     def pick(self, count: int) -> int:
-        """Return which of so many options is taken, from 0.
+        """Return the option to take, from 0 to *count* - 1.
 
         Raises:
             UnsteadyError: If another number of options was there when the same choices were made before.
@@ -60,7 +62,7 @@ class Choices:
         return self._path[asked]
 
     def advance(self) -> bool:
-        """Turn to the next combination; False if that was the last one."""
+        """Go to the next combination; return False if that was the last one."""
         path, counts = self._path, self._counts
         # What is left of a longer combination was not asked for this time.
         del path[self._asked :], counts[self._asked :]

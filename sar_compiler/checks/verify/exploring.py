@@ -1,4 +1,4 @@
-"""Going through the states of a tree, those that fewest ticks lead to first."""
+"""Searching the states of a tree breadth first."""
 
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import dataclass
@@ -6,12 +6,12 @@ from typing import NamedTuple, Protocol
 
 from sar_compiler.checks.verify.graph import Breach, Graph
 
-# So many ticks take less than a tenth of a second.
+# This many ticks take less than a tenth of a second.
 _REPORT_EVERY = 2048
 
 
-class Step(NamedTuple):
-    """One thing that a tick can come to.
+class Transition(NamedTuple):
+    """One possible result of a tick.
 
     Attributes:
         state: The state after it; None if it raised.
@@ -27,7 +27,7 @@ class Step(NamedTuple):
 
 
 class Judgement(NamedTuple):
-    """What there is to say of a state.
+    """The judgement of a state.
 
     Attributes:
         ends: Whether the run is over in it.
@@ -43,14 +43,14 @@ class Judgement(NamedTuple):
 
 
 class Stepper(Protocol):
-    """What can be gone through."""
+    """The states that can be searched."""
 
     def start(self) -> Hashable:
         """Return the state before the first tick."""
         ...
 
-    def steps(self, state: Hashable) -> Iterator[Step]:
-        """Yield everything that the next tick can come to."""
+    def steps(self, state: Hashable) -> Iterator[Transition]:
+        """Yield every possible result of the next tick."""
         ...
 
     def judge(self, state: Hashable, *, idle: bool | None) -> Judgement:
@@ -70,7 +70,7 @@ class Stepper(Protocol):
 
 @dataclass(frozen=True)
 class Progress:
-    """How far it has come.
+    """The progress of the search.
 
     Attributes:
         states: How many states were found.
@@ -86,16 +86,16 @@ class Progress:
 
 
 def keep_quiet(progress: Progress) -> None:
-    """Tell nobody how far it is."""
+    """Report nothing."""
 
 
 def explore(stepper: Stepper, max_states: int, report: Callable[[Progress], None] = keep_quiet) -> Graph:
-    """Go through all states that can be reached, breadth first.
+    """Search all states that can be reached, breadth first.
 
     Args:
         stepper: Knows the states.
         max_states: How many to find at most; where there are more, the graph is not complete.
-        report: Is told now and then how far it is.
+        report: Is called with the progress now and then.
     """
     return _Exploration(stepper, max_states, report).run()
 
@@ -124,7 +124,7 @@ class _Exploration:
         return graph
 
     def _expand(self, index: int) -> None:
-        """Find what follows a state; a state that only fits in part does not count as gone through."""
+        """Find the successors of a state; one whose successors do not all fit does not count as expanded."""
         graph, numbers, waiting = self._graph, self._numbers, self._waiting
         edges: dict[tuple[int, int], None] = {}
         idle = True
@@ -149,7 +149,7 @@ class _Exploration:
             self._judge_again(index, idle=idle)
 
     def _count(self) -> None:
-        """Count a tick, and report now and then."""
+        """Count a tick, and report the progress now and then."""
         self._played += 1
         if self._played % _REPORT_EVERY == 0:
             graph = self._graph
@@ -166,7 +166,12 @@ class _Exploration:
             graph.waiting = list(self._waiting)
 
     def _judge_again(self, index: int, *, idle: bool) -> None:
-        """Judge a state once more, all of whose ticks are known now."""
+        """Judge a state again now that all of its ticks are known.
+
+        Whether a state is idle depends on its ticks, and whether a run ends there may depend on that. When the
+        state is found its ticks are not known, so it is judged twice. Nothing asks for its end in between: that
+        is for `liveness`, after the search.
+        """
         self._open.remove(index)
         judgement = self._stepper.judge(self._graph.keys[index], idle=idle)
         self._graph.ends[index] = judgement.ends
@@ -194,6 +199,6 @@ class _Exploration:
             broken >>= 1
             rule += 1
 
-    def _note_error(self, source: int, step: Step) -> None:
+    def _note_error(self, source: int, step: Transition) -> None:
         if self._graph.error is None:
             self._graph.error = Breach(source, self._stepper.path, step.error)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Breach:
-    """The first tick in which something went wrong; the fewest ticks lead to it.
+    """The first tick in which something went wrong, at the least distance from the start.
 
     Attributes:
         source: The state in which the tick begins.
@@ -23,7 +23,7 @@ class Breach:
 
 @dataclass
 class Graph:
-    """What was found out about the runs of a tree; states are numbered in the order of their finding.
+    """The states of a tree and the ticks between them; states are numbered in the order in which they were found.
 
     Attributes:
         keys: The states themselves; the first one is the beginning.
@@ -56,12 +56,12 @@ class Graph:
 
     @property
     def expanded(self) -> int:
-        """How many states were gone through: those before this number."""
+        """How many states were expanded: those before this number."""
         return len(self.offsets) - 1
 
     @property
     def depth(self) -> int:
-        """How many ticks every run was followed for, at least."""
+        """The least number of ticks for which every run was followed."""
         return len(self.levels) - 1
 
     def edges(self, state: int) -> range:
@@ -71,7 +71,7 @@ class Graph:
         return range(self.offsets[state], self.offsets[state + 1])
 
     def distance(self, state: int) -> int:
-        """Return how many ticks lead to a state, at least."""
+        """Return the least number of ticks that lead to a state."""
         return bisect.bisect_right(self.levels, state) - 1
 
     def stem(self, state: int) -> list[int]:

@@ -1,9 +1,19 @@
-"""What must come one day: an end of the run, and what the run owes."""
+"""Liveness: what must happen one day (an end of the run, and what the run owes), and the runs in which it does not.
 
-from collections.abc import Iterable
+There are finitely many states, so a run that never ends stays in one strongly connected component from some tick on.
+Not every component is one that a run can stay in. The search lets a leaf answer RUNNING for ever and a timer never be
+up, which no robot does: nothing would ever be proved to end. So a run counts only if it is *fair*: whatever it waits
+for comes one day. Waiting means that one activation of a leaf or timer goes on through a whole tick. One that is halted
+and started again in each tick is not waited for: a reactive branch that restarts its leaf for ever is a true livelock,
+and the one most often asked about. Nor is a leaf that fails each time it is tried: nothing says that it ever
+succeeds.
+"""
+
+from array import array
+from collections import deque
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from sar_compiler.checks.verify.components import components, is_fair
 from sar_compiler.checks.verify.graph import Graph
 
 
@@ -22,7 +32,7 @@ class Endings:
 
 
 def endings(graph: Graph) -> Endings:
-    """Find the states that cannot end, and those that need not.
+    """Find the first state that cannot end, and the first component that need not.
 
     A state that was not gone through counts as one that can end.
     """
@@ -30,7 +40,7 @@ def endings(graph: Graph) -> Endings:
     stuck: int | None = None
     circling: list[int] | None = None
     for component in components(graph, graph.ends):
-        # What can be reached from it has its answer already.
+        # Components come in reverse topological order: what can be reached from this one is decided already.
         if any(_goes_on(graph, state, can_end) for state in component):
             for state in component:
                 can_end[state] = 1
@@ -42,7 +52,7 @@ def endings(graph: Graph) -> Endings:
 
 
 def owing_for_ever(graph: Graph, debt: int) -> list[int] | None:
-    """Return the states of the first component that a run can go round in and owe something for ever.
+    """Return the states of the first component in which a run can stay for ever while it owes something.
 
     Args:
         graph: The graph.
@@ -66,7 +76,7 @@ def _goes_on(graph: Graph, state: int, can_end: bytearray) -> bool:
 
 
 def _sooner(graph: Graph, component: list[int], known: list[int] | None) -> list[int]:
-    """Return the component that fewer ticks lead to; where they are as many, the later one, which leads to the other."""
+    """Return the component at the lesser distance; at the same distance the later one, which leads to the other."""
     if known is None or graph.distance(min(component)) <= graph.distance(min(known)):
         return component
     return known
@@ -75,3 +85,155 @@ def _sooner(graph: Graph, component: list[int], known: list[int] | None) -> list
 def _first(component: Iterable[int], known: int | None) -> int:
     least = min(component)
     return least if known is None else min(least, known)
+
+
+_NEW = 0
+
+
+def components(graph: Graph, excluded: bytearray) -> Iterator[list[int]]:
+    """Yield the strongly connected components of a graph, each after all that can be reached from it.
+
+    Tarjan's algorithm. Its recursion is as deep as the longest path, which may be a million states, so the path is
+    a list, and `following` holds where each state on it goes on.
+
+    Args:
+        graph: The graph.
+        excluded: 1 for each state that is taken for not being there.
+    """
+    count = len(graph.keys)
+    order, low = array("I", bytes(4 * count)), array("I", bytes(4 * count))
+    on_stack = bytearray(count)
+    following = array("Q", bytes(8 * count))
+    stack: list[int] = []
+    number = _NEW
+    for root in range(count):
+        if excluded[root] or order[root]:
+            continue
+        work = [root]
+        while work:
+            state = work[-1]
+            edges = graph.edges(state)
+            if order[state] == _NEW:
+                number += 1
+                order[state] = low[state] = number
+                following[state] = edges.start
+                stack.append(state)
+                on_stack[state] = 1
+            entered = _enter(graph, state, edges.stop, (order, low, on_stack, following, excluded))
+            if entered is not None:
+                work.append(entered)
+                continue
+            work.pop()
+            if work:
+                low[work[-1]] = min(low[work[-1]], low[state])
+            if low[state] == order[state]:
+                yield _popped(stack, on_stack, state)
+
+
+_Arrays = tuple["array[int]", "array[int]", bytearray, "array[int]", bytearray]
+
+
+def _enter(graph: Graph, state: int, stop: int, arrays: _Arrays) -> int | None:
+    """Continue through the ticks of a state; return the first new state, None at the end."""
+    order, low, on_stack, following, excluded = arrays
+    targets = graph.targets
+    edge, least = following[state], low[state]
+    found = None
+    while edge < stop:
+        target = targets[edge]
+        edge += 1
+        if excluded[target]:
+            continue
+        if order[target] == _NEW:
+            found = target
+            break
+        if on_stack[target] and order[target] < least:
+            least = order[target]
+    following[state], low[state] = edge, least
+    return found
+
+
+def _popped(stack: list[int], on_stack: bytearray, first: int) -> list[int]:
+    component = []
+    while True:
+        state = stack.pop()
+        on_stack[state] = 0
+        component.append(state)
+        if state == first:
+            return component
+
+
+def is_fair(graph: Graph, component: list[int]) -> bool:
+    """Return whether a fair run can stay in a component for ever.
+
+    It can if there is nothing that every tick in the component waits for: in a strongly connected component one
+    round can take all of the ticks. If there is something, every round waits for it, so no run can stay.
+    """
+    inside = set(component)
+    waiting, found = -1, False
+    for state in component:
+        for edge in graph.edges(state):
+            if graph.targets[edge] in inside:
+                found = True
+                waiting &= graph.waiting[graph.waits[edge]]
+                if not waiting:
+                    return True
+    return found and not waiting
+
+
+@dataclass(frozen=True)
+class Lasso:
+    """A way and a round.
+
+    Attributes:
+        stem: The states on the way, from the first one to that where the round begins.
+        loop: The ticks of the round, as numbers of edges.
+    """
+
+    stem: list[int]
+    loop: list[int]
+
+
+def lasso(graph: Graph, component: list[int]) -> Lasso:
+    """Return a short fair run into a component and once round in it.
+
+    Args:
+        graph: The graph.
+        component: A component for which `is_fair` holds.
+    """
+    entry = min(component)
+    return Lasso(graph.stem(entry), _round(graph, entry, set(component)))
+
+
+def _round(graph: Graph, entry: int, inside: set[int]) -> list[int]:
+    """Return the ticks of a shortest fair round from a state back to it."""
+    # A shortest round back to the state may be an unfair one. So breadth first over states together with what was
+    # waited for in every tick so far: -1 stands for everything, 0 is what the round must arrive with.
+    start = (entry, -1)
+    ways: dict[tuple[int, int], tuple[tuple[int, int], int]] = {}
+    queue = deque([start])
+    while queue:
+        place = queue.popleft()
+        state, waiting = place
+        for edge in graph.edges(state):
+            target = graph.targets[edge]
+            following = (target, waiting & graph.waiting[graph.waits[edge]])
+            if target not in inside or following in ways:
+                continue
+            ways[following] = (place, edge)
+            if following == (entry, 0):
+                return _retraced(ways, start, following)
+            queue.append(following)
+    message = "one cannot go round in this component"
+    raise ValueError(message)
+
+
+def _retraced(
+    ways: dict[tuple[int, int], tuple[tuple[int, int], int]], start: tuple[int, int], end: tuple[int, int]
+) -> list[int]:
+    way: list[int] = []
+    place = end
+    while place != start:
+        place, edge = ways[place]
+        way.append(edge)
+    return way[::-1]

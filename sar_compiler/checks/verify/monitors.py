@@ -1,12 +1,16 @@
-"""Watching a run for what a property forbids: one small automaton for each, and all of them as one."""
+"""Watching a run for what the properties forbid: an automaton for each, all of them as one, and its end."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
+from sar_compiler.checks.verify.events import Guarded
+from sar_compiler.checks.verify.exploring import Judgement
+from sar_compiler.checks.verify.property_conditions import IdleUnknownError
 
-class Form(Enum):
-    """What a property says, in the words of the specification patterns of Dwyer, Avrunin and Corbett."""
+
+class PropertyPattern(Enum):
+    """The pattern of a property, after the specification patterns of Dwyer, Avrunin and Corbett."""
 
     NEVER = "never"
     """Absence: the event does not happen."""
@@ -19,7 +23,7 @@ class Form(Enum):
 
 
 MAIN, OTHER, LIMIT = 1, 2, 4
-"""What an event can be in a property: the one that it is about; the one that must come; the one that bounds it."""
+"""The roles of an event in a property: the one that it is about, the one that must come, the one that bounds it."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +36,7 @@ class Monitor:
         owes: Whether what must come can come at any time, so that it is owed until it comes.
     """
 
-    form: Form
+    form: PropertyPattern
     roles: Mapping[int, int]
     owes: bool = False
 
@@ -70,11 +74,11 @@ def _at_most_once(flag: bool, roles: int) -> tuple[bool, bool]:
     return happened or bool(roles & MAIN), happened and bool(roles & MAIN)
 
 
-_RULES: Mapping[Form, Callable[[bool, int], tuple[bool, bool]]] = {
-    Form.NEVER: _never,
-    Form.BEFORE: _before,
-    Form.AFTER: _after,
-    Form.AT_MOST_ONCE: _at_most_once,
+_RULES: Mapping[PropertyPattern, Callable[[bool, int], tuple[bool, bool]]] = {
+    PropertyPattern.NEVER: _never,
+    PropertyPattern.BEFORE: _before,
+    PropertyPattern.AFTER: _after,
+    PropertyPattern.AT_MOST_ONCE: _at_most_once,
 }
 
 
@@ -117,3 +121,55 @@ class Monitors:
                 broken |= wrong << bit
             following |= flag << bit
         return following, broken
+
+
+AfterTickCondition = Callable[[str, bool | None], bool]
+"""Returns whether a condition holds after a tick, given the root's status and whether the tree idles: every tick from
+now on leaves it as it is. None if that is not known yet: then it may raise `IdleUnknownError`."""
+
+
+@dataclass(frozen=True)
+class Rules:
+    """The properties of a tree, ready to be watched.
+
+    Attributes:
+        monitors: Those over events; the first rules.
+        guarded: The events that count only while a condition holds, by the number of the event without it.
+        ends: Says whether a run is over.
+        at_end: What must hold when it is over; the rules behind those over events.
+    """
+
+    monitors: Monitors
+    guarded: Mapping[int, Sequence[Guarded]]
+    ends: AfterTickCondition
+    at_end: Sequence[AfterTickCondition] = field(default_factory=tuple)
+
+    def judge(self, root: str, watched: int, *, idle: bool | None) -> Judgement:
+        """Judge the state after a tick.
+
+        Args:
+            root: What the root came to; empty before the first tick.
+            watched: What the monitors remember.
+            idle: Whether every tick leaves it as it is; None if that is not known yet.
+        """
+        owed = self.monitors.owed(watched)
+        if not root:
+            return Judgement(pending=owed)
+        ends = _answer(self.ends, root, idle=idle)
+        if not ends:
+            return Judgement(pending=owed, is_open=ends is None)
+        broken, is_open = owed, False
+        for place, condition in enumerate(self.at_end):
+            holds = _answer(condition, root, idle=idle)
+            is_open = is_open or holds is None
+            if holds is False:
+                broken |= 1 << (self.monitors.count + place)
+        return Judgement(ends=True, broken=broken, pending=owed, is_open=is_open)
+
+
+def _answer(condition: AfterTickCondition, root: str, *, idle: bool | None) -> bool | None:
+    """Return whether a condition holds; None if that depends on what is not known yet."""
+    try:
+        return condition(root, idle)
+    except IdleUnknownError:
+        return None

@@ -1,22 +1,20 @@
-"""Properties in force: those of a file that a tree can keep or break, ready to be watched."""
+"""The properties of a file that a tree can keep or break, as monitors."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 from sar_compiler.checks.leaf_words import LeafWords
-from sar_compiler.checks.verify.conditions import Condition, Surroundings, read_condition
-from sar_compiler.checks.verify.known_names import names_of
-from sar_compiler.checks.verify.monitors import LIMIT, MAIN, OTHER, Form, Monitor, Monitors
-from sar_compiler.checks.verify.prepared import Prepared
+from sar_compiler.checks.verify.events import Guarded
+from sar_compiler.checks.verify.monitors import LIMIT, MAIN, OTHER, Monitor, Monitors, PropertyPattern, Rules
+from sar_compiler.checks.verify.property_conditions import Condition, Surroundings, names_of, read_condition
 from sar_compiler.checks.verify.property_files import EventProperty, PropertyFile
-from sar_compiler.checks.verify.rules import Rules
-from sar_compiler.checks.verify.trail import Guarded
-from sar_compiler.checks.yaml_values import Document, Value, raise_findings
+from sar_compiler.checks.verify.state import Prepared
+from sar_compiler.documents.located import Document, Value
 
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A property that says nothing about a tree.
+    """A property that does not apply to a tree.
 
     Attributes:
         name: What it is called.
@@ -29,7 +27,7 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class Properties:
-    """What is watched in the runs of a tree.
+    """The properties of a tree, as they are checked.
 
     Attributes:
         rules: The properties, as the exploration uses them.
@@ -45,12 +43,12 @@ class Properties:
 
 
 def without_properties() -> Properties:
-    """Return what is watched where no file says anything: a run is over when the root has succeeded or failed."""
+    """Return the properties without a file: none, and a run is over when the root has succeeded or failed."""
     return Properties(Rules(Monitors(()), {}, _root_is_over))
 
 
 def properties_of(file: PropertyFile, prepared: Prepared, tags: Collection[str]) -> Properties:
-    """Return what a file demands of a tree.
+    """Return the properties that a file demands of a tree.
 
     Args:
         file: The file.
@@ -67,7 +65,7 @@ def properties_of(file: PropertyFile, prepared: Prepared, tags: Collection[str])
         (each.name, reading.condition(each.condition, each.name, after_a_tick=True)) for each in file.ends
     ]
     end = None if file.end is None else reading.condition(file.end, "end", after_a_tick=True)
-    raise_findings([file.document])
+    file.document.raise_findings()
     rules = Rules(
         Monitors(reading.monitors),
         reading.guarded,
@@ -81,7 +79,7 @@ def properties_of(file: PropertyFile, prepared: Prepared, tags: Collection[str])
 
 @dataclass
 class _Events:
-    """What some texts of a property mean.
+    """The events that some texts of a property mean.
 
     Attributes:
         numbers: The events.
@@ -107,13 +105,13 @@ class _Reading:
         self.left_out: list[LeftOut] = []
         self._document = document
         self._alphabet = prepared.alphabet
-        self._words = LeafWords(prepared.rehearsal)
+        self._words = LeafWords(prepared.simulated)
         self._tags = tags
-        self._known = names_of(prepared.rehearsal)
-        self._surroundings = Surroundings(prepared.rehearsal, prepared.facts)
+        self._known = names_of(prepared.simulated)
+        self._surroundings = Surroundings(prepared.simulated, prepared.facts)
 
     def take(self, written: EventProperty) -> None:
-        """Take a property."""
+        """Add a property."""
         main, other, limit = map(self._events, (written.main, written.other, written.limit))
         condition = None
         if written.condition is not None:
@@ -124,12 +122,14 @@ class _Reading:
             return
         counted = main.numbers
         if condition is not None:
-            counted = {self._guard(main.numbers, condition, comes_first=written.form is Form.BEFORE)}
+            counted = {
+                self._guard(main.numbers, condition, comes_first=written.form is PropertyPattern.BEFORE)
+            }
         roles: dict[int, int] = {}
         for numbers, role in ((counted, MAIN), (other.numbers, OTHER), (limit.numbers, LIMIT)):
             for number in numbers:
                 roles[number] = roles.get(number, 0) | role
-        owes = written.form is Form.AFTER and not written.limit
+        owes = written.form is PropertyPattern.AFTER and not written.limit
         self.monitors.append(Monitor(written.form, roles, owes))
         self.names.append(written.name)
 

@@ -1,53 +1,182 @@
-"""The ticks of a tree, from any state that it can be in."""
+"""The ticks of a tree, from any state that it can be in.
+
+Almost all of the time of a verification goes by in the leaves here and in the controls around them.
+"""
 
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from py_trees.behaviour import Behaviour
+
 from sar_compiler.checks.verify.choices import Choices, UnsteadyError
-from sar_compiler.checks.verify.conditions import ConditionError
-from sar_compiler.checks.verify.exploring import Judgement, Step
-from sar_compiler.checks.verify.flat_leaves import FlatLeaves
-from sar_compiler.checks.verify.outcomes import NOT_TICKED, WORDS
-from sar_compiler.checks.verify.prepared import Prepared
-from sar_compiler.checks.verify.rules import Rules
-from sar_compiler.checks.verify.snapshots import Snapshots
-from sar_compiler.checks.verify.timers import Timers
-from sar_compiler.checks.verify.trail import Trail
-from sar_compiler.runtime.answering import Event
-from sar_compiler.runtime.flat import flatten
-from sar_compiler.runtime.flat.cells import Cells
-
-# How many states are looked at for what grows, and how much of it is told.
-_SAMPLE = 5000
-_MOST_GROWING = 3
+from sar_compiler.checks.verify.events import Trail
+from sar_compiler.checks.verify.exploring import Judgement, Transition
+from sar_compiler.checks.verify.monitors import Rules
+from sar_compiler.checks.verify.property_conditions import ConditionError
+from sar_compiler.checks.verify.state import NOT_TICKED, NUMBERS, WORDS, Prepared, State, StateStore
+from sar_compiler.runtime.answers import Answer
+from sar_compiler.runtime.flat import Times, flatten
+from sar_compiler.runtime.flat.cells import INVALID, RUNNING, SKIPPED, Cells, Stop, Tick
+from sar_compiler.runtime.flat.parts import Build, Part
+from sar_compiler.runtime.flat.table import builder_of
+from sar_compiler.runtime.stub_leaf import ANSWERED, HALTED, STARTED, Event, StubLeaf
 
 
-class State(NamedTuple):
-    """All that the next ticks depend on.
+class _Reply(NamedTuple):
+    """An answer that is possible.
 
     Attributes:
-        cells: The cells of the flat tree, as bytes where they are small numbers.
-        keys: The entries of the tree's blackboard, as a number of their snapshot.
-        facts: The facts, likewise.
-        outcome: What the last tick came to.
-        watched: What the properties remember.
+        event: The number of its event.
+        outcome: The outcome of the tick.
+        change: The answer, if it changes facts or keys.
     """
 
-    cells: "bytes | tuple[Hashable, ...]"
-    keys: int
-    facts: int
+    event: int
     outcome: int
-    watched: int
+    change: Answer | None
+
+
+class FlatLeaves:
+    """Brings leaves into flat form.
+
+    Args:
+        prepared: Their tree.
+        choices: Decide what is answered.
+        trail: Is told what happens; the bit of a leaf is that of its node.
+
+    Attributes:
+        ran: The indexes of the leaves that were ticked.
+    """
+
+    def __init__(self, prepared: Prepared, choices: Choices, trail: Trail) -> None:
+        self.ran: set[int] = set()
+        self._facts = prepared.facts
+        self._numbers = prepared.alphabet.numbers
+        self._pick = choices.pick
+        self._trail = trail
+
+    def builder(self, behaviour: Behaviour) -> Build:
+        """Return what brings a node into flat form, whether it is a leaf or not.
+
+        Raises:
+            NotFlatError: If its rules are not known.
+        """
+        if isinstance(behaviour, StubLeaf):
+            return self._answering
+        build = builder_of(behaviour)
+        return build if behaviour.children else self._noting(build)
+
+    def _noting(self, build: Build) -> Build:
+        """Build a leaf of the language that notes its turns."""
+        note = self.ran.add
+
+        def noting(part: Part) -> tuple[Tick, Stop]:
+            tick_leaf, stop = build(part)
+
+            def tick(cells: Cells, times: Times) -> int:
+                note(part.index)
+                return tick_leaf(cells, times)
+
+            return tick, stop
+
+        return noting
+
+    def _answering(self, part: Part) -> tuple[Tick, Stop]:
+        """Build a leaf that does what `StubLeaf` does in `initialise`, `update` and `terminate`."""
+        leaf, index, at, bit = part.behaviour, part.index, part.at, 1 << part.index
+        note, pick, trail, facts = self.ran.add, self._pick, self._trail, self._facts
+        take = trail.take
+        started, halted = (self._numbers[id(leaf), what, id(None)] for what in (STARTED, HALTED))
+        known: dict[int, Sequence[_Reply]] = {}
+
+        def tick(cells: Cells, times: Times) -> int:  # noqa: ARG001
+            note(index)
+            if cells[at] != RUNNING:
+                trail.changed |= bit
+                take(started)
+            replies = known.get(facts.number)
+            if replies is None:
+                replies = self._replies(leaf, known)
+            event, outcome, change = replies[pick(len(replies))]
+            take(event)
+            if change is not None:
+                facts.change(leaf, change)
+            if outcome == RUNNING:
+                trail.going_on |= bit
+            else:
+                trail.changed |= bit
+            if outcome != SKIPPED:
+                cells[at] = outcome
+            return outcome
+
+        def stop(cells: Cells, times: Times) -> None:  # noqa: ARG001
+            if cells[at] == RUNNING:
+                trail.changed |= bit
+                take(halted)
+            cells[at] = INVALID
+
+        return tick, stop
+
+    def _replies(self, leaf: StubLeaf, known: dict[int, Sequence[_Reply]]) -> Sequence[_Reply]:
+        """Return what a leaf can answer now, and keep it if it depends on facts only.
+
+        The last one comes first: leaves name their setbacks after their successes, and among runs of as many
+        ticks those with setbacks are found first, which are shorter to read.
+        """
+        replies = [
+            _Reply(
+                self._numbers[id(leaf), ANSWERED, id(answer)],
+                NUMBERS[answer.status],
+                answer if answer.then else None,
+            )
+            for answer in reversed(self._facts.options(leaf))
+        ]
+        if self._facts.decide_alone(leaf):
+            known[self._facts.number] = replies
+        return replies
+
+
+_STARTED, _UP = 1, 2
+
+
+class Timers:
+    """Timers of which each may be up at any look, or at a later one.
+
+    Args:
+        choices: Decide whether a timer is up.
+        trail: Is told what is waited for; the bit of a timer is that of its node.
+    """
+
+    def __init__(self, choices: Choices, trail: Trail) -> None:
+        self._choices = choices
+        self._trail = trail
+
+    def start(self, index: int, seconds: float) -> Hashable:
+        """Start a timer; one without any time is up at once."""
+        self._trail.changed |= 1 << index
+        return _STARTED if seconds > 0 else _UP
+
+    def is_up(self, index: int, token: int) -> bool:
+        """Choose whether a timer is up."""
+        if token == _UP or self._choices.pick(2) == 1:
+            self._trail.changed |= 1 << index
+            return True
+        self._trail.going_on |= 1 << index
+        return False
+
+    def remaining(self, index: int, token: int) -> float:  # noqa: ARG002 - as the protocol has it
+        """Return 0: the time left is not known."""
+        return 0.0
 
 
 @dataclass(frozen=True)
-class Played:
-    """What happened in a tick, for those who read of it.
+class PlayedTick:
+    """The events and results of a tick, for reports.
 
     Attributes:
         events: What the leaves did, in order.
-        root: What the root came to; empty if the tick was not finished.
+        root: The root's status; empty if the tick was not finished.
         values: The facts and the keys of the tree afterwards.
     """
 
@@ -57,10 +186,10 @@ class Played:
 
 
 class TreeStepper:
-    """Plays ticks of a rehearsed tree in its flat form.
+    """Plays ticks of a simulated tree in its flat form.
 
     Args:
-        prepared: The tree with answering leaves.
+        prepared: The tree with stub leaves.
         rules: What is watched.
 
     Raises:
@@ -68,24 +197,22 @@ class TreeStepper:
 
     Attributes:
         flat: The flat form.
+        states: Takes and restores its states.
         ran: The indexes of the leaves that were ticked so far.
     """
 
     def __init__(self, prepared: Prepared, rules: Rules) -> None:
-        self._rehearsal = prepared.rehearsal
         self._alphabet = prepared.alphabet
-        self._facts = prepared.facts
         self._rules = rules
         self._choices = Choices()
         self._trail = Trail(rules.guarded)
         leaves = FlatLeaves(prepared, self._choices, self._trail)
-        self.flat = flatten(self._rehearsal.root, leaves.builder)
+        self.flat = flatten(prepared.simulated.root, leaves.builder)
         self.ran = leaves.ran
+        self.states = StateStore(prepared, self.flat)
         self._times = Timers(self._choices, self._trail)
-        self._cells: Cells = self.flat.initial()
         self._outcome = NOT_TICKED
-        self._keys = Snapshots(self._rehearsal.compiled.board)
-        self._start = self._state(NOT_TICKED, rules.monitors.start)
+        self._start = self.states.take(NOT_TICKED, rules.monitors.start)
 
     def start(self) -> State:
         """Return the state before the first tick."""
@@ -96,8 +223,8 @@ class TreeStepper:
         """The choices of the last tick."""
         return self._choices.path
 
-    def steps(self, state: Hashable) -> Iterator[Step]:
-        """Yield everything that the next tick can come to.
+    def steps(self, state: Hashable) -> Iterator[Transition]:
+        """Yield every possible result of the next tick.
 
         Raises:
             ConditionError: If a condition of a property cannot be evaluated.
@@ -114,63 +241,26 @@ class TreeStepper:
     def judge(self, state: Hashable, *, idle: bool | None) -> Judgement:
         """Judge a state."""
         assert isinstance(state, State)  # noqa: S101
-        self._go_to(state)
+        self.states.restore_boards(state)
         return self._rules.judge(WORDS[state.outcome], state.watched, idle=idle)
 
-    def played(self) -> Played:
-        """Tell of the step that was yielded last."""
+    def played(self) -> PlayedTick:
+        """Return what happened in the step that was yielded last."""
         known = self._alphabet.events
-        # What is behind them follows an event while a condition holds.
+        # Numbers above these are those of guarded events, which go with another one.
         events = tuple(known[number] for number in self._trail.numbers if number < len(known))
-        return Played(events, WORDS[self._outcome], self._values())
+        return PlayedTick(events, WORDS[self._outcome], self.states.values())
 
-    def values_in(self, state: Hashable) -> dict[str, object]:
-        """Return the facts and the keys of the tree in a state."""
-        assert isinstance(state, State)  # noqa: S101
-        self._go_to(state)
-        return self._values()
-
-    def growing(self, states: Sequence[Hashable]) -> tuple[tuple[str, int], ...]:
-        """Return the facts and keys that have most values in the last of some states, with the numbers of values."""
-        values: dict[str, set[str]] = {}
-        for state in states[-_SAMPLE:]:
-            for name, value in self.values_in(state).items():
-                values.setdefault(name, set()).add(repr(value))
-        counts = sorted(((name, len(found)) for name, found in values.items()), key=lambda each: -each[1])
-        return tuple((name, count) for name, count in counts[:_MOST_GROWING] if count > 1)
-
-    def _go_to(self, state: State) -> None:
-        """Make the facts and keys as they are in a state."""
-        self._keys.restore(state.keys)
-        self._facts.number = state.facts
-
-    def _values(self) -> dict[str, object]:
-        self._facts.write_out()
-        board = self._rehearsal.compiled.board
-        prefix = f"{board.prefix}/"
-        keys = {name.removeprefix(prefix): board.get(name) for name in board.names() if board.has(name)}
-        return {**keys, **self._rehearsal.fact_values()}
-
-    def _play(self, state: State) -> Step:
-        cells = self._cells
-        cells[:] = state.cells
-        self._go_to(state)
+    def _play(self, state: State) -> Transition:
+        states = self.states
+        states.restore(state)
         self._trail.begin()
         self._outcome = NOT_TICKED
         try:
-            self._outcome = outcome = self.flat.tick(cells, self._times)
+            self._outcome = outcome = self.flat.tick(states.cells, self._times)
         except (ConditionError, UnsteadyError):
             raise
         except Exception as error:  # noqa: BLE001 - whatever a leaf raises would end the mission
-            return Step(None, error=error)
+            return Transition(None, error=error)
         watched, broken = self._rules.monitors.after(state.watched, tuple(self._trail.numbers))
-        return Step(self._state(outcome, watched), self._trail.waits, broken)
-
-    def _state(self, outcome: int, watched: int) -> State:
-        self.flat.renumber(self._cells)
-        cells: bytes | tuple[Hashable, ...]
-        try:
-            cells = bytes(self._cells)
-        except (TypeError, ValueError):
-            cells = tuple(self._cells)
-        return State(cells, self._keys.take(), self._facts.number, outcome, watched)
+        return Transition(states.take(outcome, watched), self._trail.waits, broken)

@@ -1,33 +1,33 @@
-"""Runs as somebody can read them: the states of a way, played again tick by tick."""
+"""Runs as they are reported: played again tick by tick."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from sar_compiler.checks.verify.exploring import Step
+from sar_compiler.checks.verify.exploring import Transition
 from sar_compiler.checks.verify.graph import Breach, Graph
-from sar_compiler.checks.verify.lassos import Lasso
+from sar_compiler.checks.verify.liveness import Lasso
 from sar_compiler.checks.verify.stepping import TreeStepper
-from sar_compiler.runtime.answering import Event
+from sar_compiler.runtime.stub_leaf import Event
 
-Change = tuple[object, object]
+ValueChange = tuple[object, object]
 """A value before and after; None where there is none."""
 
 
 @dataclass(frozen=True)
 class TraceTick:
-    """What happened in one tick.
+    """The events and results of one tick.
 
     Attributes:
         events: What the leaves did, in order.
-        root: What the root came to; empty if the tick was not finished.
+        root: The root's status; empty if the tick was not finished.
         changes: The facts and keys that have changed.
         error: What was raised.
     """
 
     events: tuple[Event, ...]
     root: str
-    changes: Mapping[str, Change]
+    changes: Mapping[str, ValueChange]
     error: str = ""
 
 
@@ -45,7 +45,13 @@ class Trace:
 
 
 class Retracing:
-    """Tells the runs of a graph.
+    """Plays runs of a graph again, to report what happened in them.
+
+    The search keeps of each tick only the state that it leads to and what it waits for; events and changes of a million
+    ticks would not fit. A run is restored from that: each of its ticks is tried in the order of the search until one
+    leads to the next state. Several may. For a way to a state any will do, because the state is all that later
+    ticks depend on. For a breach it must be the one with the choices that were noted, since the events break the
+    property; and in a round the one that waits for the same, or the run that is shown might not be fair.
 
     Args:
         stepper: What the graph was made with.
@@ -80,20 +86,20 @@ class Retracing:
         return [self._way(source, target) for source, target in pairwise(states)]
 
     def _way(self, source: int, target: int) -> TraceTick:
-        """Tell a tick from one state to another."""
+        """Return a tick from one state to another."""
         end = self._graph.keys[target]
         return self._tick(source, lambda step: step.state == end)
 
     def _edge(self, source: int, edge: int) -> TraceTick:
-        """Tell a tick of the graph."""
+        """Return a tick of the graph."""
         graph = self._graph
         end, waits = graph.keys[graph.targets[edge]], graph.waiting[graph.waits[edge]]
         return self._tick(source, lambda step: step.state == end and step.waits == waits)
 
-    def _tick(self, source: int, wanted: Callable[[Step], bool]) -> TraceTick:
+    def _tick(self, source: int, wanted: Callable[[Transition], bool]) -> TraceTick:
         """Play the first tick of a state that is wanted."""
         key = self._graph.keys[source]
-        before = self._stepper.values_in(key)
+        before = self._stepper.states.values_in(key)
         step = next(step for step in self._stepper.steps(key) if wanted(step))
         played = self._stepper.played()
         after = played.values

@@ -1,15 +1,19 @@
-"""What verification answers."""
+"""The questions that are asked of a tree, and their answers from the graph of its states."""
 
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
-from sar_compiler.checks.verify.properties import LeftOut
-from sar_compiler.checks.verify.traces import Trace
-from sar_compiler.runtime.answering import AnsweringLeaf
+from sar_compiler.checks.verify.graph import Graph
+from sar_compiler.checks.verify.liveness import endings, lasso, owing_for_ever
+from sar_compiler.checks.verify.properties import LeftOut, Properties
+from sar_compiler.checks.verify.traces import Retracing, Trace
+from sar_compiler.runtime.flat import FlatNode
+from sar_compiler.runtime.stub_leaf import StubLeaf
 
 
-class Outcome(str, Enum):
-    """What is known of a question."""
+class ProofStatus(str, Enum):
+    """The status of a question."""
 
     PROVED = "proved"
     BROKEN = "does not hold"
@@ -28,14 +32,14 @@ class Verdict:
     """
 
     question: str
-    outcome: Outcome
+    outcome: ProofStatus
     reason: str = ""
     trace: Trace | None = None
 
 
 @dataclass(frozen=True)
 class Verification:
-    """All that was found out about a tree.
+    """The result of verifying a tree.
 
     Attributes:
         verdicts: The questions with their answers.
@@ -56,9 +60,100 @@ class Verification:
     complete: bool
     left_out: tuple[LeftOut, ...] = ()
     growing: tuple[tuple[str, int], ...] = ()
-    leaves: tuple[AnsweringLeaf, ...] = ()
+    leaves: tuple[StubLeaf, ...] = ()
 
     @property
     def proved(self) -> bool:
         """Whether everything is proved."""
-        return all(verdict.outcome is Outcome.PROVED for verdict in self.verdicts)
+        return all(verdict.outcome is ProofStatus.PROVED for verdict in self.verdicts)
+
+
+NO_ERROR = "no tick raises an error"
+EVERY_LEAF = "every leaf can run"
+AN_END = "an end can be reached from everywhere"
+NO_LIVELOCK = "every run ends"
+
+
+class Questions:
+    """Answers questions about the runs of a tree.
+
+    Args:
+        graph: Its states and ticks.
+        retracing: Tells runs.
+        advice_on: Says what to do about what a tick raises, as the end of a sentence.
+    """
+
+    def __init__(self, graph: Graph, retracing: Retracing, advice_on: Callable[[BaseException], str]) -> None:
+        self._graph = graph
+        self._retracing = retracing
+        self._advice_on = advice_on
+
+    def no_error(self) -> Verdict:
+        """Return the verdict on whether a tick of any run raises an error."""
+        error = self._graph.error
+        if error is None:
+            return self._unbroken(NO_ERROR)
+        assert error.error is not None  # noqa: S101 - that is what kind of breach it is
+        reason = f"{error.error}{self._advice_on(error.error)}"
+        return Verdict(NO_ERROR, ProofStatus.BROKEN, reason, self._retracing.breach(error))
+
+    def every_leaf(self, leaves: Sequence[FlatNode], ran: Collection[int]) -> Verdict:
+        """Return the verdict on whether every leaf is ticked in some run."""
+        never = [f"'{node.behaviour.name}'" for node in leaves if node.index not in ran]
+        if not never:
+            return Verdict(EVERY_LEAF, ProofStatus.PROVED)
+        names = ", ".join(never)
+        if self._graph.complete:
+            return Verdict(EVERY_LEAF, ProofStatus.BROKEN, f"in no run is it the turn of {names}")
+        return Verdict(EVERY_LEAF, ProofStatus.UNDECIDED, f"so far it was not the turn of {names}")
+
+    def endings(self) -> Iterator[Verdict]:
+        """Yield the verdicts on whether the runs end."""
+        found = endings(self._graph)
+        if found.stuck is None:
+            yield self._unbroken(AN_END)
+        else:
+            yield Verdict(
+                AN_END,
+                ProofStatus.BROKEN,
+                "after this no end comes any more",
+                self._retracing.to(found.stuck),
+            )
+        if found.circling is None:
+            yield self._unbroken(NO_LIVELOCK)
+        else:
+            yield Verdict(
+                NO_LIVELOCK, ProofStatus.BROKEN, "this run goes on for ever", self._round(found.circling)
+            )
+
+    def properties(self, properties: Properties) -> Iterator[Verdict]:
+        """Yield a verdict for each property."""
+        for rule, name in enumerate(properties.names):
+            breach = self._graph.breaches.get(rule)
+            if breach is not None:
+                yield Verdict(
+                    name, ProofStatus.BROKEN, "it is broken in the last tick", self._retracing.breach(breach)
+                )
+                continue
+            circling = owing_for_ever(self._graph, 1 << rule) if rule in properties.owing else None
+            if circling is None:
+                yield self._unbroken(name)
+            else:
+                reason = "what must come never comes in this run"
+                yield Verdict(name, ProofStatus.BROKEN, reason, self._round(circling))
+
+    def _round(self, component: list[int]) -> Trace:
+        return self._retracing.lasso(lasso(self._graph, component))
+
+    def _unbroken(self, question: str) -> Verdict:
+        graph = self._graph
+        if graph.error is not None:
+            return Verdict(
+                question, ProofStatus.UNDECIDED, "a run that raises an error was not followed beyond it"
+            )
+        if graph.complete:
+            return Verdict(question, ProofStatus.PROVED)
+        seen = {0: "what was seen of the first tick", 1: "the first tick of every run"}
+        where = seen.get(graph.depth, f"the first {graph.depth:,} ticks of every run")
+        reason = f"nothing speaks against it in {where}"
+        return Verdict(question, ProofStatus.UNDECIDED, reason)

@@ -1,38 +1,37 @@
-"""Verifying a tree: its states are gone through once, and every question is answered from them."""
+"""Verifying a tree: its states are searched once, and every question is answered from them."""
 
 from collections.abc import Callable, Collection
 
 from sar_compiler.checks.verify.choices import UnsteadyError
-from sar_compiler.checks.verify.conditions import ConditionError
 from sar_compiler.checks.verify.exploring import Progress, explore, keep_quiet
-from sar_compiler.checks.verify.prepared import Prepared
 from sar_compiler.checks.verify.properties import properties_of, without_properties
+from sar_compiler.checks.verify.property_conditions import ConditionError
 from sar_compiler.checks.verify.property_files import PropertyFile
-from sar_compiler.checks.verify.questions import Questions
+from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.checks.verify.traces import Retracing
-from sar_compiler.checks.verify.verdicts import Verification
-from sar_compiler.compiler.rehearsal import Rehearsal
+from sar_compiler.checks.verify.verdicts import Questions, Verification
+from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.flat import NotFlatError
 from sar_compiler.runtime.frozen import FrozenValueError
 
 
 class UndecidableError(SarError):
-    """The runs of a tree cannot be gone through."""
+    """The runs of a tree cannot be searched."""
 
 
 def verify(
-    rehearsal: Rehearsal,
+    simulated: SimulatedTree,
     file: PropertyFile | None,
     tags: Collection[str],
     max_states: int,
     report: Callable[[Progress], None] = keep_quiet,
 ) -> Verification:
-    """Go through the states of a tree and answer every question.
+    """Search the states of a tree and answer every question.
 
     Args:
-        rehearsal: The tree with answering leaves; it is used up.
+        simulated: The tree with stub leaves; it is used up.
         file: What must hold; None for nothing but what is asked of every tree.
         tags: The tags of leaves that a tree can have.
         max_states: How many states to find at most.
@@ -43,21 +42,21 @@ def verify(
         UndecidableError: If the tree has a node whose rules are not known or that is only described, does not do the same twice, or keeps
             values that cannot be compared; or if a condition cannot be evaluated.
     """
-    if rehearsal.notes:
-        raise UndecidableError(_unknown_nodes(rehearsal))
-    prepared = Prepared.of(rehearsal)
+    if simulated.notes:
+        raise UndecidableError(_unknown_nodes(simulated))
+    prepared = Prepared.of(simulated)
     properties = without_properties() if file is None else properties_of(file, prepared, tags)
     try:
         stepper = TreeStepper(prepared, properties.rules)
         graph = explore(stepper, max_states, report)
-        questions = Questions(graph, Retracing(stepper, graph), rehearsal.advice_on)
+        questions = Questions(graph, Retracing(stepper, graph), simulated.advice_on)
         verdicts = (
             questions.no_error(),
             questions.every_leaf([node for node in stepper.flat.nodes if not node.children], stepper.ran),
             *questions.endings(),
             *questions.properties(properties),
         )
-        growing = () if graph.complete else stepper.growing(graph.keys)
+        growing = () if graph.complete else stepper.states.growing(graph.keys)
     except (NotFlatError, UnsteadyError, ConditionError, FrozenValueError) as error:
         raise UndecidableError(str(error)) from error
     return Verification(
@@ -68,13 +67,13 @@ def verify(
         graph.complete,
         properties.left_out,
         growing,
-        rehearsal.leaves,
+        simulated.leaves,
     )
 
 
-def _unknown_nodes(rehearsal: Rehearsal) -> str:
-    """Say which nodes nobody knows the rules of; what stands for them in a simulation would prove nothing."""
-    described = ", ".join(dict.fromkeys(note.message.partition(";")[0] for note in rehearsal.notes))
+def _unknown_nodes(simulated: SimulatedTree) -> str:
+    """Return the message about nodes with unknown rules; their substitutes in a simulation would prove nothing."""
+    described = ", ".join(dict.fromkeys(note.message.partition(";")[0] for note in simulated.notes))
     return (
         f"{described}, and when it ticks its children is not known; load the module that has it "
         "(--nodes PKG.MOD), or put nodes of the library in its place"

@@ -7,6 +7,8 @@ and a frame that is sent again must replace its earlier self. (tf2_ros for Pytho
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
+from sar_compiler.ros.leaves.interfaces import qos_profile
+
 if TYPE_CHECKING:
     from geometry_msgs.msg import TransformStamped
     from rclpy.node import Node
@@ -25,12 +27,9 @@ class StaticTransforms:
     """
 
     def __init__(self, node: "Node") -> None:
-        from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
         from tf2_msgs.msg import TFMessage
 
-        latched = QoSProfile(
-            depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
-        )
+        latched = qos_profile(type(self).__name__, "transient_local")
         self._message_type = TFMessage
         self._publisher = node.create_publisher(TFMessage, TOPIC, latched)
         self._transforms: dict[str, TransformStamped] = {}

@@ -23,3 +23,7 @@ class MissingNodeError(SarError, KeyError):
             f"'{self.leaf_name}' ({self.leaf_class}) works with ROS and has no node: "
             "pass an rclpy node to the tree's setup, as in setup(node=my_node)"
         )
+
+
+class LeafDefinitionError(SarError):
+    """The class of a leaf lacks something that its base needs, or names something that is not there."""

@@ -1,7 +1,7 @@
 """One goal of a ROS action, from the wish to its end, without ever waiting.
 
-The leaf that wants the goal calls `advance` at every tick and looks at `end`. What comes from the server comes
-through callbacks, each bound to its own goal: the answer to an old goal cannot touch a new one.
+The leaf that wants the goal calls `advance` at every tick and looks at `answer` and `trouble`. What comes from the
+server comes through callbacks, each bound to its own goal: the answer to an old goal cannot touch a new one.
 """
 
 import uuid
@@ -12,7 +12,6 @@ from weakref import WeakMethod
 
 from sar_compiler.ros.leaves.deadline import Deadline
 from sar_compiler.ros.leaves.leaf import alive
-from sar_compiler.runtime.leaf import Wake
 
 if TYPE_CHECKING:
     from rclpy.action.client import ClientGoalHandle
@@ -21,6 +20,12 @@ if TYPE_CHECKING:
 
 SUCCEEDED = 4
 """`action_msgs/msg/GoalStatus.STATUS_SUCCEEDED`."""
+_ENDS = {0: "unknown to the server (was it restarted?)", 5: "canceled by somebody else", 6: "aborted"}
+
+
+def describe_status(status: int) -> str:
+    """Return the status with which a goal ended, other than with success, in words and as a number."""
+    return f"{_ENDS.get(status, 'not finished')} (status {status})"
 
 
 class ActionPort:
@@ -70,33 +75,17 @@ class GoalDeadlines:
     Attributes:
         server_sec: Until there is a server.
         acceptance_sec: From sending to acceptance or rejection.
-        feedback_sec: Between two feedback messages, once there was one; and without a server in the graph.
+        feedback_sec: Between two feedback messages, once there was one; None: as long as it likes.
     """
 
     server_sec: float
     acceptance_sec: float
-    feedback_sec: float
-
-
-@dataclass(frozen=True)
-class GoalEnd:
-    """How a goal ended.
-
-    Attributes:
-        status: The status that the server gave (a constant of `action_msgs/msg/GoalStatus`), or None if the
-            goal ended for another reason.
-        result: The result that came with the status.
-        trouble: The other reason.
-    """
-
-    status: int | None = None
-    result: Any = None
-    trouble: str = ""
+    feedback_sec: float | None
 
     @property
-    def succeeded(self) -> bool:
-        """Whether the server reported success."""
-        return self.status == SUCCEEDED
+    def absence_sec(self) -> float:
+        """How long the graph may be without a server while the goal is under way."""
+        return self.server_sec if self.feedback_sec is None else self.feedback_sec
 
 
 class ActionGoal:
@@ -106,23 +95,40 @@ class ActionGoal:
         port: The action.
         message: The goal to send.
         deadlines: The limits to keep.
-        wake: Called when the goal is accepted and when it has succeeded.
+        on_sending: Called just before the goal is sent.
+        on_news: Called when the goal is accepted and when it has succeeded.
+
+    Attributes:
+        sent, trouble: As of every `client_leaf.Exchange`.
+        answer: What the server said at the end, with `status` (a constant of `action_msgs/msg/GoalStatus`) and
+            `result`; None until then.
+        rejected: Whether the server refused the goal.
     """
 
-    def __init__(self, port: ActionPort, message: Any, deadlines: GoalDeadlines, wake: Wake) -> None:
+    def __init__(
+        self,
+        port: ActionPort,
+        message: Any,
+        deadlines: GoalDeadlines,
+        on_sending: Callable[[], None],
+        on_news: Callable[[], None],
+    ) -> None:
         from unique_identifier_msgs.msg import UUID
 
-        self.end: GoalEnd | None = None
         self.sent = False
-        self.feedback: Any = None
+        self.answer: Any = None
+        self.trouble = ""
+        self.rejected = False
         self._port = port
         self._message = message
         self._deadlines = deadlines
-        self._wake = wake
+        self._on_sending = on_sending
+        self._on_news = on_news
         # Its own id, so that it can be cancelled before the server has said anything.
         self._id = UUID(uuid=list(uuid.uuid4().bytes))
         self._deadline = Deadline(deadlines.server_sec)
         self._handle: ClientGoalHandle | None = None
+        self._feedback: Any = None
         self._answered = False
         self._abandoned = False
         self._silence: Deadline | None = None
@@ -131,9 +137,14 @@ class ActionGoal:
         self._cancels_under_way = 0
 
     @property
+    def over(self) -> bool:
+        """Whether it has ended, one way or the other."""
+        return self.answer is not None or bool(self.trouble)
+
+    @property
     def in_flight(self) -> bool:
         """Whether the server has the goal, or may have it, and nobody has given it up."""
-        return self.sent and self.end is None and not self._abandoned
+        return self.sent and not self.over and not self._abandoned
 
     @property
     def settled(self) -> bool:
@@ -142,7 +153,7 @@ class ActionGoal:
 
     def advance(self) -> None:
         """Do what can be done now: send the goal, or see whether a deadline has passed."""
-        if self.end is not None or self._abandoned:
+        if self.over or self._abandoned:
             return
         if not self.sent:
             self._send_or_wait()
@@ -157,7 +168,7 @@ class ActionGoal:
 
     def abandon(self) -> None:
         """Give the goal up; cancels it if it was sent and has not ended."""
-        if self.end is not None or self._abandoned:
+        if self.over or self._abandoned:
             return
         self._abandoned = True
         if self._handle is not None:
@@ -165,9 +176,15 @@ class ActionGoal:
         elif self.sent:
             self._cancel_unaccepted()
 
+    def take_feedback(self) -> Any:
+        """Return the latest feedback message, once; None if none came since."""
+        feedback, self._feedback = self._feedback, None
+        return feedback
+
     def _send_or_wait(self) -> None:
         if self._port.server_is_ready:
             # Sent to nobody, a goal would be lost: it is not delivered to a server that appears later.
+            self._on_sending()
             self.sent = True
             self._deadline = Deadline(self._deadlines.acceptance_sec)
             answer = self._port.client.send_goal_async(self._message, self._weak_on_feedback(), self._id)
@@ -185,7 +202,7 @@ class ActionGoal:
             self._give_up(f"the server has sent no feedback for {self._deadlines.feedback_sec:g} s")
         elif self._silence is None and self._doubt is not None and self._doubt.passed:
             # It may never send any, or have been replaced before anybody saw it go: ask who is there.
-            self._doubt = Deadline(self._deadlines.feedback_sec)
+            self._doubt = Deadline(self._deadlines.absence_sec)
             self._request_result()
         elif self._port.server_is_ready:
             if self._absence is not None:
@@ -193,30 +210,29 @@ class ActionGoal:
                 self._absence = None
                 self._request_result()
         elif self._absence is None:
-            self._absence = Deadline(self._deadlines.feedback_sec)
+            self._absence = Deadline(self._deadlines.absence_sec)
         elif self._absence.passed:
-            self._give_up(f"the server has been gone for {self._deadlines.feedback_sec:g} s")
+            self._give_up(f"the server has been gone for {self._deadlines.absence_sec:g} s")
 
     def _give_up(self, trouble: str) -> None:
         self.abandon()
-        self.end = GoalEnd(trouble=trouble)
+        self.trouble = trouble
 
     def _on_answer(self, answer: "Future") -> None:
         self._answered = True
         handle: ClientGoalHandle = answer.result()
         if not handle.accepted:
+            self.rejected = True
             if not self._abandoned:
-                self.end = GoalEnd(
-                    trouble="the server rejected the goal; is it active (its lifecycle state)?"
-                )
+                self.trouble = "the server rejected the goal; is it active (its lifecycle state)?"
             return
         self._handle = handle
-        self._doubt = Deadline(self._deadlines.feedback_sec)
+        self._doubt = Deadline(self._deadlines.absence_sec)
         self._request_result()
         if self._abandoned:
             self._cancel_accepted()
         else:
-            self._wake()
+            self._on_news()
 
     def _request_result(self) -> None:
         # At once, since a server forgets results; and of every goal, since rclpy keeps what it knows of a goal
@@ -236,16 +252,16 @@ class ActionGoal:
         return on_feedback
 
     def _on_feedback(self, message: Any) -> None:
-        self.feedback = message.feedback
-        self._silence = Deadline(self._deadlines.feedback_sec)
+        self._feedback = message.feedback
+        if self._deadlines.feedback_sec is not None:
+            self._silence = Deadline(self._deadlines.feedback_sec)
 
     def _on_result(self, answer: "Future") -> None:
-        if self.end is not None or self._abandoned:
+        if self.over or self._abandoned:
             return
-        response = answer.result()
-        self.end = GoalEnd(status=response.status, result=response.result)
-        if self.end.succeeded:
-            self._wake()
+        self.answer = answer.result()
+        if self.answer.status == SUCCEEDED:
+            self._on_news()
 
     def _cancel_accepted(self) -> None:
         if self._handle is not None and self._port.usable:

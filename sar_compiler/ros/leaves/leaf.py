@@ -1,18 +1,18 @@
-"""What the mission's leaves that work with ROS have in common."""
+"""What all leaves that work with ROS 2 have in common."""
 
 from typing import TYPE_CHECKING, Any
 
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.ros.leaves.errors import MissingNodeError
-from sar_compiler.runtime.leaf import Wake, stay_asleep
+from sar_compiler.runtime.leaf_protocol import Wake, stay_asleep
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
 
 def alive(node: "Node") -> bool:
-    """Say whether a node was not destroyed and its context not shut down."""
+    """Return whether a node was not destroyed and its context not shut down."""
     from rclpy.exceptions import InvalidHandle
 
     try:
@@ -68,6 +68,6 @@ class RosLeaf(Behaviour):
         self.node.get_logger().info(text)
 
     def complain(self, text: str) -> None:
-        """Write a line about something that went wrong, and keep it as the leaf's feedback message."""
+        """Log a warning about something that went wrong, and keep it as the leaf's feedback message."""
         self.feedback_message = text
         self.node.get_logger().warning(text)

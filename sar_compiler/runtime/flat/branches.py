@@ -1,12 +1,14 @@
 """Branches: those of `runtime.branches`."""
 
+from sar_compiler.runtime.branches import IfThenElse, Switch, TryCatch, WhileDoElse
 from sar_compiler.runtime.flat.cells import FAILURE, RUNNING, SKIPPED, SUCCESS, Cells, Stop, Tick
-from sar_compiler.runtime.flat.parts import Part, halted_by, halted_with_children, reset, reset_all
+from sar_compiler.runtime.flat.parts import Part, builds, halted_by, halted_with_children, reset, reset_all
 from sar_compiler.runtime.flat.times import Times
 
 _NONE = 0
 
 
+@builds(IfThenElse)
 def if_then_else(part: Part) -> tuple[Tick, Stop]:
     """Build an IfThenElse."""
     at, behaviour, children = part.at, part.behaviour, part.children
@@ -42,6 +44,7 @@ def if_then_else(part: Part) -> tuple[Tick, Stop]:
     return tick, halted_with_children(part, chosen)
 
 
+@builds(WhileDoElse)
 def while_do_else(part: Part) -> tuple[Tick, Stop]:
     """Build a WhileDoElse."""
     at, behaviour, children = part.at, part.behaviour, part.children
@@ -70,6 +73,7 @@ def while_do_else(part: Part) -> tuple[Tick, Stop]:
     return tick, halted_with_children(part)
 
 
+@builds(Switch)
 def switch(part: Part) -> tuple[Tick, Stop]:
     """Build a Switch; which case is chosen is said by the node itself."""
     at, behaviour, children = part.at, part.behaviour, part.children
@@ -96,6 +100,7 @@ def switch(part: Part) -> tuple[Tick, Stop]:
     return tick, halted_with_children(part, running)
 
 
+@builds(TryCatch)
 def try_catch(part: Part) -> tuple[Tick, Stop]:
     """Build a TryCatch."""
     node = _TryCatch(part)

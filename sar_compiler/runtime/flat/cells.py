@@ -16,17 +16,17 @@ RUNNING = 1
 SUCCESS = 2
 FAILURE = 3
 SKIPPED = 4
-"""What the tick of a node can come to, never a status."""
+"""The outcome of a skipped tick, which is never a status."""
 
 ENDED = SUCCESS & FAILURE
-"""What only SUCCESS and FAILURE have in common: `outcome & ENDED` says whether a tick came to one of them."""
+"""What only SUCCESS and FAILURE have in common: `outcome & ENDED` is not 0 for these two."""
 
 STATUSES = (Status.INVALID, Status.RUNNING, Status.SUCCESS, Status.FAILURE)
-"""The status of py_trees that each number stands for."""
+"""py_trees' status for each number."""
 
 Cells = list[Any]
 Tick = Callable[[Cells, Times], int]
-"""Ticks a node and returns what it has come to: RUNNING, SUCCESS, FAILURE or SKIPPED."""
+"""Ticks a node and returns its outcome: RUNNING, SUCCESS, FAILURE or SKIPPED."""
 Stop = Callable[[Cells, Times], None]
 """Stops a node as `Behaviour.stop(Status.INVALID)` does."""
 

@@ -1,5 +1,6 @@
 """The conditions of a node: those of `runtime.conditions`. A node and its conditions share one cell for their status."""
 
+from sar_compiler.runtime.conditions import Conditions
 from sar_compiler.runtime.flat.cells import (
     ENDED,
     INVALID,
@@ -10,11 +11,12 @@ from sar_compiler.runtime.flat.cells import (
     Tick,
     number_of,
 )
-from sar_compiler.runtime.flat.parts import Part, halted_by, is_reset, reset
+from sar_compiler.runtime.flat.parts import Part, builds, halted_by, is_reset, reset
 from sar_compiler.runtime.flat.times import Times
 from sar_compiler.runtime.scripting import NodeScript
 
 
+@builds(Conditions)
 def conditions(part: Part) -> tuple[Tick, Stop]:
     """Build the conditions of a node."""
     node = _Conditions(part)

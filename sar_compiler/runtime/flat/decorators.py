@@ -1,5 +1,13 @@
 """Decorators that turn one end of their child into another: those of `runtime.decorators`."""
 
+from sar_compiler.runtime.decorators import (
+    ForceFailure,
+    ForceSuccess,
+    Inverter,
+    KeepRunningUntilFailure,
+    RunOnce,
+    SubTree,
+)
 from sar_compiler.runtime.flat.cells import (
     ENDED,
     FAILURE,
@@ -11,25 +19,29 @@ from sar_compiler.runtime.flat.cells import (
     Stop,
     Tick,
 )
-from sar_compiler.runtime.flat.parts import Part, halted_by, reset
+from sar_compiler.runtime.flat.parts import Part, builds, halted_by, reset
 from sar_compiler.runtime.flat.times import Times
 
 
+@builds(Inverter)
 def inverter(part: Part) -> tuple[Tick, Stop]:
     """Build an Inverter."""
     return _turning(part, success=FAILURE, failure=SUCCESS, skipped=SKIPPED)
 
 
+@builds(ForceSuccess)
 def force_success(part: Part) -> tuple[Tick, Stop]:
     """Build a ForceSuccess."""
     return _turning(part, success=SUCCESS, failure=SUCCESS, skipped=SKIPPED)
 
 
+@builds(ForceFailure)
 def force_failure(part: Part) -> tuple[Tick, Stop]:
     """Build a ForceFailure."""
     return _turning(part, success=FAILURE, failure=FAILURE, skipped=SKIPPED)
 
 
+@builds(KeepRunningUntilFailure)
 def keep_running_until_failure(part: Part) -> tuple[Tick, Stop]:
     """Build a KeepRunningUntilFailure."""
     return _turning(part, success=RUNNING, failure=FAILURE, skipped=RUNNING)
@@ -50,8 +62,9 @@ def _turning(part: Part, *, success: int, failure: int, skipped: int) -> tuple[T
     return tick, halted_with_child(part)
 
 
+@builds(RunOnce)
 def run_once(part: Part) -> tuple[Tick, Stop]:
-    """Build a RunOnce. How its child has ended is kept for ever."""
+    """Build a RunOnce. The outcome of its child is kept for good."""
     at, behaviour = part.at, part.behaviour
     tick_child = ticked(part)
     answer = part.cell(INVALID)
@@ -73,6 +86,7 @@ def run_once(part: Part) -> tuple[Tick, Stop]:
     return tick, halted_with_child(part)
 
 
+@builds(SubTree)
 def subtree(part: Part) -> tuple[Tick, Stop]:
     """Build a SubTree."""
     at = part.at

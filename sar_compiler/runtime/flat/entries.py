@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+from sar_compiler.runtime.entries import SkipUnlessUpdated, WaitValueUpdate, WasEntryUpdated
 from sar_compiler.runtime.flat.cells import (
     FAILURE,
     INVALID,
@@ -15,10 +16,12 @@ from sar_compiler.runtime.flat.cells import (
     number_of,
 )
 from sar_compiler.runtime.flat.decorators import halted_with_child, ticked
-from sar_compiler.runtime.flat.parts import Part
+from sar_compiler.runtime.flat.parts import Part, builds
 from sar_compiler.runtime.flat.times import Times
+from sar_compiler.runtime.script_nodes import Precondition
 
 
+@builds(WasEntryUpdated)
 def was_entry_updated(part: Part) -> tuple[Tick, Stop]:
     """Build a WasEntryUpdated."""
     at = part.at
@@ -34,6 +37,7 @@ def was_entry_updated(part: Part) -> tuple[Tick, Stop]:
     return tick, stop
 
 
+@builds(SkipUnlessUpdated, WaitValueUpdate)
 def if_updated(part: Part) -> tuple[Tick, Stop]:
     """Build a SkipUnlessUpdated or a WaitValueUpdate."""
     come = _updates(part)
@@ -41,6 +45,7 @@ def if_updated(part: Part) -> tuple[Tick, Stop]:
     return _guarded(part, come, lambda: otherwise, "no update")
 
 
+@builds(Precondition)
 def precondition(part: Part) -> tuple[Tick, Stop]:
     """Build a Precondition."""
     behaviour = part.behaviour

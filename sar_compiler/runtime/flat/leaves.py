@@ -3,6 +3,7 @@
 from collections.abc import Callable, Hashable
 from typing import Any
 
+from py_trees import behaviours
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
@@ -18,7 +19,7 @@ from sar_compiler.runtime.flat.cells import (
     Tick,
     number_of,
 )
-from sar_compiler.runtime.flat.parts import Part
+from sar_compiler.runtime.flat.parts import Part, builds
 from sar_compiler.runtime.flat.times import Times
 from sar_compiler.runtime.skipping import SkippableLeaf, was_skipped
 
@@ -34,6 +35,7 @@ def leaf(part: Part) -> tuple[Tick, Stop]:
     return _with_its_own_tick(part)
 
 
+@builds(behaviours.StatusQueue)
 def status_queue(part: Part) -> tuple[Tick, Stop]:
     """Build a StatusQueue; what is left of its queue is the end of the list that it was given."""
 
@@ -46,6 +48,7 @@ def status_queue(part: Part) -> tuple[Tick, Stop]:
     return _remembering(part, save, load)
 
 
+@builds(behaviours.Periodic)
 def periodic(part: Part) -> tuple[Tick, Stop]:
     """Build a Periodic."""
 
@@ -58,6 +61,7 @@ def periodic(part: Part) -> tuple[Tick, Stop]:
     return _remembering(part, save, load)
 
 
+@builds(behaviours.SuccessEveryN)
 def success_every_n(part: Part) -> tuple[Tick, Stop]:
     """Build a SuccessEveryN, which begins again after each success."""
 
@@ -70,6 +74,7 @@ def success_every_n(part: Part) -> tuple[Tick, Stop]:
     return _remembering(part, save, load)
 
 
+@builds(behaviours.TickCounter)
 def tick_counter(part: Part) -> tuple[Tick, Stop]:
     """Build a TickCounter, which begins again whenever it is started."""
 

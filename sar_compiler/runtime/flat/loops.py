@@ -5,15 +5,17 @@ from typing import Any
 
 from sar_compiler.runtime.flat.cells import FAILURE, INVALID, RUNNING, SKIPPED, Cells, Stop, Tick, number_of
 from sar_compiler.runtime.flat.decorators import halted_with_child, ticked
-from sar_compiler.runtime.flat.parts import Part, is_reset
+from sar_compiler.runtime.flat.parts import Part, builds, is_reset
 from sar_compiler.runtime.flat.times import Times
 from sar_compiler.runtime.frozen import freeze, thaw
+from sar_compiler.runtime.loops import LoopBool, LoopDouble, LoopInt, LoopString
 from sar_compiler.runtime.tokens import excerpt
 
 _UNSEEN = 0
-"""In the place of a queue at which nobody has looked yet."""
+"""In place of a queue that was not read yet."""
 
 
+@builds(LoopInt, LoopDouble, LoopBool, LoopString)
 def loop(part: Part) -> tuple[Tick, Stop]:
     """Build a loop; what it makes of the items is said by the node itself."""
     node = _Loop(part)

@@ -10,12 +10,13 @@ from sar_compiler.runtime.flat.cells import (
     Stop,
     Tick,
 )
-from sar_compiler.runtime.flat.parts import Part, halted_with_children, reset_all
+from sar_compiler.runtime.flat.parts import Part, builds, halted_with_children, reset_all
 from sar_compiler.runtime.flat.times import Times
+from sar_compiler.runtime.parallel import Parallel, ParallelAll
 
 
-class _Counting:
-    """What both count: the children that have ended, as bits of a number, and how many of them have failed."""
+class _FlatCounting:
+    """The counts of both: the children that have ended, as bits of a number, and how many of these have failed."""
 
     def __init__(self, part: Part) -> None:
         self.part = part
@@ -53,10 +54,11 @@ class _Counting:
         return halted_with_children(self.part, self.through, self.failures)
 
 
+@builds(Parallel)
 def parallel(part: Part) -> tuple[Tick, Stop]:
     """Build a Parallel."""
     at, behaviour, count = part.at, part.behaviour, len(part.children)
-    counting = _Counting(part)
+    counting = _FlatCounting(part)
     failures = counting.failures
 
     def tick(cells: Cells, times: Times) -> int:
@@ -78,10 +80,11 @@ def parallel(part: Part) -> tuple[Tick, Stop]:
     return tick, counting.stop()
 
 
+@builds(ParallelAll)
 def parallel_all(part: Part) -> tuple[Tick, Stop]:
     """Build a ParallelAll."""
     at, behaviour, count = part.at, part.behaviour, len(part.children)
-    counting = _Counting(part)
+    counting = _FlatCounting(part)
 
     def tick(cells: Cells, times: Times) -> int:
         too_many = behaviour._threshold("max_failures", behaviour._max_failures.get())

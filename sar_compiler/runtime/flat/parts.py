@@ -1,4 +1,4 @@
-"""What a builder of the flat form is given of its node, and what it makes; what builders have in common."""
+"""The input and output of the builders of the flat form, and the functions that they share."""
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
@@ -53,8 +53,26 @@ Build = Callable[[Part], tuple[Tick, Stop]]
 """Brings a node of one class into flat form."""
 
 
+BUILDERS: dict[type[Behaviour], Build] = {}
+"""The builder of each class that is known; a subclass of one of them is not."""
+
+
+def builds(*classes: type[Behaviour]) -> Callable[[Build], Build]:
+    """Return a decorator that makes a function the builder of some classes."""
+
+    def mark(build: Build) -> Build:
+        BUILDERS.update(dict.fromkeys(classes, build))
+        return build
+
+    return mark
+
+
 def is_reset(behaviour: Behaviour) -> bool:
-    """Say whether a node is reset before it is started again: not by a stock parent, see `Parent._starts`."""
+    """Return whether a node's parent resets it to INVALID before starting it again; stock parents do not.
+
+    `Parent._starts` says why that decides which ticks are starts. It depends on the tree alone, so a builder asks once,
+    where the generators ask in every tick.
+    """
     around = behaviour.parent
     while isinstance(around, Parent) and around.is_its_child:
         around = around.parent

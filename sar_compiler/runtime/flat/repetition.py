@@ -2,18 +2,19 @@
 
 from sar_compiler.runtime.flat.cells import RUNNING, SKIPPED, Cells, Stop, Tick, number_of
 from sar_compiler.runtime.flat.decorators import ticked
-from sar_compiler.runtime.flat.parts import Part, halted_by, reset
+from sar_compiler.runtime.flat.parts import Part, builds, halted_by, reset
 from sar_compiler.runtime.flat.times import Times
-from sar_compiler.runtime.repetition import ENDLESS
+from sar_compiler.runtime.repetition import ENDLESS, Repeat, RetryUntilSuccessful
 
 
+@builds(Repeat, RetryUntilSuccessful)
 def again(part: Part) -> tuple[Tick, Stop]:
     """Build a Repeat or a RetryUntilSuccessful."""
-    node = _Again(part)
+    node = _FlatAgain(part)
     return node.tick, halted_by(part, node.halt)
 
 
-class _Again:
+class _FlatAgain:
     """A decorator that ticks its child again after one end; the other end ends it."""
 
     def __init__(self, part: Part) -> None:

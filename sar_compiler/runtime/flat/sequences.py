@@ -2,12 +2,13 @@
 
 from typing import Any
 
-from sar_compiler.runtime.controls import AsyncFallback, AsyncSequence, SequenceWithMemory
+from sar_compiler.runtime.controls import AsyncFallback, AsyncSequence, Fallback, Sequence, SequenceWithMemory
 from sar_compiler.runtime.flat.cells import FAILURE, RUNNING, SKIPPED, Cells, Stop, Tick, number_of
-from sar_compiler.runtime.flat.parts import Part, halted_with_children, reset, reset_all
+from sar_compiler.runtime.flat.parts import Part, builds, halted_with_children, reset, reset_all
 from sar_compiler.runtime.flat.times import Times
 
 
+@builds(Sequence, Fallback, AsyncSequence, AsyncFallback, SequenceWithMemory)
 def in_order(part: Part) -> tuple[Tick, Stop]:
     """Build one of them."""
     if not part.behaviour.memory:
@@ -18,7 +19,7 @@ def in_order(part: Part) -> tuple[Tick, Stop]:
 
 
 class _Resuming:
-    """One that goes on with the child that was running."""
+    """A control that resumes with the child that was running."""
 
     def __init__(self, part: Part) -> None:
         self.part = part
@@ -57,7 +58,7 @@ class _Resuming:
         return self.finish(cells, times)
 
     def decide(self, outcome: int, cells: Cells, times: Times) -> int:
-        """End because of the child that it has come to."""
+        """End because of the child that was ticked last."""
         _tell(self.part.behaviour, cells[self.position], outcome)
         cells[self.skips] = 0
         if self.goes_back:

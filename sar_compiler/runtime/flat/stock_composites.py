@@ -2,17 +2,18 @@
 
 from collections.abc import Callable
 
-from py_trees import decorators
+from py_trees import composites, decorators
 from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy
 
 from sar_compiler.runtime.flat.cells import FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS, Cells, Stop, Tick
-from sar_compiler.runtime.flat.parts import Child, Part
+from sar_compiler.runtime.flat.parts import Child, Part, builds
 from sar_compiler.runtime.flat.times import Times
 
 _IS_2_3 = not hasattr(decorators, "ForEach")
 
 
+@builds(composites.Sequence)
 def sequence(part: Part) -> tuple[Tick, Stop]:
     """Build a Sequence, with memory or without."""
     return _resuming_sequence(part) if part.behaviour.memory else _reactive_sequence(part)
@@ -75,6 +76,7 @@ def _reactive_sequence(part: Part) -> tuple[Tick, Stop]:
     return tick, stop
 
 
+@builds(composites.Selector)
 def selector(part: Part) -> tuple[Tick, Stop]:
     """Build a Selector, with memory or without."""
     at, behaviour, children = part.at, part.behaviour, part.children
@@ -111,6 +113,7 @@ def selector(part: Part) -> tuple[Tick, Stop]:
     return tick, stop
 
 
+@builds(composites.Parallel)
 def parallel(part: Part) -> tuple[Tick, Stop]:
     """Build a Parallel, with any of py_trees' policies."""
     at, behaviour, children = part.at, part.behaviour, part.children
@@ -141,7 +144,7 @@ def parallel(part: Part) -> tuple[Tick, Stop]:
 def _decider(
     policy: ParallelPolicy.Base, children: list[Child]
 ) -> Callable[[Cells], tuple[int, Behaviour | None]]:
-    """Return what says how a Parallel stands once its children have been ticked, and because of which child."""
+    """Return a function that gives the status of a Parallel after its children were ticked, and the child that decided it."""
     all_of = children
     if isinstance(policy, ParallelPolicy.SuccessOnSelected):
         of_behaviour = {child.behaviour.id: child for child in children}

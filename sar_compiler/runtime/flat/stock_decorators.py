@@ -6,6 +6,7 @@ What such a decorator remembers between two ticks is moved between its attribute
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from py_trees import decorators as stock
 from py_trees.common import Status
 
 from sar_compiler.runtime.flat.cells import (
@@ -20,7 +21,7 @@ from sar_compiler.runtime.flat.cells import (
     Tick,
     number_of,
 )
-from sar_compiler.runtime.flat.parts import Part
+from sar_compiler.runtime.flat.parts import Part, builds
 from sar_compiler.runtime.flat.times import Times
 from sar_compiler.runtime.frozen import freeze, thaw
 
@@ -29,16 +30,31 @@ Update = Callable[[Cells, Times], int]
 Terminate = Callable[[Cells, int], None]
 
 
+@builds(
+    stock.Condition,
+    stock.Count,
+    stock.Inverter,
+    stock.PassThrough,
+    stock.StatusToBlackboard,
+    stock.FailureIsRunning,
+    stock.FailureIsSuccess,
+    stock.RunningIsFailure,
+    stock.RunningIsSuccess,
+    stock.SuccessIsFailure,
+    stock.SuccessIsRunning,
+)
 def stateless(part: Part) -> tuple[Tick, Stop]:
     """Build a decorator that remembers nothing; what Count counts makes no difference to any tick."""
     return decorated(part, _nothing, _own_update(part), _own_terminate(part))
 
 
+@builds(stock.Repeat)
 def repeat(part: Part) -> tuple[Tick, Stop]:
     """Build a Repeat; one that has no end does not have to remember how often it was."""
     return _counting(part, "success", bounded=part.behaviour.num_success > 0)
 
 
+@builds(stock.Retry)
 def retry(part: Part) -> tuple[Tick, Stop]:
     """Build a Retry."""
     return _counting(part, "failures", bounded=True)
@@ -66,6 +82,7 @@ def _counting(part: Part, attribute: str, *, bounded: bool) -> tuple[Tick, Stop]
     return decorated(part, initialise, update, terminate)
 
 
+@builds(stock.EternalGuard)
 def eternal_guard(part: Part) -> tuple[Tick, Stop]:
     """Build an EternalGuard."""
     at, behaviour, (child,) = part.at, part.behaviour, part.children
@@ -92,8 +109,9 @@ def _holds(guard: Any) -> bool:
     return result
 
 
+@builds(stock.OneShot)
 def one_shot(part: Part) -> tuple[Tick, Stop]:
-    """Build a OneShot. How its child has ended is kept for ever, whatever is stopped."""
+    """Build a OneShot. The outcome of its child is kept for good, whatever is stopped."""
     at, behaviour, (child,) = part.at, part.behaviour, part.children
     final = part.cell(number_of(behaviour.final_status))
     counts = frozenset(number_of(status) for status in behaviour.policy.value)
@@ -151,6 +169,10 @@ def for_each(part: Part) -> tuple[Tick, Stop]:
         cells[waiting], cells[has_item] = (), 0
 
     return decorated(part, initialise, update, terminate)
+
+
+if hasattr(stock, "ForEach"):  # from py_trees 2.4 on
+    builds(stock.ForEach)(for_each)
 
 
 def decorated(part: Part, initialise: Initialise, update: Update, terminate: Terminate) -> tuple[Tick, Stop]:

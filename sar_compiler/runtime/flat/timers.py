@@ -1,5 +1,6 @@
 """Nodes that measure time: those of `runtime.timers`, and py_trees' on the mission's clock."""
 
+from sar_compiler.runtime import py_trees_timers
 from sar_compiler.runtime.flat.cells import (
     ENDED,
     FAILURE,
@@ -12,10 +13,10 @@ from sar_compiler.runtime.flat.cells import (
     Tick,
 )
 from sar_compiler.runtime.flat.decorators import ticked
-from sar_compiler.runtime.flat.parts import Part, halted_by, reset
+from sar_compiler.runtime.flat.parts import Part, builds, halted_by, reset
 from sar_compiler.runtime.flat.stock_decorators import decorated
 from sar_compiler.runtime.flat.times import Times
-from sar_compiler.runtime.timers import seconds_of, time_left
+from sar_compiler.runtime.timers import Delay, Sleep, Timeout, seconds_of, time_left
 
 _OFF, _COUNTING, _UP, _UNLIMITED = range(4)
 
@@ -40,7 +41,7 @@ class _Timer:
         cells[self._token] = times.start(self._index, seconds)
 
     def is_up(self, cells: Cells, times: Times) -> bool:
-        """Say whether the time is over."""
+        """Return whether the time is over."""
         if cells[self.state] == _COUNTING and times.is_up(self._index, cells[self._token]):
             self.stop(cells, _UP)
         return bool(cells[self.state] == _UP)
@@ -54,6 +55,7 @@ class _Timer:
         cells[self.state], cells[self._token] = state, 0
 
 
+@builds(Delay)
 def delay(part: Part) -> tuple[Tick, Stop]:
     """Build a Delay."""
     at, behaviour = part.at, part.behaviour
@@ -83,6 +85,7 @@ def delay(part: Part) -> tuple[Tick, Stop]:
     return tick, _halted(part, timer)
 
 
+@builds(Timeout)
 def timeout(part: Part) -> tuple[Tick, Stop]:
     """Build a Timeout."""
     at, behaviour, (child,) = part.at, part.behaviour, part.children
@@ -123,6 +126,7 @@ def timeout(part: Part) -> tuple[Tick, Stop]:
     return tick, _halted(part, timer)
 
 
+@builds(py_trees_timers.Timeout)
 def stock_timeout(part: Part) -> tuple[Tick, Stop]:
     """Build a Timeout of py_trees', on the mission's clock."""
     behaviour, (child,) = part.behaviour, part.children
@@ -149,6 +153,7 @@ def stock_timeout(part: Part) -> tuple[Tick, Stop]:
     return decorated(part, initialise, update, terminate)
 
 
+@builds(Sleep)
 def sleep(part: Part) -> tuple[Tick, Stop]:
     """Build a Sleep."""
     at, behaviour = part.at, part.behaviour
@@ -174,6 +179,7 @@ def sleep(part: Part) -> tuple[Tick, Stop]:
     return tick, stop
 
 
+@builds(py_trees_timers.Timer)
 def stock_timer(part: Part) -> tuple[Tick, Stop]:
     """Build a Timer of py_trees', on the mission's clock."""
     at, behaviour = part.at, part.behaviour

@@ -22,7 +22,7 @@ class Times(Protocol):
         ...
 
     def is_up(self, index: int, token: Any) -> bool:
-        """Say whether the time of a node's timer is over."""
+        """Return whether the time of a node's timer is over."""
         ...
 
     def remaining(self, index: int, token: Any) -> float:
@@ -33,7 +33,7 @@ class Times(Protocol):
 class ClockTimes:
     """Timers on a clock that may stand still, and may go back.
 
-    A clock that goes back counts as one that stood still, as for `runtime.timers.Timer`. A token is the end of
+    A clock that goes back counts as one that stood still, as for `runtime.timers.Countdown`. A token is the end of
     a timer, in seconds of the clock as it would be if it had never gone back.
 
     Args:
@@ -50,7 +50,7 @@ class ClockTimes:
         return self._now() + seconds
 
     def is_up(self, index: int, token: float) -> bool:  # noqa: ARG002
-        """Say whether a timer's time is over."""
+        """Return whether a timer's time is over."""
         return self._now() >= token
 
     def remaining(self, index: int, token: float) -> float:  # noqa: ARG002

@@ -15,7 +15,7 @@ Watched = Mapping[tuple[Board, str], list[int]]
 """The entries whose writes are counted, with the cells that hold a count."""
 
 _MANY = 2
-"""A count of writes that stands for all larger ones. After 1 an entry may be removed, and written once more."""
+"""A count of writes that represents all larger ones. After 1 an entry may be removed, and written once more."""
 _LONG_AGO = -1
 """A count of writes that does not come again."""
 
@@ -112,7 +112,7 @@ class FlatTree:
             node.behaviour.status = STATUSES[cells[node.index]]
 
     def renumber(self, cells: Cells) -> None:
-        """Keep what counts the writes to entries small, so that equal states are equal; for whoever compares them.
+        """Keep the counts of writes to entries small, so that equal states compare equal.
 
         A node that waits for news of an entry compares how often it was written. Both numbers grow for ever, and
         only whether they differ counts.

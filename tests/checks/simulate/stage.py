@@ -3,9 +3,9 @@
 from textwrap import dedent
 
 from sar_compiler.checks.simulate.judging import failures
-from sar_compiler.checks.simulate.reading import Play, Stage, understand
-from sar_compiler.checks.simulate.running import Run, Simulation
-from sar_compiler.checks.yaml_values import Document
+from sar_compiler.checks.simulate.running import Run, ScenarioPlayer
+from sar_compiler.checks.simulate.scenario_files import Play, Stage, understand
+from sar_compiler.documents.yaml_files import parse_yaml
 from sar_compiler.nodes.registry import default_registry
 from tests.trees import forest
 
@@ -29,13 +29,13 @@ def stage(body: str = PATROL) -> Stage:
 
 def read(text: str, body: str = PATROL) -> Play:
     """Read a scenario from its text."""
-    return understand(Document(dedent(text), "scenario.yaml", "write something"), stage(body))
+    return understand(parse_yaml(dedent(text), "scenario.yaml", "write something"), stage(body))
 
 
 def played(text: str, body: str = PATROL) -> Run:
     """Play a scenario to its end."""
     play = read(text, body)
-    return Simulation(play.rehearsal, play.scenario).go()
+    return ScenarioPlayer(play.simulated, play.scenario).go()
 
 
 def missed(text: str, body: str = PATROL) -> list[tuple[str, str, int]]:

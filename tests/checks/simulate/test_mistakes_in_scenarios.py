@@ -2,7 +2,7 @@
 
 import pytest
 
-from sar_compiler.checks.simulate.reading import read_scenario
+from sar_compiler.checks.simulate.scenario_files import read_scenario
 from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
 from tests.checks.simulate.stage import read, stage
 
@@ -30,13 +30,13 @@ MISTAKES = {
     "a parameter that is a list": ("parameters: {patience: [1]}", "wrong-shape", 1, 24, None),
     "an unknown fact": ("facts: {zone_left: 1}", "unknown-fact", 1, 9, "zones_left"),
     "a fact of another type": ("facts: {zones_left: many}", "wrong-value", 1, 21, None),
-    "a fact without a value": ("facts: {zones_left: }", "wrong-shape", 1, 21, None),
+    "a fact without a value": ("facts: {zones_left: }", "missing-value", 1, 21, None),
     "a fact that can be none": ("facts: {zones left: 1}", "wrong-name", 1, 9, None),
     "answers of an unknown leaf": ("answers: {Fly: SUCCESS}", "unknown-leaf", 1, 11, None),
     "an unknown status": ("answers: {AdvanceZone: [SUCESS]}", "wrong-value", 1, 25, "SUCCESS"),
     "a status that the leaf never has": ("answers: {AdvanceZone: FAILURE}", "wrong-value", 1, 24, None),
     "no answer at all": ("answers: {AdvanceZone: []}", "missing-value", 1, 24, None),
-    "an answer without a status": ("answers: {AdvanceZone: {label: x}}", "missing-value", 1, 24, None),
+    "an answer without a status": ("answers: {AdvanceZone: {label: x}}", "missing-key", 1, 11, None),
     "an unknown part of an answer": (
         "answers: {AdvanceZone: {status: SUCCESS, wehn: x}}",
         "unknown-key",
@@ -61,7 +61,7 @@ MISTAKES = {
         7,
         "advanced",
     ),
-    "a step without an answer": ("leaves: {AdvanceZone: {after: 1s}}", "missing-value", 1, 23, None),
+    "a step without an answer": ("leaves: {AdvanceZone: {after: 1s}}", "missing-key", 1, 10, None),
     "an unknown part of a step": (
         "leaves: {NavigateToZone: {answer: arrived, aftr: 1s}}",
         "unknown-key",
@@ -131,6 +131,14 @@ def test_all_mistakes_are_said_at_once_in_the_order_of_the_file():
     assert [code for code, *_ in found(text)] == ["wrong-value", "unknown-fact", "unknown-leaf"]
 
 
+def test_a_parameter_that_is_wrong_is_not_said_to_be_missing():
+    text = "parameters: {patience: [1]}\nleaves: {}"
+    body = '<Timeout duration="{@patience}"><NavigateToZone/></Timeout>'
+    with pytest.raises(TreeError) as error:
+        read(text, body)
+    assert [(f.code, f.span.line, f.span.column) for f in error.value.findings] == [("wrong-shape", 1, 24)]
+
+
 def test_an_empty_scenario_says_what_to_write():
     with pytest.raises(TreeError, match="the file is empty"):
         read("# nothing\n")
@@ -146,7 +154,7 @@ def test_facts_that_only_an_answer_of_the_scenario_uses_may_be_given():
     facts: {battery: 20}
     answers: {AdvanceZone: {status: SUCCESS, when: "battery > 10"}}
     """
-    assert read(text).rehearsal.fact_values()["battery"] == 20
+    assert read(text).simulated.fact_values()["battery"] == 20
 
 
 def test_a_scalar_is_taken_as_it_is_written():
@@ -155,8 +163,8 @@ def test_a_scalar_is_taken_as_it_is_written():
     parameters: {a: 1.5, b: true, c: "1", d: 12:30}
     """
     play = read(text)
-    assert play.rehearsal.fact_values()["at"] == "no"
-    scope = play.rehearsal.compiled.instance.scope
+    assert play.simulated.fact_values()["at"] == "no"
+    scope = play.simulated.compiled.instance.scope
     assert [scope.resolve(key).read() for key in "abcd"] == [1.5, True, "1", "12:30"]
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from sar_compiler.checks.simulate.judging import failures
-from sar_compiler.checks.simulate.running import Simulation
+from sar_compiler.checks.simulate.running import ScenarioPlayer
 from tests.checks.simulate.stage import PATROL, answers, played, read, stage
 
 DRIVE = "<NavigateToZone/>"
@@ -81,9 +81,9 @@ def test_a_leaf_that_is_halted_has_had_its_turn():
     """
     body = '<Sequence memory="false"><ScriptCondition code="a := 1; 1"/><NavigateToZone/></Sequence>'
     play = read(text, body)
-    simulation = Simulation(play.rehearsal, play.scenario)
+    simulation = ScenarioPlayer(play.simulated, play.scenario)
     simulation.tick()
-    play.rehearsal.root.stop(play.rehearsal.root.status.INVALID)
+    play.simulated.root.stop(play.simulated.root.status.INVALID)
     simulation.tick()
     assert answers(simulation.run, "NavigateToZone") == ["driving", "aborted"]
 
@@ -130,7 +130,7 @@ def test_a_root_that_is_skipped_has_not_ended():
 
 def test_a_run_ends_when_its_condition_is_true():
     run = played("until: \"zones_left == 0 && at == 'base'\"", PATROL)
-    assert (run.ended, len(run.ticks), run.rehearsal.fact_values()["at"]) == (True, 4, "base")
+    assert (run.ended, len(run.ticks), run.simulated.fact_values()["at"]) == (True, 4, "base")
 
 
 def test_a_run_without_an_end_is_broken_off():
@@ -195,12 +195,12 @@ def test_what_cannot_be_breaks_the_run_off_and_is_the_only_failure(text, body, m
 
 def test_a_node_that_raises_something_of_its_own_breaks_the_run_off(monkeypatch):
     play = read("name: x", DRIVE)
-    monkeypatch.setattr(play.rehearsal.leaves[0], "initialise", lambda: 1 / 0)
-    run = Simulation(play.rehearsal, play.scenario).go()
+    monkeypatch.setattr(play.simulated.leaves[0], "initialise", lambda: 1 / 0)
+    run = ScenarioPlayer(play.simulated, play.scenario).go()
     assert run.trouble == "ZeroDivisionError: division by zero"
 
 
 def test_the_same_stage_plays_any_number_of_scenarios():
     here = stage()
-    runs = [Simulation(play.rehearsal, play.scenario).go() for play in (here.play(), here.play())]
-    assert [run.rehearsal.fact_values()["zones_left"] for run in runs] == [2, 2]
+    runs = [ScenarioPlayer(play.simulated, play.scenario).go() for play in (here.play(), here.play())]
+    assert [run.simulated.fact_values()["zones_left"] for run in runs] == [2, 2]

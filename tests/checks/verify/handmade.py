@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from sar_compiler.checks.verify.exploring import Judgement, Step, explore
+from sar_compiler.checks.verify.exploring import Judgement, Transition, explore
 
 
 class HandMade:
@@ -40,7 +40,7 @@ class HandMade:
         for place, tick in enumerate(self._ticks.get(state, [state])):
             self.path = (place,)
             target, waits = tick if isinstance(tick, tuple) else (tick, 0)
-            yield Step(target, waits)
+            yield Transition(target, waits)
 
     def judge(self, state, *, idle):
         ends = state in self._ends or bool(idle and state in self._idle_ends)

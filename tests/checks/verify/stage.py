@@ -1,10 +1,9 @@
 """Small trees of the leaves of `leaves.py`, verified."""
 
 from sar_compiler.checks.assumptions import read_assumptions
-from sar_compiler.checks.verify import Outcome, parse_property_file, verify
-from sar_compiler.checks.yaml_values import raise_findings
+from sar_compiler.checks.verify import ProofStatus, parse_property_file, verify
 from sar_compiler.compiler import bind_main
-from sar_compiler.compiler.rehearsal import rehearse
+from sar_compiler.compiler.simulated_tree import compile_simulated
 from sar_compiler.nodes.registry import load_registry
 from tests.trees import forest
 
@@ -17,20 +16,20 @@ def bound(body):
     return bind_main(forest(body), REGISTRY)
 
 
-def rehearsed(binding, file=None):
+def simulated_tree(binding, file=None):
     """Rehearse a bound tree with what a file of properties says of the world."""
     if file is None:
-        return rehearse(binding, {})
-    plain = rehearse(binding, file.parameters)
-    assumptions = read_assumptions(file.document, file.facts, file.answers, plain)
-    raise_findings([file.document])
-    return rehearse(binding, file.parameters, assumptions)
+        return compile_simulated(binding, {})
+    with file.document.findings_first():
+        plain = compile_simulated(binding, file.parameters)
+        assumptions = read_assumptions(file.document, file.facts, file.answers, plain)
+        return compile_simulated(binding, file.parameters, assumptions)
 
 
 def verified(body, properties=None, max_states=20_000):
     """Verify a tree with the text of a file of properties."""
     file = None if properties is None else parse_property_file(properties, "props.yaml")
-    return verify(rehearsed(bound(body), file), file, TAGS, max_states)
+    return verify(simulated_tree(bound(body), file), file, TAGS, max_states)
 
 
 def verdict(verification, question):
@@ -53,4 +52,4 @@ def told(trace):
     ]
 
 
-PROVED, BROKEN, UNDECIDED = Outcome.PROVED, Outcome.BROKEN, Outcome.UNDECIDED
+PROVED, BROKEN, UNDECIDED = ProofStatus.PROVED, ProofStatus.BROKEN, ProofStatus.UNDECIDED

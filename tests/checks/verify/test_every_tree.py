@@ -1,6 +1,6 @@
 """What is asked of every tree: no error, no leaf without a turn, no run without an end."""
 
-from sar_compiler.checks.verify.questions import AN_END, EVERY_LEAF, NO_ERROR, NO_LIVELOCK
+from sar_compiler.checks.verify.verdicts import AN_END, EVERY_LEAF, NO_ERROR, NO_LIVELOCK
 from tests.checks.verify.stage import BROKEN, PROVED, UNDECIDED, outcome, told, verdict, verified
 
 

@@ -4,9 +4,7 @@ import random
 
 import pytest
 
-from sar_compiler.checks.verify.components import components, is_fair
-from sar_compiler.checks.verify.lassos import lasso
-from sar_compiler.checks.verify.liveness import endings, owing_for_ever
+from sar_compiler.checks.verify.liveness import components, endings, is_fair, lasso, owing_for_ever
 from tests.checks.verify.handmade import explored
 
 

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from sar_compiler.checks.verify.monitors import LIMIT, MAIN, OTHER, Form, Monitor, Monitors
+from sar_compiler.checks.verify.monitors import LIMIT, MAIN, OTHER, Monitor, Monitors, PropertyPattern
 
 ROLES = {0: MAIN, 1: OTHER, 2: LIMIT}
 EVENTS = {"main": 0, "other": 1, "limit": 2, "else": 3}
@@ -23,19 +23,19 @@ def broken_at(form, events, owes=False):
 @pytest.mark.parametrize(
     ("form", "events", "places"),
     [
-        (Form.NEVER, "else other main limit main", [2, 4]),
-        (Form.BEFORE, "main other main", [0]),
-        (Form.BEFORE, "other main main", []),
-        (Form.BEFORE, "other limit main", [2]),
-        (Form.BEFORE, "other limit other main", []),
-        (Form.AFTER, "main other limit", []),
-        (Form.AFTER, "main limit", [1]),
-        (Form.AFTER, "main else limit other", [2]),
-        (Form.AFTER, "limit main main other limit", []),
-        (Form.AFTER, "main limit limit main limit", [1, 4]),
-        (Form.AT_MOST_ONCE, "main limit main", []),
-        (Form.AT_MOST_ONCE, "main else main", [2]),
-        (Form.AT_MOST_ONCE, "main main main", [1, 2]),
+        (PropertyPattern.NEVER, "else other main limit main", [2, 4]),
+        (PropertyPattern.BEFORE, "main other main", [0]),
+        (PropertyPattern.BEFORE, "other main main", []),
+        (PropertyPattern.BEFORE, "other limit main", [2]),
+        (PropertyPattern.BEFORE, "other limit other main", []),
+        (PropertyPattern.AFTER, "main other limit", []),
+        (PropertyPattern.AFTER, "main limit", [1]),
+        (PropertyPattern.AFTER, "main else limit other", [2]),
+        (PropertyPattern.AFTER, "limit main main other limit", []),
+        (PropertyPattern.AFTER, "main limit limit main limit", [1, 4]),
+        (PropertyPattern.AT_MOST_ONCE, "main limit main", []),
+        (PropertyPattern.AT_MOST_ONCE, "main else main", [2]),
+        (PropertyPattern.AT_MOST_ONCE, "main main main", [1, 2]),
     ],
 )
 def test_a_property_is_broken_where_it_says(form, events, places):
@@ -43,19 +43,19 @@ def test_a_property_is_broken_where_it_says(form, events, places):
 
 
 def test_what_must_come_one_day_is_owed_until_it_comes():
-    monitors = Monitors([Monitor(Form.AFTER, {0: MAIN, 1: OTHER}, owes=True)])
+    monitors = Monitors([Monitor(PropertyPattern.AFTER, {0: MAIN, 1: OTHER}, owes=True)])
     after_main, _ = monitors.after(Monitors.start, (0, 3))
     after_other, _ = monitors.after(after_main, (3, 1))
     assert [monitors.owed(state) for state in (Monitors.start, after_main, after_other)] == [0, 1, 0]
 
 
 def test_what_must_come_before_something_is_not_owed_for_ever():
-    monitors = Monitors([Monitor(Form.AFTER, ROLES)])
+    monitors = Monitors([Monitor(PropertyPattern.AFTER, ROLES)])
     assert monitors.owed(monitors.after(Monitors.start, (0,))[0]) == 0
 
 
 def test_the_order_of_events_in_one_tick_counts():
-    monitors = Monitors([Monitor(Form.BEFORE, ROLES)])
+    monitors = Monitors([Monitor(PropertyPattern.BEFORE, ROLES)])
     assert monitors.after(Monitors.start, (EVENTS["other"], EVENTS["main"]))[1] == 0
     assert monitors.after(Monitors.start, (EVENTS["main"], EVENTS["other"]))[1] == 1
 
@@ -87,14 +87,14 @@ def last(run, event):
 
 
 NAIVE = {
-    Form.NEVER: never_breaks,
-    Form.BEFORE: before_breaks,
-    Form.AFTER: after_breaks,
-    Form.AT_MOST_ONCE: at_most_once_breaks,
+    PropertyPattern.NEVER: never_breaks,
+    PropertyPattern.BEFORE: before_breaks,
+    PropertyPattern.AFTER: after_breaks,
+    PropertyPattern.AT_MOST_ONCE: at_most_once_breaks,
 }
 
 
-@pytest.mark.parametrize("form", list(Form))
+@pytest.mark.parametrize("form", list(PropertyPattern))
 def test_monitors_say_of_random_runs_what_the_property_s_sentence_says(form):
     chance = random.Random(form.value)  # noqa: S311 - the same in every run
     for _ in range(500):
@@ -105,7 +105,7 @@ def test_monitors_say_of_random_runs_what_the_property_s_sentence_says(form):
 
 def test_monitors_together_say_what_each_says_alone():
     chance = random.Random(1)  # noqa: S311 - the same in every run
-    monitors = [Monitor(form, ROLES) for form in Form]
+    monitors = [Monitor(form, ROLES) for form in PropertyPattern]
     together, state = Monitors(monitors), Monitors.start
     alone = [(Monitors([monitor]), Monitors.start) for monitor in monitors]
     for _ in range(300):

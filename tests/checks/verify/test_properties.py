@@ -11,7 +11,7 @@ from tests.checks.verify.stage import (
     REGISTRY,
     TAGS,
     outcome,
-    rehearsed,
+    simulated_tree,
     told,
     verdict,
     verified,
@@ -112,7 +112,7 @@ def test_a_condition_reads_a_key_that_the_main_tree_only_passes_on():
         forest_of(f'<root BTCPP_format="4" main_tree_to_execute="Main">{main}{inner}</root>'), REGISTRY
     )
     file = parse_property_file("properties: {p: {at_end: shared == 1}}")
-    assert outcome(verify(rehearsed(binding, file), file, TAGS, 100), "p") is PROVED
+    assert outcome(verify(simulated_tree(binding, file), file, TAGS, 100), "p") is PROVED
 
 
 def test_there_may_be_more_properties_than_a_word_has_bits():
@@ -156,14 +156,29 @@ def test_a_property_of_nothing_but_leaves_that_the_tree_does_not_have_is_left_ou
     [
         ("propertys: {}", "1:1", "unknown-key", "did you mean 'properties'?"),
         ("properties:\n  p: {nevr: A starts}", "2:7", "unknown-key", "did you mean 'never'?"),
-        ("properties:\n  p: {}", "2:3", "missing-key", "it needs one of after, never"),
-        ("properties:\n  p: {while: true}", "2:3", "missing-key", "it needs one of after, never"),
+        (
+            "properties:\n  p: {}",
+            "2:3",
+            "missing-key",
+            "'p' needs one of after, never, at_most_once, before, at_end",
+        ),
+        (
+            "properties:\n  p: {while: true}",
+            "2:3",
+            "missing-key",
+            "'p' needs one of after, never, at_most_once, before, at_end",
+        ),
         ("properties:\n  p: {before: A starts}", "2:3", "missing-key", "'before' needs 'comes'"),
         ("properties:\n  p: {never: A starts, since: B starts}", "2:24", "conflicting-keys", "has while"),
         ("properties:\n  p: {never: A strats}", "2:16", "unknown-answer", "did you mean 'starts'?"),
         ("properties:\n  p: {never: E starts}", "2:14", "unknown-leaf", "there is A, B"),
         ("properties:\n  p: {never: A}", "2:14", "wrong-value", "write A SUCCESS"),
-        ("properties:\n  p: {never: [[A]]}", "2:15", "wrong-shape", "an event is a text"),
+        (
+            "properties:\n  p: {never: [[A]]}",
+            "2:15",
+            "wrong-shape",
+            "an item of 'never' is an event, and this is a list",
+        ),
         (
             "properties:\n  p: {never: A starts, while: n == 1}",
             "2:31",
@@ -186,7 +201,7 @@ def test_a_property_of_nothing_but_leaves_that_the_tree_does_not_have_is_left_ou
             "written twice",
         ),
         ("facts: {zone: 1}", "1:9", "unknown-fact", "no leaf of this tree knows"),
-        ("properties: [a]", "1:13", "wrong-shape", "properties is a mapping"),
+        ("properties: [a]", "1:13", "wrong-shape", "'properties' is a mapping, and this is a list"),
         ("", "1:1", "empty-file", "write properties:"),
     ],
 )
@@ -202,3 +217,11 @@ def test_all_slips_of_a_file_are_found_at_once():
     with pytest.raises(TreeError) as caught:
         verified(TWO, "end: x == 1\nproperties:\n  p: {never: E starts}\n  q: {never: A strats}")
     assert [finding.span.line for finding in caught.value.findings] == [1, 3, 4]
+
+
+def test_slips_that_only_the_tree_shows_are_found_with_those_that_anybody_sees():
+    text = "ende: 1\nfacts: {zone: 1}\nproperties:\n  p: {never: E starts}\n  q: {nevr: A starts}"
+    with pytest.raises(TreeError) as caught:
+        verified(TWO, text)
+    codes = [(finding.code, finding.span.line) for finding in caught.value.findings]
+    assert codes == [("unknown-key", 1), ("unknown-fact", 2), ("unknown-leaf", 4), ("unknown-key", 5)]

@@ -6,15 +6,17 @@ import pytest
 
 from sar_compiler.checks.verify.choices import Choices
 from sar_compiler.checks.verify.exploring import explore
-from sar_compiler.checks.verify.prepared import Prepared
 from sar_compiler.checks.verify.properties import without_properties
+from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.checks.verify.traces import Retracing
-from sar_compiler.runtime.answering import ANSWERED
 from sar_compiler.runtime.flat.cells import STATUSES
+from sar_compiler.runtime.stub_leaf import ANSWERED
 from sar_compiler.tree.diagnostic import TreeError
 from tests.checks.verify.random_trees import random_tree
-from tests.checks.verify.stage import bound, rehearsed
+from tests.checks.verify.stage import bound, simulated_tree
+
+pytestmark = pytest.mark.unmeasured
 
 # Every run of so many ticks is played on py_trees, if there are not too many.
 _TICKS = 3
@@ -22,12 +24,12 @@ _MOST_RUNS = 1500
 _MOST_STATES = 400
 
 
-def looked_at(rehearsal):
+def looked_at(simulated):
     """Return all that can be seen of a tree that py_trees ticks."""
     return (
-        tuple(node.status for node in rehearsal.root.iterate()),
-        values(rehearsal.compiled.board),
-        values(rehearsal.facts.board),
+        tuple(node.status for node in simulated.root.iterate()),
+        values(simulated.compiled.board),
+        values(simulated.facts.board),
     )
 
 
@@ -42,22 +44,22 @@ def values(board):
 class Explored:
     """The states of a tree in flat form, and what can be seen of each."""
 
-    def __init__(self, rehearsal, max_states):
-        self.stepper = TreeStepper(Prepared.of(rehearsal), without_properties().rules)
+    def __init__(self, simulated, max_states):
+        self.stepper = TreeStepper(Prepared.of(simulated), without_properties().rules)
         self.graph = explore(self.stepper, max_states)
-        self._rehearsal = rehearsal
+        self._simulated = simulated
         # As `iterate` of py_trees goes through a tree: children before parents.
         index = {id(node.behaviour): node.index for node in self.stepper.flat.nodes}
-        self._order = [index[id(node)] for node in rehearsal.root.iterate()]
+        self._order = [index[id(node)] for node in simulated.root.iterate()]
 
     def looked_at(self, number):
         state = self.graph.keys[number]
-        self.stepper.values_in(state)
+        self.stepper.states.values_in(state)
         cells = list(state.cells)
         return (
             tuple(STATUSES[cells[index]] for index in self._order),
-            values(self._rehearsal.compiled.board),
-            values(self._rehearsal.facts.board),
+            values(self._simulated.compiled.board),
+            values(self._simulated.facts.board),
         )
 
 
@@ -85,15 +87,15 @@ def tick_sequences(binding):
     choices = Choices()
     choices.begin()
     for _ in range(_MOST_RUNS):
-        rehearsal = rehearsed(binding)
-        rehearsal.chooser = Choosing(choices)
-        yield looked_at(rehearsal)
+        simulated = simulated_tree(binding)
+        simulated.policy = Choosing(choices)
+        yield looked_at(simulated)
         for _ in range(_TICKS):
             try:
-                rehearsal.root.tick_once()
+                simulated.root.tick_once()
             except Exception:  # noqa: BLE001 - scripts of random trees go wrong
                 break
-            yield looked_at(rehearsal)
+            yield looked_at(simulated)
         if not choices.advance():
             return
     yield None
@@ -103,7 +105,7 @@ def tick_sequences(binding):
 def test_every_state_that_py_trees_comes_to_is_found_and_no_other(binding):
     seen = set(tick_sequences(binding))
     assert None not in seen, f"more than {_MOST_RUNS} runs: let the trees be smaller"
-    explored = Explored(rehearsed(binding), 50_000)
+    explored = Explored(simulated_tree(binding), 50_000)
     graph = explored.graph
     near = [number for number in range(len(graph.keys)) if graph.distance(number) <= _TICKS]
     assert {explored.looked_at(number) for number in near} == seen
@@ -129,12 +131,12 @@ class Repeating:
 
 @pytest.mark.parametrize("binding", trees(range(100, 130)))
 def test_the_run_that_is_told_leads_py_trees_to_the_same_state(binding):
-    explored = Explored(rehearsed(binding), _MOST_STATES)
+    explored = Explored(simulated_tree(binding), _MOST_STATES)
     retracing = Retracing(explored.stepper, explored.graph)
     for number in range(0, len(explored.graph.keys), 7):
         trace = retracing.to(number)
-        rehearsal = rehearsed(binding)
-        rehearsal.chooser = Repeating(trace)
+        simulated = simulated_tree(binding)
+        simulated.policy = Repeating(trace)
         for _ in trace.ticks:
-            rehearsal.root.tick_once()
-        assert looked_at(rehearsal) == explored.looked_at(number)
+            simulated.root.tick_once()
+        assert looked_at(simulated) == explored.looked_at(number)

@@ -5,13 +5,15 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.checks.verify import read_property_file, verify
-from sar_compiler.checks.verify.questions import AN_END, EVERY_LEAF, NO_ERROR, NO_LIVELOCK
+from sar_compiler.checks.verify.verdicts import AN_END, EVERY_LEAF, NO_ERROR, NO_LIVELOCK
 from sar_compiler.compiler import bind_main
-from sar_compiler.compiler.rehearsal import Assumptions, rehearse
+from sar_compiler.compiler.simulated_tree import Assumptions, compile_simulated
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.tree.forest import load_forest
 from sar_compiler.tree.reading import read_tree_file
 from tests.checks.verify.stage import BROKEN, PROVED, outcome, told, verdict
+
+pytestmark = pytest.mark.unmeasured
 
 PROPERTIES = Path("config/mission_properties.yaml")
 REPORTED = "a survivor found is reported or kept before the zone is left"
@@ -21,9 +23,9 @@ REGISTRY = default_registry()
 
 def mission(name, zones):
     forest = load_forest(Path("trees", f"{name}.xml"), read_tree_file)
-    rehearsal = rehearse(bind_main(forest, REGISTRY), {}, Assumptions({"zones_left": zones}))
+    simulated = compile_simulated(bind_main(forest, REGISTRY), {}, Assumptions({"zones_left": zones}))
     tags = {spec.tag for spec in REGISTRY if spec.kind.is_leaf}
-    return verify(rehearsal, read_property_file(PROPERTIES), tags, 100_000)
+    return verify(simulated, read_property_file(PROPERTIES), tags, 100_000)
 
 
 @pytest.fixture(scope="module")

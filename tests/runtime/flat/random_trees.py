@@ -6,6 +6,10 @@ from collections.abc import Callable
 
 from py_trees import decorators
 
+from sar_compiler.nodes.spec import Kind, NodeSpec
+from sar_compiler.runtime.parents import Parent
+from tests.node_forms import forms
+
 Attributes = dict[str, dict[str, object]]
 """The attributes of tags."""
 
@@ -23,6 +27,13 @@ _CONDITIONS = {
     "_post": ("a := 0", "n := 1"),
 }
 _SKIPPING = ("_skipIf", "_while")
+FORMS = [form for form in forms() if not any("{" in text or "v ==" in text for _, text in form.attributes)]
+
+
+def knows_skips(spec: NodeSpec) -> bool:
+    """Return whether a child of a node may be skipped."""
+    own = spec.cls is not None and issubclass(spec.cls, Parent)
+    return own or spec.skipping.cls is not None
 
 
 class RandomTree:
@@ -139,7 +150,16 @@ class RandomTree:
                     synchronise=draw.random() < 0.5,
                 ),
             ]
-        return draw.choice(made)()
+        return draw.choice([*made, lambda: self.any_form(Kind.CONTROL, depth)])()
+
+    def any_form(self, kind: Kind, depth: int) -> str:
+        """Return any node of a kind, also one that is not named here."""
+        forms = [
+            form for form in FORMS if form.spec.kind is kind and (not self.skips or knows_skips(form.spec))
+        ]
+        form = self.draw.choice(forms)
+        count = form.count(2)
+        return self.element(form.spec.tag, self.children(depth, count, count), **dict(form.attributes))
 
     def switch(self, depth: int, cases: int) -> str:
         names = {f"case_{number}": number for number in range(1, cases + 1)}
@@ -148,6 +168,8 @@ class RandomTree:
         )
 
     def decorator(self, depth: int) -> str:
+        if self.draw.random() < 0.1:
+            return self.any_form(Kind.DECORATOR, depth)
         child = self.node(depth + 1)
         tags = {**self.repeating(), **(self.skipping() if self.skips else self.stock())}
         tag = self.draw.choice(sorted(tags))

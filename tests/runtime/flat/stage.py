@@ -10,7 +10,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from sar_compiler.compiler import CompiledTree, bind_main, compile_tree
-from sar_compiler.nodes.bound import Binding
+from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.runtime.blackboard import Snapshot
 from sar_compiler.runtime.clock import Clock, ManualClock

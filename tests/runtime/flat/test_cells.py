@@ -9,6 +9,8 @@ from sar_compiler.runtime.flat.cells import Cells
 from tests.runtime.flat.random_trees import HAS_FOR_EACH
 from tests.runtime.flat.stage import Beat, FlatStage, Saved, Seen, bound, random_beats, random_bindings
 
+pytestmark = pytest.mark.unmeasured
+
 TREES = 150
 TICKS = 12
 

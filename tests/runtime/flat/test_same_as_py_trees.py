@@ -4,8 +4,10 @@ import pytest
 from py_trees.decorators import Decorator
 
 from sar_compiler.nodes.registry import default_registry
-from sar_compiler.runtime.flat.table import BUILDERS
+from sar_compiler.runtime.flat.parts import BUILDERS
 from tests.runtime.flat.stage import FlatStage, PyTreesStage, Stage, random_beats, random_bindings
+
+pytestmark = pytest.mark.unmeasured
 
 TREES = 250
 TICKS = 14

@@ -10,7 +10,6 @@ from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports, Su
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.nodes import Answer, Kind, Use, register
 from sar_compiler.ros.leaves.leaf import RosLeaf
-from sar_compiler.ros.leaves.service_call import CallDeadlines
 
 _FACTS = {"reports_kept": 0}
 
@@ -101,7 +100,7 @@ class DeliverReports(ReportLeaf):
         server_timeout_sec: float = 10.0,
         timeout_sec: float = 5.0,
     ) -> None:
-        super().__init__(name, record, service, CallDeadlines(server_timeout_sec, timeout_sec))
+        super().__init__(name, record, service, server_timeout_sec, timeout_sec)
         self._kept = kept_reports
         self._untried: list[SurvivorReport] = []
 
@@ -109,20 +108,18 @@ class DeliverReports(ReportLeaf):
         """Begin with the oldest report."""
         self._untried = list(self._kept)
         super().initialise()
-        if not self._kept:
-            self.feedback_message = "no report is kept"
-            self._verdict = Status.SUCCESS
 
-    def _next_report(self) -> SurvivorReport | None:
-        return self._untried.pop(0) if self._untried else None
+    def request(self) -> Any:
+        """Return the request for the oldest report that was not tried; SUCCESS if none is kept."""
+        if self._untried:
+            return self._request_for(self._untried.pop(0))
+        self.feedback_message = "no report is kept"
+        return Status.SUCCESS
 
-    def _conclude(self, answer: Any) -> Status:
-        if super()._conclude(answer) is Status.SUCCESS:
+    def on_response(self, response: Any) -> Status:
+        """Go on to the next report: one that is refused must not hold up the others."""
+        if super().on_response(response) is Status.SUCCESS:
             self._kept.delivered(self._survivor_id)
-        # One that is refused must not hold up the others.
-        question = self._ask()
-        if question is None:
-            return Status.FAILURE if self._kept else Status.SUCCESS
-        self._call = self._make_call(question)
-        self._call.advance()
-        return Status.RUNNING
+        if self._untried:
+            return Status.RUNNING
+        return Status.FAILURE if self._kept else Status.SUCCESS

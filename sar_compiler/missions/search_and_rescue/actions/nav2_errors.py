@@ -6,13 +6,9 @@ the code of the server that failed.
 
 from typing import Any
 
-_ABORTED = 6
+from sar_compiler.ros.leaves.goal import describe_status
 
-_STATUS = {
-    0: "unknown to the server (was it restarted?)",
-    5: "canceled by somebody else",
-    _ABORTED: "aborted",
-}
+_ABORTED = 6
 
 _CODES = {
     1: "the goal was rejected by another server",
@@ -51,7 +47,7 @@ _RANGES = (
 
 
 def describe_end(status: int, result: Any) -> str:
-    """Say how and why a drive failed.
+    """Return how and why a drive failed.
 
     Args:
         status: The goal's status, a constant of `action_msgs/msg/GoalStatus` other than success.
@@ -62,7 +58,7 @@ def describe_end(status: int, result: Any) -> str:
     """
     code = int(getattr(result, "error_code", 0))
     words = str(getattr(result, "error_msg", "")) or _describe_code(code, aborted=status == _ABORTED)
-    return f"{_STATUS.get(status, 'not finished')} (status {status}), error code {code}: {words}"
+    return f"{describe_status(status)}, error code {code}: {words}"
 
 
 def _describe_code(code: int, *, aborted: bool) -> str:

@@ -1,8 +1,6 @@
 """Driving to the zones and home: goals for Nav2's action `NavigateToPose`."""
 
 import math
-from abc import abstractmethod
-from dataclasses import dataclass
 from typing import Any
 
 from py_trees.common import Status
@@ -12,30 +10,14 @@ from sar_compiler.missions.search_and_rescue.frames import MAP_FRAME
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import Pose, ZoneManager
 from sar_compiler.nodes import Answer, Kind, Use, register
-from sar_compiler.ros.leaves.errors import MissingNodeError
-from sar_compiler.ros.leaves.goal import ActionGoal, ActionPort, GoalDeadlines, GoalEnd
-from sar_compiler.ros.leaves.leaf import RosLeaf
+from sar_compiler.ros.leaves.action_leaf import ActionLeaf
+from sar_compiler.ros.leaves.goal import SUCCEEDED
 
 _OUTCOMES = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
 _USES = [Use.action("{action}"), Use.nav2()]
 
 
-@dataclass(frozen=True)
-class Target:
-    """Where to drive.
-
-    Attributes:
-        label: What the log calls it.
-        pose: The pose in the frame `map`.
-        headline: What the log says above the drive; said once for repeated drives to one target.
-    """
-
-    label: str
-    pose: Pose
-    headline: str = ""
-
-
-class NavigateTo(RosLeaf):
+class NavigateTo(ActionLeaf):
     """What driving to a zone and driving home have in common: one goal for each activation.
 
     Subclasses say where to drive, and what arriving means.
@@ -50,6 +32,8 @@ class NavigateTo(RosLeaf):
         feedback_timeout_sec: How long a server may be silent or gone, seconds.
     """
 
+    action_type = "nav2_msgs/action/NavigateToPose"
+
     def __init__(
         self,
         name: str,
@@ -62,132 +46,61 @@ class NavigateTo(RosLeaf):
         feedback_timeout_sec: float = 10.0,
     ) -> None:
         super().__init__(name)
+        self.action_name = action
+        self.server_timeout_sec = server_timeout_sec
+        self.acceptance_timeout_sec = acceptance_timeout_sec
+        self.feedback_timeout_sec = feedback_timeout_sec
         self._zones = zone_manager
         self._record = record or MissionRecord()
-        self._action = action
-        self._deadlines = GoalDeadlines(server_timeout_sec, acceptance_timeout_sec, feedback_timeout_sec)
-        self._port: ActionPort | None = None
-        self._target: Target | None = None
-        self._goal: ActionGoal | None = None
-        self._goals_given_up: list[ActionGoal] = []
-        self._verdict = Status.INVALID
+        self._target = ""
         self._headline = ""
 
-    def setup(self, **kwargs: Any) -> None:
-        """Make the action's clients; does not wait for a server.
+    def on_send(self) -> None:
+        """Log where the robot sets out for."""
+        self.feedback_message = f"navigating to {self._target}"
+        self.say(f"Navigating to {self._target}...")
 
-        Args:
-            **kwargs: `node` and optionally `wake`, see `RosLeaf`.
-        """
-        from nav2_msgs.action import NavigateToPose
+    def on_feedback(self, feedback: Any) -> None:
+        """Keep how far it is still."""
+        self.feedback_message = f"navigating to {self._target}, {feedback.distance_remaining:.2f} m left"
 
-        self.shutdown()
-        super().setup(**kwargs)
-        self._port = ActionPort(self.node, NavigateToPose, self._action)
+    def on_result(self, status: int, result: Any) -> Status:
+        """Return SUCCESS on arrival; else FAILURE, and log Nav2's reason."""
+        if status != SUCCEEDED:
+            return self.on_failure(describe_end(status, result))
+        self.feedback_message = f"reached {self._target}"
+        self.say(f"Reached {self._target}.")
+        self._on_arrival()
+        return Status.SUCCESS
 
-    def initialise(self) -> None:
-        """Start one drive."""
-        self._drop_goal()
-        self._verdict = Status.RUNNING
-        self._target = self._choose_target()
-        if self._target is None:
-            self.complain(f"'{self.name}' has nowhere to drive to: every zone is visited.")
-            self._verdict = Status.FAILURE
-            return
-        if self._target.headline not in ("", self._headline):
-            self._headline = self._target.headline
-            self.say(self._headline)
-        self._goal = self._make_goal(self._target)
-        self._advance(self._goal, self._target)
-        if not self._goal.sent and self._goal.end is None:
-            self.feedback_message = f"waiting for a server of '{self._action}'"
-            self.say(f"Waiting for the action server {self._action}...")
-
-    def update(self) -> Status:
-        """Say how the drive stands."""
-        if self._verdict is Status.RUNNING and self._goal is not None and self._target is not None:
-            self._advance(self._goal, self._target)
-            if self._goal.end is not None:
-                self._verdict = self._conclude(self._goal.end, self._target)
-        return self._verdict
-
-    def terminate(self, new_status: Status) -> None:
-        """Cancel the drive if it was interrupted."""
-        if new_status is Status.INVALID:
-            self._drop_goal()
-
-    def shutdown(self) -> None:
-        """Cancel what is still under way, and release the clients.
-
-        While a cancel is unanswered they are left to the node: a goal that is accepted only now must still
-        be cancelled.
-        """
-        self._drop_goal()
-        if self._port is not None and self.settled():
-            self._port.release()
-        self._port = None
-        super().shutdown()
-
-    def settled(self) -> bool:
-        """Say whether the server has answered every cancel; one that is gone will not."""
-        self._goals_given_up = [goal for goal in self._goals_given_up if not goal.settled]
-        under_way = bool(self._goals_given_up) or not (self._goal is None or self._goal.settled)
-        return not (under_way and self._port is not None and self._port.server_is_ready)
-
-    @abstractmethod
-    def _choose_target(self) -> Target | None:
-        """Return where to drive now, or None if there is nowhere."""
+    def on_failure(self, reason: str) -> Status:
+        """Return FAILURE, and log where the robot did not get to."""
+        self.complain(f"Navigation to {self._target} failed: {reason}")
+        return Status.FAILURE
 
     def _on_arrival(self) -> None:
         """Do what arriving means."""
 
-    def _make_goal(self, target: Target) -> ActionGoal:
-        from nav2_msgs.action import NavigateToPose
+    def _drive_to(self, target: str, pose: Pose, headline: str = "") -> Any:
+        """Return the goal for a pose in the frame `map`.
 
-        if self._port is None:
-            raise MissingNodeError(self.name, type(self).__name__)
-        goal = NavigateToPose.Goal()
+        Args:
+            target: What the log calls the place.
+            pose: The pose.
+            headline: What the log says above the drive; once for repeated drives to one target.
+        """
+        self._target = target
+        if headline not in ("", self._headline):
+            self._headline = headline
+            self.say(headline)
+        goal = self.interface.Goal()
         goal.pose.header.frame_id = MAP_FRAME
         goal.pose.header.stamp = self.node.get_clock().now().to_msg()
-        goal.pose.pose.position.x = float(target.pose["x"])
-        goal.pose.pose.position.y = float(target.pose["y"])
+        goal.pose.pose.position.x, goal.pose.pose.position.y = float(pose["x"]), float(pose["y"])
         # A turn about z alone.
-        goal.pose.pose.orientation.z = math.sin(target.pose["yaw"] / 2)
-        goal.pose.pose.orientation.w = math.cos(target.pose["yaw"] / 2)
-        return ActionGoal(self._port, goal, self._deadlines, self._wake)
-
-    def _advance(self, goal: ActionGoal, target: Target) -> None:
-        sent_before = goal.sent
-        goal.advance()
-        if goal.sent and not sent_before:
-            self.say(f"Navigating to {target.label}...")
-        if goal.sent:
-            left = getattr(goal.feedback, "distance_remaining", None)
-            distance = "" if left is None else f", {left:.2f} m left"
-            self.feedback_message = f"navigating to {target.label}{distance}"
-
-    def _conclude(self, end: GoalEnd, target: Target) -> Status:
-        if end.succeeded:
-            self.feedback_message = f"reached {target.label}"
-            self.say(f"Reached {target.label}.")
-            self._on_arrival()
-            return Status.SUCCESS
-        reason = end.trouble
-        if end.status is not None:
-            reason = describe_end(end.status, end.result)
-        self.complain(f"Navigation to {target.label} failed: {reason}")
-        return Status.FAILURE
-
-    def _drop_goal(self) -> None:
-        if self._goal is None:
-            return
-        if self._goal.in_flight:
-            self.say(f"Canceling the goal of '{self.name}'.")
-        self._goal.abandon()
-        self._goals_given_up = [goal for goal in (*self._goals_given_up, self._goal) if not goal.settled]
-        self._goal = None
-        if self._verdict is Status.RUNNING:
-            self._verdict = Status.FAILURE
+        goal.pose.pose.orientation.z = math.sin(pose["yaw"] / 2)
+        goal.pose.pose.orientation.w = math.cos(pose["yaw"] / 2)
+        return goal
 
 
 @register(
@@ -217,17 +130,16 @@ class NavigateToZone(NavigateTo):
         feedback_timeout_sec: How long a server may be silent or gone, seconds.
     """
 
-    def _choose_target(self) -> Target | None:
+    def goal(self) -> Any:
+        """Return the goal for the current zone; FAILURE if every zone is visited."""
         if not self._zones.has_remaining():
-            return None
+            self.complain(f"'{self.name}' has nowhere to drive to: every zone is visited.")
+            return Status.FAILURE
         zone = self._zones.current_zone()
         self._record.zone_started(zone["id"])
         place = f"{self._zones.current_index() + 1}/{self._zones.total_zones()}"
-        return Target(
-            label=zone["id"],
-            pose=zone,
-            headline=f"--- Zone {place}: {zone['id']} ({zone['x']:.2f}, {zone['y']:.2f}) ---",
-        )
+        headline = f"--- Zone {place}: {zone['id']} ({zone['x']:.2f}, {zone['y']:.2f}) ---"
+        return self._drive_to(zone["id"], zone, headline)
 
 
 @register(
@@ -256,11 +168,12 @@ class NavigateToBase(NavigateTo):
         feedback_timeout_sec: How long a server may be silent or gone, seconds.
     """
 
-    _mission_complete = False
+    _told = ""
 
-    def _choose_target(self) -> Target:
+    def goal(self) -> Any:
+        """Return the goal for the base station."""
         headline = "" if self._zones.has_remaining() else f"{self._visited()} Returning to base."
-        return Target(label="base station", pose=self._zones.base_pose(), headline=headline)
+        return self._drive_to("base station", self._zones.base_pose(), headline)
 
     def _visited(self) -> str:
         abandoned = [zone["id"] for zone in self._zones.abandoned_zones()]
@@ -268,7 +181,11 @@ class NavigateToBase(NavigateTo):
 
     def _on_arrival(self) -> None:
         self._record.base_reached()
-        given_up = self._record.zones_abandoned or self._record.reports_kept
-        if not self._mission_complete and not given_up:
-            self._mission_complete = True
-            self.say("Mission complete.")
+        shortfalls = self._record.shortfalls(self._zones)
+        told = "Mission complete."
+        if shortfalls:
+            # As of now: a report that is kept may still be delivered here.
+            told = " ".join(["Back at base with the mission incomplete:", *shortfalls])
+        if told != self._told:
+            self._told = told
+            self.say(told)

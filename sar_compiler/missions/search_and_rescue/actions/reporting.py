@@ -1,6 +1,5 @@
 """What reporting a survivor at once and delivering what was kept have in common: the call to the base station."""
 
-from abc import abstractmethod
 from typing import Any
 
 from py_trees.common import Status
@@ -8,7 +7,7 @@ from py_trees.common import Status
 from sar_compiler.missions.search_and_rescue.frames import MAP_FRAME
 from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.ros.leaves.service_call import CallDeadlines, Question, ServiceLeaf
+from sar_compiler.ros.leaves.service_leaf import ServiceLeaf
 
 
 class ReportLeaf(ServiceLeaf):
@@ -20,44 +19,49 @@ class ReportLeaf(ServiceLeaf):
         name: The node's name.
         record: Where the acknowledgement is noted.
         service: The service's name.
-        deadlines: How long a call may take.
+        server_timeout_sec: How long to wait for a server, seconds.
+        timeout_sec: How long to wait for the answer, seconds.
     """
 
+    service_type = "sar_interfaces/srv/ReportSurvivor"
+
     def __init__(
-        self, name: str, record: MissionRecord | None, service: str, deadlines: CallDeadlines
+        self,
+        name: str,
+        record: MissionRecord | None,
+        service: str,
+        server_timeout_sec: float,
+        timeout_sec: float,
     ) -> None:
-        super().__init__(name, service, deadlines)
+        super().__init__(name)
+        self.service_name = service
+        self.server_timeout_sec = server_timeout_sec
+        self.timeout_sec = timeout_sec
         self._record = record or MissionRecord()
         self._survivor_id = ""
 
-    @abstractmethod
-    def _next_report(self) -> SurvivorReport | None:
-        """Return what to report now, or None if there is nothing."""
+    def on_send(self) -> None:
+        """Log whom it is about."""
+        self.say(f"Reporting {self._survivor_id} to base...")
 
-    def _service_type(self) -> Any:
-        from sar_interfaces.srv import ReportSurvivor
-
-        return ReportSurvivor
-
-    def _ask(self) -> Question | None:
-        report = self._next_report()
-        if report is None:
-            return None
-        self._survivor_id = report.survivor_id
-        request = self._service_type().Request(survivor_id=report.survivor_id)
-        request.location.header.frame_id = MAP_FRAME
-        request.location.header.stamp = self.node.get_clock().now().to_msg()
-        request.location.point.x, request.location.point.y = report.x, report.y
-        return Question(request, f"Reporting {report.survivor_id} to base...")
-
-    def _is_good_news(self, answer: Any) -> bool:
-        return bool(answer.acknowledged)
-
-    def _conclude(self, answer: Any) -> Status:
-        if not answer.acknowledged:
+    def on_response(self, response: Any) -> Status:
+        """Return SUCCESS if the base station has acknowledged the report, else FAILURE."""
+        if not response.acknowledged:
             self.complain(f"Base did not acknowledge {self._survivor_id}.")
             return Status.FAILURE
         self._record.survivor_acknowledged(self._survivor_id)
         self.feedback_message = f"{self._survivor_id} acknowledged"
         self.say(f"Base acknowledged {self._survivor_id}.")
         return Status.SUCCESS
+
+    def is_good_news(self, response: Any) -> bool:
+        """Return whether the report was acknowledged."""
+        return bool(response.acknowledged)
+
+    def _request_for(self, report: SurvivorReport) -> Any:
+        self._survivor_id = report.survivor_id
+        request = self.interface.Request(survivor_id=report.survivor_id)
+        request.location.header.frame_id = MAP_FRAME
+        request.location.header.stamp = self.node.get_clock().now().to_msg()
+        request.location.point.x, request.location.point.y = report.x, report.y
+        return request

@@ -12,7 +12,7 @@ from sar_compiler.missions.search_and_rescue.static_transforms import StaticTran
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.nodes import Answer, Kind, Use, register
 from sar_compiler.ros.leaves.leaf import RosLeaf
-from sar_compiler.ros.leaves.service_call import CallDeadlines, Question, ServiceLeaf
+from sar_compiler.ros.leaves.service_leaf import ServiceLeaf
 
 _ANY_STATUS = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
 # What is known of the last search of a DetectSurvivor: a new one forgets it.
@@ -49,6 +49,8 @@ class DetectSurvivor(ServiceLeaf):
         timeout_sec: How long to wait for the answer, seconds.
     """
 
+    service_type = "sar_interfaces/srv/DetectSurvivor"
+
     def __init__(
         self,
         name: str,
@@ -59,7 +61,10 @@ class DetectSurvivor(ServiceLeaf):
         server_timeout_sec: float = 10.0,
         timeout_sec: float = 5.0,
     ) -> None:
-        super().__init__(name, service, CallDeadlines(server_timeout_sec, timeout_sec))
+        super().__init__(name)
+        self.service_name = service
+        self.server_timeout_sec = server_timeout_sec
+        self.timeout_sec = timeout_sec
         self._zones = zone_manager
         self._record = record or MissionRecord()
         self._zone_id = ""
@@ -67,7 +72,7 @@ class DetectSurvivor(ServiceLeaf):
         self._survivor_id: str | None = None
 
     def was_found(self) -> bool:
-        """Say whether the last search found a survivor."""
+        """Return whether the last search found a survivor."""
         return self._pose is not None
 
     def survivor_pose(self) -> tuple[float, float] | None:
@@ -82,25 +87,25 @@ class DetectSurvivor(ServiceLeaf):
         """Keep the name that the survivor was given."""
         self._survivor_id = survivor_id
 
-    def _service_type(self) -> Any:
-        from sar_interfaces.srv import DetectSurvivor as Service
-
-        return Service
-
-    def _ask(self) -> Question | None:
+    def request(self) -> Any:
+        """Return the request for the current zone; FAILURE if every zone is visited."""
         self._pose = None
         self._survivor_id = None
         if not self._zones.has_remaining():
             self.complain(f"'{self.name}' has no zone to search: every zone is visited.")
-            return None
+            return Status.FAILURE
         self._zone_id = self._zones.current_zone()["id"]
-        request = self._service_type().Request(zone_id=self._zone_id)
-        return Question(request, f"Calling {self._service} for {self._zone_id}...")
+        return self.interface.Request(zone_id=self._zone_id)
 
-    def _conclude(self, answer: Any) -> Status:
+    def on_send(self) -> None:
+        """Log which zone is searched."""
+        self.say(f"Calling {self.service_name} for {self._zone_id}...")
+
+    def on_response(self, response: Any) -> Status:
+        """Keep the answer, whatever it is."""
         self.feedback_message = f"nobody in {self._zone_id}"
-        if answer.found:
-            self._pose = (answer.survivor_x, answer.survivor_y)
+        if response.found:
+            self._pose = (response.survivor_x, response.survivor_y)
             self._record.survivor_found(self._zone_id, *self._pose)
             self.feedback_message = f"survivor in {self._zone_id}"
             self.say(f"Survivor detected at {self._zone_id}!")
@@ -228,17 +233,18 @@ class NotifyBase(ReportLeaf):
         server_timeout_sec: float = 10.0,
         timeout_sec: float = 5.0,
     ) -> None:
-        super().__init__(name, record, service, CallDeadlines(server_timeout_sec, timeout_sec))
+        super().__init__(name, record, service, server_timeout_sec, timeout_sec)
         self._detect_node = detect_node
 
-    def _next_report(self) -> SurvivorReport | None:
+    def request(self) -> Any:
+        """Return the report of the survivor; FAILURE if none was found, or it has no name."""
         survivor_id = self._detect_node.survivor_id()
         pose = self._detect_node.survivor_pose()
         if survivor_id is None or pose is None:
             missing = "nobody was found" if pose is None else "the survivor has no name yet"
             self.complain(f"'{self.name}' has nothing to report: {missing}.")
-            return None
-        return SurvivorReport(survivor_id, *pose)
+            return Status.FAILURE
+        return self._request_for(SurvivorReport(survivor_id, *pose))
 
 
 @register(

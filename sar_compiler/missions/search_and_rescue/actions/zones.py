@@ -8,7 +8,7 @@ from py_trees.common import Status
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.nodes import Answer, Kind, register
-from sar_compiler.runtime.leaf import Wake, stay_asleep
+from sar_compiler.runtime.leaf_protocol import Wake, stay_asleep
 
 
 @register(

@@ -1,0 +1,119 @@
+"""The leaves of the patrol."""
+
+import math
+from typing import Any
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from sar_compiler import ActionLeaf, Kind, ServiceLeaf, Use, register
+
+from .patrol import Patrol
+
+_OUTCOMES = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
+
+
+@register("PointsLeft", kind=Kind.CONDITION, outcomes={Status.SUCCESS, Status.FAILURE})
+class PointsLeft(Behaviour):
+    """Is there a point that was not visited?
+
+    Args:
+        name: The node's name.
+        patrol: The patrol.
+    """
+
+    def __init__(self, name: str, patrol: Patrol) -> None:
+        super().__init__(name)
+        self._patrol = patrol
+
+    def update(self) -> Status:
+        """Look whether there is one."""
+        return Status.SUCCESS if self._patrol.point is not None else Status.FAILURE
+
+
+@register(
+    "DriveToPoint",
+    kind=Kind.ACTION,
+    outcomes=_OUTCOMES,
+    effects="drives the robot to the next point",
+    uses=[Use.action("navigate_to_pose"), Use.nav2()],
+)
+class DriveToPoint(ActionLeaf):
+    """Drive to the point that is to be visited now.
+
+    Args:
+        name: The node's name.
+        patrol: The patrol.
+    """
+
+    action_type = "nav2_msgs/action/NavigateToPose"
+    action_name = "navigate_to_pose"
+
+    def __init__(self, name: str, patrol: Patrol) -> None:
+        super().__init__(name)
+        self._patrol = patrol
+
+    def goal(self) -> Any:
+        """Return the point's pose."""
+        point = self._patrol.point
+        if point is None:
+            return Status.FAILURE
+        self.say(f"Driving to {point['id']}...")
+        goal = self.interface.Goal()
+        goal.pose.header.frame_id = "map"
+        goal.pose.pose.position.x, goal.pose.pose.position.y = point["x"], point["y"]
+        goal.pose.pose.orientation.z = math.sin(point["yaw"] / 2)
+        goal.pose.pose.orientation.w = math.cos(point["yaw"] / 2)
+        return goal
+
+
+@register(
+    "TakePhoto",
+    kind=Kind.ACTION,
+    outcomes=_OUTCOMES,
+    effects="takes a photo of the point",
+    uses=[Use.service("take_photo")],
+)
+class TakePhoto(ServiceLeaf):
+    """Have the camera take a photo, and note its name.
+
+    Args:
+        name: The node's name.
+        patrol: The patrol.
+    """
+
+    service_type = "std_srvs/srv/Trigger"
+    service_name = "take_photo"
+
+    def __init__(self, name: str, patrol: Patrol) -> None:
+        super().__init__(name)
+        self._patrol = patrol
+
+    def request(self) -> Any:
+        """Return an empty request."""
+        return self.interface.Request()
+
+    def on_response(self, response: Any) -> Status:
+        """Note the photo; FAILURE where the camera says that there is none."""
+        if response.success:
+            self._patrol.photographed(response.message)
+        return super().on_response(response)
+
+
+@register("LeavePoint", kind=Kind.ACTION, outcomes={Status.SUCCESS}, effects="goes on to the next point")
+class LeavePoint(Behaviour):
+    """Go on to the next point.
+
+    Args:
+        name: The node's name.
+        patrol: The patrol.
+    """
+
+    def __init__(self, name: str, patrol: Patrol) -> None:
+        super().__init__(name)
+        self._patrol = patrol
+
+    def update(self) -> Status:
+        """Go on."""
+        self._patrol.leave()
+        return Status.SUCCESS

@@ -1,0 +1,77 @@
+"""The patrol as `sar-run` knows it."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sar_compiler import Mission, MissionRun, ParameterReader
+
+from .patrol import Patrol
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from sar_compiler import FaultPlan
+
+_HERE = Path(__file__).parent
+
+
+class PhotoPatrol(Mission):
+    """Visit points, and take a photo at each."""
+
+    name = "photo_patrol"
+    context_types = (Patrol,)
+    parameter_names = ("point_order", "points")
+    faults = {"take_photo": ("drop", "delay", "refuse")}  # noqa: RUF012 - nobody changes it
+    default_tree = str(_HERE / "patrol.xml")
+
+    def default_parameters(self) -> Path:
+        """Return the file in the package."""
+        return _HERE / "points.yaml"
+
+    def begin(self, reader: ParameterReader) -> "PatrolRun":
+        """Begin a patrol of the points that the parameters name."""
+        return PatrolRun(Patrol(reader.places("point")))
+
+
+class PatrolRun(MissionRun):
+    """One patrol.
+
+    Args:
+        patrol: Its points, and the photos as they are taken.
+    """
+
+    def __init__(self, patrol: Patrol) -> None:
+        self._patrol = patrol
+        self.context = {Patrol: patrol}
+
+    def greeting(self) -> list[str]:
+        """Return how many points there are."""
+        return [f"{len(self._patrol.points)} points to photograph."]
+
+    def places(self) -> dict[str, tuple[float, float]]:
+        """Return where the points are, for faults such as `navigate_to_pose:abort=yard`."""
+        return {point["id"]: (point["x"], point["y"]) for point in self._patrol.points}
+
+    def servers(self, faults: "FaultPlan", **options: Any) -> "list[Node]":
+        """Make the camera, which the simulated world does not have."""
+        from .camera import Camera
+
+        return [Camera(faults.for_service("take_photo"), **options)]
+
+    def shortfalls(self) -> list[str]:
+        """Return the points without a photo; with none of them the patrol is complete."""
+        return [f"There is no photo of {name}." for name in self._patrol.without_photo()]
+
+    def nothing_left(self) -> str:
+        """Return that every point was visited, once that is so."""
+        return "Every point was visited" if self._patrol.point is None else ""
+
+    def summary(self, elapsed_sec: float, ticks: int) -> str:
+        """Return the photo of each point, and how long it took."""
+        photos = self._patrol.photos
+        lines = [f"  {point['id']}: {photos.get(point['id'], 'no photo')}" for point in self._patrol.points]
+        title = f"Patrol: {len(photos)} of {len(lines)} photos"
+        return "\n".join([title, *lines, f"  {elapsed_sec:.1f} s, {ticks} ticks"])
+
+
+MISSION = PhotoPatrol()

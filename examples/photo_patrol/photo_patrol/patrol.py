@@ -1,0 +1,46 @@
+"""What the leaves of the patrol share: its points, and the photos that were taken."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from sar_compiler import mission_context
+
+
+def _preview() -> "Patrol":
+    return Patrol([{"id": "gate", "x": 0.0, "y": 0.0, "yaw": 0.0}])
+
+
+@mission_context(preview=_preview)
+class Patrol:
+    """The points of one patrol in the order of their visits.
+
+    Args:
+        points: Each with `id`, `x`, `y` (metres) and `yaw` (radians) in the frame `map`.
+
+    Attributes:
+        points: The points.
+        photos: The photos' names, by the point's id.
+    """
+
+    def __init__(self, points: Sequence[Mapping[str, Any]]) -> None:
+        self.points = tuple(points)
+        self.photos: dict[str, str] = {}
+        self._left = list(points)
+
+    @property
+    def point(self) -> Mapping[str, Any] | None:
+        """The point to visit now; None once all were."""
+        return self._left[0] if self._left else None
+
+    def photographed(self, photo: str) -> None:
+        """Note the photo of the point to visit now."""
+        if self.point is not None:
+            self.photos[self.point["id"]] = photo
+
+    def leave(self) -> None:
+        """Go on to the next point, whether or not there is a photo of this one."""
+        self._left = self._left[1:]
+
+    def without_photo(self) -> list[str]:
+        """Return the ids of the points of which there is no photo."""
+        return [point["id"] for point in self.points if point["id"] not in self.photos]

@@ -1,0 +1,102 @@
+"""What the rules look at: a file with everything that it includes, bound once."""
+
+import bisect
+import functools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes, is_telling
+from sar_compiler.nodes.binding.binder import BoundForest, bind_all
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.binding.nesting import trees_in
+from sar_compiler.nodes.registry import Registry
+from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.model import SECTIONS, TreeFile
+
+
+@dataclass(frozen=True)
+class CheckContext:
+    """A forest and what is known of it; whatever takes time to find out is found out once.
+
+    Attributes:
+        forest: The file and what it includes.
+        registry: What tags mean.
+        palettes: Files whose `TreeNodesModel` describes nodes that are not installed.
+    """
+
+    forest: Forest
+    registry: Registry
+    palettes: tuple[TreeFile, ...] = ()
+
+    @functools.cached_property
+    def bound(self) -> BoundForest:
+        """Every tree, bound."""
+        return bind_all(self.forest, self.registry, self.palettes)
+
+    @functools.cached_property
+    def is_whole(self) -> bool:
+        """Whether every tree is there: each include was read, and nothing beside the trees may have been meant for one."""
+        roots = (tree_file.root for tree_file in self.forest.files)
+        return not self.forest.findings and all(
+            child.tag in SECTIONS for root in roots for child in root.children
+        )
+
+    @functools.cached_property
+    def trees(self) -> tuple[BoundTree, ...]:
+        """The trees that are neither too large nor too deep, the inner ones first."""
+        return tuple({tree: None for top in self.bound.tops for tree in trees_in(top.tree)})
+
+    @functools.cached_property
+    def is_foreign(self) -> bool:
+        """Whether some node is only described: the trees are flown by another program."""
+        return any(bound.spec.cls is None for tree in self.trees for bound in tree.demanding)
+
+    @functools.cached_property
+    def outcomes(self) -> PossibleOutcomes:
+        """What every node can answer."""
+        return PossibleOutcomes(self.trees, self.broken)
+
+    @functools.cached_property
+    def is_telling(self) -> bool:
+        """Whether anything can be concluded from what the nodes answer."""
+        return any(is_telling(spec) for spec in self.bound.specs)
+
+    @functools.cached_property
+    def sound(self) -> bool:
+        """Whether everything could be read and means something."""
+        found = (*self.forest.findings, *self.bound.findings)
+        return all(finding.severity is not Severity.ERROR for finding in found)
+
+    @functools.cached_property
+    def broken(self) -> frozenset[BoundNode]:
+        """The nodes with a mistake in their tags or attributes, of which nothing is to be concluded."""
+        return frozenset(self._broken()) if self.bound.findings else frozenset()
+
+    def _broken(self) -> Iterator[BoundNode]:
+        nodes: dict[str, list[BoundNode]] = {}
+        for tree in self.bound.trees:
+            nodes.setdefault(tree.element.source.path, []).extend(tree.nodes)
+        for of_file in nodes.values():
+            of_file.sort(key=_place)
+        for finding in self.bound.findings:
+            of_file = nodes.get(finding.source.path, [])
+            index = bisect.bisect_right(of_file, (finding.span.line, finding.span.column), key=_place)
+            if index:
+                yield of_file[index - 1]
+
+
+def _place(bound: BoundNode) -> tuple[int, int]:
+    return bound.element.line, bound.element.column
+
+
+def warning(code: str, message: str, bound: BoundNode, *, hint: str | None = None) -> Diagnostic:
+    """Return a warning about a node as a whole."""
+    element = bound.element
+    return Diagnostic(code, message, element.source, element.tag_span(), hint=hint, severity=Severity.WARNING)
+
+
+def information(code: str, message: str, bound: BoundNode, *, hint: str | None = None) -> Diagnostic:
+    """Return what is worth knowing about a node as a whole."""
+    element = bound.element
+    return Diagnostic(code, message, element.source, element.tag_span(), hint=hint, severity=Severity.INFO)

@@ -1,0 +1,116 @@
+"""Validation against the XML schema that the registry generates.
+
+The schema is what editors complete with and what other tools validate with. Everything it can refuse
+the rules beside it say better, with a column and a suggestion; so its findings count only for elements
+of which the rules said nothing.
+"""
+
+import bisect
+import dataclasses
+import functools
+import re
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+
+from lxml import etree
+
+from sar_compiler.nodes.registry import Registry
+from sar_compiler.nodes.schemas.xml_schema import xml_schema
+from sar_compiler.nodes.spec import NodeSpec
+from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.model import Element, TreeFile
+from sar_compiler.tree.source import Form
+from sar_compiler.tree.xml_rest import rest_of
+from sar_compiler.tree.xml_writer import one_tag_a_line
+
+_TEXT = "Character content other than whitespace"
+"""libxml2's message about text between elements."""
+
+
+@functools.lru_cache(maxsize=32)
+def _schema_of(registry: Registry, tags: frozenset[str]) -> etree.XMLSchema:
+    return _schema(registry, tags, ())
+
+
+def _schema(registry: Registry, tags: frozenset[str], described: Iterable[NodeSpec]) -> etree.XMLSchema:
+    """Return the schema as far as some tags need it: to make all of it takes longer than to read most files."""
+    return etree.XMLSchema(etree.fromstring(xml_schema(registry, described, tags).encode()))
+
+
+def schema_errors(
+    tree_file: TreeFile, registry: Registry, described: Sequence[NodeSpec] = ()
+) -> list[tuple[int, str]]:
+    """Return what lxml says about a file: pairs of line and message.
+
+    The line is that in which a start tag ends; libxml2 knows no columns, and goes on behind an
+    unexpected element without looking at its siblings.
+    """
+    parser = etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True, load_dtd=False)
+    text, lines = _as_xml(tree_file)
+    try:
+        document = etree.fromstring(text.encode(), parser)
+    except etree.XMLSyntaxError as error:  # what expat lets pass, such as a prefix that is not bound
+        return [(lines[(error.lineno or 1) - 1], f"not well-formed XML: {error.msg}")]
+    tags = frozenset(element.tag for element in tree_file.root.iterate())
+    schema = _schema(registry, tags, described) if described else _schema_of(registry, tags)
+    if schema.validate(document):
+        return []
+    # The log grows over the life of the schema object; the last validation's errors are those of now.
+    return [(lines[error.line - 1], error.message) for error in schema.error_log.filter_from_errors()]
+
+
+def _as_xml(tree_file: TreeFile) -> tuple[str, Sequence[int]]:
+    """Return a file as XML, and which of its lines each line of that is."""
+    if tree_file.source.form is not Form.XML:
+        return one_tag_a_line(tree_file.root), [element.line for element in tree_file.root.iterate()]
+    # libxml2 does not count a lone carriage return as the end of a line, expat does.
+    text = tree_file.source.text
+    if "\r" in text:
+        text = re.sub(r"\r\n?", "\n", text)
+    return text, range(1, text.count("\n") + 2)
+
+
+def check_schema(
+    tree_file: TreeFile, registry: Registry, described: Sequence[NodeSpec], findings: Iterable[Diagnostic]
+) -> Iterator[Diagnostic]:
+    """Yield what the schema refuses in places where the rules found nothing.
+
+    Args:
+        tree_file: The file.
+        registry: What tags mean.
+        described: Nodes that only a model describes.
+        findings: What the rules found.
+    """
+    errors = schema_errors(tree_file, registry, described)
+    if not errors:
+        return
+    if tree_file.source.form is Form.XML and any(_TEXT in message for _, message in errors):
+        yield from _stray_text(tree_file)
+        errors = [(line, message) for line, message in errors if _TEXT not in message]
+    spoken_of = {
+        finding.span.line
+        for finding in findings
+        if finding.source is tree_file.source and finding.severity is Severity.ERROR
+    }
+    elements = sorted(tree_file.root.iterate(), key=_place)
+    for line, message in errors:
+        # The last element that begins in the line or before it.
+        index = max(0, bisect.bisect_left(elements, (line + 1, 0), key=_place) - 1)
+        element, last = elements[index], line
+        if tree_file.source.form is not Form.XML:
+            # Attributes stand in lines of their own, up to the next element.
+            last = elements[index + 1].line - 1 if index + 1 < len(elements) else sys.maxsize
+        if not any(element.line <= number <= last for number in spoken_of):
+            yield Diagnostic("schema", message, tree_file.source, element.tag_span())
+
+
+def _stray_text(tree_file: TreeFile) -> Iterator[Diagnostic]:
+    """Yield the text between elements at its places, which libxml2 does not know."""
+    message = "this text stands between elements, where it means nothing"
+    for finding in rest_of(tree_file):
+        if finding.code == "stray-text":
+            yield dataclasses.replace(finding, message=message)
+
+
+def _place(element: Element) -> tuple[int, int]:
+    return element.line, element.column

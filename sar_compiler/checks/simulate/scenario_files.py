@@ -1,0 +1,145 @@
+"""Reading scenarios; every mistake in one is a finding with its place."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from sar_compiler.checks.assumptions import raise_disputes, read_assumptions
+from sar_compiler.checks.leaf_words import LeafWords
+from sar_compiler.checks.simulate.expecting import read_expectations
+from sar_compiler.checks.simulate.scenario import MAX_TICKS, PERIOD_SEC, Scenario
+from sar_compiler.checks.simulate.steps import read_scripts
+from sar_compiler.checks.typed_values import parameters, script, seconds, word
+from sar_compiler.compiler import bind_main
+from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
+from sar_compiler.documents.located import Document, Value
+from sar_compiler.documents.yaml_files import read_yaml
+from sar_compiler.nodes.binding.bound import Binding
+from sar_compiler.nodes.registry import Registry
+from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.model import TreeFile
+
+_EMPTY_HINT = "write leaves: with what they answer, and expect: with what must come of it"
+
+
+class Stage:
+    """A tree file on which scenarios are played.
+
+    Args:
+        forest: The file and what it includes.
+        registry: What tags mean.
+        palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
+        tree_id: The tree that is played where a scenario names none; by default the one that the file executes.
+    """
+
+    def __init__(
+        self,
+        forest: Forest,
+        registry: Registry,
+        palettes: tuple[TreeFile, ...] = (),
+        tree_id: str | None = None,
+    ) -> None:
+        self.forest = forest
+        self._registry = registry
+        self._palettes = palettes
+        self._tree_id = tree_id
+        self._bindings: dict[str | None, Binding] = {}
+
+    def binding(self, tree_id: str | None = None) -> Binding:
+        """Return a tree of the file, bound.
+
+        Raises:
+            TreeError: If there is none, or anything in it is wrong.
+        """
+        wanted = tree_id or self._tree_id
+        if wanted not in self._bindings:
+            self._bindings[wanted] = bind_main(self.forest, self._registry, wanted, self._palettes)
+        return self._bindings[wanted]
+
+    def play(self) -> "Play":
+        """Return the tree without a scenario: every leaf answers what is usual.
+
+        Raises:
+            TreeError: If the tree cannot be used.
+            DisputedFactError: If its leaves start a fact with different values.
+        """
+        simulated = compile_simulated(self.binding(), {})
+        raise_disputes(simulated)
+        return Play(simulated, Scenario())
+
+
+@dataclass(frozen=True)
+class Play:
+    """A tree, simulated for a scenario.
+
+    Attributes:
+        simulated: The tree.
+        scenario: The scenario.
+    """
+
+    simulated: SimulatedTree
+    scenario: Scenario
+
+
+def read_scenario(path: str | Path, stage: Stage) -> Play:
+    """Read a scenario.
+
+    Args:
+        path: Its file.
+        stage: The tree that it is about.
+
+    Raises:
+        UnreadableFileError: If the file is not there or cannot be read.
+        TreeError: If anything is wrong with it, or with the tree; carries all the findings.
+    """
+    return understand(read_yaml(path, _EMPTY_HINT), stage)
+
+
+def understand(document: Document, stage: Stage) -> Play:
+    """Say what a scenario's file means.
+
+    Args:
+        document: The file.
+        stage: The tree that it is about.
+
+    Raises:
+        TreeError: If anything is wrong with it, or with the tree; carries all the findings.
+    """
+    parts = document.hold("scenario").mapping
+    with document.findings_first():
+        binding = _binding(document, parts.get("tree"), stage)
+        simulated = _simulated(document, parts, binding, parameters(parts.get("parameters")))
+    words = LeafWords(simulated)
+    path = document.source.path
+    scenario = Scenario(
+        name=(parts["name"].text if "name" in parts else None) or Path(path).stem,
+        path=path,
+        period_sec=seconds(parts["period"]) if "period" in parts else PERIOD_SEC,
+        max_ticks=int(parts["ticks"].data) if "ticks" in parts else MAX_TICKS,
+        until=script(document, parts.get("until")),
+        scripts=read_scripts(document, parts["leaves"], words) if "leaves" in parts else {},
+        expect=read_expectations(document, parts.get("expect"), simulated, words),
+    )
+    document.raise_findings()
+    return Play(simulated, scenario)
+
+
+def _binding(document: Document, tree: Value | None, stage: Stage) -> Binding:
+    """Return the tree that a scenario names."""
+    if tree is None:
+        return stage.binding()
+    return stage.binding(word(document, tree, stage.forest.trees, "the tree"))
+
+
+def _simulated(
+    document: Document, parts: Mapping[str, Value], binding: Binding, parameters: Mapping[str, object]
+) -> SimulatedTree:
+    """Rehearse the tree with all that the scenario assumes."""
+    facts, answers = parts.get("facts"), parts.get("answers")
+    # What a scenario may say depends on the leaves, so the tree is looked at first.
+    plain = compile_simulated(binding, parameters)
+    assumed = read_assumptions(document, facts, answers, plain)
+    simulated = plain if assumed == Assumptions() else compile_simulated(binding, parameters, assumed)
+    for message in simulated.disputes.values():
+        document.report(facts or document.root, "missing-value", message)
+    return simulated

@@ -1,0 +1,170 @@
+"""Comments that silence findings: `<!-- sar: allow code: the reason -->`, in YAML `# sar: allow code`.
+
+Such a comment is about the next element, or the one beside which it stands: its tag and its attributes, not what is
+in it.
+"""
+
+import bisect
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.model import Comment, Element, TreeFile
+from sar_compiler.tree.source import Form, Span
+
+_MARK = "sar:"
+_ALLOW = re.compile(r"sar:\s*allow\s+([^:]*[^:\s])\s*(?::.*)?")
+_PLACES = {
+    Form.XML: re.compile(r"(?:<!--|^)[ \t]*(sar:[^\r\n]*?)[ \t]*(?=-->|\r|\n)", re.MULTILINE),
+    Form.YAML: re.compile(r"#[ \t]*(sar:[^\r\n]*)"),
+}
+_FORM = "sar: allow some-code, another-code: the reason"
+
+
+@dataclass
+class _Suppression:
+    """One comment.
+
+    Attributes:
+        line: What it says.
+        element: The element that it is about; None where there is none.
+        span: Where it stands.
+        used: The codes that it has silenced.
+    """
+
+    line: str
+    element: Element | None
+    span: Span
+    tree_file: TreeFile
+    used: set[str] = field(default_factory=set)
+
+    @property
+    def codes(self) -> list[str]:
+        """The codes that it names; none where it is not what such a comment looks like."""
+        match = _ALLOW.fullmatch(self.line)
+        return [code.strip() for code in match[1].split(",")] if match else []
+
+
+def without_suppressed(forest: Forest, findings: Iterable[Diagnostic]) -> list[Diagnostic]:
+    """Return the findings that no comment silences, and what is wrong with the comments themselves."""
+    kept = list(findings)
+    whole = all(finding.severity is not Severity.ERROR for finding in kept)
+    for tree_file in forest.files:
+        if _MARK not in tree_file.source.text:
+            continue
+        suppressions = list(_suppressions(tree_file))
+        kept = _silenced(tree_file, suppressions, kept)
+        for suppression in suppressions:
+            # While there are errors, some rules are not asked.
+            kept += _wrong(suppression, unneeded=whole)
+    return kept
+
+
+def _silenced(
+    tree_file: TreeFile, suppressions: list[_Suppression], findings: list[Diagnostic]
+) -> list[Diagnostic]:
+    by_element: dict[int, list[_Suppression]] = {}
+    for suppression in suppressions:
+        by_element.setdefault(id(suppression.element), []).append(suppression)
+    elements = list(tree_file.root.iterate())
+    kept = []
+    for finding in findings:
+        silencing = []
+        if finding.source is tree_file.source and finding.severity is not Severity.ERROR:
+            index = bisect.bisect_right(elements, (finding.span.line, finding.span.column), key=_place)
+            about = by_element.get(id(elements[index - 1]), []) if index else []
+            silencing = [each for each in about if finding.code in each.codes]
+        for suppression in silencing:
+            suppression.used.add(finding.code)
+        if not silencing:
+            kept.append(finding)
+    return kept
+
+
+def _suppressions(tree_file: TreeFile) -> Iterator[_Suppression]:
+    """Yield the comments of a file that begin as such a comment does, in the order of the file."""
+    source = tree_file.source
+    pattern = _PLACES[source.form]
+    offset = 0
+    for element, comment, start in _comments(tree_file):
+        offset = max(offset, start)
+        for line in comment.text.split("\n"):
+            match = pattern.search(source.text, offset) if line.startswith(_MARK) else None
+            if match is not None:
+                offset = match.end()
+                yield _Suppression(line, element, source.span(*match.span(1)), tree_file)
+
+
+def _comments(tree_file: TreeFile) -> Iterator[tuple[Element | None, Comment, int]]:
+    """Yield each comment with the element that it is about, and an offset before which it does not begin."""
+    for comment in tree_file.comments:
+        if comment.index == 0:
+            yield tree_file.root, comment, 0
+    yield from _comments_in(tree_file.root)
+    for comment in tree_file.comments:
+        if comment.index > 0:
+            yield None, comment, 0
+
+
+def _comments_in(element: Element) -> Iterator[tuple[Element | None, Comment, int]]:
+    start = element.source.offset(element.line, element.column)
+    for comment in element.comments:
+        if comment.trailing or comment.attribute is not None:
+            yield element, comment, start
+    for index in range(len(element.children) + 1):
+        about = element.children[index] if index < len(element.children) else None
+        for comment in element.comments:
+            if comment.index == index and not comment.trailing and comment.attribute is None:
+                yield about, comment, start
+        if about is not None:
+            yield from _comments_in(about)
+
+
+def _wrong(suppression: _Suppression, *, unneeded: bool) -> Iterator[Diagnostic]:
+    from sar_compiler.checks.kinds import KINDS, is_firm
+    from sar_compiler.nodes.values import nearest
+
+    codes = suppression.codes
+    if not codes:
+        message = f"'{suppression.line}' is no comment that allows something"
+        yield _finding(suppression, "wrong-allow", message, hint=f"write '{_FORM}'")
+        return
+    for code in codes:
+        if code not in KINDS:
+            near = nearest(code, [each for each in KINDS if not is_firm(each)])
+            yield _finding(suppression, "wrong-allow", f"no finding is called '{code}'", code, near)
+        elif is_firm(code):
+            message = f"'{code}' is an error: a tree with it cannot be run, so it cannot be allowed"
+            yield _finding(suppression, "wrong-allow", message, code, hint="mend it, and delete the comment")
+        elif unneeded and code not in suppression.used:
+            about = (
+                "no element follows"
+                if suppression.element is None
+                else f"<{suppression.element.tag}> has none"
+            )
+            message = f"there is no '{code}' to be allowed here: {about}"
+            yield _finding(suppression, "unneeded-allow", message, code, hint="delete it")
+
+
+def _finding(
+    suppression: _Suppression,
+    kind: str,
+    message: str,
+    code: str = "",
+    suggestion: str | None = None,
+    hint: str | None = None,
+) -> Diagnostic:
+    """Make a finding about a comment, at one of its codes if that is what it is about."""
+    source = suppression.tree_file.source
+    span = suppression.span
+    start, end = source.offset(span.line, span.column), source.offset(span.end_line, span.end_column)
+    match = re.search(rf"(?<![\w-]){re.escape(code)}(?![\w-])", source.text[start:end]) if code else None
+    if match is not None:
+        span = source.span(start + match.start(), start + match.end())
+    return Diagnostic(kind, message, source, span, suggestion, hint, Severity.WARNING)
+
+
+def _place(element: Element) -> tuple[int, int]:
+    return element.line, element.column

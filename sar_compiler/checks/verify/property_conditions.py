@@ -1,0 +1,162 @@
+"""Conditions of properties: scripts over facts, keys of the tree, and how the last tick ended."""
+
+from collections.abc import Callable, Collection
+
+from sar_compiler.checks import typed_values
+from sar_compiler.checks.verify.state import RememberedFacts
+from sar_compiler.compiler.simulated_tree import SimulatedTree
+from sar_compiler.documents.located import Document, Value
+from sar_compiler.errors import SarError
+from sar_compiler.nodes.values import nearest
+from sar_compiler.runtime.enums import Enums
+from sar_compiler.runtime.evaluation import EvaluationError, Program
+from sar_compiler.runtime.expressions import Access, Script, name_uses
+from sar_compiler.runtime.stub_leaf import FactVariables
+from sar_compiler.runtime.variables import ScriptValue
+
+ROOT = "root"
+"""The root's status after the last tick."""
+IDLE = "idle"
+"""Whether every tick from now on leaves the tree as it is."""
+AFTER_A_TICK = (ROOT, IDLE)
+"""The names that are known only when a tick is over."""
+
+
+class ConditionError(SarError):
+    """A condition of a property cannot be evaluated in a state that a run reaches."""
+
+
+class IdleUnknownError(SarError):
+    """A condition asks whether the tree idles, which is not known yet."""
+
+
+class Surroundings(FactVariables):
+    """The variables of conditions: facts, keys of the tree, and the end of the last tick.
+
+    Args:
+        simulated: The tree.
+        facts: Its facts.
+
+    Attributes:
+        facts: Its facts.
+    """
+
+    def __init__(self, simulated: SimulatedTree, facts: RememberedFacts) -> None:
+        super().__init__(simulated.facts, simulated.compiled.instance.scope, Enums())
+        self.facts = facts
+        self._ended: dict[str, ScriptValue | None] = {}
+
+    def end_tick(self, root: str, *, idle: bool | None) -> None:
+        """Set the result of the last tick.
+
+        Args:
+            root: The root's status.
+            idle: Whether every tick from now on leaves the tree as it is; None if that is not known yet.
+        """
+        self._ended[ROOT] = root
+        self._ended[IDLE] = None if idle is None else float(idle)
+
+    def read(self, name: str) -> ScriptValue:
+        """Return the value of a fact, of a key, or of what is known of the last tick.
+
+        Raises:
+            IdleUnknownError: If that is whether the tree idles, and it is not known.
+        """
+        ended = self._ended.get(name)
+        if ended is None and name in self._ended:
+            raise IdleUnknownError(name)
+        return super().read(name) if ended is None else ended
+
+
+class Condition:
+    """A condition that can be evaluated.
+
+    Args:
+        script: What it says.
+        surroundings: What it reads.
+        owner: The name of its property, for messages.
+    """
+
+    def __init__(self, script: Script, surroundings: Surroundings, owner: str) -> None:
+        self._program = Program(script)
+        self._surroundings = surroundings
+        self._owner = owner
+        self.holds: Callable[[], bool] = surroundings.facts.remembering(script, self._holds)
+        """Says whether it holds now.
+
+        Raises:
+            ConditionError: If it cannot be evaluated, because a key has no value yet or one that does not fit.
+        """
+
+    def after_tick(self, root: str, idle: bool | None) -> bool:
+        """Return whether it holds when a tick is over; see `Surroundings.end_tick`.
+
+        Raises:
+            IdleUnknownError: If it asks whether the tree idles, and that is not known.
+        """
+        self._surroundings.end_tick(root, idle=idle)
+        return self.holds()
+
+    def _holds(self) -> bool:
+        try:
+            return self._program.holds(self._surroundings)
+        except EvaluationError as error:
+            hint = f"; {error.hint}" if error.hint else ""
+            message = f"{self._owner}: '{self._program.script.text}' cannot be evaluated in every state: {error}{hint}"
+            raise ConditionError(message) from error
+
+
+def read_condition(
+    document: Document, value: Value, known: Collection[str], *, after_a_tick: bool
+) -> Script | None:
+    """Read a condition; what is wrong with it is told to the document.
+
+    Args:
+        document: The file.
+        value: The text.
+        known: The names of facts and keys.
+        after_a_tick: Whether it is evaluated when a tick is over.
+
+    Returns:
+        The script; None if it cannot be used.
+    """
+    script = typed_values.script(document, value)
+    if script is None:
+        return None
+    names = [*known, *(AFTER_A_TICK if after_a_tick else ())]
+    usable = True
+    for use in name_uses(script):
+        place = (use.start, use.end)
+        if use.access is not Access.READ:
+            message = f"a condition only looks at '{use.name}' and does not change it"
+            document.report(value, "wrong-condition", message, place, hint="write == to compare")
+        elif use.name in AFTER_A_TICK and not after_a_tick:
+            message = f"'{use.name}' is known only when a tick is over; an event comes before that"
+            document.report(value, "wrong-condition", message, place, hint="end and at_end can use it")
+        elif use.name not in names:
+            message = f"'{use.name}' is neither a fact nor a key of this tree; there is {', '.join(names) or 'none'}"
+            document.report(value, "unknown-fact", message, place, suggestion=nearest(use.name, names))
+        else:
+            continue
+        usable = False
+    return script if usable else None
+
+
+_FOLDER = "/"
+
+
+def names_of(simulated: SimulatedTree) -> list[str]:
+    """Return the names of the facts, then those of the keys of the main tree that the file shows."""
+    instance = simulated.compiled.instance
+    prefix = f"{instance.scope.board.prefix}{_FOLDER}"
+    given = (name.removeprefix(prefix) for name in instance.scope.board.names())
+    keys = [name for name in given if _FOLDER not in name]
+    for bound in instance.tree.nodes:
+        keys += [*bound.keys.values(), *bound.remapping.keys.values()]
+        scripts = [
+            value
+            for value in (*bound.values.values(), *bound.conditions.values())
+            if isinstance(value, Script)
+        ]
+        keys += [use.name for script in scripts for use in name_uses(script)]
+    return list(dict.fromkeys([*simulated.fact_values(), *keys]))

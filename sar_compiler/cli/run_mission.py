@@ -1,0 +1,363 @@
+"""One run of `sar-run`, from the tree file to the exit status."""
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import rclpy
+from py_trees.common import Status
+from py_trees.trees import BehaviourTree
+from rclpy.context import Context
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+
+from sar_compiler.cli.loading import tell_passed_over
+from sar_compiler.cli.output import RunOutput
+from sar_compiler.commands import FINDINGS, OK
+from sar_compiler.compiler import CompiledTree, compile_tree
+from sar_compiler.errors import SarError
+from sar_compiler.missions.choosing import choose_mission
+from sar_compiler.missions.ending import EndCondition, RunResult, Until
+from sar_compiler.missions.mission import Mission, MissionRun
+from sar_compiler.project import Additions, LoadedTree, Workspace
+from sar_compiler.ros.arguments import (
+    init_arguments,
+    names_parameter_file,
+    node_arguments,
+    parameter_files,
+)
+from sar_compiler.ros.blame import tell
+from sar_compiler.ros.clock import RosClock
+from sar_compiler.ros.engine import Engine, EngineFactory, find_engine
+from sar_compiler.ros.errors import readable_ros_errors
+from sar_compiler.ros.faults import NAVIGATION_FAULTS, Fault, FaultPlan, parse_fault
+from sar_compiler.ros.parameter_file import sections_elsewhere
+from sar_compiler.ros.parameter_reader import ParameterReader, lookalikes
+from sar_compiler.ros.parameters import flat_parameters, mission_node
+from sar_compiler.ros.readiness import NotReadyError, Readiness, wait_until_ready
+from sar_compiler.ros.run_parameters import RUN_PARAMETER_NAMES, RunParameters, read_run
+from sar_compiler.ros.setting_up import SetupFailedError
+from sar_compiler.ros.signals import StopSignals
+from sar_compiler.runtime.clock import Clock
+from sar_compiler.runtime.skipping import was_skipped
+from sar_compiler.views.text import unicode_tree
+
+if TYPE_CHECKING:
+    from sar_compiler.cli.run import Options
+    from sar_compiler.sim.simulation import Simulation
+    from sar_compiler.sim.world import World
+
+NOT_READY = 3
+
+# The node of a tree that belongs to no mission.
+_PLAIN_NODE_NAME = "sar_run"
+
+# A signal is noticed between two turns of the executor.
+_TURN_SEC = 0.05
+
+# A tree can swing between two things to do for ever; seconds of simulated time.
+_SIMULATED_TIME_LIMIT_SEC = 900.0
+
+Observer = Callable[[BehaviourTree], None]
+"""Looks at a tree after every tick."""
+
+
+def run_mission(options: "Options", signals: StopSignals) -> int:
+    """Check the tree, wait for what it needs, and tick it to the end.
+
+    Args:
+        options: What was asked for.
+        signals: Whether the process was asked to stop.
+
+    Returns:
+        The exit status.
+
+    Raises:
+        TreeError: If the tree is not valid; nothing has moved.
+        SarError: If the mission, the parameters, the world or the ROS arguments are wrong; nothing has moved.
+    """
+    make_engine = find_engine(options.engine)
+    loaded = _loaded(options)
+    binding = loaded.binding()
+    mission = choose_mission(binding, options.mission, loaded.project.checkout)
+    targets = {**(mission.faults if mission is not None else {}), **NAVIGATION_FAULTS}
+    faults = [parse_fault(text, targets) for text in options.fault]
+    world = _world(options)
+    with ExitStack() as stack:
+        context = stack.enter_context(_ros(options, signals, mission))
+        if signals.came:
+            return signals.exit_status
+        name = mission.name if mission is not None else _PLAIN_NODE_NAME
+        node = stack.enter_context(_mission_node(options, context, name))
+        reader = ParameterReader(flat_parameters(node), _sections_elsewhere(options, node))
+        begun = mission.begin(reader) if mission is not None else None
+        parameters = read_run(reader)
+        reader.complain()
+        run = _Run(options, signals, node, parameters, begun, make_engine)
+        tree = compile_tree(binding, run.context, reader.parameters)
+        if world is not None:
+            run.simulation = stack.enter_context(_simulation(options, world, node, begun, faults))
+        for note in [*_slips(reader, mission, tree), *reader.notes]:
+            node.get_logger().warning(note)
+        try:
+            return run.run(tree)
+        except NotReadyError as error:
+            print(f"sar-run: {error}", file=sys.stderr)
+            return NOT_READY
+
+
+def _loaded(options: "Options") -> LoadedTree:
+    additions = Additions(tuple(options.nodes), (), tuple(options.include_path), options.trust)
+    return Workspace(additions, note=tell_passed_over).load(options.tree)
+
+
+def _world(options: "Options") -> "World | None":
+    """Return the world to simulate, if one is; a wrong name is said before anything takes time."""
+    if options.sim is None:
+        return None
+    from sar_compiler.sim.world_file import find_world
+
+    return find_world(options.sim)
+
+
+def _sections_elsewhere(options: "Options", node: Node) -> str:
+    files = parameter_files(options.ros, options.params)
+    return sections_elsewhere(files, node.get_fully_qualified_name())
+
+
+def _slips(reader: ParameterReader, mission: Mission | None, tree: CompiledTree) -> list[str]:
+    """Return a note for each parameter that nobody reads and that is nearly what is read."""
+    bound = [origin.bound for origin in tree.origins.values()]
+    taken = [key.removeprefix("@") for each in bound for key in each.keys.values()]
+    own = mission.parameter_names if mission is not None else ()
+    return lookalikes(reader.parameters, (*RUN_PARAMETER_NAMES, *own, *taken))
+
+
+@contextmanager
+def _ros(options: "Options", signals: StopSignals, mission: Mission | None) -> Iterator[Context]:
+    """Bring ROS up; the parameters that come with a mission serve a run that is given none."""
+    context = Context()
+    arguments = init_arguments(options.ros, _parameter_file(options, mission))
+    if options.sim is not None:
+        from sar_compiler.sim.isolation import LOOKING_AROUND, refuse_company, stay_on_this_machine
+
+        stay_on_this_machine()
+    with readable_ros_errors():
+        # rclpy's own signal handlers would take ROS down before a goal in flight could be cancelled.
+        rclpy.init(args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        if options.sim is not None:
+            print(LOOKING_AROUND, file=sys.stderr, flush=True)
+            refuse_company(context=context, should_stop=lambda: signals.came)
+        yield context
+    finally:
+        context.try_shutdown()
+
+
+def _parameter_file(options: "Options", mission: Mission | None) -> Path | None:
+    if options.params is not None or mission is None or names_parameter_file(options.ros):
+        return options.params
+    return mission.default_parameters()
+
+
+@contextmanager
+def _mission_node(options: "Options", context: Context, name: str) -> Iterator[Node]:
+    node = mission_node(
+        name, context, cli_args=node_arguments(options.ros), parameter_overrides=_simulated_time(options)
+    )
+    try:
+        yield node
+    finally:
+        node.destroy_node()
+
+
+def _simulated_time(options: "Options") -> list[Parameter]:
+    return [Parameter("use_sim_time", value=True)] if options.sim is not None else []
+
+
+@contextmanager
+def _simulation(
+    options: "Options", world: "World", node: Node, mission: MissionRun | None, faults: Sequence[Fault]
+) -> "Iterator[Simulation]":
+    """Start the world, the stand-in for Nav2 and the mission's servers in this process."""
+    from sar_compiler.sim.simulation import Simulation
+
+    plan = FaultPlan(faults, mission.places() if mission is not None else None)
+    settings = {"context": node.context, "parameter_overrides": _simulated_time(options)}
+    servers = mission.servers(plan, **settings) if mission is not None else []
+    try:
+        with Simulation(
+            world,
+            speed=options.speed,
+            faults=plan,
+            context=node.context,
+            namespace=node.get_namespace(),
+            extra_nodes=servers,
+        ) as simulation:
+            yield simulation
+    finally:
+        for server in servers:
+            server.destroy_node()
+
+
+class _Run:
+    """A tree on its node, from the wait for what it needs to the summary.
+
+    Attributes:
+        context: What is handed to the leaves, by type.
+        simulation: The simulation, if there is one.
+    """
+
+    def __init__(
+        self,
+        options: "Options",
+        signals: StopSignals,
+        node: Node,
+        parameters: RunParameters,
+        mission: MissionRun | None,
+        make_engine: EngineFactory,
+    ) -> None:
+        self._options = options
+        self._signals = signals
+        self._node = node
+        self._parameters = parameters
+        self._mission = mission
+        self._make_engine = make_engine
+        self._clock = RosClock(node)
+        self._end = self._end_condition()
+        self._output = RunOutput()
+        self._result: RunResult | None = None
+        self._started = 0.0
+        self.context: dict[type, object] = {Clock: self._clock}
+        self.simulation: Simulation | None = None
+        if mission is not None:
+            self.context |= mission.context
+
+    def _end_condition(self) -> EndCondition:
+        until = self._options.until
+        simulated = self._options.sim is not None
+        ends_itself = self._mission is not None and self._mission.shortfalls() is not None
+        if not ends_itself and until is Until.COMPLETE:
+            message = (
+                "--until complete is for a mission with an end of its own; for this tree say end, success, "
+                "failure or forever"
+            )
+            raise SarError(message)
+        if until is None:
+            until = Until.END if not ends_itself else Until.COMPLETE if simulated else Until.FOREVER
+        limit = self._parameters.time_limit_sec
+        if limit is None and simulated and until is not Until.FOREVER:
+            limit = _SIMULATED_TIME_LIMIT_SEC
+        return EndCondition(until, self._mission, limit, self._node.get_logger().info)
+
+    def run(self, tree: CompiledTree) -> int:
+        """Wait, tick, stop and sum up; returns the exit status.
+
+        Raises:
+            NotReadyError: If something that the tree needs does not come in time.
+        """
+        for line in self._mission.greeting() if self._mission is not None else []:
+            self._node.get_logger().info(line)
+        executor = SingleThreadedExecutor(context=self._node.context)
+        executor.add_node(self._node)
+        try:
+            self._wait(executor, tree)
+            if self._over:
+                return self._interrupted()
+            if self._options.check:
+                self._output.say("Everything that the tree needs is there.")
+                return OK
+            return self._tick(executor, tree)
+        finally:
+            executor.shutdown()
+
+    def _wait(self, executor: SingleThreadedExecutor, tree: CompiledTree) -> None:
+        # A check changes nothing on a robot of somebody else's.
+        told = self._parameters.set_initial_pose and (not self._options.check or self.simulation is not None)
+        with readable_ros_errors():
+            start = self._parameters.initial_pose if told else None
+            readiness = Readiness(self._node, tree.uses(), initial_pose=start)
+        wait_until_ready(executor, readiness, self._parameters.startup_timeout_sec, lambda: self._over)
+        if readiness.uses_nav2 and not self._over:
+            self._node.get_logger().info("Nav2 is active.")
+
+    def _tick(self, executor: SingleThreadedExecutor, tree: CompiledTree) -> int:
+        engine = self._make_engine(tree.root)
+        for observer in self._observers():
+            engine.add_post_tick_handler(observer)
+        try:
+            engine.setup(node=self._node)
+            self._started = self._clock.now()
+            engine.tick_tock(1000.0 / self._parameters.tick_rate_hz)
+            while self._result is None and engine.failure is None and not self._over:
+                _turn(executor)
+            elapsed = self._clock.now() - self._started
+            self._say_what_is_left(engine.settle(executor))
+        except SetupFailedError as error:
+            tell(self._node, str(error), error)
+            return self._failed(
+                "the tree was not started, because one of its leaves failed in setup (see above)"
+            )
+        finally:
+            engine.shutdown()
+        return self._conclude(engine, elapsed)
+
+    @property
+    def _over(self) -> bool:
+        """Whether something other than the tree ends the run."""
+        failed = self.simulation is not None and self.simulation.failure is not None
+        return self._signals.came or failed or not self._node.context.ok()
+
+    def _observers(self) -> list[Observer]:
+        """Return what looks at the tree after every tick: the views that were asked for, and the end."""
+        views = {"text": self._show}
+        return [*(look for name, look in views.items() if name == self._options.view), self._look_for_end]
+
+    def _show(self, tree: BehaviourTree) -> None:
+        self._output.show(unicode_tree(tree.root, statuses=True))
+
+    def _look_for_end(self, tree: BehaviourTree) -> None:
+        status = Status.INVALID if was_skipped(tree.root) else tree.root.status
+        self._result = self._end.after_tick(status, self._clock.now() - self._started)
+
+    def _say_what_is_left(self, unsettled: list[str]) -> None:
+        for name in unsettled:
+            self._node.get_logger().warning(f"{name}: the cancel of its goal was not answered.")
+
+    def _conclude(self, engine: Engine, elapsed_sec: float) -> int:
+        summary = self._mission.summary(elapsed_sec, engine.count) if self._mission is not None else ""
+        if summary:
+            self._output.say(summary)
+        if engine.failure is not None:
+            return self._failed("the tree was stopped, because one of its leaves failed (see above)")
+        if self._result is None and not self._end.complete:
+            return self._interrupted()
+        if self._result is not None and not self._result.achieved:
+            return self._failed(self._result.reason)
+        if self._end.shortfalls():
+            return self._failed("the run has ended as asked, and the mission is incomplete")
+        return OK
+
+    def _interrupted(self) -> int:
+        """Return the exit status of a run that something other than its tree has ended."""
+        failure = self.simulation.failure if self.simulation is not None else None
+        if failure is not None:
+            words = str(failure) if isinstance(failure, SarError) else f"{type(failure).__name__}: {failure}"
+            return self._failed(f"the simulation has ended: {words}")
+        if self._signals.came:
+            return self._signals.exit_status
+        return self._failed("ROS was shut down")
+
+    def _failed(self, reason: str) -> int:
+        print(f"sar-run: {reason}", file=sys.stderr)
+        return FINDINGS
+
+
+def _turn(executor: SingleThreadedExecutor) -> None:
+    # When somebody has shut ROS down, the loop around this sees it.
+    with suppress(ExternalShutdownException):
+        executor.spin_once(timeout_sec=_TURN_SEC)

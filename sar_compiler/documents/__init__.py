@@ -1,0 +1,1 @@
+"""Files beside a tree (scenarios, properties, worlds, maps, settings): their values with places, held to a schema."""

@@ -1,0 +1,214 @@
+"""Values with their places, so that every mistake in a file is a finding, and all of them are found at once."""
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from sar_compiler.documents.schema_findings import Path, refusals
+from sar_compiler.errors import SarError
+from sar_compiler.nodes.values import literal_value
+from sar_compiler.tree.diagnostic import Diagnostic, TreeError
+from sar_compiler.tree.source import Source, Span
+from sar_compiler.tree.yaml_spans import offsets_in_scalar, unquoted
+
+_CONSTANTS: dict[str, bool | None] = {"true": True, "false": False, "": None}
+
+
+@dataclass(frozen=True)
+class Value:
+    """A value in a file.
+
+    Attributes:
+        start: The offset of its first character.
+        end: The offset after its last one.
+        data: The value as plain data; a mapping is a dict, a list a list, nothing is None.
+        text: The text of a scalar; None for lists and mappings.
+        items: The values of a list; None for all else.
+        entries: The keys and values of a mapping; None for all else.
+    """
+
+    start: int
+    end: int
+    data: Any
+    text: str | None = None
+    items: tuple["Value", ...] | None = None
+    entries: tuple[tuple["Value", "Value"], ...] | None = None
+
+    @classmethod
+    def of_items(cls, start: int, end: int, items: Iterable["Value"]) -> "Value":
+        """Return a list."""
+        taken = tuple(items)
+        return cls(start, end, [item.data for item in taken], items=taken)
+
+    @classmethod
+    def of_entries(cls, start: int, end: int, entries: Iterable[tuple["Value", "Value"]]) -> "Value":
+        """Return a mapping; its keys are texts and differ."""
+        taken = tuple(entries)
+        return cls(start, end, {key.text: inner.data for key, inner in taken}, entries=taken)
+
+    @property
+    def is_nothing(self) -> bool:
+        """Whether nothing is written."""
+        return self.data is None and not self.text
+
+    @property
+    def kind(self) -> str:
+        """The value as a sentence names it."""
+        if self.text is None:
+            return "a list" if self.entries is None else "a mapping"
+        if self.is_nothing:
+            return "nothing"
+        return f"'{self.text}'" if meaning_of(self.text) == self.data else f"the text '{self.text}'"
+
+    @property
+    def mapping(self) -> dict[str, "Value"]:
+        """The values of a mapping by their keys; empty for all else."""
+        return {key.text or "": inner for key, inner in self.entries or ()}
+
+    @property
+    def listed(self) -> tuple["Value", ...]:
+        """The items of a list; a single value counts as a list of one."""
+        return (self,) if self.items is None else self.items
+
+    def at(self, path: Path) -> "Value":
+        """Return the value at a path of keys and indices."""
+        value = self
+        for step in path:
+            value = value.listed[step] if isinstance(step, int) else value.mapping[step]
+        return value
+
+    def name_at(self, path: Path) -> "Value":
+        """Return the key of the value at a path; the value itself where it has none."""
+        keys = (key for key, _ in self.at(path[:-1]).entries or () if path and key.text == path[-1])
+        return next(keys, self.at(path))
+
+    def without(self, paths: Iterable[Path]) -> "Value":
+        """Return this value without those at some paths, none of which is empty."""
+        below: defaultdict[int | str, set[Path]] = defaultdict(set)
+        for path in paths:
+            below[path[0]].add(path[1:])
+        if self.items is not None:
+            kept = [(item, below[index]) for index, item in enumerate(self.items)]
+            items = [item.without(gone) if gone else item for item, gone in kept if () not in gone]
+            return Value.of_items(self.start, self.end, items)
+        entries = [(key, inner, below[key.text or ""]) for key, inner in self.entries or ()]
+        left = [
+            (key, inner.without(gone) if gone else inner) for key, inner, gone in entries if () not in gone
+        ]
+        return Value.of_entries(self.start, self.end, left)
+
+
+def meaning_of(text: str) -> bool | float | str | None:
+    """Return the value of a text without quotes: a number, a truth value or nothing where it is one, else the text."""
+    if text in _CONSTANTS:
+        return _CONSTANTS[text]
+    value = literal_value(text)
+    return value if isinstance(value, str) or math.isfinite(value) else text
+
+
+class Document:
+    """A file that is being understood.
+
+    Args:
+        source: The file.
+
+    Attributes:
+        source: The file.
+        root: Its content; set by the reader of its format.
+        findings: The mistakes that are known so far.
+    """
+
+    root: Value
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self.findings: list[Diagnostic] = []
+
+    def report(
+        self,
+        value: Value,
+        code: str,
+        message: str,
+        part: tuple[int, int] | None = None,
+        **advice: str | None,
+    ) -> None:
+        """Note a mistake in a value.
+
+        Args:
+            value: The value.
+            code: The kind of the finding.
+            message: What is wrong.
+            part: From and to which character of a scalar's text; None for all of it.
+            advice: `suggestion` or `hint`, as `Diagnostic` has them.
+        """
+        self.findings.append(Diagnostic(code, message, self.source, self.span(value, part), **advice))  # type: ignore[arg-type]
+
+    def hold(self, schema: str, value: Value | None = None) -> Value:
+        """Hold a value to a schema, note its mistakes, and return what is left without them.
+
+        What is returned keeps to the schema, so that its readers need not look again.
+
+        Args:
+            schema: `scenario` for `schemas/sar_scenario.schema.json`, and so on.
+            value: The value; by default the whole file.
+
+        Raises:
+            TreeError: If nothing of it can be used; carries all findings.
+        """
+        left = self.root if value is None else value
+        refused = list(refusals(left, schema))
+        # Of what several parts of the schema say of one value, the first counts.
+        said: set[tuple[Path, str]] = set()
+        for each in refused:
+            if each.message and (each.path, each.code) not in said:
+                place, suggestion, hint = each.place, each.suggestion, each.hint
+                self.report(place, each.code, each.message, suggestion=suggestion, hint=hint)
+                said.add((each.path, each.code))
+        # A mapping that lost a key which it needs goes as well.
+        while refused:
+            if any(not each.path for each in refused):
+                self.raise_findings()
+            left = left.without([each.path for each in refused])
+            refused = list(refusals(left, schema))
+        return left
+
+    @contextmanager
+    def findings_first(self) -> Iterator[None]:
+        """Raise what is wrong with the file in place of an error that may follow from it.
+
+        Raises:
+            TreeError: If the file has findings and what runs inside raises a `SarError`.
+        """
+        try:
+            yield
+        except SarError:
+            self.raise_findings()
+            raise
+
+    def raise_findings(self) -> None:
+        """Raise all that is wrong with the file, in the order of the file.
+
+        Raises:
+            TreeError: If there is anything.
+        """
+        if self.findings:
+            found = dict.fromkeys(self.findings)
+            raise TreeError(sorted(found, key=lambda each: (each.span.line, each.span.column)))
+
+    def span(self, value: Value, part: tuple[int, int] | None = None) -> Span:
+        """Return where a value stands, or a part of its text; of lists and mappings it is the first line."""
+        source = self.source
+        if value.text is None:
+            # Only its beginning: a mapping may go on for many lines.
+            line = source.span(value.start, value.start).line
+            end = source.offset(line, len(source.line(line)) + 1)
+            return source.span(value.start, max(value.start + 1, min(value.end, end)))
+        start, end = unquoted(source.text, value.start, value.end)
+        if part is None:
+            return source.span(start, max(start + 1, end))
+        offsets = offsets_in_scalar(source.text, value.start, value.end, value.text)
+        first, last = (offsets[min(place, len(offsets) - 1)] for place in part)
+        return source.span(first, max(first + 1, last))

@@ -1,0 +1,151 @@
+"""What a JSON schema in `schemas/` refuses in a file, in words for people.
+
+Editors complete by the same schemas. A `title` names what a value is, with its article; `examples` are what to write.
+"""
+
+import functools
+import json
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from sar_compiler.nodes.values import nearest
+from sar_compiler.resources import shipped
+
+if TYPE_CHECKING:
+    from jsonschema import Draft7Validator
+
+    from sar_compiler.documents.located import Value
+
+Path = tuple[int | str, ...]
+
+_WORDS = {"object": "a mapping", "array": "a list", "string": "a text"}
+# A longer list of what there is helps nobody; the nearest is suggested all the same.
+_MOST_LISTED = 15
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """A value that a schema refuses.
+
+    Attributes:
+        path: Where it is, from the top.
+        place: What to point at.
+        code: The kind of the finding.
+        message: What is wrong; empty where another finding says it already.
+        suggestion: What to put in its place, where that can be guessed.
+        hint: What to do, where there is no such text.
+    """
+
+    path: Path
+    place: "Value"
+    code: str
+    message: str
+    suggestion: str | None = None
+    hint: str | None = None
+
+
+def refusals(root: "Value", schema: str) -> Iterator[Refusal]:
+    """Yield what a schema refuses in a value.
+
+    Args:
+        root: The value.
+        schema: `scenario` for `schemas/sar_scenario.schema.json`, and so on.
+    """
+    errors: Iterator[Any] = _validator(schema).iter_errors(root.data)
+    for error in errors:
+        path = tuple(error.absolute_path)
+        refuse = {"additionalProperties": _unknown, "required": _missing, "anyOf": _missing, "not": _conflict}
+        yield from refuse.get(error.validator, _wrong)(root, path, error)
+
+
+@functools.cache
+def _validator(schema: str) -> "Draft7Validator":
+    # Nobody without such a file waits for it.
+    from jsonschema import Draft7Validator
+
+    return Draft7Validator(json.loads(shipped("schemas", f"sar_{schema}.schema.json").read_bytes()))
+
+
+def _unknown(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
+    known = list(error.schema["properties"])
+    listed = f"; it has {', '.join(known)}" if len(known) <= _MOST_LISTED else ""
+    for name in (each for each in error.instance if each not in known):
+        message = f"{_owner(path, error.schema)} has no '{name}'{listed}"
+        inner = (*path, name)
+        yield Refusal(inner, root.name_at(inner), "unknown-key", message, nearest(name, known))
+
+
+def _missing(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
+    """Yield one finding for all keys that are missing, and for those that another key may be meant to be, none."""
+    given, properties = error.instance, error.schema["properties"]
+    meant = {nearest(name, properties) for name in given.keys() - properties.keys()}
+    if error.validator == "anyOf":
+        names = [each["required"][0] for each in error.validator_value]
+        needs = "" if meant & set(names) else f"one of {', '.join(names)}"
+    else:
+        names = [name for name in error.validator_value if name not in given and name not in meant]
+        needs = _series((f"'{name}'" for name in names), "and")
+    examples = properties[names[0]].get("examples") if len(names) == 1 else None
+    hint = f"write {names[0]}: {examples[0]}" if examples else None
+    message = f"{_owner(path, error.schema)} needs {needs}" if needs else ""
+    yield Refusal(path, root.name_at(path), "missing-key", message, hint=hint)
+
+
+def _conflict(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
+    inner = (*path, error.instance)
+    message = f"'{error.instance}' does not go with {error.schema['title']}"
+    hint = "make two of it"
+    yield Refusal(inner, root.name_at(inner), "conflicting-keys", message, hint=hint)
+
+
+def _wrong(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
+    value, schema = root.at(path), error.schema
+    message = f"{_named(path, schema)} is {_expected(schema)}, and this is {value.kind}"
+    near = nearest(value.text, _texts(schema["enum"])) if value.text and "enum" in schema else None
+    hint = f"write {_series(_texts(schema['examples']), 'or')}" if "examples" in schema else None
+    misshapen = value.text is None or _types(schema) <= {"object", "array"}
+    code = "wrong-shape" if error.validator == "type" and misshapen else "wrong-value"
+    if value.is_nothing or value.data in ("", []):
+        code = "missing-value"
+    yield Refusal(path, value, code, message, near, hint)
+
+
+def _types(schema: dict[str, Any]) -> set[str]:
+    types = schema.get("type", ())
+    return {types} if isinstance(types, str) else set(types)
+
+
+def _expected(schema: dict[str, Any]) -> str:
+    """Return what a schema takes, in a sentence."""
+    if "enum" in schema:
+        return f"one of {', '.join(_texts(schema['enum']))}"
+    types = _types(schema)
+    if "title" in schema and "object" not in types:
+        return str(schema["title"])
+    keys = schema.get("properties", ())
+    listed = f" of {', '.join(keys)}" if types == {"object"} and 0 < len(keys) <= _MOST_LISTED else ""
+    return _series((word for name, word in _WORDS.items() if name in types), "or") + listed
+
+
+def _owner(path: Path, schema: dict[str, Any]) -> str:
+    """Return what a mapping is called of which some key is wrong or missing."""
+    return schema.get("title") or _named(path, schema)
+
+
+def _named(path: Path, schema: dict[str, Any]) -> str:
+    if not path:
+        return str(schema["title"])
+    if isinstance(path[-1], str):
+        return f"'{path[-1]}'"
+    return f"an item of '{next(step for step in reversed(path) if isinstance(step, str))}'"
+
+
+def _texts(values: Iterable[Any]) -> list[str]:
+    """Return plain values as they are written."""
+    return [value if isinstance(value, str) else json.dumps(value) for value in values]
+
+
+def _series(words: Iterable[str], last: str) -> str:
+    *front, end = [*words] or [""]
+    return f"{', '.join(front)} {last} {end}" if front else end

@@ -1,0 +1,150 @@
+"""Files in TOML, with the place of every key and value: tomllib reads them, and a scan of the text finds the places."""
+
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+from sar_compiler.documents.located import Document, Value
+from sar_compiler.tree.content import read_bytes, source_of
+from sar_compiler.tree.diagnostic import Diagnostic, TreeError
+from sar_compiler.tree.source import Source
+from sar_compiler.tree.synthetic import NO_SPANS
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+_LINE_AND_COLUMN = re.compile(r" \(at line (\d+), column (\d+)\)")
+_BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
+_STRING = re.compile(r'"""(?:\\.|[^\\])*?"{3,5}|\'\'\'.*?\'{3,5}|"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'', re.DOTALL)
+_BARE_KEY = re.compile(r"[\w-]+")
+# At least one character, so that a scan always ends.
+_BARE_VALUE = re.compile(r"[^,\]}#\r\n]*[^,\]}#\s]|.", re.DOTALL)
+
+_Path = tuple[int | str, ...]
+_Place = tuple[int, int]
+
+
+def read_toml(path: Path, shown: str) -> Document:
+    """Read a file.
+
+    Args:
+        path: The file.
+        shown: What to call it in findings.
+
+    Raises:
+        UnreadableFileError: If it is not there or cannot be read.
+        TreeError: If it is not TOML, not text, or too large.
+    """
+    data = read_bytes(path)
+    source = source_of(data, shown, NO_SPANS, None, "") if data.strip() else Source(shown, "", NO_SPANS)
+    document = Document(source)
+    try:
+        content = tomllib.loads(source.text)
+        document.root = _value(content, (), _Places(source.text), (0, len(source.text)))
+    except RecursionError:
+        message = "lists and tables are nested too deep"
+        raise TreeError([Diagnostic("too-deep", message, source, source.span(0, 1))]) from None
+    except ValueError as error:
+        match = _LINE_AND_COLUMN.search(str(error))
+        start = source.offset(int(match[1]), int(match[2])) if match else len(source.text.rstrip())
+        message = f"not TOML: {_LINE_AND_COLUMN.sub('', str(error))}"
+        finding = Diagnostic("malformed-toml", message, source, source.span(start, start + 1))
+        raise TreeError([finding]) from None
+    return document
+
+
+def _value(data: Any, path: _Path, places: "_Places", around: _Place) -> Value:
+    """Return the value at a path; one whose place is not known is where the one around it is."""
+    start, end = place = places.values.get(path, around)
+    if isinstance(data, dict):
+        pairs = [(name, (*path, name), inner) for name, inner in data.items()]
+        return Value.of_entries(
+            start,
+            end,
+            (
+                (Value(*places.keys.get(at, place), name, text=name), _value(inner, at, places, place))
+                for name, at, inner in pairs
+            ),
+        )
+    if isinstance(data, list):
+        return Value.of_items(
+            start, end, (_value(item, (*path, index), places, place) for index, item in enumerate(data))
+        )
+    plain = data if isinstance(data, (bool, int, float, str)) else None  # JSON has no dates
+    return Value(start, end, plain, text=str(data).lower() if isinstance(data, bool) else str(data))
+
+
+class _Places:
+    """The places of keys and values, by their paths; tables in a list of tables have none.
+
+    Args:
+        text: The text, of which tomllib says that it is TOML.
+    """
+
+    def __init__(self, text: str) -> None:
+        self.keys: dict[_Path, _Place] = {}
+        self.values: dict[_Path, _Place] = {}
+        self._text = text
+        self._at = 0
+        table: _Path = ()
+        while self._skip() < len(text):
+            if self._take("["):
+                listed = self._take("[")
+                table = self._key(())
+                for _ in range(1 + listed):
+                    self._take("]")
+            else:
+                self._pair(table)
+
+    def _pass(self, pattern: re.Pattern[str]) -> str:
+        """Pass over what a pattern matches here; returns it, empty if it matches nothing."""
+        match = pattern.match(self._text, self._at)
+        self._at = match.end() if match else self._at
+        return match[0] if match else ""
+
+    def _skip(self) -> int:
+        """Pass over blanks and comments; returns where the text continues."""
+        self._pass(_BLANK)
+        return self._at
+
+    def _take(self, sign: str) -> bool:
+        """Pass over a sign, if it comes next."""
+        taken = self._text.startswith(sign, self._skip())
+        self._at += len(sign) if taken else 0
+        return taken
+
+    def _key(self, path: _Path) -> _Path:
+        """Pass over a key with all its parts, below a path; returns its path."""
+        while True:
+            start = self._skip()
+            quoted = self._pass(_STRING)
+            path = (*path, tomllib.loads(f"key = {quoted}")["key"] if quoted else self._pass(_BARE_KEY))
+            self.keys.setdefault(path, (start, self._at))
+            self.values.setdefault(path, (start, self._at))
+            if not self._take("."):
+                return path
+
+    def _pair(self, table: _Path) -> None:
+        path = self._key(table)
+        self._take("=")
+        self._item(path)
+
+    def _item(self, path: _Path) -> None:
+        """Pass over a value."""
+        start = self._skip()
+        if self._take("["):
+            count = 0
+            while not self._take("]") and self._at < len(self._text):
+                self._item((*path, count))
+                self._take(",")
+                count += 1
+        elif self._take("{"):
+            while not self._take("}") and self._at < len(self._text):
+                self._pair(path)
+                self._take(",")
+        elif not self._pass(_STRING):
+            self._pass(_BARE_VALUE)
+        self.values[path] = (start, self._at)

@@ -1,0 +1,91 @@
+"""Files in YAML, with the place of every value.
+
+A scalar without quotes is a number, a truth value (`true`, `false`) or the text as it is written: `no` and `12:30` are
+texts.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from sar_compiler.documents.located import Document, Value, meaning_of
+from sar_compiler.tree.content import read_bytes, source_of
+from sar_compiler.tree.diagnostic import Diagnostic, TreeError
+from sar_compiler.tree.source import Span
+from sar_compiler.tree.yaml_events import Events
+from sar_compiler.tree.yaml_spans import YamlSpans
+
+
+def read_yaml(path: str | Path, empty_hint: str) -> Document:
+    """Read a file.
+
+    Args:
+        path: The file.
+        empty_hint: What to write in an empty file.
+
+    Raises:
+        UnreadableFileError: If it is not there or cannot be read.
+        TreeError: As `parse_yaml`.
+    """
+    return parse_yaml(read_bytes(path), str(path), empty_hint)
+
+
+def parse_yaml(data: bytes | str, path: str, empty_hint: str) -> Document:
+    """Read the content of a file.
+
+    Args:
+        data: The content.
+        path: What to call it in findings.
+        empty_hint: What to write in an empty file.
+
+    Raises:
+        TreeError: If it is not YAML, empty, too large, or uses what only YAML has.
+    """
+    document = Document(source_of(data, path, YamlSpans(), None, empty_hint))
+    events = Events(document.source)
+    events.take()  # the stream begins
+    if not isinstance(events.next, yaml.DocumentStartEvent):
+        start = Span(1, 1, 1, 1)
+        raise TreeError(
+            [Diagnostic("empty-file", "the file is empty", document.source, start, hint=empty_hint)]
+        )
+    events.take()
+    document.root = _value(events, document)
+    events.take()  # the document ends
+    if isinstance(events.next, yaml.DocumentStartEvent):
+        mark = _start(events.next)
+        message, hint = "a second document begins here; such a file is one", "put it in a file of its own"
+        events.report("second-document", message, mark, mark + 3, hint=hint)
+    if events.findings:
+        raise TreeError(events.findings)
+    return document
+
+
+def _value(events: Events, document: Document) -> Value:
+    """Read the value that comes next."""
+    event: Any = events.take()
+    start, end = _start(event), int(event.end_mark.index)
+    if isinstance(event, yaml.SequenceStartEvent):
+        items = []
+        while not isinstance(events.next, yaml.SequenceEndEvent):
+            items.append(_value(events, document))
+        return Value.of_items(start, events.take().end_mark.index, items)
+    if isinstance(event, yaml.MappingStartEvent):
+        entries: dict[str, tuple[Value, Value]] = {}
+        while not isinstance(events.next, yaml.MappingEndEvent):
+            key, inner = _value(events, document), _value(events, document)
+            if not key.text:
+                document.report(key, "wrong-shape", f"a key is a word, and this is {key.kind}")
+            elif key.text in entries:
+                document.report(key, "duplicate-key", f"'{key.text}' is written twice here")
+            else:
+                entries[key.text] = (key, inner)
+        return Value.of_entries(start, events.take().end_mark.index, entries.values())
+    if isinstance(event, yaml.AliasEvent):  # has a finding already
+        return Value(start, end, None, text="")
+    return Value(start, end, event.value if event.style else meaning_of(event.value), text=event.value)
+
+
+def _start(event: Any) -> int:
+    return int(event.start_mark.index)

@@ -1,0 +1,123 @@
+"""When a run is over, and how it ended."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+from py_trees.common import Status
+
+from sar_compiler.missions.mission import MissionRun
+
+
+class Until(str, Enum):
+    """What a run goes on until."""
+
+    END = "end"
+    """The root succeeds or fails."""
+    COMPLETE = "complete"
+    """The mission is complete, or can no longer become so."""
+    SUCCESS = "success"
+    """The root succeeds."""
+    FAILURE = "failure"
+    """The root fails."""
+    FOREVER = "forever"
+    """Somebody stops it."""
+
+
+_ENDS = {
+    Until.END: (Status.SUCCESS, Status.FAILURE, Status.INVALID),
+    Until.SUCCESS: (Status.SUCCESS,),
+    Until.FAILURE: (Status.FAILURE,),
+}
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """How a run ended.
+
+    Attributes:
+        achieved: Whether what it was for has been achieved.
+        reason: A sentence about it.
+    """
+
+    achieved: bool
+    reason: str
+
+
+class EndCondition:
+    """Looks at a run after every tick.
+
+    Args:
+        until: What the run goes on until.
+        mission: The run's mission; None for a plain tree.
+        time_limit_sec: How long the run may take, in seconds of the node's clock; None for ever.
+        say: Is told of every round of the tree that does not end the run, although the root has ended in it.
+    """
+
+    def __init__(
+        self,
+        until: Until,
+        mission: MissionRun | None = None,
+        time_limit_sec: float | None = None,
+        say: Callable[[str], object] = lambda _: None,
+    ) -> None:
+        self._until = until
+        self._mission = mission
+        self._time_limit_sec = time_limit_sec
+        self._say = say
+        self._rounds = 0
+        self._idle_ticks = 0
+
+    @property
+    def complete(self) -> bool:
+        """Whether there is such a mission and it is complete."""
+        return self._mission is not None and self._mission.shortfalls() == []
+
+    def shortfalls(self) -> list[str]:
+        """Return in sentences what a complete mission still lacks; nothing where there is no such mission."""
+        return (self._mission.shortfalls() if self._mission is not None else None) or []
+
+    def after_tick(self, status: Status, elapsed_sec: float) -> RunResult | None:
+        """Return how the run ended, or None if it goes on.
+
+        Args:
+            status: The root's status after the tick; INVALID if it was skipped.
+            elapsed_sec: Time since the first tick, in seconds of the node's clock.
+        """
+        result = self._mission_result(status) if self._until is Until.COMPLETE else self._root_result(status)
+        late = self._time_limit_sec is not None and elapsed_sec > self._time_limit_sec
+        if result is None and late:
+            return RunResult(
+                achieved=False, reason=f"The time limit of {self._time_limit_sec:g} s was reached."
+            )
+        return result
+
+    def _root_result(self, status: Status) -> RunResult | None:
+        if self._until not in _ENDS or status == Status.RUNNING:
+            return None
+        name = "SKIPPED" if status == Status.INVALID else status.name
+        if status in _ENDS[self._until]:
+            achieved = self._until is not Until.END or status == Status.SUCCESS
+            return RunResult(achieved=achieved, reason=f"The root of the tree ended with {name}.")
+        self._rounds += 1
+        self._say(f"Root {name}, starting again ({_ordinal(self._rounds)} time).")
+        return None
+
+    def _mission_result(self, status: Status) -> RunResult | None:
+        if self.complete:
+            return RunResult(achieved=True, reason="Mission complete.")
+        # With nothing left to do, a tree that ends twice in a row is through. Once is not enough: the tick
+        # that finishes the last piece of work succeeds before the way home was looked at.
+        nothing_left = self._mission.nothing_left() if self._mission is not None else ""
+        over = nothing_left and status != Status.RUNNING
+        self._idle_ticks = self._idle_ticks + 1 if over else 0
+        if self._idle_ticks > 1:
+            idles = f"{nothing_left}, and the tree idles at {status.name}."
+            return RunResult(achieved=False, reason=" ".join([idles, *self.shortfalls()]))
+        return None
+
+
+def _ordinal(number: int) -> str:
+    """Return `1st`, `2nd`, `3rd`, `4th`, …, `11th`."""
+    teen = number // 10 % 10 == 1
+    return f"{number}{'th' if teen else {1: 'st', 2: 'nd', 3: 'rd'}.get(number % 10, 'th')}"

@@ -1,0 +1,54 @@
+"""The service `detect_survivor`: says whether, and where, there is a survivor in a zone."""
+
+from typing import Any
+
+from rclpy.context import Context
+from sar_interfaces.srv import DetectSurvivor
+
+from sar_compiler.missions.search_and_rescue.parameters import read_survivors
+from sar_compiler.ros.faults import ServiceFaults, create_service
+from sar_compiler.ros.parameter_reader import lookalikes
+from sar_compiler.ros.parameters import DataNode, flat_parameters
+
+SURVIVORS = {"zone_a": (-2.5, 3.2), "zone_c": (4.1, -2.5)}
+"""Where survivors are by default: x and y in metres in the frame `map`, by zone."""
+
+
+class DetectSurvivorServer(DataNode):
+    """Answers from a table of survivors: its parameters `survivors.<zone>.{x,y}`, or the default one.
+
+    Args:
+        context: The context of the node; by default the process's own.
+        faults: What goes wrong on purpose.
+        cli_args: ROS arguments of its own.
+        options: Further keyword arguments of `rclpy.node.Node`.
+
+    Raises:
+        ParameterError: If the table in the parameters is not one.
+        RosArgumentError: If a name or a value in its arguments is one that a node cannot have.
+    """
+
+    def __init__(
+        self,
+        context: Context | None = None,
+        faults: ServiceFaults | None = None,
+        cli_args: list[str] | None = None,
+        **options: Any,
+    ) -> None:
+        super().__init__("detect_survivor_server", context, cli_args, **options)
+        parameters = flat_parameters(self)
+        self._survivors = read_survivors(parameters, SURVIVORS)
+        for note in lookalikes(parameters, ["survivors"]):
+            self.get_logger().warning(note)
+        create_service(self, DetectSurvivor, "detect_survivor", self._answer, faults=faults)
+        self.get_logger().info("DetectSurvivor service ready.")
+
+    def _answer(self, request: Any, response: Any) -> Any:
+        survivor = self._survivors.get(request.zone_id)
+        if survivor is None:
+            self.get_logger().info(f"Detection request for {request.zone_id}: NOT FOUND")
+            return response
+        response.found = True
+        response.survivor_x, response.survivor_y = x, y = survivor
+        self.get_logger().info(f"Detection request for {request.zone_id}: FOUND at ({x:.2f}, {y:.2f})")
+        return response

@@ -1,0 +1,101 @@
+"""Search and rescue as `sar-run` knows it: the plug-in of the entry point `sar_compiler.missions`."""
+
+from collections.abc import Collection
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sar_compiler.missions.mission import Mission, MissionRun
+from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase
+from sar_compiler.missions.search_and_rescue.conditions import ZonesRemaining
+from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports
+from sar_compiler.missions.search_and_rescue.record import MissionRecord
+from sar_compiler.missions.search_and_rescue.summary import mission_summary
+from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+from sar_compiler.resources import shipped
+from sar_compiler.ros.parameter_reader import ParameterReader
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from sar_compiler.ros.faults import FaultPlan
+
+
+class SearchAndRescue(Mission):
+    """Search zones for survivors, report them, come home."""
+
+    name = "search_and_rescue"
+    context_types = (ZoneManager, MissionRecord, KeptReports)
+    parameter_names = ("zone_order", "zones", "base_station", "survivors")
+    faults = {"detect_survivor": ("drop", "delay"), "report_survivor": ("drop", "delay", "refuse")}  # noqa: RUF012
+    default_tree = "search_and_rescue"
+
+    def default_parameters(self) -> Path:
+        """Return the shipped file."""
+        return shipped("config", "mission_params.yaml")
+
+    def default_properties(self, leaves: Collection[type]) -> Path | None:
+        """Return the shipped file for a tree that goes from zone to zone, and home."""
+        return (
+            shipped("config", "mission_properties.yaml")
+            if {ZonesRemaining, NavigateToBase} <= set(leaves)
+            else None
+        )
+
+    def begin(self, reader: ParameterReader) -> "Search":
+        """Begin a run with no zone visited."""
+        return Search(reader.places("zone"), reader.pose("base_station"))
+
+
+class Search(MissionRun):
+    """One run of the mission.
+
+    Args:
+        zones: The zones in the order of their visit, each with `id`, `x`, `y` (m) and `yaw` (rad).
+        base_station: Where the robot returns to: `x`, `y` (m) and `yaw` (rad).
+    """
+
+    def __init__(self, zones: list[dict[str, Any]], base_station: dict[str, float]) -> None:
+        self._zones = ZoneManager(zones, base_station)
+        self._record = MissionRecord()
+        self.context = {
+            ZoneManager: self._zones,
+            MissionRecord: self._record,
+            KeptReports: KeptReports(),
+        }
+
+    def greeting(self) -> list[str]:
+        """Return how many zones there are, and where the base station is."""
+        base = self._zones.base_pose()
+        return [
+            f"Loaded {self._zones.total_zones()} search zones from parameters.",
+            f"Base station at ({base['x']:.2f}, {base['y']:.2f}, yaw={base['yaw']:.2f}).",
+        ]
+
+    def places(self) -> dict[str, tuple[float, float]]:
+        """Return where the zones are."""
+        return {zone["id"]: (zone["x"], zone["y"]) for zone in self._zones.remaining_zones()}
+
+    def servers(self, faults: "FaultPlan", **options: Any) -> "list[Node]":
+        """Make the two servers."""
+        from sar_compiler.missions.search_and_rescue.detect_survivor_server import DetectSurvivorServer
+        from sar_compiler.missions.search_and_rescue.report_survivor_server import ReportSurvivorServer
+
+        return [
+            DetectSurvivorServer(faults=faults.for_service("detect_survivor"), **options),
+            ReportSurvivorServer(faults=faults.for_service("report_survivor"), **options),
+        ]
+
+    def shortfalls(self) -> list[str]:
+        """Return what is not visited, not acknowledged, not home."""
+        return self._record.shortfalls(self._zones)
+
+    def nothing_left(self) -> str:
+        """Return that no zone is left, once that is so."""
+        return "" if self._zones.has_remaining() else "No zone is left"
+
+    def summary(self, elapsed_sec: float, ticks: int) -> str:
+        """Return zones, survivors, the way home, and what is missing."""
+        return mission_summary(self._record, self._zones, elapsed_sec, ticks)
+
+
+MISSION = SearchAndRescue()

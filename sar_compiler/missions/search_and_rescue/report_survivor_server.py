@@ -1,0 +1,60 @@
+"""The service `report_survivor`: the base, which acknowledges a survivor that was found."""
+
+from typing import Any
+
+from rclpy.context import Context
+from sar_interfaces.srv import ReportSurvivor
+
+from sar_compiler.missions.search_and_rescue.frames import MAP_FRAME
+from sar_compiler.ros.faults import ServiceFaults, create_service
+from sar_compiler.ros.parameters import DataNode
+
+
+class ReportSurvivorServer(DataNode):
+    """Acknowledges every report that is given in the frame `map`.
+
+    Args:
+        context: The context of the node; by default the process's own.
+        faults: What goes wrong on purpose.
+        cli_args: ROS arguments of its own.
+        options: Further keyword arguments of `rclpy.node.Node`.
+
+    Raises:
+        RosArgumentError: If a name or a value in its arguments is one that a node cannot have.
+    """
+
+    def __init__(
+        self,
+        context: Context | None = None,
+        faults: ServiceFaults | None = None,
+        cli_args: list[str] | None = None,
+        **options: Any,
+    ) -> None:
+        super().__init__("report_survivor_server", context, cli_args, **options)
+        create_service(
+            self, ReportSurvivor, "report_survivor", self._answer, refuse=self._refuse, faults=faults
+        )
+        self.get_logger().info("ReportSurvivor service ready.")
+
+    def _answer(self, request: Any, response: Any) -> Any:
+        frame = request.location.header.frame_id
+        if frame != MAP_FRAME:
+            self.get_logger().warning(
+                f"Report of {_told(request)} refused: it is in frame '{frame}', and must be in '{MAP_FRAME}'."
+            )
+            response.acknowledged = False
+            return response
+        self.get_logger().info(f"Report received: {_told(request)}. Acknowledged.")
+        self.get_logger().info(f"The point of {request.survivor_id} is in frame '{frame}'.")
+        response.acknowledged = True
+        return response
+
+    def _refuse(self, request: Any, response: Any) -> Any:
+        self.get_logger().warning(f"Report of {_told(request)} refused.")
+        response.acknowledged = False
+        return response
+
+
+def _told(request: Any) -> str:
+    point = request.location.point
+    return f"{request.survivor_id} at ({point.x:.2f}, {point.y:.2f})"

@@ -1,0 +1,47 @@
+"""The two servers of search and rescue as commands, `sar-detect-survivor-server` and `sar-report-survivor-server`.
+
+They are not in the package of their mission, whose import takes its time: Ctrl-C must end a command in order from
+its first moment.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from sar_compiler.ros.serving import serve
+
+if TYPE_CHECKING:
+    from rclpy.context import Context
+    from rclpy.node import Node
+
+
+def detect(argv: Sequence[str] | None = None) -> int:
+    """Run `sar-detect-survivor-server` and return its exit status."""
+    return serve(
+        _detector,
+        "sar-detect-survivor-server",
+        "Serve detect_survivor (sar_interfaces/srv/DetectSurvivor). "
+        "The parameters survivors.<zone>.x and .y replace the survivors it knows of.",
+        argv,
+    )
+
+
+def report(argv: Sequence[str] | None = None) -> int:
+    """Run `sar-report-survivor-server` and return its exit status."""
+    return serve(
+        _base,
+        "sar-report-survivor-server",
+        "Serve report_survivor (sar_interfaces/srv/ReportSurvivor): acknowledge survivors reported in map.",
+        argv,
+    )
+
+
+def _detector(context: "Context", arguments: list[str]) -> "Node":
+    from sar_compiler.missions.search_and_rescue.detect_survivor_server import DetectSurvivorServer
+
+    return DetectSurvivorServer(context, cli_args=arguments)
+
+
+def _base(context: "Context", arguments: list[str]) -> "Node":
+    from sar_compiler.missions.search_and_rescue.report_survivor_server import ReportSurvivorServer
+
+    return ReportSurvivorServer(context, cli_args=arguments)

@@ -1,0 +1,1 @@
+"""From the elements of a file to nodes, values, keys and references."""

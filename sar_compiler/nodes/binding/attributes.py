@@ -1,0 +1,226 @@
+"""What the attributes of an element mean: values, blackboard keys, conditions."""
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from py_trees.common import OneShotPolicy
+
+from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter, Role
+from sar_compiler.nodes.values import (
+    CONDITION,
+    ConversionError,
+    ValueType,
+    blackboard_key,
+    nearest,
+    type_of,
+)
+from sar_compiler.runtime.expressions import Script
+from sar_compiler.tree.model import Element
+
+ONESHOT = "oneshot"
+"""The attribute that any node may have: wraps it in a OneShot with the policy it names."""
+
+CONDITIONS = (
+    "_failureIf",
+    "_successIf",
+    "_skipIf",
+    "_while",
+    "_onSuccess",
+    "_onFailure",
+    "_onHalted",
+    "_post",
+)
+"""The attributes that any node may have: scripts that are run before and after it."""
+
+NOTES = ("_description", "_uid", "_fullpath")
+"""Attributes in which BehaviorTree.CPP and Groot2 keep notes of their own; they mean nothing."""
+
+
+ONESHOT_TYPE = type_of(OneShotPolicy)
+# Looked up once: Python 3.11 takes a while to find a member of an enumeration, and this is asked for every attribute.
+_NAME, _ATTRIBUTE, _REFERENCE, _OUTPUT = Role.NAME, Role.ATTRIBUTE, Role.REFERENCE, Direction.OUTPUT
+_SCRIPT_TYPE = type_of(Script)
+_BOOL_TYPE = type_of(bool)
+_TEXTS = (str, None)
+"""The types of attributes that take any text."""
+_UNCLOSED = re.compile(r" *(?:\{([^{}\s]+)|([^{}\s]+)\}) *")
+
+
+class AttributeBinder:
+    """Binds the attributes of one element after the other.
+
+    Args:
+        collector: Is told what is wrong.
+    """
+
+    def __init__(self, collector: Collector) -> None:
+        self._collector = collector
+
+    def bind(self, bound: BoundNode, other_variants: Sequence[NodeSpec]) -> None:
+        """Bind every attribute of a node, and report those that are missing.
+
+        Args:
+            bound: The node; its values, keys and conditions are filled in.
+            other_variants: What else its tag could have meant.
+        """
+        parameters = bound.spec.parameters
+        meant: set[str | None] = set()
+        unknown: list[str] = []
+        for name, text in bound.element.attributes.items():
+            parameter = parameters.get(name)
+            role = parameter and parameter.role
+            if role is _NAME:
+                if not text:
+                    self.report_empty_name(bound.element)
+            elif parameter is not None and role is _ATTRIBUTE:
+                self._value(bound, parameter, text)
+            elif role is _REFERENCE:
+                pass  # resolved when all nodes are known
+            elif not self.common(bound, name) and not (name == "ID" and bound.element.tag != bound.spec.tag):
+                unknown.append(name)
+        for name in unknown:
+            meant.add(self._unknown(bound, name, other_variants, is_only=len(unknown) == 1))
+        for parameter in bound.spec.required:
+            # One that is misspelt is not missing as well.
+            if parameter.name not in meant:
+                self._require(bound, parameter, other_variants)
+
+    def common(self, bound: BoundNode, name: str) -> bool:
+        """Bind an attribute that any node may have; return whether it is one."""
+        if name == ONESHOT:
+            bound.oneshot = self.convert(bound.element, name, ONESHOT_TYPE)
+        elif name in CONDITIONS:
+            script = self.convert(bound.element, name, CONDITION)
+            if script is not None:
+                bound.conditions = {**bound.conditions, name: script}
+        else:
+            return name in NOTES
+        return True
+
+    def report_empty_name(self, element: Element) -> None:
+        """Report a name that nodes cannot have."""
+        self._collector.value(element, "name", "wrong-value", "a node's name must not be empty")
+
+    def flag(self, element: Element, name: str) -> bool:
+        """Return the value of an attribute that is true or false; false where it is not written or wrong."""
+        return bool(name in element.attributes and self.convert(element, name, _BOOL_TYPE))
+
+    def _is_unclosed(self, element: Element, name: str) -> bool:
+        """Report a key with only one of its braces where a text cannot be meant; return whether it is one."""
+        suggestion = closed(element.attributes[name])
+        if suggestion is not None:
+            message = f"{name}: a key stands between two braces, and '{element.attributes[name]}' has one"
+            self._collector.value(element, name, "wrong-value", message, suggestion=suggestion)
+        return suggestion is not None
+
+    def convert(self, element: Element, name: str, value_type: ValueType) -> Any:
+        """Return an attribute's value, or None after a finding."""
+        try:
+            return value_type.convert(element.attributes[name])
+        except ConversionError as error:
+            span = element.value_span(name)
+            if error.place is not None:
+                span = element.within_value(name, *error.place)
+            code = "script-error" if value_type in (CONDITION, _SCRIPT_TYPE) else "wrong-value"
+            self._collector.at(
+                element, span, code, f"{name}: {error.message}", suggestion=error.suggestion, hint=error.hint
+            )
+            return None
+
+    def _name_of_key(self, element: Element, name: str, value_type: ValueType, key: str) -> None:
+        """Report a key in braces that the node cannot work with."""
+        try:
+            value_type.convert(key)
+        except ConversionError as error:
+            begin = max(element.attributes[name].find(key), 0)
+            span = element.within_value(name, begin, begin + len(key))
+            message = f"{name}: {error.message}"
+            self._collector.at(element, span, "wrong-value", message, hint=error.hint)
+
+    def _value(self, bound: BoundNode, parameter: Parameter, text: str) -> None:
+        assert parameter.value_type is not None  # noqa: S101 - every attribute has one
+        name = parameter.name
+        key = blackboard_key(text, name)
+        if key is not None and name not in bound.spec.fixed:
+            bound.keys = {**bound.keys, name: key}
+            if parameter.value_type.names_key:
+                self._name_of_key(bound.element, name, parameter.value_type, key)
+            return
+        may_be_text = parameter.value_type.python in _TEXTS and parameter.direction is not _OUTPUT
+        if not may_be_text and self._is_unclosed(bound.element, name):
+            return
+        if parameter.direction is _OUTPUT:
+            message = f"{name}: an output is written to the blackboard, and '{text}' is no key of it"
+            suggestion = f"{{{text}}}" if text.isidentifier() else None
+            hint = f'write {name}="{{key}}"'
+            self._collector.value(
+                bound.element, name, "wrong-value", message, suggestion=suggestion, hint=hint
+            )
+            return
+        value = self.convert(bound.element, name, parameter.value_type)
+        fixed = bound.spec.fixed.get(name, value)
+        if value is not None and value != fixed:
+            tag = bound.spec.tag
+            message = f'<{tag}> says {name}="{_as_text(fixed)}" by its name, and {name}="{text}" here'
+            self._collector.value(
+                bound.element, name, "conflicting-attributes", message, suggestion=_as_text(fixed)
+            )
+        bound.values = {**bound.values, name: value}
+
+    def _require(self, bound: BoundNode, parameter: Parameter, other_variants: Sequence[NodeSpec]) -> None:
+        element, name = bound.element, parameter.name
+        if name in element.attributes:
+            return
+        label = parameter.value_type.label if parameter.value_type else "a value"
+        message = f"<{bound.spec.tag}> needs the attribute '{name}'"
+        if not any(written in bound.spec.parameters for written in element.attributes if written != "name"):
+            others = [p.name for spec in other_variants for p in spec.attributes if p.required]
+            message += "".join(f" or '{other}'" for other in others)
+        self._collector.tag(element, "missing-attribute", message, hint=f'write {name}="..." ({label})')
+
+    def _unknown(
+        self, bound: BoundNode, name: str, other_variants: Sequence[NodeSpec], *, is_only: bool
+    ) -> str | None:
+        """Report an attribute that the node does not have; return the one that was probably meant."""
+        element, spec = bound.element, bound.spec
+        if any(name in (parameter.name for parameter in other.attributes) for other in other_variants):
+            written = [other for other in element.attributes if other in spec.parameters and other != "name"]
+            message = f"<{bound.spec.tag}> has {' and '.join(written)} here, which does not go with '{name}'"
+            self._collector.name(element, name, "conflicting-attributes", message, hint="write one of them")
+            return None
+        known = [parameter.name for parameter in spec.attributes] + [ONESHOT]
+        message = f"<{bound.spec.tag}> has no attribute '{name}'; it has {', '.join(known)}"
+        candidates = [*known, *CONDITIONS] if name.startswith("_") else known
+        near = nearest(
+            name, [other for other in candidates if other not in element.attributes]
+        ) or underscored(name)
+        missing = [p.name for p in spec.required if p.name not in element.attributes]
+        if near is not None or not is_only or len(missing) != 1:
+            self._collector.name(element, name, "unknown-attribute", message, suggestion=near)
+            return near
+        # The one that is strange was meant for the one that is missing, or for that of another meaning of the tag.
+        others = [p.name for other in other_variants for p in other.attributes if p.required]
+        suggestion = None if others else missing[0]
+        hint = f"write {' or '.join([*missing, *others])} instead"
+        self._collector.name(element, name, "unknown-attribute", message, suggestion=suggestion, hint=hint)
+        return missing[0]
+
+
+def underscored(name: str) -> str | None:
+    """Return the condition that was written without its underscore; None if a name is none."""
+    return next((known for known in CONDITIONS if known[1:].lower() == name.lower()), None)
+
+
+def closed(text: str) -> str | None:
+    """Return a key that was written with only one of its braces as it should be; None if a text is none."""
+    if text[:1] not in "{ " and text[-1:] not in "} ":
+        return None
+    match = _UNCLOSED.fullmatch(text)
+    return f"{{{match[1] or match[2]}}}" if match else None
+
+
+def _as_text(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)

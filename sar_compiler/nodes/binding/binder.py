@@ -1,0 +1,401 @@
+"""What each element of a tree means, and everything that keeps one from meaning something.
+
+Binding joins the elements of a file with the registry: tags become specs, texts become values, names
+become references, subtrees the trees that they stand for. The checks report what it finds; the compiler
+builds from what it made.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, AttributeBinder
+from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree, Remapping
+from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.instances import Instance, expand, report_shared_keys
+from sar_compiler.nodes.binding.nesting import cut_circles, fits, trees_in
+from sar_compiler.nodes.binding.references import resolve_references
+from sar_compiler.nodes.binding.skips import by_itself, report_misread
+from sar_compiler.nodes.language.subtree import FORMER_ATTRIBUTES, SUBTREE
+from sar_compiler.nodes.models.model_comparison import compare
+from sar_compiler.nodes.models.models import Model, Models, read_models
+from sar_compiler.nodes.registry import Registry
+from sar_compiler.nodes.spec import Kind, NodeSpec
+from sar_compiler.nodes.values import blackboard_key, nearest
+from sar_compiler.tree.diagnostic import Diagnostic
+from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.gc_pause import gc_paused
+from sar_compiler.tree.model import SUBTREE_TAG, TREE_TAG, Element, TreeFile
+
+_KIND_TAGS = frozenset(kind.value for kind in Kind)
+_MOST_TREES = 8
+_MOST_GUESSES = 1000
+"""For more unknown tags than these, nobody wants to know what was probably meant."""
+
+
+@dataclass(frozen=True)
+class BoundForest:
+    """Every tree of a forest, bound.
+
+    Attributes:
+        trees: The trees, in the order of the files.
+        tops: The main tree and those that stand in no other, as far as they fit, with their subtrees in place.
+        models: What is said of nodes that are not registered, and of subtrees.
+        specs: Everything that the tags in them can mean.
+        findings: What keeps them from meaning something.
+    """
+
+    trees: Sequence[BoundTree]
+    tops: Sequence[Instance]
+    models: Models
+    specs: Sequence[NodeSpec]
+    findings: tuple[Diagnostic, ...]
+
+
+def bind(forest: Forest, registry: Registry, tree: Element, palettes: Iterable[TreeFile] = ()) -> Binding:
+    """Bind a tree and the trees that it uses.
+
+    Args:
+        forest: The file and what it includes.
+        registry: What tags mean.
+        tree: The `BehaviorTree` element.
+        palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
+
+    Returns:
+        The bound tree and everything that is wrong with it, in the order of the file.
+    """
+    collector = Collector()
+    binder = Binder(forest, registry, read_models([*palettes, *forest.files], Collector()), collector)
+    with gc_paused(_characters(forest)):
+        main = binder.tree(tree)
+    cut_circles([main], collector)
+    if fits(main, collector) is not None:
+        report_shared_keys(expand(main, collector), collector)
+        report_misread(trees_in(main), collector)
+    return Binding(main, _in_order(forest, collector.findings))
+
+
+def bind_all(forest: Forest, registry: Registry, palettes: Iterable[TreeFile] = ()) -> BoundForest:
+    """Bind every tree of a forest, executed or not.
+
+    Args:
+        forest: The file and what it includes.
+        registry: What tags mean.
+        palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
+
+    Returns:
+        The bound trees and everything that is wrong with them, in the order of the files.
+    """
+    collector = Collector()
+    models = read_models([*palettes, *forest.files], collector)
+    compare(models, registry, collector)
+    binder = Binder(forest, registry, models, collector)
+    with gc_paused(_characters(forest)):
+        trees = [binder.tree(tree) for tree in forest.iterate()]
+    cut_circles(trees, collector)
+    used = {node.subtree for tree in trees for node in tree.subtrees()}
+    # What a tree takes from those around it can be seen only there; the main tree must do without.
+    main, count = forest.main_tree(), 0
+    tops: list[Instance] = []
+    for tree in trees:
+        if tree not in used or tree.element is main:
+            size = fits(tree, collector, count)
+            if size is not None:
+                count += size
+                tops.append(expand(tree, collector))
+                report_shared_keys(tops[-1], collector)
+                report_misread(trees_in(tree), collector)
+    return BoundForest(trees, tops, models, binder.specs, _in_order(forest, collector.findings))
+
+
+def _characters(forest: Forest) -> int:
+    return sum(len(tree_file.source.text) for tree_file in forest.files)
+
+
+def _in_order(forest: Forest, findings: list[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """Sort findings by file, line and column, each once; what is wrong with palettes is no business of the forest."""
+    order = {id(tree_file.source): number for number, tree_file in enumerate(forest.files)}
+    unique = [finding for finding in dict.fromkeys(findings) if id(finding.source) in order]
+    return tuple(sorted(unique, key=lambda f: (order[id(f.source)], f.span.line, f.span.column)))
+
+
+class Binder:
+    """Binds trees, each once.
+
+    Args:
+        forest: Where trees are found by their IDs.
+        registry: What tags mean.
+        models: What is said of tags that are not registered, and of subtrees.
+        collector: Is told what is wrong.
+    """
+
+    def __init__(self, forest: Forest, registry: Registry, models: Models, collector: Collector) -> None:
+        self._forest = forest
+        self._registry = registry
+        self._models = models
+        self._collector = collector
+        self._attributes = AttributeBinder(collector)
+        self._trees: dict[int, BoundTree] = {}
+        self._waiting: list[BoundTree] = []
+        self._level = 1
+        self._meanings: dict[str, list[NodeSpec]] = {}
+        self._meant: dict[str, str | None] = {}
+
+    @property
+    def specs(self) -> list[NodeSpec]:
+        """Everything that the tags met so far can mean."""
+        return [spec for specs in self._meanings.values() for spec in specs]
+
+    def tree(self, element: Element) -> BoundTree:
+        """Bind a `BehaviorTree` element and the trees that it uses."""
+        tree = self._known(element)
+        while self._waiting:
+            self._current = self._waiting.pop()
+            self._content(self._current)
+            resolve_references(self._current, self._collector)
+        return tree
+
+    def _known(self, element: Element) -> BoundTree:
+        """Return what a `BehaviorTree` element becomes; it is bound when those before it are."""
+        tree = self._trees.get(id(element))
+        if tree is None:
+            name = element.attributes.get("ID", f"{TREE_TAG}_{len(self._trees) + 1}")
+            tree = self._trees[id(element)] = BoundTree(element, name)
+            self._waiting.append(tree)
+        return tree
+
+    def _content(self, tree: BoundTree) -> None:
+        element = tree.element
+        if not element.children:
+            self._collector.tag(element, "missing-child", f"<{TREE_TAG}> has no node in it")
+            return
+        for extra in element.children[1:]:
+            message = f"<{TREE_TAG}> holds one node; this is another"
+            hint = "put them together in a Sequence or a Selector"
+            self._collector.tag(extra, "too-many-children", message, hint=hint)
+        tree.nesting = self._level
+        bound = [self._node(child) for child in element.children]
+        tree.root = bound[0]
+
+    def _node(self, element: Element) -> BoundNode | None:
+        tag = element.tag
+        if tag == SUBTREE_TAG:
+            return self._subtree(element)
+        if tag in _KIND_TAGS:  # the explicit form
+            tag = element.attributes.get("ID", tag)
+        variants = self._meanings.get(tag)
+        if variants is None:
+            variants = self._meanings[tag] = self._variants(tag)
+        if not variants:
+            return self._unknown(element, tag)
+        spec = variants[0] if len(variants) == 1 else _best(variants, element)
+        bound = BoundNode(element, spec, element.attributes.get("name") or tag)
+        if tag != element.tag:
+            self._kind(bound)
+        others = () if len(variants) == 1 else [other for other in variants if other is not spec]
+        self._attributes.bind(bound, others)
+        self._file_away(bound)
+        self._take_in(bound)
+        self._count_children(bound)
+        if spec.rule is not None:
+            spec.rule(bound, self._collector)
+        return bound
+
+    def _variants(self, tag: str) -> list[NodeSpec]:
+        variants = self._registry.variants(tag)
+        if not variants and tag in self._models.nodes:
+            return [self._models.nodes[tag].spec()]
+        return variants
+
+    def _take_in(self, bound: BoundNode) -> None:
+        """Add a node to the tree that is being bound, and the nodes in it to the node."""
+        tree = self._current
+        tree.nodes.append(bound)
+        if bound.spec.skips_by_itself:
+            tree.skips = tree.skips or by_itself(bound)
+        if bound.element.children:
+            self._level += 1
+            tree.nesting = max(tree.nesting, self._level)
+            children = map(self._node, bound.element.children)
+            bound.children = [child for child in children if child is not None]
+            tree.parents.append(bound)
+            self._level -= 1
+
+    def _file_away(self, bound: BoundNode) -> None:
+        """Note what few nodes have, so that nobody needs to look through all of them for it."""
+        tree, spec = self._current, bound.spec
+        if bound.keys:
+            tree.keyed.append(bound)
+        if spec.references:
+            tree.referring.append(bound)
+        if spec.is_demanding or bound.keys or bound.subtree is not None:
+            tree.demanding.append(bound)
+        if bound.conditions or bound.oneshot is not None:
+            tree.wrappers += bool(bound.conditions) + (bound.oneshot is not None)
+            tree.skips = tree.skips or by_itself(bound)
+
+    def _kind(self, bound: BoundNode) -> None:
+        element, kind = bound.element, bound.spec.kind.value
+        if element.tag != kind:
+            article = "an" if kind == Kind.ACTION.value else "a"
+            message = f"'{bound.spec.tag}' is {article} {kind}; <{element.tag}> says otherwise"
+            self._collector.tag(element, "wrong-kind", message, suggestion=kind)
+
+    def _unknown(self, element: Element, tag: str) -> BoundNode | None:
+        """Report a tag that means nothing, and go on with what was probably meant."""
+        self._current.unknown_names.add(element.attributes.get("name", tag))
+        near = self._meant_by(element, tag)
+        if element.tag == TREE_TAG:
+            self._collector.tag(element, "unknown-node", f"a <{TREE_TAG}> cannot stand inside another")
+        elif element.tag in _KIND_TAGS and not element.attributes.get("ID"):
+            self._without_id(element, f"<{element.tag}> does not say which node it is", "the node's name")
+        else:
+            message = f"no node is called '{tag}'"
+            hint = "sar-compile nodes lists them; --nodes adds a module of leaves, --model a palette"
+            span = element.tag_span() if tag == element.tag else element.value_span("ID")
+            self._collector.at(element, span, "unknown-node", message, suggestion=near, hint=hint)
+        variants = self._variants(
+            element.attributes["ID"] if near in _KIND_TAGS and "ID" in element.attributes else near or ""
+        )
+        if not variants:
+            for child in element.children:
+                self._node(child)
+            return None
+        # Taken for what was probably meant, so that one slip does not bring a finding for every reference
+        # to the node as well.
+        name = element.attributes.get("name", variants[0].tag)
+        bound = BoundNode(element, variants[0], name)
+        self._take_in(bound)
+        return bound
+
+    def _without_id(self, element: Element, message: str, what: str) -> None:
+        """Report an element that must name something and does not; in the wrong case it is no ID."""
+        written = [name for name in element.attributes if name.upper() == "ID"]
+        if written and written != ["ID"]:
+            message = f"<{element.tag}> has no attribute '{written[0]}'; {what} stands in its ID"
+            self._collector.name(element, written[0], "unknown-attribute", message, suggestion="ID")
+            return
+        span = element.value_span("ID") if written else element.tag_span()
+        self._collector.at(element, span, "missing-attribute", message, hint=f'write {what}: ID="..."')
+
+    def _meant_by(self, element: Element, tag: str) -> str | None:
+        """Return what an unknown tag was probably meant to be."""
+        if "ID" in element.attributes and tag == element.tag and tag not in _KIND_TAGS:
+            explicit = nearest(tag, sorted(_KIND_TAGS))
+            if explicit is not None:
+                return explicit
+        today = SUBTREE.tag if tag in SUBTREE.former_tags else self._registry.today(tag)
+        return today or self._nearest(tag)
+
+    def _nearest(self, tag: str) -> str | None:
+        if tag not in self._meant and len(self._meant) < _MOST_GUESSES:
+            registered = [spec.tag for spec in self._registry.specs()]
+            known = [*registered, *self._models.nodes, SUBTREE_TAG]
+            self._meant[tag] = nearest(tag, [other for other in known if other != tag])
+        return self._meant.get(tag)
+
+    def _count_children(self, bound: BoundNode) -> None:
+        element = bound.element
+        least, most = bound.spec.child_count
+        count = len(element.children)
+        if least <= count and (most is None or count <= most):
+            return
+        kind, tag = bound.spec.kind, bound.spec.tag
+        if kind.is_leaf:
+            for child in element.children:
+                message = f"<{tag}> is a leaf ({kind.value.lower()}) and has no children"
+                self._collector.tag(child, "child-of-leaf", message)
+        elif not count and kind is Kind.DECORATOR:
+            message = f"the decorator <{tag}> needs a child"
+            self._collector.tag(element, "missing-child", message, hint="put one node in it")
+        elif not count:
+            message = f"<{tag}> has no children"
+            self._collector.tag(element, "empty-control", message, hint="put nodes in it, or delete it")
+        elif count < least:
+            message = f"<{tag}> needs {_amount(least, most)}, and has {count}"
+            self._collector.tag(element, "missing-child", message)
+        else:
+            for extra in element.children[most:]:
+                what = "the decorator " if kind is Kind.DECORATOR else ""
+                message = f"{what}<{tag}> takes {_amount(least, most)}; this is another"
+                hint = "put them together in a Sequence or a Selector"
+                self._collector.tag(extra, "too-many-children", message, hint=hint)
+
+    def _subtree(self, element: Element) -> BoundNode:
+        tree_id = element.attributes.get("ID")
+        bound = BoundNode(element, SUBTREE, element.attributes.get("name") or tree_id or SUBTREE_TAG)
+        self._current.nodes.append(bound)
+        self._current.uses.append(bound)
+        for child in element.children:
+            message = f"<{SUBTREE_TAG}> names a tree; its nodes stand in that <{TREE_TAG}>"
+            self._collector.tag(child, "child-of-leaf", message)
+        if not tree_id:
+            self._without_id(element, f"this <{SUBTREE_TAG}> names no tree", "the tree's name")
+            return bound
+        target = self._forest.trees.get(tree_id)
+        bound.remapping = self._remapping(bound, self._models.subtrees.get(tree_id))
+        if target is None:
+            message, near = f"there is no tree '{tree_id}'", nearest(tree_id, self._forest.trees)
+            hint = f"the trees are {', '.join(list(self._forest.trees)[:_MOST_TREES])}; <include> adds those of other files"
+            self._collector.value(element, "ID", "unknown-tree", message, suggestion=near, hint=hint)
+        else:
+            bound.subtree = self._known(target)
+        self._file_away(bound)
+        return bound
+
+    def _remapping(self, bound: BoundNode, model: Model | None) -> Remapping:
+        element = bound.element
+        keys: dict[str, str] = {}
+        constants: dict[str, str] = {}
+        for name, text in element.attributes.items():
+            if name in ("ID", "_autoremap") or self._attributes.common(bound, name):
+                continue
+            if name == "name":
+                if not text:
+                    self._attributes.report_empty_name(element)
+            elif name.startswith("_"):
+                self._unknown_of_subtree(element, name)
+            else:
+                # Of a port, `=` would be its own key.
+                key = None if text == "=" else blackboard_key(text, name)
+                (constants if key is None else keys)[name] = text if key is None else key
+        autoremap = self._attributes.flag(element, "_autoremap")
+        for port in model.ports.values() if model else ():
+            if autoremap or port.name in keys or port.name in constants:
+                continue
+            if port.default:
+                key = blackboard_key(port.default, port.name)
+                (constants if key is None else keys)[port.name] = port.default if key is None else key
+            else:
+                message = f"the tree '{element.attributes['ID']}' needs '{port.name}' (its model says so)"
+                hint = f'write {port.name}="..."'
+                self._collector.tag(element, "missing-attribute", message, hint=hint)
+        return Remapping(keys, constants, autoremap)
+
+    def _unknown_of_subtree(self, element: Element, name: str) -> None:
+        known = ["_autoremap", *CONDITIONS]
+        message = f"<{SUBTREE_TAG}> has no attribute '{name}'; keys do not begin with _"
+        near = FORMER_ATTRIBUTES.get(name) or nearest(name, [*known, ONESHOT])
+        self._collector.name(element, name, "unknown-attribute", message, suggestion=near)
+
+
+def _best(variants: list[NodeSpec], element: Element) -> NodeSpec:
+    """Return the meaning of a tag that knows the most of the attributes written, or names the most like them.
+
+    Where two know as many, the attribute that was written first counts.
+    """
+    written = list(element.attributes)
+
+    def strangeness(spec: NodeSpec) -> tuple[int, int, int]:
+        unknown = [name for name in written if name not in spec.parameters]
+        strangers = sum(nearest(name, spec.parameters) is None for name in unknown)
+        return len(unknown), strangers, -written.index(unknown[0]) if unknown else 0
+
+    return min(variants, key=strangeness)
+
+
+def _amount(least: int, most: int | None) -> str:
+    if most is None:
+        return f"at least {least} children"
+    if least == most:
+        return "one child" if most == 1 else f"{most} children"
+    return f"{least} to {most} children"

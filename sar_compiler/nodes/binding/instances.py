@@ -1,0 +1,210 @@
+"""A tree with its subtrees in place: which keys and which nodes each instance of a tree can see."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.binding.collector import Collector, file_of
+from sar_compiler.nodes.binding.references import Candidates, choose, report_missing
+from sar_compiler.nodes.spec import Parameter
+from sar_compiler.nodes.values import literal_value
+from sar_compiler.runtime.blackboard import STROKE, Board, Scope
+
+
+@dataclass(eq=False)
+class Instance:
+    """One place where a tree stands.
+
+    Attributes:
+        tree: The tree.
+        scope: Its keys.
+        around: The instance that it stands in; None for the main tree.
+        place: The `SubTree` node there that stands for it.
+        inner: The instances in it, by the `SubTree` nodes that stand for them.
+        references: The nodes that references mean which its tree leaves open, with their instances.
+    """
+
+    tree: BoundTree
+    scope: Scope
+    around: "Instance | None" = None
+    place: BoundNode | None = None
+    inner: "dict[BoundNode, Instance]" = field(default_factory=dict)
+    references: "dict[tuple[BoundNode, str], tuple[Instance, BoundNode]]" = field(default_factory=dict)
+
+    def referred(self, bound: BoundNode, name: str) -> "tuple[Instance, BoundNode] | None":
+        """Return the node that a reference means, with its instance; None if it means none."""
+        target = bound.references.get(name)
+        return (self, target) if target is not None else self.references.get((bound, name))
+
+    def chain(self) -> "Iterator[Instance]":
+        """Yield it and those around it, from the inside out."""
+        instance: Instance | None = self
+        while instance is not None:
+            yield instance
+            instance = instance.around
+
+    def iterate(self) -> "Iterator[Instance]":
+        """Yield it and all instances in it."""
+        yield self
+        for instance in self.inner.values():
+            yield from instance.iterate()
+
+
+def expand(main: BoundTree, collector: Collector) -> Instance:
+    """Put every subtree in its place.
+
+    Args:
+        main: The tree to execute; it must fit (`nesting.fits`).
+        collector: Is told what is wrong with the whole: references that lead nowhere, two subtrees of one name.
+
+    Returns:
+        The main tree's instance.
+    """
+    expansion = _Expansion(collector)
+    top = Instance(main, Scope(Board(main.name)))
+    expansion.fill(top)
+    expansion.resolve(top)
+    return top
+
+
+class _Expansion:
+    def __init__(self, collector: Collector) -> None:
+        self._collector = collector
+        self._candidates: dict[BoundTree, Candidates] = {}
+        self._count = 0
+
+    def fill(self, instance: Instance) -> None:
+        """Make the instances that stand in one; nodes are numbered in the order of the file on the way."""
+        names: set[str] = set()
+        for bound in instance.tree.nodes:
+            self._count += 1
+            if bound.subtree is None:
+                continue
+            name = bound.element.attributes.get("name") or f"{bound.subtree.name}::{self._count}"
+            if name in names:
+                message = f"two subtrees are called '{name}' here, so their keys could not be told apart"
+                hint = "give each a name of its own"
+                element, written = bound.element, "name" in bound.element.attributes
+                span = element.value_span("name") if written else element.tag_span()
+                self._collector.at(element, span, "duplicate-name", message, hint=hint)
+            names.add(name)
+            inner = instance.inner[bound] = Instance(
+                bound.subtree, _scope(instance.scope, name, bound), instance, bound
+            )
+            self.fill(inner)
+
+    def resolve(self, top: Instance) -> None:
+        """Find the nodes that open references mean in the trees around."""
+        reported: set[tuple[BoundNode, str]] = set()
+        for instance in top.iterate():
+            for bound, parameter in instance.tree.open_references:
+                self._resolve(instance, bound, parameter, reported)
+
+    def _resolve(
+        self, instance: Instance, bound: BoundNode, parameter: Parameter, reported: set[tuple[BoundNode, str]]
+    ) -> None:
+        place = (bound, parameter.name)
+        named = bound.element.attributes.get(parameter.name)
+        for outer in list(instance.chain())[1:]:
+            found = choose(bound, parameter, self._nodes(outer.tree), self._collector)
+            if isinstance(found, BoundNode):
+                instance.references[place] = (outer, found)
+                self._report_circle(instance, bound, found, outer)
+            if found is not None or named in outer.tree.unknown_names:
+                return
+        if place not in reported:
+            reported.add(place)
+            within = [self._nodes(each.tree) for each in instance.chain()]
+            report_missing(bound, parameter, within, self._collector)
+
+    def _report_circle(self, instance: Instance, bound: BoundNode, found: BoundNode, outer: Instance) -> None:
+        """Report a reference to a node that can only be made after the instance in which the reference stands."""
+        places = {each.place for each in instance.chain() if each.around is outer}
+        passed, waiting = set(), [found]
+        while waiting:
+            node = waiting.pop()
+            if node in places:
+                message = f"'{bound.name}' refers to '{found.name}', which needs the subtree around it first"
+                self._collector.tag(bound.element, "circular-reference", message)
+                return
+            if node not in passed:
+                passed.add(node)
+                waiting.extend([*node.references.values(), *node.children])
+
+    def _nodes(self, tree: BoundTree) -> Candidates:
+        if tree not in self._candidates:
+            self._candidates[tree] = Candidates(tree.nodes)
+        return self._candidates[tree]
+
+
+def _scope(around: Scope, name: str, bound: BoundNode) -> Scope:
+    remapping = bound.remapping
+    name = name.replace("/", STROKE)
+    path = f"{around.path}/{name}" if around.path else name
+    own = frozenset(remapping.constants)
+    return Scope(around.board, path, around, remapping.keys, autoremap=remapping.autoremap, own=own)
+
+
+def report_shared_keys(top: Instance, collector: Collector) -> None:
+    """Report keys that ports of different types share, in a tree with its subtrees in place."""
+    first: dict[tuple[Scope, str], tuple[BoundNode, Parameter]] = {}
+    numbers = dict(_numbers(top))
+    for instance in top.iterate():
+        for bound in instance.tree.keyed:
+            for name, key in bound.keys.items():
+                parameter = bound.spec.parameters[name]
+                python = _python_type(parameter)
+                if parameter.direction is None or python is None:
+                    continue
+                entry = instance.scope.owner(key)
+                if python is str and entry in numbers:
+                    _report_number(bound, parameter, key, numbers[entry], collector)
+                other, known = first.setdefault(entry, (bound, parameter))
+                if known is not parameter and not _agree(known, parameter):
+                    _report_types(bound, parameter, key, (other, known), collector)
+
+
+def _numbers(top: Instance) -> Iterator[tuple[tuple[Scope, str], str]]:
+    """Yield the keys to which subtrees are given numbers, with these as they are written."""
+    for instance in top.iterate():
+        for bound, inner in instance.inner.items():
+            for key, text in bound.remapping.constants.items():
+                if not isinstance(literal_value(text), str):
+                    yield (inner.scope, key), text
+
+
+def _report_number(
+    bound: BoundNode, parameter: Parameter, key: str, written: str, collector: Collector
+) -> None:
+    message = (
+        f"{parameter.name}: '{key}' is a text here, and the subtree is given the number {written}; "
+        "what looks like a number is one"
+    )
+    hint = f'to give it a text, write {key}="{{k}}" around it, and before that <Script code="k := \'{written}\'"/>'
+    collector.value(bound.element, parameter.name, "key-of-two-types", message, hint=hint)
+
+
+def _agree(first: Parameter, second: Parameter) -> bool:
+    """Say whether two ports can share a key: texts serve all, since every type can be read from one."""
+    return _python_type(first) in (_python_type(second), str)
+
+
+def _python_type(parameter: Parameter) -> type | None:
+    return parameter.value_type.python if parameter.value_type else None
+
+
+def _report_types(
+    bound: BoundNode,
+    parameter: Parameter,
+    key: str,
+    first: tuple[BoundNode, Parameter],
+    collector: Collector,
+) -> None:
+    other, known = first
+    assert parameter.value_type is not None  # noqa: S101 - the caller has looked
+    assert known.value_type is not None  # noqa: S101
+    message = (
+        f"{parameter.name}: '{key}' is {parameter.value_type.label} here, and {known.value_type.label} for "
+        f"{known.name} of '{other.name}' (line {other.element.line}{file_of(other.element, bound.element)})"
+    )
+    collector.value(bound.element, parameter.name, "key-of-two-types", message, hint="use two keys")

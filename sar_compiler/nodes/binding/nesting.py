@@ -1,0 +1,131 @@
+"""How trees stand in each other: in no circle, not too deep and not too often."""
+
+from collections.abc import Iterable, Iterator
+
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.binding.collector import Collector
+
+MAX_NODES = 300_000
+"""A tree with its subtrees in place has at most so many nodes."""
+
+MAX_LEVELS = 150
+"""A tree with its subtrees in place is at most so many levels deep; conditions and `oneshot` are one each.
+
+To halt a tree takes up to five of Python's thousand frames for each level, and the program around it some more.
+"""
+
+_LONGEST_CIRCLE = 8
+"""Of a longer circle only the ends are named."""
+
+
+def cut_circles(trees: Iterable[BoundTree], collector: Collector) -> None:
+    """Report every `SubTree` that stands somewhere in the tree that it names, and take its tree from it."""
+    done: set[BoundTree] = set()
+    for tree in trees:
+        if tree not in done:
+            _follow(tree, done, collector)
+
+
+def fits(main: BoundTree, collector: Collector, others: int = 0) -> int | None:
+    """See that a tree with its subtrees in place is neither too large nor too deep.
+
+    Args:
+        main: The tree.
+        collector: Is told if it is.
+        others: How many nodes other trees of the file have together, which count as well.
+
+    Returns:
+        Its number of nodes; None if there is a finding.
+    """
+    sizes: dict[BoundTree, int] = {}
+    bounds: dict[BoundTree, int] = {}
+    trees = trees_in(main)
+    for tree in trees:
+        inner = [node.subtree for node in tree.subtrees() if node.subtree is not None]
+        sizes[tree] = len(tree.nodes) + sum(sizes[each] for each in inner)
+        bounds[tree] = tree.nesting + tree.wrappers + max((bounds[each] for each in inner), default=0)
+    if sizes[main] + others > MAX_NODES:
+        what = "the tree has" if sizes[main] > MAX_NODES else "the trees up to this one have"
+        message = f"with subtrees in place {what} more than {MAX_NODES:,} nodes"
+        collector.tag(main.element, "too-many-nodes", message)
+        return None
+    # How deep it is exactly matters only if it may be too deep.
+    heights = _heights(trees) if bounds[main] > MAX_LEVELS else bounds
+    if heights[main] > MAX_LEVELS:
+        node = _first_too_deep(main, heights)
+        message = f"with its subtrees in place the tree '{main.name}' is {heights[main]} levels deep here"
+        hint = f"at most {MAX_LEVELS} can be ticked and halted"
+        collector.tag(node.element, "too-deep", message, hint=hint)
+        return None
+    return sizes[main]
+
+
+def _heights(trees: Iterable[BoundTree]) -> dict[BoundTree, int]:
+    """Return how many levels deep each of some trees is, the inner ones before those around them."""
+    heights: dict[BoundTree, int] = {}
+    for tree in trees:
+        heights[tree] = max((level + _below(node, heights) for node, level in _levels(tree, 0)), default=0)
+    return heights
+
+
+def _follow(start: BoundTree, done: set[BoundTree], collector: Collector) -> None:
+    path: dict[BoundTree, Iterator[BoundNode]] = {start: iter(list(start.subtrees()))}
+    while path:
+        tree = next(reversed(path))
+        node = next(path[tree], None)
+        if node is None:
+            done.add(tree)
+            del path[tree]
+        elif node.subtree in path:
+            _cut(node, list(path), collector)
+        elif node.subtree is not None and node.subtree not in done:
+            path[node.subtree] = iter(list(node.subtree.subtrees()))
+
+
+def _cut(node: BoundNode, path: list[BoundTree], collector: Collector) -> None:
+    assert node.subtree is not None  # noqa: S101 - the caller has looked
+    names = [tree.name for tree in path[path.index(node.subtree) :]] + [node.subtree.name]
+    if len(names) > _LONGEST_CIRCLE:
+        names[_LONGEST_CIRCLE // 2 : -_LONGEST_CIRCLE // 2] = ["..."]
+    message = f"the trees contain each other for ever: {' -> '.join(names)}"
+    collector.value(node.element, "ID", "recursive-tree", message)
+    node.subtree = None
+
+
+def trees_in(main: BoundTree) -> list[BoundTree]:
+    """Return a tree and those that it uses, each after the ones in it."""
+    order: dict[BoundTree, None] = {}
+    waiting = [main]
+    while waiting:
+        tree = waiting[-1]
+        inner = {} if tree in order else {each.subtree: None for each in tree.subtrees() if each.subtree}
+        missing = [each for each in inner if each not in order]
+        if not missing:
+            order[waiting.pop()] = None
+        waiting.extend(missing)
+    return list(order)
+
+
+def _levels(tree: BoundTree, above: int) -> Iterator[tuple[BoundNode, int]]:
+    """Yield the nodes of a tree in the order of the file, with the level that each reaches down to."""
+    waiting = [(tree.root, above)] if tree.root is not None else []
+    while waiting:
+        node, above = waiting.pop()
+        level = above + 1 + bool(node.conditions) + (node.oneshot is not None)
+        yield node, level
+        waiting.extend((child, level) for child in reversed(node.children))
+
+
+def _below(node: BoundNode, heights: dict[BoundTree, int]) -> int:
+    return heights[node.subtree] if node.subtree is not None else 0
+
+
+def _first_too_deep(main: BoundTree, heights: dict[BoundTree, int]) -> BoundNode:
+    tree, above = main, 0
+    while True:
+        for node, level in _levels(tree, above):
+            if level > MAX_LEVELS:
+                return node
+            if node.subtree is not None and level + heights[node.subtree] > MAX_LEVELS:
+                tree, above = node.subtree, level
+                break

@@ -1,0 +1,89 @@
+"""Which nodes of a bound tree can be skipped."""
+
+from collections.abc import Iterable, Sequence
+
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.spec import NodeSpec, Skips
+from sar_compiler.runtime.parents import Parent
+
+_CONDITIONS = ("_skipIf", "_while")
+
+
+class SkipAnalysis:
+    """Answers for the nodes of one tree and its subtrees, each looked at once.
+
+    Args:
+        trees: The tree and its subtrees.
+
+    Attributes:
+        possible: Whether any node in them can be skipped by itself.
+    """
+
+    def __init__(self, trees: Iterable[BoundTree]) -> None:
+        self._known: dict[BoundNode, bool] = {}
+        # In most trees nothing can be skipped, and nothing has to be looked at.
+        self.possible = any(tree.skips for tree in trees)
+
+    def among_children(self, bound: BoundNode) -> bool:
+        """Say whether a child of a node can be skipped."""
+        if not self.possible:
+            return False
+        if bound.subtree is not None:
+            root = bound.subtree.root
+            return root is not None and self.of(root)
+        return any(self.of(child) for child in bound.children)
+
+    def of(self, bound: BoundNode) -> bool:
+        """Say whether a node can be skipped."""
+        if bound not in self._known:
+            self._known[bound] = by_itself(bound) or (
+                bound.spec.skipping.possible is not Skips.NEVER and self.among_children(bound)
+            )
+        return self._known[bound]
+
+
+def by_itself(bound: BoundNode) -> bool:
+    """Say whether a node can be skipped whatever its children do."""
+    if bound.spec.skips_by_itself and _as_it_is_written(bound):
+        return True
+    return bool(bound.conditions) and any(condition in bound.conditions for condition in _CONDITIONS)
+
+
+def _as_it_is_written(bound: BoundNode) -> bool:
+    """Say whether the attribute on which skipping depends can have the value that it takes."""
+    if bound.spec.skipping.only_if is None:
+        return True
+    name, value = bound.spec.skipping.only_if
+    if name in bound.keys:
+        return True
+    return bool(bound.values.get(name, bound.spec.parameters[name].default) == value)
+
+
+def report_misread(trees: Sequence[BoundTree], collector: Collector) -> None:
+    """Report children that can be skipped where the node around them would take that for an interruption."""
+    skipping = SkipAnalysis(trees)
+    if not skipping.possible:
+        return
+    for bound in [bound for tree in trees for bound in tree.nodes]:
+        if bound.oneshot is not None and skipping.of(bound):
+            message = f"oneshot: '{bound.name}' can be skipped, which OneShot takes for an interruption"
+            hint = "put it in a <RunOnce> instead"
+            collector.name(bound.element, "oneshot", "skip-misread", message, hint=hint)
+        if _misreads(bound.spec):
+            _report_children(bound, skipping, collector)
+
+
+def _misreads(spec: NodeSpec) -> bool:
+    """Say whether a node knows nothing of skipped children, and no class of the project's can take its place."""
+    known = spec.cls is None or spec.skipping.cls is not None or issubclass(spec.cls, Parent)
+    return not spec.kind.is_leaf and not known
+
+
+def _report_children(bound: BoundNode, skipping: SkipAnalysis, collector: Collector) -> None:
+    for child in bound.children:
+        if skipping.of(child):
+            message = f"'{child.name}' can be skipped, which <{bound.element.tag}> takes for an interruption"
+            advice = bound.spec.skipping.advice
+            hint = f"write {advice} instead" if advice else "let the child succeed or fail instead"
+            collector.tag(child.element, "skip-misread", message, hint=hint)

@@ -1,0 +1,1 @@
+"""Trees in the words of BehaviorTree.CPP."""

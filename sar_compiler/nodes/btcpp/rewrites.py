@@ -1,0 +1,203 @@
+"""Which node of BehaviorTree.CPP does what a node of this project or of py_trees does."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+from py_trees.common import OneShotPolicy
+
+from sar_compiler.nodes.binding.attributes import ONESHOT_TYPE
+from sar_compiler.nodes.btcpp.notes import Notes
+from sar_compiler.nodes.values import ConversionError, ValueType, blackboard_key, value_type_of
+from sar_compiler.tree.model import Element
+
+T = TypeVar("T")
+
+ENDLESS = -1
+
+NO_ONESHOT = "register a decorator OneShot in C++"
+NO_FAILURE_IS_RUNNING = "an Inverter, a KeepRunningUntilFailure and an Inverter around its child do the same"
+
+
+@dataclass
+class Draft:
+    """What a node is going to be.
+
+    Attributes:
+        element: The element that it is made of.
+        tag: Which node it is.
+        attributes: Its attributes, without the `ID` of the explicit form.
+        explicit: Whether it is written in the explicit form.
+        kept: Whether it stays as it is, because there is nothing like it or nothing to say about it.
+        children: What is put into a leaf that becomes more than one node.
+    """
+
+    element: Element
+    tag: str
+    attributes: dict[str, str]
+    explicit: bool
+    kept: bool = False
+    children: list[Element] = field(default_factory=list)
+
+    def literal(self, name: str, wanted: type[T], notes: Notes) -> T | None:
+        """Return the value of an attribute; None after a note, and then the node stays as it is."""
+        text = self.attributes[name]
+        try:
+            if blackboard_key(text, name) is None:
+                value = _type(wanted).convert(text)
+                assert isinstance(value, wanted)  # noqa: S101 - of a type known here
+                return value
+            message = f"{name}: '{text}' is known when the robot starts, and must be known now"
+            hint = f"write the value in place of '{text}'"
+            notes.no_counterpart_of_value(self.element, name, message, hint)
+        except ConversionError as error:
+            notes.wrong_value(self.element, name, error)
+        self.kept = True
+        return None
+
+
+Rewrite = Callable[[Draft, Notes], None]
+
+
+def renamed(tag: str) -> Rewrite:
+    """Return a rewriting that only changes the tag."""
+
+    def rule(draft: Draft, _notes: Notes) -> None:
+        draft.tag = tag
+
+    return rule
+
+
+def by_memory(with_memory: str, without: str) -> Rewrite:
+    """Return a rewriting that chooses the tag by the attribute `memory`."""
+
+    def rule(draft: Draft, notes: Notes) -> None:
+        memory = draft.literal("memory", bool, notes) if "memory" in draft.attributes else True
+        if memory is not None:
+            draft.attributes.pop("memory", None)
+            draft.tag = with_memory if memory else without
+
+    return rule
+
+
+def reactive(draft: Draft, notes: Notes) -> None:
+    """Drop what the tag says already."""
+    if "memory" in draft.attributes and draft.literal("memory", bool, notes) is False:
+        del draft.attributes["memory"]
+
+
+def running(draft: Draft, _notes: Notes) -> None:
+    """Write `Running` as a node that never ends over one that succeeds."""
+    element = draft.element
+    draft.tag = "KeepRunningUntilFailure"
+    draft.children = [Element("AlwaysSuccess", {}, (), element.source, element.line, element.column)]
+
+
+def oneshot(draft: Draft, notes: Notes) -> None:
+    """Write `OneShot` as `RunOnce`, where its policy allows that."""
+    if "policy" not in draft.attributes:
+        return
+    try:
+        policy = ONESHOT_TYPE.convert(draft.attributes["policy"])
+    except ConversionError as error:
+        notes.wrong_value(draft.element, "policy", error)
+        return
+    if policy is OneShotPolicy.ON_COMPLETION:
+        draft.tag = "RunOnce"
+        _replace(draft, "policy", "then_skip", "false")
+
+
+def retry(draft: Draft, notes: Notes) -> None:
+    """Write `Retry` as `RetryUntilSuccessful`."""
+    if _times(draft, "num_failures", "num_attempts", 1, notes):
+        draft.tag = "RetryUntilSuccessful"
+        message = "Retry waits for the next tick before each attempt; RetryUntilSuccessful may go on in the same one"
+        notes.differs(draft.element, message)
+
+
+def repeat(draft: Draft, notes: Notes) -> None:
+    """Write a number of successes as one of cycles."""
+    # py_trees compares the number of successes with it, so that no success is the last one below 1.
+    if "num_success" in draft.attributes and _times(draft, "num_success", "num_cycles", ENDLESS, notes):
+        message = (
+            "py_trees waits for the next tick before each repetition; num_cycles may go on in the same one"
+        )
+        notes.differs(draft.element, message)
+
+
+def _times(draft: Draft, name: str, other: str, below_1: int, notes: Notes) -> bool:
+    """Say a number of times in the other library's words; return whether it could be done."""
+    if name not in draft.attributes:
+        return False
+    text = draft.attributes[name]
+    if blackboard_key(text, name) is None:
+        times = draft.literal(name, int, notes)
+        if times is None:
+            return False
+        text = str(times if times >= 1 else below_1)
+    _replace(draft, name, other, text)
+    return True
+
+
+def timeout(draft: Draft, notes: Notes) -> None:
+    """Write seconds as milliseconds."""
+    if "duration" in draft.attributes:
+        # For BehaviorTree.CPP no time at all means no limit.
+        _milliseconds(draft, "msec", 1, notes)
+
+
+def timer(draft: Draft, notes: Notes) -> None:
+    """Write `Timer` as `Sleep`."""
+    draft.attributes.setdefault("duration", "5.0")
+    if _milliseconds(draft, "msec", 0, notes):
+        draft.tag = "Sleep"
+
+
+def _milliseconds(draft: Draft, other: str, least: int, notes: Notes) -> bool:
+    text = draft.attributes["duration"]
+    if blackboard_key(text, "duration") is not None:
+        message = f"duration: '{text}' holds seconds, and BehaviorTree.CPP would read it as milliseconds"
+        hint = f'give the mission a parameter in milliseconds, and write {other}="{{...}}"'
+        notes.no_counterpart_of_value(draft.element, "duration", message, hint)
+        draft.kept = True
+        return False
+    seconds = draft.literal("duration", float, notes)
+    if seconds is None:
+        return False
+    _replace(draft, "duration", other, str(max(round(seconds * 1000.0), least)))
+    return True
+
+
+def parallel(draft: Draft, notes: Notes) -> None:
+    """Write a policy as counts."""
+    policy = draft.attributes.get("policy")
+    if policy is None:
+        return
+    synchronise = draft.literal("synchronise", bool, notes) if "synchronise" in draft.attributes else True
+    if policy not in ("SuccessOnAll", "SuccessOnOne") or (policy == "SuccessOnAll" and not synchronise):
+        draft.kept = True
+        detail = policy if policy != "SuccessOnAll" else f"{policy} without synchronise"
+        message = f"policy: BehaviorTree.CPP's Parallel has nothing like {detail}"
+        hint = "say it by success_count and failure_count, or register a control in C++"
+        notes.no_counterpart_of_value(draft.element, "policy", message, hint)
+    if draft.kept:
+        return
+    _replace(draft, "policy", "success_count", "1" if policy == "SuccessOnOne" else "-1")
+    draft.attributes["failure_count"] = "1"
+    draft.attributes.pop("synchronise", None)
+    message = "py_trees ticks all children before it judges; BehaviorTree.CPP stops at the one that decides"
+    notes.differs(draft.element, message)
+
+
+def _replace(draft: Draft, name: str, other: str, text: str) -> None:
+    """Put another attribute in the place of one."""
+    draft.attributes = {
+        (other if each == name else each): (text if each == name else value)
+        for each, value in draft.attributes.items()
+    }
+
+
+def _type(python: type) -> ValueType:
+    value_type = value_type_of(python)
+    assert value_type is not None  # noqa: S101 - bool, int and float are known
+    return value_type

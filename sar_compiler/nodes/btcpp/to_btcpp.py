@@ -1,0 +1,280 @@
+"""A tree in the words of BehaviorTree.CPP 4, so that it and Groot2 open it.
+
+It refuses attributes that its nodes do not have, so what this project and py_trees say by `memory`,
+`oneshot` and decorators of their own is said by its nodes. What it cannot say is kept and told.
+"""
+
+import dataclasses
+from collections.abc import Iterable, Iterator
+
+from py_trees.common import OneShotPolicy
+
+from sar_compiler.nodes.binding.attributes import ONESHOT, ONESHOT_TYPE
+from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.tree_ids import refused_in
+from sar_compiler.nodes.btcpp.notes import Notes
+from sar_compiler.nodes.btcpp.rewrites import NO_ONESHOT, Draft, Rewrite
+from sar_compiler.nodes.language.subtree import SUBTREE
+from sar_compiler.nodes.models.models import read_models
+from sar_compiler.nodes.models.palette import described_by_use, description, is_built_in
+from sar_compiler.nodes.registry import Registry
+from sar_compiler.nodes.spec import Kind, NodeSpec, Role
+from sar_compiler.nodes.values import ConversionError
+from sar_compiler.tree.conversion import Converted, convert
+from sar_compiler.tree.diagnostic import Diagnostic
+from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
+from sar_compiler.tree.source import Form
+from sar_compiler.tree.synthetic import synthetic_element
+
+_KIND_TAGS = frozenset(kind.value for kind in Kind)
+_DROPS_EXPLICIT = "ReactiveSequence"
+"""BehaviorTree.CPP (4.10) does not find nodes in the explicit form directly in it."""
+
+
+def to_btcpp(
+    tree_file: TreeFile, registry: Registry, palettes: Iterable[TreeFile] = ()
+) -> tuple[TreeFile, list[Diagnostic]]:
+    """Rewrite a tree file for BehaviorTree.CPP 4 and Groot2.
+
+    Args:
+        tree_file: The file; nodes in it that nobody knows are kept.
+        registry: What tags mean.
+        palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
+
+    Returns:
+        The file, and what there is to say about it, in its order: as warnings what BehaviorTree.CPP cannot do
+        without help, as information what is a little different there.
+    """
+    conversion = _Conversion(registry)
+    root = conversion.root(tree_file, palettes)
+    return dataclasses.replace(tree_file, root=root), conversion.notes.in_order()
+
+
+def convert_to_btcpp(tree_file: TreeFile, registry: Registry, palettes: Iterable[TreeFile] = ()) -> Converted:
+    """Write a tree file for BehaviorTree.CPP 4 and Groot2; see `to_btcpp`.
+
+    Raises:
+        TreeError: If the file has what is no part of a tree and would be lost.
+    """
+    losses = convert(tree_file, Form.XML).losses
+    rewritten, notes = to_btcpp(tree_file, registry, palettes)
+    return Converted(convert(rewritten, Form.XML).text, (*losses, *notes))
+
+
+@dataclasses.dataclass
+class _Usage:
+    """How a tree uses a node."""
+
+    children: int = 0
+    ports: dict[str, None] = dataclasses.field(default_factory=dict)
+
+    @property
+    def kind(self) -> Kind:
+        """What a node that is used so is taken for."""
+        if not self.children:
+            return Kind.ACTION
+        return Kind.DECORATOR if self.children == 1 else Kind.CONTROL
+
+
+class _Conversion:
+    def __init__(self, registry: Registry) -> None:
+        self._registry = registry
+        self._used: dict[str, _Usage] = {}
+        self.notes = Notes()
+
+    def root(self, tree_file: TreeFile, palettes: Iterable[TreeFile]) -> Element:
+        root = tree_file.root
+        children = [self._section(child) for child in root.children]
+        for tree in tree_file.trees:
+            self._tree_id(tree)
+        own = read_models([tree_file], Collector()).nodes
+        missing = [tag for tag in self._used if tag not in own]
+        if missing:
+            others = read_models(palettes, Collector()).nodes
+            models = [
+                _copied(others[tag].element)
+                if tag in others and tag not in self._registry
+                else self._model(tag)
+                for tag in missing
+            ]
+            children = _with_models(children, models)
+        if len(children) > 1:
+            # BehaviorTree.CPP takes a tree without an ID only where there is nothing else.
+            children = list(_with_ids(children))
+        attributes = dict(root.attributes)
+        if "BTCPP_format" not in attributes:
+            attributes = {"BTCPP_format": "4", **attributes}
+        return dataclasses.replace(root, attributes=attributes, children=tuple(children))
+
+    def _section(self, element: Element) -> Element:
+        if element.tag == INCLUDE_TAG:
+            self.notes.include(element)
+        if element.tag != TREE_TAG:
+            return element
+        return dataclasses.replace(element, children=tuple(self._children(element, TREE_TAG)))
+
+    def _tree_id(self, element: Element) -> None:
+        tree_id = element.attributes.get("ID", "")
+        refused = refused_in(tree_id)
+        if refused or tree_id.lower() == "root":
+            message = f"BehaviorTree.CPP refuses the ID '{tree_id}'"
+            what = f"an ID without {refused}" if refused else "another ID"
+            self.notes.no_counterpart_of_value(element, "ID", message, hint=f"give the tree {what}")
+        elif self._is_built_in(tree_id) or tree_id in self._used:
+            message = f"BehaviorTree.CPP refuses a tree with the ID of a node, '{tree_id}'"
+            self.notes.no_counterpart_of_value(element, "ID", message, hint="give the tree another ID")
+
+    def _children(self, element: Element, parent: str) -> Iterator[Element]:
+        for child in element.children:
+            yield self._node(child, parent)
+
+    def _node(self, element: Element, parent: str) -> Element:
+        if element.tag == SUBTREE_TAG:
+            draft = Draft(element, SUBTREE_TAG, dict(element.attributes), explicit=False, kept=True)
+        else:
+            draft = self._draft(element)
+        policy = self._oneshot(draft)
+        name = draft.attributes.get("name") or draft.attributes.get("ID") or draft.tag
+        for rewrite in dict.fromkeys(self._rewrites(draft.tag)):
+            rewrite(draft, self.notes)
+        self._complain(draft)
+        draft.explicit = self._explicit(draft, parent if policy is None else "")
+        converted = self._element(draft)
+        if policy is None:
+            return converted
+        # The OneShot that the attribute stands for has this name, too.
+        return self._once(element, converted, f"{name}OneShot", policy)
+
+    def _is_built_in(self, tag: str) -> bool:
+        return is_built_in([SUBTREE] if tag == SUBTREE_TAG else self._registry.variants(tag))
+
+    def _rewrites(self, tag: str) -> Iterator[Rewrite]:
+        """Yield what turns a node of this tag into one of BehaviorTree.CPP's; all that it can mean is tried."""
+        for spec in self._registry.variants(tag):
+            if spec.semantics.counterpart.rewrite is not None:
+                yield spec.semantics.counterpart.rewrite
+
+    def _draft(self, element: Element) -> Draft:
+        attributes = dict(element.attributes)
+        explicit = element.tag in _KIND_TAGS and "ID" in attributes
+        tag = attributes.pop("ID") if explicit else element.tag
+        return Draft(element, tag, attributes, explicit)
+
+    def _oneshot(self, draft: Draft) -> OneShotPolicy | None:
+        if ONESHOT not in draft.attributes:
+            return None
+        try:
+            policy = ONESHOT_TYPE.convert(draft.attributes[ONESHOT])
+        except ConversionError as error:
+            self.notes.wrong_value(draft.element, ONESHOT, error)
+            draft.kept = True
+            return None
+        del draft.attributes[ONESHOT]
+        return policy if isinstance(policy, OneShotPolicy) else None
+
+    def _once(self, element: Element, child: Element, name: str, policy: OneShotPolicy) -> Element:
+        attributes = {"name": name, "then_skip": "false"}
+        tag = "RunOnce"
+        if policy is OneShotPolicy.ON_SUCCESSFUL_COMPLETION:
+            tag, attributes = "OneShot", {"name": name, "policy": policy.name}
+            self.notes.no_counterpart_of_value(
+                element,
+                ONESHOT,
+                f"{ONESHOT}: nothing in BehaviorTree.CPP tries again until it succeeds once",
+                NO_ONESHOT,
+            )
+            self._use(tag, attributes, 1)
+        return Element(tag, attributes, (child,), element.source, element.line, element.column)
+
+    def _complain(self, draft: Draft) -> None:
+        """Say what BehaviorTree.CPP does not have, and drop the attributes that it would refuse."""
+        specs = self._registry.variants(draft.tag)
+        refused = refused_in(draft.tag)
+        if refused:
+            message = f"BehaviorTree.CPP refuses the node '{draft.tag}'"
+            hint = f"register it by a name without {refused}"
+            self.notes.no_counterpart(draft.element, message, hint)
+        if draft.kept or not specs:
+            return
+        spec = specs[0]
+        built_in = is_built_in(specs)
+        if not built_in:
+            if not spec.kind.is_leaf:
+                message = f"BehaviorTree.CPP has no <{draft.tag}>"
+                self.notes.no_counterpart(draft.element, message, spec.semantics.counterpart.hint)
+            for parameter in spec.references:
+                self.notes.reference(draft.element, draft.tag, parameter)
+        known = {name for each in specs for name in _ports(each, built_in=built_in)}
+        for name in [name for name in draft.attributes if name not in known and not name.startswith("_")]:
+            del draft.attributes[name]
+            if name in draft.element.attributes:
+                self.notes.left_out(draft.element, name, f"BehaviorTree.CPP's <{draft.tag}> has no '{name}'")
+
+    def _explicit(self, draft: Draft, parent: str) -> bool:
+        """Say whether a node is to be written in the explicit form."""
+        if draft.tag in _KIND_TAGS and draft.tag in self._registry:
+            return True  # its own name would be taken for the explicit form
+        if draft.explicit and parent == _DROPS_EXPLICIT:
+            message = f"BehaviorTree.CPP does not find <{draft.element.tag}> directly in <{parent}>"
+            self.notes.differs(draft.element, f"{message}; written as <{draft.tag}>")
+            return False
+        return draft.explicit
+
+    def _element(self, draft: Draft) -> Element:
+        element = draft.element
+        children = tuple(self._children(element, draft.tag)) or tuple(draft.children)
+        if draft.tag != SUBTREE_TAG:
+            self._use(draft.tag, draft.attributes, len(children))
+        if not draft.explicit:
+            return dataclasses.replace(element, tag=draft.tag, attributes=draft.attributes, children=children)
+        spec = self._registry.get(draft.tag)
+        tag = spec.kind.value if spec else element.tag
+        attributes = {"ID": draft.tag, **draft.attributes}
+        return dataclasses.replace(element, tag=tag, attributes=attributes, children=children)
+
+    def _use(self, tag: str, attributes: Iterable[str], children: int) -> None:
+        if self._is_built_in(tag):
+            return
+        usage = self._used.setdefault(tag, _Usage())
+        usage.children = max(usage.children, children)
+        usage.ports.update((name, None) for name in attributes if name != "name" and not name.startswith("_"))
+
+    def _model(self, tag: str) -> Element:
+        specs = self._registry.variants(tag)
+        if specs:
+            return description(specs)
+        usage = self._used[tag]
+        return described_by_use(usage.kind.value, tag, usage.ports)
+
+
+def _ports(spec: NodeSpec, *, built_in: bool) -> Iterator[str]:
+    """Yield the attributes that a node has in BehaviorTree.CPP."""
+    for parameter in spec.attributes:
+        if parameter.role is Role.NAME or parameter.direction is not None or not built_in:
+            yield parameter.name
+
+
+def _with_models(sections: list[Element], models: list[Element]) -> list[Element]:
+    """Add models to the file's own `TreeNodesModel`, or behind everything else."""
+    for number, section in enumerate(sections):
+        if section.tag == MODEL_TAG:
+            extended = dataclasses.replace(section, children=(*section.children, *models))
+            return [*sections[:number], extended, *sections[number + 1 :]]
+    return [*sections, synthetic_element(MODEL_TAG, children=models)]
+
+
+def _with_ids(sections: Iterable[Element]) -> Iterator[Element]:
+    """Give trees without an ID the one they are known by."""
+    number = 0
+    for section in sections:
+        number += section.tag == TREE_TAG
+        if section.tag == TREE_TAG and "ID" not in section.attributes:
+            attributes = {"ID": f"{TREE_TAG}_{number}", **section.attributes}
+            yield dataclasses.replace(section, attributes=attributes)
+        else:
+            yield section
+
+
+def _copied(element: Element) -> Element:
+    """Return an element of another file as one of none."""
+    return synthetic_element(element.tag, element.attributes, map(_copied, element.children), element.text)

@@ -1,0 +1,123 @@
+"""Comparisons of keys of the blackboard with values, as py_trees' nodes make them."""
+
+import operator as operators
+from collections.abc import Callable
+from typing import Any, Literal, NamedTuple
+
+from py_trees.common import ComparisonExpression
+
+from sar_compiler.nodes.language.narrow_types import VARIABLE
+from sar_compiler.nodes.values import ConversionError, ValueType, items_of, literal_value, nearest
+from sar_compiler.runtime.blackboard import entry_of
+from sar_compiler.runtime.ports import Input
+
+Comparison = Literal["eq", "ne", "lt", "le", "gt", "ge"]
+"""A comparison, by the name that it has in Python's `operator`."""
+Junction = Literal["and", "or", "xor"]
+"""What joins the results of several comparisons."""
+
+COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {
+    "eq": operators.eq,
+    "ne": operators.ne,
+    "lt": operators.lt,
+    "le": operators.le,
+    "gt": operators.gt,
+    "ge": operators.ge,
+}
+JUNCTIONS: dict[str, Callable[[bool, bool], bool]] = {
+    "and": operators.and_,
+    "or": operators.or_,
+    "xor": operators.xor,
+}
+_EXAMPLE = "write a key, how to compare, and a value: battery gt 20"
+_LEAST_CHECKS = 2
+
+
+class Check(NamedTuple):
+    """A comparison as a file has it: `battery gt 20`."""
+
+    variable: str
+    comparison: str
+    value: str
+
+
+def read_check(text: str) -> Check:
+    """Read one comparison.
+
+    Raises:
+        ConversionError: If it is none.
+    """
+    parts = text.split(maxsplit=2)
+    if len(parts) < len(Check._fields) or "{" in text:
+        message = f"'{text}' is no comparison; {_EXAMPLE}"
+        raise ConversionError(message)
+    check = Check(*parts)
+    VARIABLE.convert(check.variable)
+    if check.comparison not in COMPARISONS:
+        message = f"'{text}': '{check.comparison}' is not one of {', '.join(COMPARISONS)}"
+        near = nearest(check.comparison, COMPARISONS)
+        suggestion = " ".join(check._replace(comparison=near)) if near else None
+        raise ConversionError(message, suggestion)
+    return check
+
+
+def expression(variable: str, operator: str, value: Input[object]) -> ComparisonExpression:
+    """Return what py_trees compares.
+
+    Args:
+        variable: The key, by py_trees' name of it.
+        operator: How to compare.
+        value: What to compare with; a key is looked at whenever the comparison is made.
+    """
+    compare = COMPARISONS[operator]
+    if value.entry is None:
+        return ComparisonExpression(variable, constant(value), compare)
+    # A function as the value would do from py_trees 2.4 on.
+    return ComparisonExpression(variable, _Held(value), lambda left, right: compare(left, right.get()))
+
+
+def constant(port: Input[object]) -> object:
+    """Return what a constant says: texts from a file are numbers and truth values where all of them is one."""
+    value = port.get()
+    if not isinstance(value, str):
+        return value
+    return {"true": True, "false": False}.get(value, literal_value(value))
+
+
+class _Held:
+    """What a key holds whenever it is looked at, for a comparison that py_trees makes once and for all."""
+
+    def __init__(self, port: Input[object]) -> None:
+        self._port = port
+
+    def get(self) -> object:
+        return self._port.get()
+
+    def __str__(self) -> str:
+        return str(self._port.get())
+
+
+def _checks(text: str) -> list[str]:
+    checks = items_of(text, lambda item: " ".join(read_check(item)), blanks=True)
+    if len(checks) < _LEAST_CHECKS:
+        message = f"at least two comparisons are wanted, and there is {len(checks) or 'none'}"
+        hint = "for one there is CheckBlackboardVariableValue"
+        raise ConversionError(message, hint=hint)
+    return checks
+
+
+def _compared(checks: object) -> list[str]:
+    assert isinstance(checks, list)  # noqa: S101 - of this type
+    return [entry_of(check.split(" ", 1)[0]) for check in checks]
+
+
+CHECKS = ValueType(
+    "checks",
+    "comparisons with ; between them",
+    _checks,
+    python=list,
+    cpp="std::vector<std::string>",
+    example="a eq 0;b eq 0",
+    keys_in=_compared,
+)
+"""Comparisons: `battery gt 20;speed lt 1.5`."""

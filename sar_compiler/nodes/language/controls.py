@@ -1,0 +1,318 @@
+"""Controls: nodes with several children."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Literal
+
+from py_trees import composites
+from py_trees.behaviour import Behaviour
+from py_trees.common import ParallelPolicy
+from py_trees.decorators import OneShot
+
+from sar_compiler.nodes import outcome_sets
+from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.btcpp import rewrites
+from sar_compiler.nodes.language.narrow_types import NAMES
+from sar_compiler.nodes.language.thresholds import within_reach
+from sar_compiler.nodes.outcome_sets import F, K, S
+from sar_compiler.nodes.semantics import Counterpart, Gate, Semantics
+from sar_compiler.nodes.spec import Kind, NodeSpec, Signature, Skipping, Skips
+from sar_compiler.nodes.values import ConversionError, items_of, nearest
+from sar_compiler.runtime import branches, controls, parallel
+from sar_compiler.runtime.conditions import Conditions
+
+_ALL = frozenset({"SUCCESS", "FAILURE", "RUNNING"})
+
+_SEQUENCE = "Ticks its children in order until one does not succeed; succeeds when all have."
+_SELECTOR = "Ticks its children in order until one does not fail; fails when all have."
+_REACTIVE = "Looks at every child again in every tick."
+_PAUSES = "Lets the rest of the robot have a turn after every child."
+
+_PARAMETER_DOCS = {
+    "name": "The node's name.",
+    "memory": "Whether to go on with the child that was running (true), or to look at every child again (false).",
+}
+
+
+def _ordered(
+    tag: str, counterpart: Counterpart, *former_tags: str, is_sequence: bool, memory: bool | None
+) -> NodeSpec:
+    """Return a sequence or selector; *memory* is what its tag says, None where it is an attribute."""
+    doc = _SEQUENCE if is_sequence else _SELECTOR
+    return NodeSpec(
+        tag,
+        composites.Sequence if is_sequence else composites.Selector,
+        Kind.CONTROL,
+        _ALL,
+        semantics=replace(
+            _IN_ORDER[is_sequence], counterpart=counterpart, with_memory=_REMEMBERING[is_sequence]
+        ),
+        skipping=Skipping(Skips.FROM_CHILD, controls.Sequence if is_sequence else controls.Fallback),
+        signature=Signature(
+            doc=doc if memory is None else f"{doc} {_REACTIVE}",
+            defaults={"memory": True} if memory is None else {},
+            fixed={} if memory is None else {"memory": memory},
+            parameter_docs=_PARAMETER_DOCS,
+        ),
+        former_tags=former_tags,
+        rule=report_interruptions if is_sequence else None,
+    )
+
+
+_IN_ORDER = {True: Semantics.sequence(), False: Semantics.selector()}
+_REMEMBERING = {True: "Sequence", False: "Fallback"}
+_REACTIVE_ONE = Counterpart(built_in=True, rewrite=rewrites.reactive)
+
+
+def _by_memory(with_memory: str, without: str, *, built_in: bool = True) -> Counterpart:
+    return Counterpart(built_in, rewrites.by_memory(with_memory, without))
+
+
+def report_interruptions(bound: BoundNode, collector: Collector) -> None:
+    """Report the second AsyncSequence in a sequence that looks at every child again in every tick.
+
+    The first one starts over whenever the second one pauses, and interrupts it: neither comes to its end.
+    """
+    if bound.value("memory") is not False:
+        return
+    pausing = [child.element for child in bound.children if child.spec.cls is controls.AsyncSequence]
+    for child in pausing[1:]:
+        message = (
+            f"a second AsyncSequence in '{bound.name}' never ends: the first one is started again in every tick, "
+            "and interrupts it"
+        )
+        collector.tag(child, "interrupted-child", message, hint="put them together in an AsyncSequence")
+
+
+def _own(tag: str, cls: type, semantics: Semantics, *former_tags: str, **more: object) -> NodeSpec:
+    """Return a control of BehaviorTree.CPP's that py_trees does not have."""
+    return NodeSpec(
+        tag,
+        cls,
+        Kind.CONTROL,
+        _ALL,
+        semantics=semantics if semantics.counterpart.built_in else replace(semantics, counterpart=BUILT_IN),
+        skipping=Skipping(Skips.FROM_CHILD),
+        former_tags=former_tags,
+        **more,  # type: ignore[arg-type]
+    )
+
+
+BUILT_IN = Counterpart(built_in=True)
+"""What BehaviorTree.CPP has by the same tag."""
+
+
+def _switch(cases: int) -> NodeSpec:
+    names = [f"case_{number}" for number in range(1, 7)]
+    return _own(
+        f"Switch{cases}",
+        branches.Switch,
+        Semantics(outcome_sets.selection),
+        signature=Signature(hidden=frozenset(names[cases:]), required=frozenset(names[:cases])),
+        child_count=(cases + 1, cases + 1),
+    )
+
+
+def _after_the_first(_bound: BoundNode) -> Mapping[int, Gate]:
+    """Return when a branch is ticked: the second child if the first succeeds, the third if it fails."""
+    return {1: Gate((0,), S), 2: Gate((0,), F)}
+
+
+def _one_after_the_other(bound: BoundNode) -> Mapping[int, Gate]:
+    """Return when what is tried, and last what catches its failure, is ticked."""
+    *tried, last = range(len(bound.children))
+    catches = {last: Gate(tuple(tried), F)} if bound.value("catch_on_halt") is False else {}
+    return {**{number: Gate((number - 1,), S | K) for number in tried[1:]}, **catches}
+
+
+Policy = Literal["SuccessOnAll", "SuccessOnOne", "SuccessOnSelected"]
+"""Which children of a Parallel have to succeed, in py_trees' words."""
+
+_HOW_TO_SELECT = 'write the names of the children that have to succeed: selected="left;right"'
+
+
+def stock_parallel(
+    name: str,
+    children: list[Behaviour],
+    policy: Policy,
+    synchronise: bool | None = None,
+    selected: list[str] | None = None,
+) -> composites.Parallel:
+    """Ticks all its children in every tick; fails as soon as one of them does.
+
+    Args:
+        name: The node's name.
+        children: The children.
+        policy: Which children have to succeed; those still running then are interrupted.
+        synchronise: Whether a child that has succeeded waits for the others, instead of being started again; not
+            for `SuccessOnOne`. Where it is not written, it does.
+        selected: The names of the children that have to succeed, for `SuccessOnSelected`: `left;right`.
+
+    Raises:
+        ValueError: If a name is not that of one child, or an attribute does not go with the policy.
+    """
+    clash = _clash(policy, synchronise, is_selected=selected is not None)
+    if clash is not None:
+        raise ValueError(": ".join(clash))
+    if policy == "SuccessOnOne":
+        return composites.Parallel(name, ParallelPolicy.SuccessOnOne(), children)
+    waits = synchronise is not False
+    if policy == "SuccessOnAll":
+        return composites.Parallel(name, ParallelPolicy.SuccessOnAll(waits), children)
+    if not selected:
+        message = f"selected: no child is named; {_HOW_TO_SELECT}"
+        raise ValueError(message)
+    names = [_written_name(child) for child in children]
+    chosen = [children[_place_of(text, names)] for text in selected]
+    return composites.Parallel(name, ParallelPolicy.SuccessOnSelected(chosen, waits), children)
+
+
+def report_policy(bound: BoundNode, collector: Collector) -> None:
+    """Report attributes that do not go with the policy of a Parallel, and selected children that are not there."""
+    element, policy = bound.element, bound.values.get("policy")
+    if policy is None:  # a key, or a mistake
+        return
+    written = element.attributes.get("selected")
+    clash = _clash(policy, bound.values.get("synchronise"), is_selected=written is not None)
+    if clash is not None:
+        attribute, message = clash
+        collector.name(element, attribute, "conflicting-attributes", f"{attribute}: {message}")
+    elif policy != "SuccessOnSelected":
+        return
+    elif written is None:
+        message = f"<{bound.spec.tag}> needs the attribute 'selected' with SuccessOnSelected"
+        collector.tag(element, "missing-attribute", message, hint=_HOW_TO_SELECT)
+    elif bound.values.get("selected") == []:
+        message = "selected: no child is named"
+        collector.value(element, "selected", "wrong-value", message, hint=_HOW_TO_SELECT)
+    elif "selected" in bound.values and len(bound.children) == len(element.children):
+        _report_names(bound, written, collector)
+
+
+def _report_names(bound: BoundNode, written: str, collector: Collector) -> None:
+    names = [_bound_name(child) for child in bound.children]
+    try:
+        items_of(written, lambda text: _place_of(text, names), blanks=True)
+    except ConversionError as error:
+        span = bound.element.within_value("selected", *(error.place or (0, len(written))))
+        advice = {"suggestion": error.suggestion, "hint": error.hint}
+        collector.at(bound.element, span, "wrong-value", f"selected: {error.message}", **advice)
+
+
+def _clash(policy: object, synchronise: object, *, is_selected: bool) -> tuple[str, str] | None:
+    """Return which attribute does not go with a policy, and why; None if all do."""
+    if is_selected and policy != "SuccessOnSelected":
+        return "selected", f"goes with the policy SuccessOnSelected, not with {policy}"
+    if synchronise and policy == "SuccessOnOne":
+        return "synchronise", "with SuccessOnOne no child waits for another; leave it out"
+    return None
+
+
+def _place_of(name: str, names: list[str]) -> int:
+    """Return which child is called by a name.
+
+    Raises:
+        ConversionError: If none is, or several are.
+    """
+    count = names.count(name)
+    if count == 1:
+        return names.index(name)
+    if count:
+        message = f"{count} children are called '{name}'; give each a name of its own"
+        raise ConversionError(message)
+    message = f"no child is called '{name}'; there are {', '.join(names)}"
+    raise ConversionError(message, nearest(name, names))
+
+
+def _bound_name(child: BoundNode) -> str:
+    """Return what `_written_name` makes of a child."""
+    if child.spec.cls is OneShot and child.children:
+        inner = _bound_name(child.children[0])
+        return inner if child.name == f"{inner}OneShot" else child.name
+    return child.name
+
+
+def _written_name(child: Behaviour) -> str:
+    """Return a child's name as the file has it: without what `oneshot` and conditions have wrapped around it."""
+    if isinstance(child, Conditions):
+        return child.decorated.name
+    if isinstance(child, OneShot):
+        inner = _written_name(child.decorated)
+        return inner if child.name == f"{inner}OneShot" else child.name
+    return child.name
+
+
+SPECS = [
+    _ordered("Sequence", _by_memory("Sequence", "ReactiveSequence"), is_sequence=True, memory=None),
+    _ordered(
+        "Selector",
+        _by_memory("Fallback", "ReactiveFallback", built_in=False),
+        "Chooser",
+        is_sequence=False,
+        memory=None,
+    ),
+    _ordered(
+        "Fallback", _by_memory("Fallback", "ReactiveFallback"), "FallbackStar", is_sequence=False, memory=None
+    ),
+    _ordered("ReactiveSequence", _REACTIVE_ONE, is_sequence=True, memory=False),
+    _ordered("ReactiveFallback", _REACTIVE_ONE, "ReactiveSelector", is_sequence=False, memory=False),
+    _own(
+        "AsyncSequence",
+        controls.AsyncSequence,
+        Semantics.sequence(pauses=True),
+        signature=Signature(doc=f"{_SEQUENCE} {_PAUSES}"),
+    ),
+    _own(
+        "AsyncFallback",
+        controls.AsyncFallback,
+        Semantics.selector(pauses=True),
+        signature=Signature(doc=f"{_SELECTOR} {_PAUSES}"),
+    ),
+    _own(
+        "SequenceWithMemory",
+        controls.SequenceWithMemory,
+        Semantics.sequence(pauses=True, keeps_place=True),
+        "SequenceStar",
+    ),
+    _own(
+        "Parallel",
+        parallel.Parallel,
+        replace(
+            Semantics.parallel(outcome_sets.counting),
+            counterpart=Counterpart(built_in=True, rewrite=rewrites.parallel),
+        ),
+        signature=Signature(defaults={"success_count": -1, "failure_count": 1}),
+        rule=within_reach("success_count", "failure_count"),
+    ),
+    NodeSpec(
+        "Parallel",
+        composites.Parallel,
+        Kind.CONTROL,
+        _ALL,
+        semantics=replace(Semantics.parallel(outcome_sets.by_policy), counterpart=BUILT_IN),
+        skipping=Skipping(advice='success_count="..."'),
+        signature=Signature(factory=stock_parallel, types={"selected": NAMES}),
+        variant=True,
+        rule=report_policy,
+    ),
+    _own(
+        "ParallelAll",
+        parallel.ParallelAll,
+        Semantics.parallel(outcome_sets.counting_all),
+        signature=Signature(defaults={"max_failures": 1}),
+        rule=within_reach("max_failures"),
+    ),
+    *(
+        _own(cls.__name__, cls, Semantics(outcome_sets.branches, gates=_after_the_first), child_count=(2, 3))
+        for cls in (branches.IfThenElse, branches.WhileDoElse)
+    ),
+    *(_switch(cases) for cases in range(2, 7)),
+    _own(
+        "TryCatch",
+        branches.TryCatch,
+        Semantics(outcome_sets.attempt, gates=_one_after_the_other),
+        signature=Signature(defaults={"catch_on_halt": False}),
+        child_count=(2, None),
+    ),
+]

@@ -1,0 +1,430 @@
+"""Decorators: nodes with one child."""
+
+import math
+from dataclasses import replace
+
+from py_trees import decorators
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from sar_compiler.nodes import outcome_sets
+from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.nodes.btcpp import rewrites
+from sar_compiler.nodes.language.narrow_types import KEY, VARIABLE, StatusName, queue_of
+from sar_compiler.nodes.language.py_trees_nodes import WRITES, Keys, made_by, since_2_4
+from sar_compiler.nodes.outcome_sets import F, K, R, S, number
+from sar_compiler.nodes.semantics import AccessKind, Counterpart, KeyRole, Number, Semantics, endless
+from sar_compiler.nodes.spec import Kind, NodeSpec, Signature, Skipping, Skips
+from sar_compiler.nodes.values import CONDITION, UNSIGNED
+from sar_compiler.runtime import decorators as own
+from sar_compiler.runtime import entries, loops, repetition, script_nodes, timers
+from sar_compiler.runtime.blackboard import Scope
+from sar_compiler.runtime.chosen_outcome import Outcome
+from sar_compiler.runtime.enums import Enums
+from sar_compiler.runtime.expressions import Script
+from sar_compiler.runtime.ports import InOut, Input
+from sar_compiler.runtime.py_trees_timers import Timeout
+from sar_compiler.runtime.scripting import NodeScript
+
+
+def condition(name: str, child: Behaviour, status: StatusName) -> decorators.Condition:
+    """Succeeds once its child answers a status, and runs until then.
+
+    Args:
+        name: The node's name.
+        child: The child; it is started again whenever it ends with another status.
+        status: The status to wait for.
+    """
+    return decorators.Condition(name, child, Status[status])
+
+
+def eternal_guard(
+    name: str, child: Behaviour, condition: Input[Script], scope: Scope, enums: Enums
+) -> decorators.EternalGuard:
+    """Ticks its child as long as a condition is true; when it is not, interrupts the child and fails.
+
+    Args:
+        name: The node's name.
+        child: The child.
+        condition: The condition, a script; it is asked before every tick of the child.
+        scope: Where the script's variables are.
+        enums: The names that stand for numbers.
+    """
+    script = NodeScript(condition, name, "condition", scope, enums)
+    return decorators.EternalGuard(name, child, script.holds)
+
+
+def status_to_blackboard(
+    name: str, child: Behaviour, variable_name: InOut[object], scope: Scope
+) -> decorators.StatusToBlackboard:
+    """Writes its child's status to the blackboard in every tick, and answers it.
+
+    Args:
+        name: The node's name.
+        child: The child.
+        variable_name: The key to write, or `key.attribute` of an object that is there already.
+        scope: Where the key is looked up.
+    """
+    keys = Keys(scope)
+    variable = keys.variable(variable_name)
+    return keys.given_to(decorators.StatusToBlackboard(name, child, variable))
+
+
+def for_each(
+    name: str, child: Behaviour, source_key: Input[object], target_key: InOut[object], scope: Scope
+) -> Behaviour:
+    """Ticks its child for one item of a list after the other, until the child fails; from py_trees 2.4 on.
+
+    Args:
+        name: The node's name.
+        child: The child; it is ticked once even if the list is empty, and never for what comes after a None.
+        source_key: The key of the list.
+        target_key: The key to which each item is written.
+        scope: Where the keys are looked up.
+
+    Raises:
+        TooOldError: If py_trees does not have it yet.
+    """
+    keys = Keys(scope)
+    make = since_2_4(decorators, "ForEach")
+    made: Behaviour = make(name, child, keys.key(source_key), keys.key(target_key))
+    return keys.given_to(made)
+
+
+_ENDS = frozenset({"SUCCESS", "FAILURE"})
+_ALL = _ENDS | {"RUNNING"}
+_MILLISECONDS = 1000.0
+_NAME = {"name": "The node's name."}
+_BUILT_IN = Counterpart(built_in=True)
+_PASSING = Semantics(outcome_sets.passing, steady=True)
+
+
+def _cycles(bound: BoundNode) -> float | None:
+    return endless(number(bound, "num_cycles"))
+
+
+def _attempts(bound: BoundNode) -> float | None:
+    return endless(number(bound, "num_attempts"))
+
+
+def _successes(bound: BoundNode) -> float | None:
+    successes = number(bound, "num_success")
+    # py_trees compares the number of successes with it: no success is the last one below 1.
+    return math.inf if successes is not None and successes < 1 else successes
+
+
+def _failures(bound: BoundNode) -> float | None:
+    failures = number(bound, "num_failures")
+    return None if failures is None else max(failures, 1)
+
+
+def _within(bound: BoundNode) -> float | None:
+    milliseconds = number(bound, "msec")
+    return milliseconds and milliseconds / _MILLISECONDS if milliseconds != 0 else math.inf
+
+
+def _duration(bound: BoundNode) -> float | None:
+    return number(bound, "duration")
+
+
+def _again(rounds: Number, end: int, rewrite: "rewrites.Rewrite | None", *, built_in: bool) -> Semantics:
+    """Return the semantics of a decorator that ticks its child again after one end of it."""
+    return Semantics(
+        outcome_sets.rounds(rounds, end),
+        steady=True,
+        changes=end,
+        repeats=end,
+        rounds=rounds,
+        counterpart=Counterpart(built_in, rewrite),
+    )
+
+
+def _limit(limit_sec: Number) -> Semantics:
+    return Semantics(
+        outcome_sets.time_limit(limit_sec),
+        steady=True,
+        changes=R,
+        limit_sec=limit_sec,
+        counterpart=Counterpart(built_in=True, rewrite=rewrites.timeout),
+    )
+
+
+def _turning(
+    turns: dict[Status, Status],
+    rewrite: "rewrites.Rewrite | None" = None,
+    *,
+    built_in: bool = False,
+    hint: str = Counterpart.hint,
+) -> Semantics:
+    return replace(Semantics.turning(turns), counterpart=Counterpart(built_in, rewrite, hint))
+
+
+def _shared(
+    tag: str,
+    cls: type,
+    skip_cls: type,
+    doc: str,
+    semantics: Semantics,
+    outcomes: frozenset[str] = _ALL,
+    skips: Skips = Skips.FROM_CHILD,
+) -> NodeSpec:
+    """Return a decorator of BehaviorTree.CPP's that is py_trees' own unless its child can skip."""
+    return NodeSpec(
+        tag,
+        cls,
+        Kind.DECORATOR,
+        outcomes,
+        semantics=semantics,
+        skipping=Skipping(skips, skip_cls),
+        signature=Signature(doc=doc, parameter_docs=_NAME),
+    )
+
+
+def _own(
+    tag: str, cls: type, semantics: Semantics, skipping: Skipping | None = None, **more: object
+) -> NodeSpec:
+    """Return a decorator of BehaviorTree.CPP's that py_trees does not have."""
+    counterpart = replace(semantics.counterpart, built_in=True)
+    return NodeSpec(
+        tag,
+        cls,
+        Kind.DECORATOR,
+        _ALL,
+        semantics=replace(semantics, counterpart=counterpart),
+        skipping=skipping or Skipping(Skips.FROM_CHILD),
+        **more,  # type: ignore[arg-type]
+    )
+
+
+def _stock(
+    cls: type[decorators.Decorator],
+    doc: str,
+    semantics: Semantics,
+    outcomes: frozenset[str] = _ALL,
+    instead: str = "",
+    **parameter_docs: str,
+) -> NodeSpec:
+    """Return a decorator of py_trees' whose constructor can be written as it is."""
+    return NodeSpec(
+        cls.__name__,
+        cls,
+        Kind.DECORATOR,
+        outcomes,
+        semantics=semantics,
+        skipping=Skipping(advice=instead),
+        signature=Signature(doc=doc, parameter_docs={**_NAME, **parameter_docs}),
+    )
+
+
+def _unless_updated(own: int) -> Semantics:
+    """Return the semantics of a decorator that answers something itself until an entry was written."""
+    return Semantics(
+        outcome_sets.adding(own),
+        keys={"entry": KeyRole(AccessKind.PEEK, by_name=True)},
+        counterpart=_BUILT_IN,
+    )
+
+
+_QUEUE = {"queue": KeyRole(AccessKind.PEEK)}
+_WRITTEN = KeyRole(AccessKind.WRITE)
+
+BEHAVIORTREE_CPP = [
+    _shared(
+        "Inverter",
+        decorators.Inverter,
+        own.Inverter,
+        "Turns success into failure and failure into success.",
+        _turning({Status.SUCCESS: Status.FAILURE, Status.FAILURE: Status.SUCCESS}, built_in=True),
+    ),
+    _shared(
+        "ForceSuccess",
+        decorators.FailureIsSuccess,
+        own.ForceSuccess,
+        "Succeeds whenever its child ends.",
+        _turning({Status.FAILURE: Status.SUCCESS}, built_in=True),
+        frozenset({"SUCCESS", "RUNNING"}),
+    ),
+    _shared(
+        "ForceFailure",
+        decorators.SuccessIsFailure,
+        own.ForceFailure,
+        "Fails whenever its child ends.",
+        _turning({Status.SUCCESS: Status.FAILURE}, built_in=True),
+        frozenset({"FAILURE", "RUNNING"}),
+    ),
+    _shared(
+        "KeepRunningUntilFailure",
+        decorators.SuccessIsRunning,
+        own.KeepRunningUntilFailure,
+        "Starts its child again after every success, until it fails.",
+        replace(
+            _turning({Status.SUCCESS: Status.RUNNING, Status.INVALID: Status.RUNNING}, built_in=True),
+            repeats=S,
+        ),
+        frozenset({"FAILURE", "RUNNING"}),
+        skips=Skips.NEVER,
+    ),
+    _own("Repeat", repetition.Repeat, _again(_cycles, S, rewrites.repeat, built_in=True)),
+    _own("RetryUntilSuccessful", repetition.RetryUntilSuccessful, _again(_attempts, F, None, built_in=True)),
+    _own(
+        "RunOnce",
+        own.RunOnce,
+        Semantics(outcome_sets.run_once, once=True),
+        Skipping(Skips.ALWAYS, only_if=("then_skip", True)),
+        signature=Signature(defaults={"then_skip": True}),
+    ),
+    _own(
+        "Delay",
+        timers.Delay,
+        Semantics(outcome_sets.adding(R), steady=True),
+        signature=Signature(types={"delay_msec": UNSIGNED}),
+    ),
+    _own("Timeout", timers.Timeout, _limit(_within), signature=Signature(types={"msec": UNSIGNED})),
+    _own(
+        "Precondition",
+        script_nodes.Precondition,
+        Semantics(outcome_sets.guard("if")),
+        Skipping(Skips.ALWAYS, only_if=("else", Outcome.SKIPPED)),
+        signature=Signature(types={"if": CONDITION}),
+        former_tags=tuple(f"BlackboardCheck{kind}" for kind in ("Bool", "Double", "Int", "String")),
+    ),
+    _own("SkipUnlessUpdated", entries.SkipUnlessUpdated, _unless_updated(K), Skipping(Skips.ALWAYS)),
+    _own("WaitValueUpdate", entries.WaitValueUpdate, _unless_updated(R)),
+    *(
+        _own(
+            cls.__name__,
+            cls,
+            Semantics(outcome_sets.loop, keys=_QUEUE),
+            Skipping(Skips.ALWAYS, only_if=("if_empty", Outcome.SKIPPED)),
+            signature=Signature(types={"queue": queue_of(cls)}),
+        )
+        for cls in (loops.LoopInt, loops.LoopDouble, loops.LoopBool, loops.LoopString)
+    ),
+]
+
+PY_TREES = [
+    _stock(
+        decorators.OneShot,
+        "Lets its child finish once; from then on answers what the child answered, without ticking it.",
+        Semantics(
+            outcome_sets.passing,
+            once=True,
+            counterpart=Counterpart(rewrite=rewrites.oneshot, hint=rewrites.NO_ONESHOT),
+        ),
+        instead="RunOnce",
+        policy="What counts as finished: any end, or only success.",
+    ),
+    NodeSpec(
+        "Timeout",
+        Timeout,
+        Kind.DECORATOR,
+        _ALL,
+        semantics=_limit(_duration),
+        skipping=Skipping(advice='msec="..."'),
+        variant=True,
+    ),
+    _stock(
+        decorators.Retry,
+        "Ticks its child again after a failure, until it has failed too often.",
+        _again(_failures, F, rewrites.retry, built_in=False),
+        instead="RetryUntilSuccessful",
+        num_failures="With how many failures to fail; 1 or less: with the first one.",
+    ),
+    replace(
+        _stock(
+            decorators.Repeat,
+            "Ticks its child again after a success, until it has succeeded often enough.",
+            _again(_successes, S, rewrites.repeat, built_in=True),
+            instead='num_cycles="..."',
+            num_success="With how many successes to succeed; 0 or less: never.",
+        ),
+        variant=True,
+    ),
+    made_by(
+        "Condition",
+        condition,
+        "SUCCESS",
+        "RUNNING",
+        kind=Kind.DECORATOR,
+        semantics=Semantics(outcome_sets.awaiting, steady=True),
+    ),
+    _stock(
+        decorators.Count,
+        "Answers what its child answers, and counts how often it was ticked and how it ended.",
+        _PASSING,
+    ),
+    made_by(
+        "EternalGuard",
+        eternal_guard,
+        *_ALL,
+        kind=Kind.DECORATOR,
+        semantics=Semantics(
+            outcome_sets.guard("condition"),
+            counterpart=Counterpart(
+                hint="a ReactiveSequence of a ScriptCondition and its child does the same"
+            ),
+        ),
+        condition=CONDITION,
+    ),
+    _stock(decorators.PassThrough, "Answers what its child answers.", _PASSING),
+    made_by(
+        "StatusToBlackboard",
+        status_to_blackboard,
+        *_ALL,
+        kind=Kind.DECORATOR,
+        effects=WRITES,
+        semantics=replace(_PASSING, keys={"variable_name": _WRITTEN}),
+        variable_name=VARIABLE,
+    ),
+    made_by(
+        "ForEach",
+        for_each,
+        *_ALL,
+        kind=Kind.DECORATOR,
+        effects=WRITES,
+        semantics=Semantics(outcome_sets.each_item, keys={"target_key": _WRITTEN}),
+        source_key=KEY,
+        target_key=KEY,
+    ),
+    _stock(
+        decorators.SuccessIsRunning,
+        "Turns success into running.",
+        _turning({Status.SUCCESS: Status.RUNNING}, rewrites.renamed("KeepRunningUntilFailure")),
+        frozenset({"FAILURE", "RUNNING"}),
+        instead="KeepRunningUntilFailure",
+    ),
+    _stock(
+        decorators.SuccessIsFailure,
+        "Turns success into failure.",
+        _turning({Status.SUCCESS: Status.FAILURE}, rewrites.renamed("ForceFailure")),
+        frozenset({"FAILURE", "RUNNING"}),
+        instead="ForceFailure",
+    ),
+    _stock(
+        decorators.FailureIsSuccess,
+        "Turns failure into success.",
+        _turning({Status.FAILURE: Status.SUCCESS}, rewrites.renamed("ForceSuccess")),
+        frozenset({"SUCCESS", "RUNNING"}),
+        instead="ForceSuccess",
+    ),
+    _stock(
+        decorators.FailureIsRunning,
+        "Turns failure into running.",
+        _turning({Status.FAILURE: Status.RUNNING}, hint=rewrites.NO_FAILURE_IS_RUNNING),
+        frozenset({"SUCCESS", "RUNNING"}),
+    ),
+    _stock(
+        decorators.RunningIsSuccess,
+        "Turns running into success.",
+        _turning({Status.RUNNING: Status.SUCCESS}),
+        _ENDS,
+    ),
+    _stock(
+        decorators.RunningIsFailure,
+        "Turns running into failure.",
+        _turning({Status.RUNNING: Status.FAILURE}),
+        _ENDS,
+    ),
+]
+
+SPECS = [*BEHAVIORTREE_CPP, *PY_TREES]

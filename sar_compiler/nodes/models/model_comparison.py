@@ -1,0 +1,91 @@
+"""What a `TreeNodesModel` says of nodes, compared with the registry and with itself."""
+
+from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.models.models import Model, Models, Port
+from sar_compiler.nodes.registry import Registry
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter
+from sar_compiler.nodes.values import (
+    ANYTHING,
+    ConversionError,
+    ValueType,
+    blackboard_key,
+    nearest,
+    type_of,
+    type_of_cpp_name,
+)
+
+_TEXT = type_of(str)
+# What is compared: C++ has types of its own for durations, enumerations and whatever else is written as a text.
+_COMPARED = (bool, int, float, str, list)
+
+
+def compare(models: Models, registry: Registry, collector: Collector) -> None:
+    """Report where the models of nodes contradict the registry, and defaults that their ports do not take."""
+    for model in models.nodes.values():
+        specs = registry.variants(model.tag)
+        if specs:
+            _compare_kind(model, specs[0], collector)
+        known = {parameter.name: parameter for spec in specs for parameter in spec.attributes}
+        for port in model.ports.values():
+            parameter = known.get(port.name)
+            if parameter is not None:
+                _compare_port(model, port, parameter, collector)
+                _check_default(port, parameter.value_type or _TEXT, collector)
+            elif specs:
+                message = f"<{model.tag}> has no port '{port.name}'; it has {', '.join(known)}"
+                near = nearest(port.name, known)
+                collector.value(port.element, "name", "model-mismatch", message, suggestion=near)
+            else:
+                _check_default(port, type_of_cpp_name(port.type_name) or ANYTHING, collector)
+
+
+def _compare_kind(model: Model, spec: NodeSpec, collector: Collector) -> None:
+    if model.kind is not spec.kind:
+        article = "an" if spec.kind is Kind.ACTION else "a"
+        message = f"<{model.tag}> is {article} {spec.kind.value}, and the model says {model.element.tag}"
+        collector.tag(model.element, "model-mismatch", message, suggestion=spec.kind.value)
+
+
+def _compare_port(model: Model, port: Port, parameter: Parameter, collector: Collector) -> None:
+    if {parameter.direction, port.direction} == {Direction.INPUT, Direction.OUTPUT}:
+        right = Direction.INPUT if port.direction is Direction.OUTPUT else Direction.OUTPUT
+        message = f"the port '{port.name}' of <{model.tag}> is an {right.value}"
+        collector.tag(port.element, "model-mismatch", message, suggestion=right.value)
+    said, real = type_of_cpp_name(port.type_name), parameter.value_type or _TEXT
+    if said is not None and not _agree(said, real):
+        message = (
+            f"the port '{port.name}' of <{model.tag}> is {real.label}, and the model says {port.type_name}"
+        )
+        collector.value(port.element, "type", "model-mismatch", message, suggestion=real.cpp)
+
+
+def _agree(said: ValueType, real: ValueType) -> bool:
+    """Say whether a type in a model is that of a port; how large a whole number can be does not count."""
+    if real.python not in _COMPARED:
+        return True
+    return said.cpp == real.cpp if list in (said.python, real.python) else said.python is real.python
+
+
+def _check_default(port: Port, value_type: ValueType, collector: Collector) -> None:
+    """Report a default that is no value of the port; an empty one is none."""
+    text = port.default
+    if not text or blackboard_key(text, port.name) is not None:
+        return
+    if port.direction is Direction.OUTPUT:
+        message = f"default: an output is written to the blackboard, and '{text}' is no key of it"
+        suggestion = f"{{{text}}}" if text.isidentifier() else None
+        collector.value(
+            port.element,
+            "default",
+            "wrong-value",
+            message,
+            suggestion=suggestion,
+            hint='write default="{key}"',
+        )
+        return
+    try:
+        value_type.convert(text)
+    except ConversionError as error:
+        message = f"default: {error.message}"
+        span = port.element.within_value("default", *(error.place or (0, len(text))))
+        collector.at(port.element, span, "wrong-value", message, suggestion=error.suggestion, hint=error.hint)

@@ -1,0 +1,80 @@
+"""Nodes as BehaviorTree.CPP and Groot2 read of them: the `TreeNodesModel`.
+
+What `nodes.models.models` reads is written here.
+"""
+
+from collections.abc import Iterable, Sequence
+from datetime import timedelta
+from enum import Enum
+
+from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter, Role
+from sar_compiler.nodes.values import as_text
+from sar_compiler.tree.model import MODEL_TAG, Element
+from sar_compiler.tree.synthetic import synthetic_element
+
+
+def describe(specs: Iterable[NodeSpec]) -> Element:
+    """Return the `TreeNodesModel` of nodes, without those that BehaviorTree.CPP has itself.
+
+    Args:
+        specs: What there is; all meanings of a tag.
+    """
+    by_tag: dict[str, list[NodeSpec]] = {}
+    for spec in specs:
+        by_tag.setdefault(spec.tag, []).append(spec)
+    return synthetic_element(
+        MODEL_TAG,
+        children=[description(variants) for variants in by_tag.values() if not is_built_in(variants)],
+    )
+
+
+def is_built_in(specs: Sequence[NodeSpec]) -> bool:
+    """Return whether BehaviorTree.CPP has a node itself, so that Groot2 knows it without being told."""
+    return any(spec.semantics.counterpart.built_in for spec in specs)
+
+
+def description(specs: Sequence[NodeSpec]) -> Element:
+    """Return the model of one tag, with the ports of everything that it can mean."""
+    ports = {
+        parameter.name: _port(parameter, spec)
+        for spec in specs
+        for parameter in spec.attributes
+        if parameter.role is not Role.NAME and parameter.name not in spec.fixed
+    }
+    return synthetic_element(specs[0].kind.value, {"ID": specs[0].tag, "editable": "true"}, ports.values())
+
+
+def described_by_use(kind: str, tag: str, ports: Iterable[str]) -> Element:
+    """Return the model of a node of which nothing is known but how a tree uses it."""
+    inputs = [synthetic_element(Direction.INPUT.value, {"name": port}) for port in ports]
+    return synthetic_element(kind, {"ID": tag, "editable": "true"}, inputs)
+
+
+def _port(parameter: Parameter, spec: NodeSpec) -> Element:
+    attributes = {"name": parameter.name}
+    # Without a type: the name of another node.
+    type_name = parameter.value_type.cpp if parameter.value_type else "std::string"
+    if type_name:
+        attributes["type"] = type_name
+    if not parameter.required and parameter.default is not None and parameter.name not in spec.fixed:
+        attributes["default"] = as_written(parameter.default)
+    return synthetic_element((parameter.direction or Direction.INPUT).value, attributes, text=_doc(parameter))
+
+
+def _doc(parameter: Parameter) -> str:
+    if parameter.role is not Role.REFERENCE or parameter.target is None:
+        return parameter.doc
+    return f"{parameter.doc} The name of a {parameter.target.__name__} node.".lstrip()
+
+
+def as_written(value: object) -> str:
+    """Return a value as a file has it."""
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, timedelta):
+        return f"{value.total_seconds():g}"
+    if isinstance(value, (list, tuple)):
+        return ";".join(as_written(item) for item in value)
+    if isinstance(value, bool):
+        return as_text(value)
+    return str(value)

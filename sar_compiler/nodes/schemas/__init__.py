@@ -1,0 +1,1 @@
+"""Schemas for editors and validators, generated from a registry."""

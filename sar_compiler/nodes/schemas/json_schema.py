@@ -1,0 +1,221 @@
+"""The JSON schema of tree files in YAML, made from the registry.
+
+Editors complete with it and other tools validate with it. A node is a mapping with one key, its tag, so
+`properties` and `maxProperties` say what can stand there; alternatives (`oneOf`) between nodes would make every
+message "is not valid under any of the given schemas".
+"""
+
+from collections.abc import Iterable
+from typing import Any
+
+from sar_compiler.nodes.binding.attributes import CONDITIONS, NOTES, ONESHOT, ONESHOT_TYPE
+from sar_compiler.nodes.registry import Registry
+from sar_compiler.nodes.spec import CHILD_COUNTS, Kind, NodeSpec, Parameter, Role
+from sar_compiler.nodes.values import CONDITION, ValueType
+from sar_compiler.runtime.expressions import Script
+from sar_compiler.tree.model import (
+    CHILDREN_KEY,
+    INCLUDE_TAG,
+    MODEL_TAG,
+    ROOT_TAG,
+    SUBTREE_TAG,
+    TREE_TAG,
+)
+
+Schema = dict[str, Any]
+
+_KINDS = sorted(kind.value for kind in Kind)
+"""The tags of explicit forms."""
+
+_KEY_PATTERN = r"^ *(\{.+\}|=) *$"
+_NAME: Schema = {"type": ["string", "number", "boolean"], "minLength": 1}
+_SCALAR: Schema = {"type": ["string", "number", "boolean"]}
+_CONDITION = {"$ref": f"#/$defs/{CONDITION.name} value"}
+
+
+def json_schema(registry: Registry, described: Iterable[NodeSpec] = ()) -> Schema:
+    """Return the schema (draft 2020-12) of the YAML files that may be written with a registry.
+
+    Args:
+        registry: What tags mean.
+        described: Nodes that only a model describes.
+    """
+    tags = registry.by_tag()
+    for spec in described:
+        tags.setdefault(spec.tag, [spec])
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "$comment": "Made from the node registry by `make schemas`; do not edit.",
+        "title": "A file with behaviour trees",
+        **_mapping({ROOT_TAG: {"$ref": "#/$defs/root"}}, required=[ROOT_TAG]),
+        "$defs": {
+            "root": _root(),
+            "section": _section(),
+            "tree": _with_children({"ID": _NAME, **_notes()}, _nodes(1, 1)),
+            **{f"{value_type.name} value": _value(value_type) for value_type in _value_types(tags)},
+            "node": _node([*tags, SUBTREE_TAG, *_KINDS]),
+            "model": {"type": ["object", "null"]},
+            SUBTREE_TAG: _explicit_form(0, 0),
+            # py_trees' Condition is the explicit form of others as well; its ID decides which.
+            **{
+                f"explicit {kind.value}": _explicit_form(*((0, None) if kind.value in tags else count))
+                for kind, count in CHILD_COUNTS.items()
+            },
+            **{f"<{tag}>": _tag(specs) for tag, specs in tags.items() if tag not in _KINDS},
+        },
+    }
+
+
+def _value_types(tags: dict[str, list[NodeSpec]]) -> list[ValueType]:
+    types = {
+        parameter.value_type.name: parameter.value_type
+        for specs in tags.values()
+        for spec in specs
+        for parameter in spec.attributes
+        if parameter.value_type is not None
+    }
+    types[CONDITION.name] = CONDITION
+    return [types[name] for name in sorted(types)]
+
+
+def _root() -> Schema:
+    attributes = {"BTCPP_format": {"enum": [4, "4"]}, "main_tree_to_execute": _NAME}
+    return _with_children(attributes, {"type": "array", "items": {"$ref": "#/$defs/section"}, "minItems": 1})
+
+
+def _section() -> Schema:
+    include = _mapping({"path": _NAME, "ros_pkg": _NAME, CHILDREN_KEY: _nodes(0, 0)}, required=["path"])
+    return {
+        **_mapping(
+            {TREE_TAG: {"$ref": "#/$defs/tree"}, INCLUDE_TAG: include, MODEL_TAG: {"$ref": "#/$defs/model"}}
+        ),
+        "minProperties": 1,
+        "maxProperties": 1,
+    }
+
+
+def _node(tags: list[str]) -> Schema:
+    """A mapping with one key, the tag; or the bare tag of a node with neither attributes nor children."""
+    tags = list(dict.fromkeys(tags))
+    targets = {tag: {"$ref": f"#/$defs/{_definition(tag)}"} for tag in tags}
+    return {
+        "type": ["object", "string"],
+        "if": {"type": "string"},
+        "then": {"enum": tags},
+        "else": {
+            "properties": targets,
+            "additionalProperties": False,
+            "minProperties": 1,
+            "maxProperties": 1,
+        },
+    }
+
+
+def _definition(tag: str) -> str:
+    return tag if tag == SUBTREE_TAG else f"explicit {tag}" if tag in _KINDS else f"<{tag}>"
+
+
+def _nodes(least: int, most: int | None) -> Schema:
+    """A list of so many nodes."""
+    schema: Schema = {"type": "array", "items": {"$ref": "#/$defs/node"}}
+    if least:
+        schema["minItems"] = least
+    return schema if most is None else {**schema, "maxItems": most}
+
+
+def _explicit_form(least: int, most: int | None) -> Schema:
+    """A tag that says by its ID what it is, or which tree; its other attributes are those of what it names."""
+    needed = ["ID", CHILDREN_KEY] if least else [] if most is None else ["ID"]
+    properties = {"ID": _NAME, CHILDREN_KEY: _nodes(least, most)}
+    return {"type": "object", "properties": properties, **({"required": needed} if needed else {})}
+
+
+def _tag(specs: list[NodeSpec]) -> Schema:
+    kind = specs[0].kind
+    written: dict[str, list[tuple[NodeSpec, Parameter]]] = {}
+    for spec in specs:
+        for parameter in spec.attributes:
+            written.setdefault(parameter.name, []).append((spec, parameter))
+    attributes = {name: _attribute(*choices[0]) for name, choices in written.items()}
+    required = [
+        name
+        for name, choices in written.items()
+        if len(choices) == len(specs)
+        and all(_must_be_written(spec, parameter) for spec, parameter in choices)
+    ]
+    # Listed one by one: about a pattern that a name does not match, an editor says nothing that helps.
+    attributes |= {
+        ONESHOT: {"enum": list(ONESHOT_TYPE.choices)},
+        **dict.fromkeys(CONDITIONS, _CONDITION),
+        **_notes(),
+    }
+    if kind.is_leaf:
+        schema = _mapping({**attributes, CHILDREN_KEY: _nodes(0, 0)}, required)
+        if not required:  # a bare tag or an empty value has no attributes
+            schema["type"] = ["object", "null"]
+    else:
+        schema = _with_children(attributes, _nodes(*specs[0].child_count), required)
+    if specs[0].doc:
+        schema["description"] = specs[0].doc
+    return schema
+
+
+def _must_be_written(spec: NodeSpec, parameter: Parameter) -> bool:
+    return parameter.required and parameter.role is Role.ATTRIBUTE and parameter.name not in spec.fixed
+
+
+def _attribute(spec: NodeSpec, parameter: Parameter) -> Schema:
+    value_type = parameter.value_type
+    if parameter.role is not Role.ATTRIBUTE or value_type is None:
+        schema: Schema = dict(_NAME)
+    elif parameter.name in spec.fixed:
+        fixed = spec.fixed[parameter.name]
+        schema = {"enum": _both_ways(t for t in value_type.choices if value_type.convert(t) == fixed)}
+    else:
+        schema = {"$ref": f"#/$defs/{value_type.name} value"}
+    if parameter.help:
+        schema["description"] = parameter.help
+    return schema
+
+
+def _value(value_type: ValueType) -> Schema:
+    """A literal of the type, or a key of the blackboard, as a text or as YAML's own scalar."""
+    key: Schema = {"type": "string", "pattern": _KEY_PATTERN}
+    if value_type.choices:
+        return {"anyOf": [{"enum": _both_ways(value_type.choices)}, key]}
+    if value_type.pattern and value_type.python is Script:
+        return {**_SCALAR, "pattern": f"^({value_type.pattern})$", "description": value_type.label}
+    if value_type.pattern:
+        text = {"type": "string", "pattern": f"^({value_type.pattern})$"}
+        return {"anyOf": [_number(value_type), text, key], "description": value_type.label}
+    return dict(_SCALAR)
+
+
+def _number(value_type: ValueType) -> Schema:
+    """What YAML itself reads as such a value."""
+    schema: Schema = {"type": "integer" if value_type.python is int else "number"}
+    if value_type.least is not None:
+        schema["minimum"] = value_type.least
+    return schema if value_type.most is None else {**schema, "maximum": value_type.most}
+
+
+def _both_ways(texts: Iterable[str]) -> list[object]:
+    """Return texts, and beside `true` and `false` what YAML makes of them."""
+    own: dict[str, object] = {"true": True, "false": False}
+    texts = list(texts)
+    return [*(own[text] for text in texts if text in own), *texts]
+
+
+def _notes() -> Schema:
+    return dict.fromkeys(NOTES, _SCALAR)
+
+
+def _with_children(attributes: Schema, children: Schema, required: Iterable[str] = ()) -> Schema:
+    """A tag's value that cannot do without children."""
+    return _mapping({**attributes, CHILDREN_KEY: children}, [*required, CHILDREN_KEY])
+
+
+def _mapping(properties: Schema, required: Iterable[str] = ()) -> Schema:
+    schema: Schema = {"type": "object", "properties": properties, "additionalProperties": False}
+    names = list(required)
+    return {**schema, "required": names} if names else schema

@@ -1,0 +1,220 @@
+"""The XML schema of tree files, made from the registry."""
+
+from collections.abc import Collection, Iterable
+from html import escape
+
+from sar_compiler.nodes.binding.attributes import CONDITIONS, NOTES, ONESHOT, ONESHOT_TYPE
+from sar_compiler.nodes.registry import Registry
+from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role
+from sar_compiler.nodes.values import CONDITION, ValueType
+from sar_compiler.tree.model import SUBTREE_TAG
+
+_HEAD = """\
+<?xml version="1.0" encoding="UTF-8"?>
+<!-- Made from the node registry by `make schemas`; do not edit. -->
+<xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema" elementFormDefault="qualified">
+  <xs:element name="root">
+    <xs:complexType>
+      <xs:choice minOccurs="1" maxOccurs="unbounded">
+        <xs:element name="BehaviorTree" type="tree"/>
+        <xs:element name="include">
+          <xs:complexType>
+            <xs:attribute name="path" type="name" use="required"/>
+            <xs:attribute name="ros_pkg" type="name"/>
+          </xs:complexType>
+        </xs:element>
+        <xs:element name="TreeNodesModel">
+          <xs:complexType>
+            <xs:sequence>
+              <xs:any processContents="skip" minOccurs="0" maxOccurs="unbounded"/>
+            </xs:sequence>
+          </xs:complexType>
+        </xs:element>
+      </xs:choice>
+      <xs:attribute name="BTCPP_format" type="xs:string" fixed="4"/>
+      <xs:attribute name="main_tree_to_execute" type="xs:string"/>
+    </xs:complexType>
+    <xs:unique name="tree_id">
+      <xs:selector xpath="BehaviorTree"/>
+      <xs:field xpath="@ID"/>
+    </xs:unique>
+  </xs:element>
+  <xs:complexType name="subtree" mixed="true">
+    <xs:attribute name="ID" type="name" use="required"/>
+    <xs:anyAttribute processContents="skip"/>
+  </xs:complexType>
+  <xs:complexType name="explicit">
+    <xs:group ref="node" minOccurs="0" maxOccurs="unbounded"/>
+    <xs:attribute name="ID" type="name" use="required"/>
+    <xs:anyAttribute processContents="skip"/>
+  </xs:complexType>
+  <xs:simpleType name="name">
+    <xs:restriction base="xs:string">
+      <xs:minLength value="1"/>
+    </xs:restriction>
+  </xs:simpleType>
+  <xs:simpleType name="key">
+    <xs:annotation>
+      <xs:documentation>A key of the blackboard.</xs:documentation>
+    </xs:annotation>
+    <xs:restriction base="xs:string">
+      <xs:pattern value=" *(\\{.+\\}|=) *"/>
+    </xs:restriction>
+  </xs:simpleType>
+"""
+
+
+_EXPLICIT = frozenset(kind.value for kind in Kind)
+
+
+def xml_schema(
+    registry: Registry, described: Iterable[NodeSpec] = (), only: Collection[str] | None = None
+) -> str:
+    """Return the schema (XSD 1.0) of the files that may be written with a registry.
+
+    Args:
+        registry: What tags mean.
+        described: Nodes that only a model describes.
+        only: The tags to leave it at, for a file in which no others are; None for all.
+    """
+    tags = (
+        registry.by_tag()
+        if only is None
+        else {tag: registry.variants(tag) for tag in only if tag in registry}
+    )
+    for spec in described:
+        if only is None or spec.tag in only:
+            tags.setdefault(spec.tag, [spec])
+    types = {
+        parameter.value_type.name: parameter.value_type
+        for specs in tags.values()
+        for spec in specs
+        for parameter in spec.attributes
+        if parameter.value_type is not None
+    }
+    types[CONDITION.name] = CONDITION
+    lines = [_HEAD.rstrip("\n"), *_tree_type(), *_group(tags), *_common()]
+    for name in sorted(types):
+        lines += _value_type(types[name])
+    lines += _named_type(ONESHOT, _enumeration(ONESHOT_TYPE.choices))
+    for tag, specs in tags.items():
+        lines += _node_type(tag, specs)
+    return "\n".join([*lines, "</xs:schema>", ""])
+
+
+def _tree_type() -> list[str]:
+    lines = ['    <xs:group ref="node"/>', '    <xs:attribute name="ID" type="name"/>', *_notes()]
+    return ['  <xs:complexType name="tree">', *lines, "  </xs:complexType>"]
+
+
+def _notes() -> list[str]:
+    return [f'    <xs:attribute name="{name}" type="xs:string"/>' for name in NOTES]
+
+
+def _group(tags: Iterable[str]) -> list[str]:
+    tags = list(tags)
+    elements = [f'      <xs:element name="{tag}" type="{tag}.node"/>' for tag in tags]
+    elements.append(f'      <xs:element name="{SUBTREE_TAG}" type="subtree"/>')
+    # A tag of its own comes before the explicit form of the same name (py_trees' Condition).
+    elements += [
+        f'      <xs:element name="{kind.value}" type="explicit"/>' for kind in Kind if kind.value not in tags
+    ]
+    return ['  <xs:group name="node">', "    <xs:choice>", *elements, "    </xs:choice>", "  </xs:group>"]
+
+
+def _common() -> list[str]:
+    attributes = [f'    <xs:attribute name="{name}" type="{CONDITION.name}.value"/>' for name in CONDITIONS]
+    attributes += _notes()
+    oneshot = f'    <xs:attribute name="{ONESHOT}" type="{ONESHOT}.value"/>'
+    return ['  <xs:attributeGroup name="common">', oneshot, *attributes, "  </xs:attributeGroup>"]
+
+
+def _node_type(tag: str, specs: list[NodeSpec]) -> list[str]:
+    if tag in _EXPLICIT:
+        return _either_form(tag, specs[0])
+    kind = specs[0].kind
+    # In an element without children XSD refuses even a line break, unless its content is "mixed".
+    mixed = ' mixed="true"' if kind.is_leaf else ""
+    lines = [f'  <xs:complexType name="{tag}.node"{mixed}>', *_documentation(specs[0].doc, "    ")]
+    if kind is Kind.CONTROL:
+        lines.append('    <xs:group ref="node" minOccurs="1" maxOccurs="unbounded"/>')
+    elif kind is Kind.DECORATOR:
+        lines.append('    <xs:group ref="node"/>')
+    written: dict[str, list[tuple[NodeSpec, Parameter]]] = {}
+    for spec in specs:
+        for parameter in spec.attributes:
+            written.setdefault(parameter.name, []).append((spec, parameter))
+    for choices in written.values():
+        spec, parameter = choices[0]
+        lines += _attribute(spec, parameter, always=len(choices) == len(specs))
+    return [*lines, '    <xs:attributeGroup ref="common"/>', "  </xs:complexType>"]
+
+
+def _either_form(tag: str, spec: NodeSpec) -> list[str]:
+    """A tag that is also the explicit form of others (py_trees' Condition): its ID decides, which XSD cannot say."""
+    return [
+        f'  <xs:complexType name="{tag}.node">',
+        *_documentation(spec.doc, "    "),
+        '    <xs:group ref="node" minOccurs="0" maxOccurs="unbounded"/>',
+        '    <xs:attribute name="ID" type="name"/>',
+        '    <xs:anyAttribute processContents="skip"/>',
+        "  </xs:complexType>",
+    ]
+
+
+def _attribute(spec: NodeSpec, parameter: Parameter, *, always: bool) -> list[str]:
+    head = f'    <xs:attribute name="{parameter.name}"'
+    value_type = parameter.value_type
+    if value_type is not None and parameter.name in spec.fixed:
+        fixed = spec.fixed[parameter.name]
+        allowed = _enumeration(text for text in value_type.choices if value_type.convert(text) == fixed)
+        return [f"{head}>", *_simple_type("      ", "", allowed), "    </xs:attribute>"]
+    if value_type is None or parameter.role is not Role.ATTRIBUTE:
+        head += ' type="name"'
+    else:
+        head += f' type="{value_type.name}.value"'
+    if parameter.required and always and parameter.role is Role.ATTRIBUTE:
+        head += ' use="required"'
+    if not parameter.help:
+        return [f"{head}/>"]
+    return [f"{head}>", *_documentation(parameter.help, "      "), "    </xs:attribute>"]
+
+
+def _value_type(value_type: ValueType) -> list[str]:
+    """A literal of the type, or a blackboard key; where any text is a literal, that is every text."""
+    if value_type.choices:
+        literal = _enumeration(value_type.choices)
+    elif value_type.pattern:
+        literal = [f'<xs:pattern value="{escape(value_type.pattern)}"/>']
+    else:
+        return _named_type(value_type.name, [])
+    union = ['<xs:union memberTypes="key">', *_simple_type("  ", "", literal), "</xs:union>"]
+    return [
+        f'  <xs:simpleType name="{value_type.name}.value">',
+        *(f"    {line}" for line in union),
+        "  </xs:simpleType>",
+    ]
+
+
+def _named_type(name: str, facets: list[str]) -> list[str]:
+    return _simple_type("  ", f' name="{name}.value"', facets)
+
+
+def _simple_type(indent: str, name: str, facets: list[str]) -> list[str]:
+    inner = [f"    {facet}" for facet in facets]
+    lines = [f"<xs:simpleType{name}>", '  <xs:restriction base="xs:string">', *inner, "  </xs:restriction>"]
+    return [f"{indent}{line}" for line in [*lines, "</xs:simpleType>"]]
+
+
+def _enumeration(texts: Iterable[str]) -> list[str]:
+    return [f'<xs:enumeration value="{escape(text)}"/>' for text in texts]
+
+
+def _documentation(text: str, indent: str) -> list[str]:
+    if not text:
+        return []
+    return [
+        f"{indent}<xs:annotation>",
+        f"{indent}  <xs:documentation>{escape(text, quote=False)}</xs:documentation>",
+        f"{indent}</xs:annotation>",
+    ]

@@ -1,0 +1,64 @@
+"""Verifying a loaded tree, with what a file of properties and its user say of the world."""
+
+import contextlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import yaml
+
+from sar_compiler.checks.assumptions import raise_disputes, read_assumptions
+from sar_compiler.checks.verify import Progress, PropertyFile, Verification, read_property_file, verify
+from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
+from sar_compiler.documents.located import Document
+from sar_compiler.documents.yaml_files import parse_yaml
+from sar_compiler.missions.choosing import choose_mission
+from sar_compiler.nodes.binding.bound import Binding
+
+if TYPE_CHECKING:
+    from sar_compiler.project import LoadedTree
+
+
+def verified(
+    tree: "LoadedTree",
+    binding: Binding,
+    properties: str | Path | None,
+    facts: Mapping[str, object] | Document | None,
+    max_states: int,
+    report: Callable[[Progress], None],
+) -> Verification:
+    """Verify a bound tree; see `LoadedTree.verify`."""
+    file = _properties(properties, binding, tree.project.checkout)
+    parameters = {} if file is None else file.parameters
+    # What is wrong with the file is raised when all of it is known.
+    with contextlib.nullcontext() if file is None else file.document.findings_first():
+        simulated = compile_simulated(binding, parameters)
+        assumed = Assumptions()
+        if file is not None:
+            assumed = read_assumptions(file.document, file.facts, file.answers, simulated)
+        if facts:
+            # What the file says may be about facts of its own.
+            typed = _of_the_user(facts, compile_simulated(binding, parameters, assumed))
+            assumed = Assumptions({**assumed.facts, **typed.facts}, assumed.answers)
+        simulated = compile_simulated(binding, parameters, assumed)
+        raise_disputes(simulated)
+        tags = {spec.tag for spec in tree.project.registry if spec.kind.is_leaf}
+        return verify(simulated, file, tags, max_states, report)
+
+
+def _properties(path: str | Path | None, binding: Binding, checkout: Path) -> PropertyFile | None:
+    """Return what must hold: what the user names, else what the tree's mission demands."""
+    mission = choose_mission(binding, checkout=checkout) if path is None else None
+    if mission is not None:
+        path = mission.default_properties({bound.spec.cls for bound in binding.nodes() if bound.spec.cls})
+    return None if path is None else read_property_file(path)
+
+
+def _of_the_user(facts: Mapping[str, object] | Document, simulated: SimulatedTree) -> Assumptions:
+    """Return what the user says of facts."""
+    if not isinstance(facts, Document):
+        text = yaml.safe_dump(dict(facts), allow_unicode=True, sort_keys=False)
+        facts = parse_yaml(text, "facts", "name a fact")
+    said = read_assumptions(facts, facts.root, None, simulated)
+    facts.raise_findings()
+    return said

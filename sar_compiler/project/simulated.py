@@ -1,0 +1,123 @@
+"""Ticking a loaded tree by a script, and comparing what comes of it with what was expected."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import yaml
+
+from sar_compiler.checks.golden import difference
+from sar_compiler.checks.leaf_words import LeafWords
+from sar_compiler.checks.simulate.expecting import read_expectations
+from sar_compiler.checks.simulate.judging import Failure, failures
+from sar_compiler.checks.simulate.running import Run, ScenarioPlayer
+from sar_compiler.checks.simulate.scenario_files import Play, read_scenario, understand
+from sar_compiler.documents.located import Document
+from sar_compiler.documents.yaml_files import parse_yaml
+from sar_compiler.views.trace import failure_line, trace
+
+if TYPE_CHECKING:
+    from sar_compiler.project import LoadedTree
+
+
+def simulated(tree: "LoadedTree", script: Mapping[str, object]) -> "Simulated":
+    """Return a tree that is ticked by a script; see `LoadedTree.simulate`."""
+    return Simulated(understand(_written(script), tree.stage()))
+
+
+def play_scenario(tree: "LoadedTree", scenario: str | Path) -> None:
+    """Play a scenario's file, and compare with what it expects.
+
+    Raises:
+        AssertionError: If something does not hold, with the trace.
+        TreeError: If the tree or the scenario is not valid.
+    """
+    play = read_scenario(scenario, tree.stage())
+    run = ScenarioPlayer(play.simulated, play.scenario).go()
+    _complain(run, failures(run), run.scenario.expect.trace)
+
+
+class Simulated:
+    """A tree that is being ticked by a script.
+
+    Args:
+        play: The tree and the script.
+    """
+
+    def __init__(self, play: Play) -> None:
+        self._simulation = ScenarioPlayer(play.simulated, play.scenario)
+
+    @property
+    def run(self) -> Run:
+        """The run so far, tick by tick."""
+        return self._simulation.run
+
+    @property
+    def root(self) -> str:
+        """The root's status after the last tick."""
+        return self.run.root
+
+    @property
+    def facts(self) -> Mapping[str, object]:
+        """The facts as they are now."""
+        return self.run.simulated.fact_values()
+
+    @property
+    def trace(self) -> str:
+        """What has happened, as `sar-compile simulate` prints it."""
+        return trace(self.run)
+
+    def until_end(self) -> "Simulated":
+        """Tick until the end: until the root has succeeded or failed, if the scenario's `until` is nothing else.
+
+        Raises:
+            AssertionError: If there is no end within the scenario's `ticks`, or a tick cannot be finished.
+        """
+        run = self._simulation.go()
+        ending = [failure for failure in failures(run) if failure.expected in ("run", "ends")]
+        _complain(run, ending)
+        return self
+
+    def tick(self, times: int = 1) -> "Simulated":
+        """Tick so many times, whether the end has come or not.
+
+        Raises:
+            Exception: Whatever a node raises.
+        """
+        for _ in range(times):
+            self._simulation.tick()
+        return self
+
+    def expect(self, **expectations: object) -> None:
+        """Compare what has happened with what a scenario's `expect` would say: `root`, `order`, `never`, `count`...
+
+        Raises:
+            AssertionError: If something does not hold, with the trace.
+            TreeError: If something is expected of a leaf that it never does.
+        """
+        run = self.run
+        document = _written({"expect": expectations})
+        said = document.hold("scenario").mapping["expect"]
+        expect = read_expectations(document, said, run.simulated, LeafWords(run.simulated))
+        document.raise_findings()
+        if "ends" not in expectations:
+            expect = replace(expect, ends=run.ended)
+        judged = replace(run, scenario=replace(run.scenario, path="", expect=expect))
+        _complain(judged, failures(judged), expect.trace)
+
+
+def _written(said: Mapping[str, object]) -> Document:
+    text = yaml.safe_dump(dict(said), allow_unicode=True, sort_keys=False, width=1000)
+    return parse_yaml(text, "script", "say what the leaves answer")
+
+
+def _complain(run: Run, missed: list[Failure], golden: Path | None = None) -> None:
+    """Raise what does not hold, with the trace."""
+    different = difference(golden, trace(run), "the trace now") if golden else None
+    if different is not None:
+        missed = [*missed, Failure("trace", different)]
+    if missed:
+        lines = [failure_line(run, failure) for failure in missed]
+        message = "\n".join([*lines, "", trace(run)])
+        raise AssertionError(message)

@@ -1,0 +1,141 @@
+"""Modules that a configuration names and that lie beside it: imported only as they were when the user trusted them.
+
+What is trusted is a path and a content: the configuration file, and every file of the packages (or the modules) that
+it names. One digest stands for all of it, and a file of that name in the user's state folder says that it was trusted;
+whatever changes, the digest is another one. Only the files that went into it are imported, from their source: a
+compiled module, which may say something else than the source beside it, is not looked at, nor is a module next to
+those that are named.
+"""
+
+import hashlib
+import os
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from importlib.abc import MetaPathFinder
+from importlib.machinery import (
+    EXTENSION_SUFFIXES,
+    SOURCE_SUFFIXES,
+    ExtensionFileLoader,
+    FileFinder,
+    ModuleSpec,
+    SourceFileLoader,
+)
+from pathlib import Path
+from types import CodeType, ModuleType
+
+from sar_compiler.errors import SarError
+
+_COMPILED = "__pycache__"
+
+
+class TrustError(SarError):
+    """Trust cannot be recorded."""
+
+
+@dataclass(frozen=True)
+class Content:
+    """What would be run for a configuration.
+
+    Attributes:
+        configuration: The configuration file.
+        packages: The names of the packages and modules beside it.
+        files: Their files.
+    """
+
+    configuration: Path
+    packages: frozenset[str]
+    files: frozenset[Path]
+
+    @classmethod
+    def of(cls, configuration: Path, modules: Iterable[str]) -> "Content":
+        """Return what would be run for a configuration that names modules.
+
+        Links to what lies elsewhere are left out, and so are not imported either.
+        """
+        packages = frozenset(module.partition(".")[0] for module in modules)
+        folder = configuration.parent
+        files = (path for name in packages if name.isidentifier() for path in _files(folder, name))
+        inside = (path for path in files if path.is_file() and path.resolve().is_relative_to(folder))
+        return cls(configuration, packages, frozenset(path for path in inside if os.access(path, os.R_OK)))
+
+    @property
+    def is_trusted(self) -> bool:
+        """Whether the user has trusted just this."""
+        return self._record.is_file()
+
+    def trust(self) -> None:
+        """Record that the user trusts this.
+
+        Raises:
+            TrustError: If that cannot be written.
+        """
+        try:
+            self._record.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            self._record.write_text(f"{self.configuration}\n", encoding="utf-8")
+        except OSError as error:
+            message = f"cannot record that {self.configuration} is trusted: {error}"
+            raise TrustError(message) from error
+
+    @property
+    def _record(self) -> Path:
+        """The file that is there if this is trusted."""
+        digest = hashlib.sha256()
+        for path in sorted((self.configuration, *self.files)):
+            digest.update(hashlib.sha256(str(path).encode()).digest())
+            digest.update(hashlib.sha256(path.read_bytes()).digest())
+        return trust_folder() / digest.hexdigest()
+
+    def make_importable(self) -> None:
+        """Let these modules be imported, before others of their names."""
+        if not any(isinstance(each, _Finder) and each.content == self for each in sys.meta_path):
+            sys.meta_path.insert(0, _Finder(self))
+
+
+def trust_folder() -> Path:
+    """Return the folder with what the user trusts: a file for each, which names the configuration."""
+    state = Path(os.environ.get("XDG_STATE_HOME", ""))
+    return (state if state.is_absolute() else Path.home() / ".local" / "state") / "sar_compiler" / "trusted"
+
+
+def _files(folder: Path, name: str) -> Iterator[Path]:
+    yield from folder.glob(f"{name}.*")
+    for inner, folders, names in os.walk(folder / name):
+        folders[:] = [each for each in folders if each != _COMPILED]
+        yield from (Path(inner, each) for each in names)
+
+
+class _Finder(MetaPathFinder):
+    """Finds the modules of a content."""
+
+    def __init__(self, content: Content) -> None:
+        self.content = content
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Return how a module is loaded; None for modules that are none of these.
+
+        Raises:
+            ModuleNotFoundError: If it was not there when the others were trusted.
+        """
+        del target
+        if fullname.partition(".")[0] not in self.content.packages:
+            return None
+        for folder in path or [str(self.content.configuration.parent)]:
+            finder = FileFinder(
+                folder, (_SourceLoader, SOURCE_SUFFIXES), (ExtensionFileLoader, EXTENSION_SUFFIXES)
+            )
+            spec = finder.find_spec(fullname)
+            # A folder without a module of its own has no origin.
+            if spec is not None and (spec.origin is None or Path(spec.origin) in self.content.files):
+                return spec
+        message = f"{fullname} is not among what is trusted"
+        raise ModuleNotFoundError(message, name=fullname)
+
+
+class _SourceLoader(SourceFileLoader):
+    def get_code(self, fullname: str) -> CodeType:
+        """Compile the source; what is compiled already is not looked at."""
+        source = self.get_filename(fullname)
+        return self.source_to_code(self.get_data(source), source)

@@ -1,0 +1,190 @@
+"""What the leaves that ask a server for something have in common, be it an action or a service."""
+
+from abc import abstractmethod
+from typing import Any, Generic, Protocol, TypeVar
+
+from py_trees.common import Status
+
+from sar_compiler.ros.leaves.errors import LeafDefinitionError, MissingNodeError
+from sar_compiler.ros.leaves.interfaces import find_interface
+from sar_compiler.ros.leaves.leaf import RosLeaf
+
+
+class Exchange(Protocol):
+    """A goal or a call: asked of a server at most once, and answered at most once.
+
+    Attributes:
+        sent: Whether the server was asked.
+        answer: What it answered in the end; None until then.
+        trouble: Why there will be no answer; empty if there may be one.
+    """
+
+    sent: bool
+    answer: Any
+    trouble: str
+
+    def advance(self) -> None:
+        """Do what can be done now: ask, or see whether a deadline has passed."""
+
+    def abandon(self) -> None:
+        """Give it up: what the server still answers is ignored."""
+
+
+E = TypeVar("E", bound=Exchange)
+
+
+class ClientLeaf(RosLeaf, Generic[E]):
+    """A leaf that asks a server once in each activation, without ever waiting.
+
+    Its verdict, once reached, stays until the next activation.
+
+    Args:
+        name: The leaf's name in the tree.
+
+    Attributes:
+        server_timeout_sec: How long to wait for a server, seconds of the steady clock.
+    """
+
+    server_timeout_sec: float = 10.0
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self._interface: Any = None
+        self._exchange: E | None = None
+        self._verdict = Status.INVALID
+        self._complaints: set[str] = set()
+
+    @property
+    def interface(self) -> Any:
+        """The Python class of the action or service.
+
+        Raises:
+            MissingNodeError: If the leaf was not set up, or has been shut down.
+        """
+        self._require_setup()
+        return self._interface
+
+    def setup(self, **kwargs: Any) -> None:
+        """Make the client; does not wait for a server.
+
+        Args:
+            **kwargs: `node` and optionally `wake`, see `RosLeaf`.
+
+        Raises:
+            LeafDefinitionError: If the class does not say whom to ask, or the type is not installed.
+        """
+        self.shutdown()
+        super().setup(**kwargs)
+        self._interface = find_interface(type(self).__name__, *self._server())
+        self._connect()
+
+    def initialise(self) -> None:
+        """Ask once; what the last activation asked is given up."""
+        self._drop()
+        self._verdict = self._begin()
+
+    def update(self) -> Status:
+        """Return how it stands: RUNNING until there is an answer or a failure."""
+        if self._verdict is Status.RUNNING:
+            self._verdict = self._begin() if self._exchange is None else self._progress(self._exchange)
+        return self._verdict
+
+    def terminate(self, new_status: Status) -> None:
+        """Give up what is under way if the leaf was interrupted."""
+        if new_status is Status.INVALID:
+            self._drop()
+
+    def shutdown(self) -> None:
+        """Give up what is under way, and let go of the node."""
+        self._drop()
+        self._interface = None
+        super().shutdown()
+
+    def complain(self, text: str) -> None:
+        """Log a warning, and keep it as the feedback message.
+
+        A tree may try again at every tick: the same warning is logged once until the server has answered.
+        """
+        self.feedback_message = text
+        if text not in self._complaints:
+            self._complaints.add(text)
+            super().complain(text)
+
+    def on_send(self) -> None:
+        """Do something just before the server is asked, such as writing a line of the log."""
+
+    def on_failure(self, reason: str) -> Status:
+        """Return the verdict where there is no answer, or a bad one: FAILURE, with a warning in the log.
+
+        Args:
+            reason: Why: no server, no answer in time, a goal that was rejected or aborted.
+        """
+        self.complain(f"'{self.name}' failed: {reason}")
+        return Status.FAILURE
+
+    @abstractmethod
+    def _server(self) -> tuple[str, str, Any]:
+        """Return the kind of interface (`action`, `srv`), the server's name, and its type."""
+
+    @abstractmethod
+    def _connect(self) -> None:
+        """Make the client."""
+
+    @abstractmethod
+    def _message(self) -> Any:
+        """Return what to send, or a status to send nothing and have that verdict."""
+
+    @abstractmethod
+    def _open(self, message: Any) -> E:
+        """Return an exchange for a message."""
+
+    @abstractmethod
+    def _conclude(self, answer: Any) -> Status:
+        """Return what an answer means; RUNNING to ask once more."""
+
+    def _require_setup(self) -> None:
+        if self._interface is None:
+            raise MissingNodeError(self.name, type(self).__name__)
+
+    def _begin(self) -> Status:
+        self._exchange = None
+        self._require_setup()
+        message = self._message()
+        if isinstance(message, Status):
+            return message
+        kind, name, _ = self._server()
+        wanted = "Goal" if kind == "action" else "Request"
+        if not isinstance(message, getattr(self.interface, wanted)):
+            said = f"{type(self).__name__}.{wanted.lower()}() returned {message!r}"
+            text = f"{said}; return an interface.{wanted}, or a Status to send none"
+            raise LeafDefinitionError(text)
+        self._exchange = self._open(message)
+        self._exchange.advance()
+        if not self._exchange.sent and not self._exchange.trouble:
+            self.feedback_message = f"waiting for a server of '{name}'"
+            self.say(f"Waiting for the {'service' if kind == 'srv' else 'action server'} {name}...")
+        return Status.RUNNING
+
+    def _progress(self, exchange: E) -> Status:
+        exchange.advance()
+        if exchange.trouble:
+            return self.on_failure(self._explain(exchange))
+        if exchange.answer is None:
+            return Status.RUNNING
+        self.feedback_message = ""
+        status = self._conclude(exchange.answer)
+        return self._begin() if status is Status.RUNNING else status
+
+    def _explain(self, exchange: E) -> str:
+        return exchange.trouble
+
+    def _announce(self) -> None:
+        self.feedback_message = f"waiting for '{self._server()[1]}'"
+        self.on_send()
+
+    def _drop(self) -> None:
+        if self._exchange is not None:
+            self._exchange.abandon()
+            self._exchange = None
+        if self._verdict is Status.RUNNING:
+            self._verdict = Status.FAILURE

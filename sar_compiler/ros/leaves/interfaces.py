@@ -1,0 +1,83 @@
+"""The names, types and quality of service by which a leaf's class says what it talks to."""
+
+import difflib
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from sar_compiler.ros.leaves.errors import LeafDefinitionError
+
+if TYPE_CHECKING:
+    from rclpy.qos import QoSProfile
+
+_QOS = {
+    "sensor_data": ("best_effort", "volatile"),
+    "reliable": ("reliable", "volatile"),
+    "transient_local": ("reliable", "transient_local"),
+}
+_WORDS = {"action": "action", "srv": "service", "msg": "topic"}
+
+
+def find_interface(owner: str, kind: str, name: str, written: Any) -> Any:
+    """Return the Python class of an action, a service or a message.
+
+    Args:
+        owner: The class of the leaf, for messages.
+        kind: `action`, `srv` or `msg`.
+        name: The name of what has the type: it must be there too.
+        written: The type: a text such as `nav2_msgs/action/NavigateToPose`, which needs no ROS until now, or
+            the Python class itself.
+
+    Raises:
+        LeafDefinitionError: If name or type is missing, or the type is not installed.
+    """
+    word = _WORDS[kind]
+    if not name or not written:
+        missing = f"{word}_type" if name else f"{word}_name"
+        message = f"{owner} has no {missing}; set it on the class, or in the constructor"
+        raise LeafDefinitionError(message)
+    if not isinstance(written, str):
+        return written
+    package, _, cls = written.partition(f"/{kind}/")
+    if not (package.isidentifier() and cls.isidentifier()):
+        message = f"{owner}: {word}_type is '{written}'; write it as 'package/{kind}/Name'"
+        raise LeafDefinitionError(message)
+    return _imported(owner, written, package, kind, cls)
+
+
+def qos_profile(owner: str, written: Any) -> "QoSProfile":
+    """Return the quality of service of a subscription of which the latest message counts.
+
+    Args:
+        owner: The class of the leaf, for messages.
+        written: `sensor_data`, `reliable`, `transient_local`, or an rclpy `QoSProfile`.
+
+    Raises:
+        LeafDefinitionError: If it is another text.
+    """
+    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+    if not isinstance(written, str):
+        return written
+    if written not in _QOS:
+        message = f"{owner}: qos is '{written}'; write one of {', '.join(_QOS)}, or an rclpy QoSProfile"
+        raise LeafDefinitionError(message)
+    reliability, durability = _QOS[written]
+    return QoSProfile(
+        depth=1,
+        reliability=ReliabilityPolicy.get_from_short_key(reliability),
+        durability=DurabilityPolicy.get_from_short_key(durability),
+    )
+
+
+def _imported(owner: str, written: str, package: str, kind: str, cls: str) -> Any:
+    try:
+        module = import_module(f"{package}.{kind}")
+    except ImportError as error:
+        message = f"{owner}: {written} cannot be imported ({error}); is its package built, and its workspace sourced?"
+        raise LeafDefinitionError(message) from error
+    if hasattr(module, cls):
+        return getattr(module, cls)
+    near = difflib.get_close_matches(cls, dir(module), 1)
+    hint = f"; did you mean '{package}/{kind}/{near[0]}'?" if near else ""
+    message = f"{owner}: there is no {written}{hint}"
+    raise LeafDefinitionError(message)

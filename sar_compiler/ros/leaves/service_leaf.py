@@ -1,0 +1,187 @@
+"""A call of a ROS service: the leaf to derive from, and one call, without ever waiting."""
+
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, cast
+
+from py_trees.common import Status
+
+from sar_compiler.ros.leaves.client_leaf import ClientLeaf
+from sar_compiler.ros.leaves.deadline import Deadline
+from sar_compiler.ros.leaves.leaf import alive
+
+if TYPE_CHECKING:
+    from rclpy.client import Client
+    from rclpy.task import Future
+
+
+class ServiceCall:
+    """One request, sent at most once, and its answer.
+
+    Args:
+        client: The service's client.
+        request: The request to send.
+        server_sec: How long to wait for a server, seconds of the steady clock.
+        answer_sec: How long to wait for the answer, from the request on.
+        on_sending: Called just before the request is sent.
+        on_answer: Called with the answer when it arrives; not any more once the call was given up.
+
+    Attributes:
+        sent, answer, trouble: As of every `client_leaf.Exchange`.
+    """
+
+    def __init__(
+        self,
+        client: "Client",
+        request: Any,
+        server_sec: float,
+        answer_sec: float,
+        on_sending: Callable[[], None],
+        on_answer: Callable[[Any], None],
+    ) -> None:
+        self.sent = False
+        self.answer: Any = None
+        self.trouble = ""
+        self._client = client
+        self._request = request
+        self._server_sec = server_sec
+        self._answer_sec = answer_sec
+        self._on_sending = on_sending
+        self._on_answer = on_answer
+        self._deadline = Deadline(server_sec)
+        self._future: Future | None = None
+        self._abandoned = False
+
+    def advance(self) -> None:
+        """Do what can be done now: send the request, or see whether a deadline has passed."""
+        if self._abandoned or self.answer is not None:
+            return
+        if self._future is None:
+            self._send_or_wait()
+        elif self._deadline.passed:
+            self._give_up(
+                f"no answer within {self._answer_sec:g} s; "
+                f"is the server of '{self._client.srv_name}' alive and not overloaded?"
+            )
+
+    def abandon(self) -> None:
+        """Give the call up: an answer that is still to come is ignored."""
+        self._abandoned = True
+        if self._future is not None:
+            # Without this the client would wait for the answer, and keep the request, for good.
+            self._client.remove_pending_request(self._future)
+
+    def _send_or_wait(self) -> None:
+        if self._client.context.ok() and self._client.service_is_ready():
+            # Sent to nobody, a request would be lost: it is not delivered to a server that appears later.
+            self._on_sending()
+            self.sent = True
+            self._deadline = Deadline(self._answer_sec)
+            self._future = self._client.call_async(self._request)
+            self._future.add_done_callback(self._take)
+        elif self._deadline.passed:
+            self._give_up(
+                f"no server for the service '{self._client.srv_name}' within {self._server_sec:g} s; "
+                "is it running, and in this namespace?"
+            )
+
+    def _give_up(self, trouble: str) -> None:
+        self.abandon()
+        self.trouble = trouble
+
+    def _take(self, future: "Future") -> None:
+        # The answer may have been on its way to this callback when the call was given up.
+        if not self._abandoned:
+            self.answer = future.result()
+            self._on_answer(self.answer)
+
+
+class ServiceLeaf(ClientLeaf[ServiceCall]):
+    """A leaf that makes one call of a service in each activation; RUNNING until the answer comes.
+
+    A subclass has the attributes `service_type` and `service_name`, of the class or set by its constructor, and
+    the methods `request` and, where the answer says more than that it came, `on_response`.
+
+    Args:
+        name: The leaf's name in the tree.
+
+    Attributes:
+        service_type: `"package/srv/Name"`, or the Python class.
+        service_name: The service's (relative) name.
+        server_timeout_sec: How long to wait for a server, seconds of the steady clock.
+        timeout_sec: How long to wait for the answer, seconds of the steady clock.
+        interface: The Python class of the service, once the leaf is set up.
+
+    Example:
+        A leaf that opens the gripper, FAILURE if the server says so::
+
+            class OpenGripper(ServiceLeaf):
+                service_type = "std_srvs/srv/Trigger"
+                service_name = "gripper/open"
+
+                def request(self) -> Any:
+                    return self.interface.Request()
+    """
+
+    service_type: Any = None
+    service_name: str = ""
+    timeout_sec: float = 5.0
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self._client: Client | None = None
+
+    @abstractmethod
+    def request(self) -> Any:
+        """Return the request, an `interface.Request`.
+
+        Or a `Status`, to ask nothing: SUCCESS and FAILURE end the leaf, with RUNNING this is called again at the
+        next tick.
+        """
+
+    def on_response(self, response: Any) -> Status:
+        """Return what the answer means; with RUNNING the service is called again, with a new `request`.
+
+        By default SUCCESS, and FAILURE where a field `success` of the response, as std_srvs has it, is false.
+        """
+        if getattr(response, "success", True):
+            return Status.SUCCESS
+        return self.on_failure(getattr(response, "message", "") or "the server says that it did not succeed")
+
+    def is_good_news(self, response: Any) -> bool:
+        """Return whether the tree is ticked at once because of an answer, instead of at the next period.
+
+        A tree may ask again as soon as it has got a bad one, and would do so as fast as the machine can.
+        """
+        return bool(getattr(response, "success", True))
+
+    def shutdown(self) -> None:
+        """Give the call up and release the client; where the node is gone, so is the client."""
+        self._drop()
+        if self._client is not None:
+            if alive(self.node):
+                self.node.destroy_client(self._client)
+            self._client = None
+        super().shutdown()
+
+    def _server(self) -> tuple[str, str, Any]:
+        return "srv", self.service_name, self.service_type
+
+    def _connect(self) -> None:
+        self._client = self.node.create_client(self.interface, self.service_name)
+
+    def _message(self) -> Any:
+        return self.request()
+
+    def _open(self, message: Any) -> ServiceCall:
+        timeouts = self.server_timeout_sec, self.timeout_sec
+        client = cast("Client", self._client)
+        return ServiceCall(client, message, *timeouts, self._announce, self._hear)
+
+    def _conclude(self, answer: Any) -> Status:
+        return self.on_response(answer)
+
+    def _hear(self, answer: Any) -> None:
+        self._complaints.clear()
+        if self.is_good_news(answer):
+            self._wake()

@@ -1,0 +1,268 @@
+"""Reading a node's parameters: what is wrong is collected, with the names of the keys; without ROS.
+
+The keys are those of a ROS node, flat and relative: `zones.zone_a.x`, `base_station.yaw`, `zone_order`.
+Lengths are in metres, angles in radians, in the frame `map`.
+"""
+
+import math
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any
+
+from sar_compiler.errors import SarError
+
+_POSE = ("x", "y", "yaw")
+
+# What every node of ROS has.
+_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
+# How alike two names must be, from 0 to 1, for one to be a slip of the other.
+_ALIKE = 0.8
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One mistake in the parameters.
+
+    Attributes:
+        key: The parameter, such as `zones.zone_a.x`.
+        text: What is wrong with it.
+    """
+
+    key: str
+    text: str
+
+    def __str__(self) -> str:
+        """Return the key and what is wrong."""
+        return f"{self.key}: {self.text}"
+
+
+class ParameterError(SarError):
+    """Parameters that a mission cannot start with.
+
+    Attributes:
+        problems: Every mistake that was found, in the order of the keys' reading.
+    """
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems = tuple(problems)
+        if len(self.problems) == 1:
+            message = f"parameter {self.problems[0]}"
+        else:
+            lines = "".join(f"\n  {problem}" for problem in self.problems)
+            message = f"{len(self.problems)} mistakes in the parameters:{lines}"
+        super().__init__(message)
+
+
+def lookalikes(given: Iterable[str], read: Iterable[str]) -> list[str]:
+    """Say which parameters are nearly, and not quite, ones that are read.
+
+    Args:
+        given: The flat names of a node's parameters. Those that are like nothing are others' business.
+        read: The names that are, beside ROS's own; of a group, such as `zones`, the first part.
+
+    Returns:
+        A note for each slip, with the name that was probably meant.
+    """
+    known = sorted({*read, *_ROS})
+    plain = [name for name in known if "." not in name]
+    notes: dict[str, None] = {}
+    for name in given:
+        first = name.partition(".")[0]
+        if name in known or first in known:
+            continue
+        for written, names in ((name, known), (first, plain)):
+            near = get_close_matches(written.lower(), names, 1, _ALIKE)
+            if near:
+                notes[f"parameter '{written}' is not read; did you mean '{near[0]}'?"] = None
+                break
+    return list(notes)
+
+
+class ParameterReader:
+    """Reads values and collects what is wrong with them; a bad value is read as 0, and reading continues.
+
+    Args:
+        parameters: A node's parameters by flat name. Names that nobody reads are others' business.
+        elsewhere: Where parameters were given that have not come here
+            (`parameter_file.sections_elsewhere`), to be said where a list of places is missing.
+
+    Attributes:
+        parameters: The parameters.
+        problems: Every mistake found so far.
+        notes: What is no mistake but may surprise, such as a zone that is never visited.
+    """
+
+    def __init__(self, parameters: Mapping[str, object], elsewhere: str = "") -> None:
+        self.parameters = parameters
+        self.problems: list[Problem] = []
+        self.notes: list[str] = []
+        self._elsewhere = elsewhere
+
+    def report(self, key: str, text: str) -> None:
+        """Note a mistake in a parameter."""
+        self.problems.append(Problem(key, text))
+
+    def group(self, prefix: str, allowed: tuple[str, ...]) -> dict[str, set[str]]:
+        """Return, of `<prefix>.<id>.<name>`, the names by id; anything else there is a mistake."""
+        groups: dict[str, set[str]] = {}
+        pattern = f"{prefix}.<id>.{{{','.join(allowed)}}}"
+        for key in self.parameters:
+            if key != prefix and not key.startswith(f"{prefix}."):
+                continue
+            member, _, name = key[len(prefix) + 1 :].rpartition(".")
+            if not member or not name:
+                self.report(key, f"is not of the form {pattern}")
+                continue
+            groups.setdefault(member, set()).add(name)
+            if name not in allowed:
+                self.report(key, f"is not known there; {_did_you_mean(name, allowed)}")
+        return groups
+
+    def places(self, noun: str) -> list[dict[str, Any]]:
+        """Read poses that are visited in an order: for `zone`, `zone_order` and `zones.<id>.{x,y,yaw}`.
+
+        Args:
+            noun: What one of them is called.
+
+        Returns:
+            Each with `id`, `x`, `y` (m) and `yaw` (rad), in the order of their visits.
+        """
+        groups = self.group(f"{noun}s", _POSE)
+        order = self._order(noun, groups)
+        self.notes += [
+            f"{noun}s.{name} is not in {noun}_order and is never visited"
+            for name in groups
+            if name not in order
+        ]
+        return [{"id": name, **self.point(f"{noun}s.{name}", _POSE, groups[name])} for name in order]
+
+    def point(self, prefix: str, names: Iterable[str], present: Collection[str]) -> dict[str, float]:
+        """Read coordinates that must all be given.
+
+        Args:
+            prefix: What stands before their names.
+            names: The coordinates, such as `x` and `y`.
+            present: Those that are given.
+        """
+        return {name: self._coordinate(f"{prefix}.{name}", given=name in present) for name in names}
+
+    def _order(self, noun: str, known: Collection[str]) -> list[str]:
+        """Return the ids to visit, each once and known."""
+        key, allowed = f"{noun}_order", f"must be a list of {noun} ids"
+        example = f': give the {noun}s to visit, for instance {key}: ["{noun}_a", "{noun}_b"]'
+        if key not in self.parameters:
+            near = get_close_matches(key, self.parameters, 1, 0.75)
+            hint = f" (is '{near[0]}' meant to be it?)" if near else ""
+            place = f" ({self._elsewhere})" if self._elsewhere else ""
+            self.report(key, f"is missing{hint}{example}{place}")
+            return []
+        value = self.parameters[key]
+        if isinstance(value, str | bytes) or not isinstance(value, Iterable):
+            self.report(key, f"{allowed}, is {_shown(value)}")
+            return []
+        entries = list(value)
+        if not entries:
+            self.report(key, f"is empty{example}")
+        order: list[str] = []
+        for entry in entries:
+            if not isinstance(entry, str) or not entry:
+                self.report(key, f"{allowed} (text), holds {_shown(entry)}")
+            elif entry in order:
+                self.report(key, f"names '{entry}' more than once")
+            else:
+                order.append(entry)
+        return [name for name in order if self._has_pose(noun, name, known)]
+
+    def _has_pose(self, noun: str, name: str, known: Collection[str]) -> bool:
+        if name in known:
+            return True
+        near = get_close_matches(name, known, 1)
+        hint = f"; did you mean '{near[0]}'?" if near else ""
+        missing = f"names '{name}', which has no pose: give {noun}s.{name}.x, .y and .yaw{hint}"
+        self.report(f"{noun}_order", missing)
+        return False
+
+    def _coordinate(self, key: str, *, given: bool) -> float:
+        if given:
+            return self.number(key)
+        self.report(key, "is missing: give a number")
+        return 0.0
+
+    def pose(self, prefix: str) -> dict[str, float]:
+        """Return the one pose `<prefix>.{x,y,yaw}`; what is not given is 0."""
+        for key in self.parameters:
+            if key == prefix:
+                self.report(key, f"must hold x, y and yaw, is {_shown(self.parameters[key])}")
+            elif key.startswith(f"{prefix}.") and key.partition(".")[2] not in _POSE:
+                self.report(key, f"is not known there; {_did_you_mean(key.partition('.')[2], _POSE)}")
+        keys = {name: f"{prefix}.{name}" for name in _POSE}
+        return {name: self.number(key) if key in self.parameters else 0.0 for name, key in keys.items()}
+
+    def number(self, key: str) -> float:
+        """Return a finite number."""
+        value = self.parameters[key]
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            self.report(key, f"must be a number, is {_shown(value)}{_unquoted(value)}")
+            return 0.0
+        number = float(value)
+        if not math.isfinite(number):
+            self.report(key, f"must be a finite number, is {number}")
+            return 0.0
+        return number
+
+    def complain(self) -> None:
+        """Raise all that was found wrong, if anything was.
+
+        Raises:
+            ParameterError: With every mistake.
+        """
+        if self.problems:
+            raise ParameterError(self.problems)
+
+    def duration(self, key: str, default: float) -> float:
+        """Return a time span above 0, in seconds."""
+        before = len(self.problems)
+        seconds = self.number(key) if key in self.parameters else default
+        if seconds <= 0 and key in self.parameters and len(self.problems) == before:
+            self.report(key, f"must be above 0, is {seconds:g}")
+        return seconds
+
+    def switch(self, key: str, *, default: bool) -> bool:
+        """Return a truth value."""
+        value = self.parameters.get(key, default)
+        if isinstance(value, bool):
+            return value
+        self.report(key, f"must be true or false, is {_shown(value)}")
+        return default
+
+
+def _shown(value: object) -> str:
+    """Return a value with the kind of thing it is."""
+    if isinstance(value, str):
+        return f"the text '{value}'"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if value is None:
+        return "nothing"
+    if isinstance(value, Iterable):
+        return f"the list {list(value)}"
+    return f"the number {value}" if isinstance(value, int | float) else repr(value)
+
+
+def _unquoted(value: object) -> str:
+    """Return advice for a text that would be a number without its quotes."""
+    if not isinstance(value, str):
+        return ""
+    try:
+        float(value)
+    except ValueError:
+        return ""
+    return " (write it without quotes)"
+
+
+def _did_you_mean(name: str, allowed: tuple[str, ...]) -> str:
+    near = get_close_matches(name.lower(), allowed, 1, 0.5)
+    if near:
+        return f"did you mean '{near[0]}'?"
+    return f"there may be {', '.join(allowed)}"

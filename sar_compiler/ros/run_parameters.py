@@ -1,0 +1,51 @@
+"""How a tree of any kind is run, as its node's parameters say; without ROS."""
+
+from dataclasses import dataclass, fields
+
+from sar_compiler.ros.parameter_reader import ParameterReader
+
+# What a timer can do and a tick can keep up with; outside of it is a slip of the pen.
+_FASTEST_TICK_HZ = 1000.0
+_SLOWEST_TICK_HZ = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunParameters:
+    """How a tree of any kind is run.
+
+    Attributes:
+        tick_rate_hz: How often the tree is ticked at least.
+        set_initial_pose: Whether the localisation is told where the robot stands before the start.
+        initial_pose: Where that is: x, y (m), yaw (rad), in the frame `map`.
+        startup_timeout_sec: How long to wait before the first tick for what the tree needs.
+        time_limit_sec: How long the run may take, on the node's clock; None for as long as it takes.
+    """
+
+    tick_rate_hz: float = 2.0
+    set_initial_pose: bool = True
+    initial_pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    startup_timeout_sec: float = 60.0
+    time_limit_sec: float | None = None
+
+
+RUN_PARAMETER_NAMES = tuple(field.name for field in fields(RunParameters))
+
+
+def read_run(reader: ParameterReader) -> RunParameters:
+    """Read how a tree is run; what is not given has its default, and mistakes stay with the reader."""
+    limit, start = "time_limit_sec", reader.pose("initial_pose")
+    return RunParameters(
+        tick_rate_hz=_rate(reader, "tick_rate_hz", RunParameters.tick_rate_hz),
+        set_initial_pose=reader.switch("set_initial_pose", default=RunParameters.set_initial_pose),
+        initial_pose=(start["x"], start["y"], start["yaw"]),
+        startup_timeout_sec=reader.duration("startup_timeout_sec", RunParameters.startup_timeout_sec),
+        time_limit_sec=reader.duration(limit, 0.0) if limit in reader.parameters else None,
+    )
+
+
+def _rate(reader: ParameterReader, key: str, default: float) -> float:
+    before = len(reader.problems)
+    rate = reader.duration(key, default)
+    if len(reader.problems) == before and not _SLOWEST_TICK_HZ <= rate <= _FASTEST_TICK_HZ:
+        reader.report(key, f"must be between {_SLOWEST_TICK_HZ:g} and {_FASTEST_TICK_HZ:g}, is {rate:g}")
+    return rate

@@ -1,0 +1,26 @@
+"""The optional interface between a leaf and the runner of its tree.
+
+A leaf is an ordinary py_trees behaviour. A runner passes these keyword arguments to `setup`:
+
+* `node`: the rclpy node that the leaf makes its clients and publishers with;
+* `wake`: a `Wake`, to be called (from the runner's own thread) when there is good news, so that the
+  tree is ticked at once instead of at the next period.
+"""
+
+from collections.abc import Callable
+from typing import Protocol, runtime_checkable
+
+Wake = Callable[[], None]
+
+
+def stay_asleep() -> None:
+    """Do nothing: the `Wake` of a runner that has none."""
+
+
+@runtime_checkable
+class Settling(Protocol):
+    """A leaf that may leave something in the world after it was stopped, such as a cancel under way."""
+
+    def settled(self) -> bool:
+        """Return whether nothing of the leaf is under way any more; called after the tree was stopped."""
+        ...

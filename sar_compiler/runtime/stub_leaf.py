@@ -1,0 +1,205 @@
+"""A leaf that answers what a policy chooses, in place of a real one where there is no robot.
+
+It has no state of its own but py_trees' status. What the answers change are facts: entries of a board beside the
+tree's, so that scripts and snapshots work on them as on any entry.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple, Protocol
+
+from py_trees.common import Status
+
+from sar_compiler.errors import SarError
+from sar_compiler.runtime.answers import Answer, nominal
+from sar_compiler.runtime.blackboard import Scope
+from sar_compiler.runtime.enums import Enums
+from sar_compiler.runtime.evaluation import EvaluationError, Program
+from sar_compiler.runtime.script import parse
+from sar_compiler.runtime.scripting import ScopeVariables
+from sar_compiler.runtime.skipping import SKIPPED, SkippableLeaf
+from sar_compiler.runtime.variables import ScriptValue, Variables
+
+STATUSES: Mapping[str, Status] = {
+    "SUCCESS": Status.SUCCESS,
+    "FAILURE": Status.FAILURE,
+    "RUNNING": Status.RUNNING,
+    "SKIPPED": SKIPPED,
+}
+"""The return value of `update` for the status of an answer."""
+
+STARTED = "started"
+ANSWERED = "answered"
+HALTED = "halted"
+
+
+class StubLeafError(SarError):
+    """A leaf cannot answer: none of its answers is possible, or a script of one cannot be run.
+
+    Attributes:
+        leaf: The leaf's name.
+    """
+
+    def __init__(self, leaf: str, message: str) -> None:
+        super().__init__(message)
+        self.leaf = leaf
+
+
+class OutcomePolicy(Protocol):
+    """Decides what leaves answer."""
+
+    def choose(self, leaf: "StubLeaf", options: Sequence[Answer]) -> Answer:
+        """Return the answer of this tick, one of those that are possible now."""
+        ...
+
+
+class NominalPolicy:
+    """Chooses the usual answers."""
+
+    def choose(self, leaf: "StubLeaf", options: Sequence[Answer]) -> Answer:  # noqa: ARG002 - as the protocol has it
+        """Return the first possible answer that is not RUNNING."""
+        return nominal(options)
+
+
+class Event(NamedTuple):
+    """Something that a leaf did.
+
+    Attributes:
+        leaf: The leaf.
+        what: `STARTED`, `ANSWERED` or `HALTED`.
+        answer: For `ANSWERED`: what it answered.
+    """
+
+    leaf: "StubLeaf"
+    what: str
+    answer: Answer | None = None
+
+
+class FactVariables:
+    """Facts, as a script's variables; a name that is no fact is a key of the tree.
+
+    Args:
+        facts: The facts.
+        keys: The keys of the tree that the leaf stands in.
+        enums: The names that stand for numbers.
+    """
+
+    def __init__(self, facts: Scope, keys: Scope, enums: Enums) -> None:
+        self._scope = facts
+        self._facts = ScopeVariables(facts, enums)
+        self._keys = ScopeVariables(keys, enums)
+        self._known: dict[str, Variables] = {}
+
+    def read(self, name: str) -> ScriptValue:
+        """Return the value; raises as `Variables` says."""
+        return self._of(name).read(name)
+
+    def create(self, name: str, value: ScriptValue) -> ScriptValue:
+        """Write the value, which makes a key of the tree if there is neither fact nor key; raises likewise."""
+        return self._of(name).create(name, value)
+
+    def assign(self, name: str, value: ScriptValue) -> ScriptValue:
+        """Write the value of what is there; raises likewise."""
+        return self._of(name).assign(name, value)
+
+    def _of(self, name: str) -> Variables:
+        known = self._known.get(name)
+        if known is None:
+            # Which names are facts is settled before the first tick.
+            is_fact = self._scope.resolve(name).exists
+            known = self._known[name] = self._facts if is_fact else self._keys
+        return known
+
+
+class StubLeaf(SkippableLeaf):
+    """Answers what an outcome policy takes of the answers that are possible.
+
+    Args:
+        name: The node's name.
+        tag: The tag of the leaf that it stands for.
+        answers: What that leaf can answer; no placeholders are left in the scripts.
+        variables: What the scripts read and write.
+        enums: The names that stand for numbers.
+
+    Attributes:
+        tag: The tag of the leaf that it stands for.
+        answers: What it can answer.
+        path: The names of the nodes around it, from the root down, and its own.
+        policy: Decides what it answers.
+        events: What it does is noted here; shared by the leaves of a tree.
+    """
+
+    def __init__(
+        self, name: str, tag: str, answers: Sequence[Answer], variables: Variables, enums: Enums
+    ) -> None:
+        super().__init__(name)
+        self.tag = tag
+        self.answers = tuple(answers)
+        self.path: tuple[str, ...] = (name,)
+        self.policy: OutcomePolicy = NominalPolicy()
+        self.events: list[Event] = []
+        self._variables = variables
+        self._conditions = {a: Program(parse(a.when), enums.numbers) for a in self.answers if a.when}
+        self._effects = {a: Program(parse(a.then), enums.numbers) for a in self.answers if a.then}
+
+    def options(self) -> tuple[Answer, ...]:
+        """Return the answers that are possible now.
+
+        Raises:
+            StubLeafError: If there is none, or a condition cannot be evaluated.
+        """
+        if not self._conditions:
+            return self.answers
+        possible = tuple(answer for answer in self.answers if self._is_possible(answer))
+        if not possible:
+            conditions = "; ".join(f"'{answer.name}' when {answer.when}" for answer in self.answers)
+            message = f"'{self.name}' ({self.tag}) has no answer that is possible now: {conditions}"
+            raise StubLeafError(self.name, message)
+        return possible
+
+    def change(self, answer: Answer) -> None:
+        """Change what an answer changes.
+
+        Raises:
+            StubLeafError: If its script cannot be run.
+        """
+        effect = self._effects.get(answer)
+        if effect is not None:
+            try:
+                effect.run(self._variables)
+            except EvaluationError as error:
+                raise self._unusable(answer, "then", answer.then, error) from error
+
+    def initialise(self) -> None:
+        """Note the start."""
+        self.events.append(Event(self, STARTED))
+
+    def update(self) -> Status:
+        """Answer what the policy takes, and change the facts accordingly.
+
+        Raises:
+            StubLeafError: If no answer is possible, or a script cannot be run.
+        """
+        answer = self.policy.choose(self, self.options())
+        self.events.append(Event(self, ANSWERED, answer))
+        self.change(answer)
+        self.feedback_message = answer.name
+        return STATUSES[answer.status]
+
+    def terminate(self, new_status: Status) -> None:
+        """Note an interruption."""
+        if new_status is Status.INVALID and self.status is Status.RUNNING:
+            self.events.append(Event(self, HALTED))
+
+    def _is_possible(self, answer: Answer) -> bool:
+        condition = self._conditions.get(answer)
+        if condition is None:
+            return True
+        try:
+            return condition.holds(self._variables)
+        except EvaluationError as error:
+            raise self._unusable(answer, "when", answer.when, error) from error
+
+    def _unusable(self, answer: Answer, part: str, script: str, error: EvaluationError) -> StubLeafError:
+        hint = f"; {error.hint}" if error.hint else ""
+        message = f"'{self.name}' ({self.tag}), answer '{answer.name}': {part} '{script}': {error}{hint}"
+        return StubLeafError(self.name, message)

@@ -1,0 +1,23 @@
+"""The names that a tag or an attribute can have, in every form: those of XML."""
+
+import functools
+import re
+from xml.parsers import expat
+
+_NAME = re.compile(r"[A-Za-z_:][A-Za-z0-9_:.\-]*")
+_PERHAPS = re.compile(r"[A-Za-z0-9_:.\-\u0080-\U0010ffff]+")
+
+
+@functools.lru_cache(maxsize=1024)
+def is_name(text: str) -> bool:
+    """Return whether a text can be the name of a tag or an attribute."""
+    if _NAME.fullmatch(text):
+        return True
+    if text.isascii() or not _PERHAPS.fullmatch(text):
+        return False
+    # Which letters of the world XML allows, expat knows.
+    try:
+        expat.ParserCreate(encoding="utf-8").Parse(f"<{text}/>".encode("utf-8", "surrogatepass"), True)  # noqa: FBT003
+    except expat.ExpatError:
+        return False
+    return True

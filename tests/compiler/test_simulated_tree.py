@@ -1,0 +1,295 @@
+"""A tree as it flies, but with leaves that answer what is chosen."""
+
+import pytest
+from py_trees import behaviours, composites
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+from py_trees.decorators import Decorator
+
+from sar_compiler.compiler import bind_main
+from sar_compiler.compiler.simulated_tree import Assumptions, compile_simulated, fits
+from sar_compiler.nodes import Answer, Kind, register
+from sar_compiler.nodes.register import MARK
+from sar_compiler.nodes.registry import Registry, default_registry
+from sar_compiler.runtime import controls, decorators
+from sar_compiler.runtime.stub_leaf import StubLeaf
+from sar_compiler.runtime.timers import Sleep
+from sar_compiler.tree.diagnostic import TreeError
+from tests.nodes.leaves import Radio
+from tests.trees import document, forest, forest_of
+
+PATROL = """
+<Sequence name="Patrol">
+  <ZonesRemaining name="ZonesRemaining?"/>
+  <NavigateToZone/>
+  <DetectSurvivor/>
+  <IsSurvivorDetected name="IsSurvivorDetected?"/>
+  <AdvanceZone/>
+</Sequence>
+"""
+
+
+def simulated_tree(body, parameters=None, registry=None, **assumed):
+    return simulated_file(document(body), parameters, registry, **assumed)
+
+
+def simulated_file(text, parameters=None, registry=None, **assumed):
+    binding = bind_main(forest_of(text), registry or default_registry())
+    return compile_simulated(binding, parameters or {}, Assumptions(**assumed))
+
+
+def answers_of(simulated, name):
+    return [leaf.answers for leaf in simulated.leaves if leaf.name == name]
+
+
+def test_leaves_of_a_mission_answer_and_their_node_ros_is_not_asked_for():
+    simulated = simulated_tree(PATROL)
+    assert [leaf.tag for leaf in simulated.leaves] == [
+        "ZonesRemaining",
+        "NavigateToZone",
+        "DetectSurvivor",
+        "IsSurvivorDetected",
+        "AdvanceZone",
+    ]
+    assert type(simulated.root) is composites.Sequence
+
+
+def test_leaves_of_the_language_are_the_real_ones():
+    simulated = simulated_tree('<Sequence><Script code="a := 1"/><Success/><Sleep msec="500"/></Sequence>')
+    assert simulated.leaves == ()
+    assert isinstance(simulated.root.children[1], behaviours.Success)
+    assert isinstance(simulated.root.children[2], Sleep)
+
+
+def test_a_leaf_that_answers_by_chance_answers_what_is_chosen():
+    (leaf,) = simulated_tree("<ProbabilisticBehaviour/>").leaves
+    assert [answer.status for answer in leaf.answers] == ["SUCCESS", "FAILURE", "RUNNING"]
+
+
+def test_durations_are_measured_with_a_clock_that_is_moved_by_hand():
+    simulated = simulated_tree('<Sleep msec="60000"/>')
+    simulated.root.tick_once()
+    assert simulated.root.status == Status.RUNNING
+    simulated.clock.advance(60.0)
+    simulated.root.tick_once()
+    assert simulated.root.status == Status.SUCCESS
+
+
+def test_facts_begin_as_the_leaves_say():
+    assert simulated_tree(PATROL).fact_values() == {
+        "zones_left": 3,
+        "at": "",
+        "found_by_DetectSurvivor": False,
+        "named_by_DetectSurvivor": False,
+    }
+
+
+def test_facts_that_are_assumed_take_their_place():
+    assert simulated_tree(PATROL, facts={"zones_left": 1}).fact_values()["zones_left"] == 1
+
+
+def test_a_day_without_surprises_goes_through_every_zone():
+    simulated = simulated_tree(PATROL)
+    for _ in range(3):
+        simulated.root.tick_once()
+        assert simulated.root.status == Status.SUCCESS
+    simulated.root.tick_once()
+    assert simulated.root.status == Status.FAILURE
+    assert simulated.fact_values()["zones_left"] == 0
+
+
+def test_an_outcome_policy_decides_for_every_leaf():
+    class Last:
+        def choose(self, leaf, options):
+            return options[-1]
+
+    simulated = simulated_tree(PATROL)
+    simulated.policy = Last()
+    assert isinstance(simulated.policy, Last)
+    simulated.root.tick_once()
+    assert simulated.events[-1].answer.name == "driving"
+    assert simulated_tree("<Success/>").policy is None
+
+
+def test_two_searches_of_one_name_have_facts_of_their_own():
+    text = """<root BTCPP_format="4" main_tree_to_execute="Main">
+    <BehaviorTree ID="Main"><Sequence><SubTree ID="Look" name="first"/><SubTree ID="Look" name="second"/></Sequence>
+    </BehaviorTree>
+    <BehaviorTree ID="Look"><Sequence><DetectSurvivor/><IsSurvivorDetected/></Sequence></BehaviorTree></root>"""
+    simulated = simulated_file(text)
+    whens = [options[0].when for options in answers_of(simulated, "IsSurvivorDetected")]
+    assert whens == ["found_by_DetectSurvivor", "found_by_DetectSurvivor_2"]
+    assert {"found_by_DetectSurvivor", "found_by_DetectSurvivor_2"} <= set(simulated.fact_values())
+    assert [leaf.path for leaf in simulated.leaves][::2] == [
+        ("Sequence", "first", "Sequence", "DetectSurvivor"),
+        ("Sequence", "second", "Sequence", "DetectSurvivor"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("key", "rank"),
+    [
+        ("Main/Patrol/Go", 3),
+        ("Patrol/Go", 3),
+        ("Main/Go", 3),
+        ("Main/NavigateToZone", 3),
+        ("Go", 2),
+        ("NavigateToZone", 1),
+        ("Patrol/Main/Go", 0),
+        ("Patrol", 0),
+        ("Go/Patrol", 0),
+    ],
+)
+def test_a_leaf_is_named_by_a_path_by_its_name_or_by_its_tag(key, rank):
+    assert fits(key, ("Main", "Patrol", "Go"), "NavigateToZone") == rank
+
+
+def test_what_is_assumed_of_a_name_counts_before_what_is_assumed_of_a_tag():
+    body = '<Sequence><NavigateToZone/><NavigateToZone name="Back"/></Sequence>'
+    one, other = (Answer("SUCCESS", "one"),), (Answer("FAILURE", "other"),)
+    simulated = simulated_tree(body, answers={"Back": other, "NavigateToZone": one})
+    # The first node is called as its tag is.
+    assert answers_of(simulated, "NavigateToZone") + answers_of(simulated, "Back") == [one, other]
+
+
+PALETTE = """<root BTCPP_format="4"><BehaviorTree ID="Main">{}</BehaviorTree><TreeNodesModel>
+<Action ID="Grab"/><Condition ID="Full"/><Control ID="Both"/><Decorator ID="Twice"/>
+</TreeNodesModel></root>"""
+
+
+def test_a_leaf_that_is_only_described_answers_what_its_kind_can():
+    grab, full = simulated_file(PALETTE.format("<Sequence><Grab/><Full/></Sequence>")).leaves
+    assert [answer.status for answer in grab.answers] == ["SUCCESS", "FAILURE", "RUNNING"]
+    assert [answer.status for answer in full.answers] == ["SUCCESS", "FAILURE"]
+
+
+def test_what_stands_for_a_described_control_or_decorator_is_said():
+    simulated = simulated_file(PALETTE.format("<Both><Twice><Grab/></Twice><Full/></Both>"))
+    assert isinstance(simulated.root, controls.Sequence)
+    assert isinstance(simulated.root.children[0], decorators.SubTree)
+    assert [note.message for note in simulated.notes] == [
+        "<Both> is only described by a model; a Sequence with memory stands for it here",
+        "<Twice> is only described by a model; its child alone stands for it here",
+    ]
+
+
+def test_ports_of_a_described_control_or_decorator_are_none_of_what_stands_for_it():
+    model = (
+        '<Control ID="Recover"><input_port name="tries" type="int"/></Control>'
+        '<Decorator ID="Rate"><input_port name="hz" type="double"/><output_port name="code"/></Decorator>'
+    )
+    tree = '<Recover tries="2"><Rate hz="{speed}" code="{code}"><Success/></Rate></Recover>'
+    simulated = simulated_file(
+        f'<root BTCPP_format="4"><BehaviorTree ID="Main">{tree}</BehaviorTree>'
+        f"<TreeNodesModel>{model}</TreeNodesModel></root>"
+    )
+    simulated.root.tick_once()
+    assert simulated.root.status == Status.SUCCESS
+
+
+def test_a_parameter_that_is_missing_says_where_a_value_is_given():
+    with pytest.raises(TreeError, match=r"the mission has no parameter 'patience'") as error:
+        simulated_tree('<Timeout duration="{@patience}"><NavigateToZone/></Timeout>')
+    assert error.value.findings[0].hint == "give it a value: parameters: {patience: ...}"
+    assert simulated_tree(
+        '<Timeout duration="{@patience}"><NavigateToZone/></Timeout>', {"patience": 30.0}
+    ).leaves
+
+
+class Wait(Behaviour):
+    """A leaf that wants a value."""
+
+    def __init__(self, name: str, sec: float = 1.0) -> None:
+        super().__init__(name)
+
+
+def registry_with(**leaves):
+    """Return the registry with further leaves: what `register` is told of each, by their tags."""
+    registry = Registry(default_registry().specs())
+    for tag, said in leaves.items():
+        registry.add(getattr(register(tag, kind=Kind.ACTION, **said)(type(tag, (Wait,), {})), MARK))
+    return registry
+
+
+def test_a_leaf_that_answers_needs_no_parameters():
+    (leaf,) = simulated_tree('<Pause sec="{@patience}"/>', registry=registry_with(Pause={})).leaves
+    assert isinstance(leaf, StubLeaf)
+
+
+class Loud(Decorator):
+    """A decorator that wants something of the mission."""
+
+    def __init__(self, name: str, child: Behaviour, radio: Radio) -> None:
+        super().__init__(name, child)
+        self.radio = radio
+
+    def update(self) -> Status:
+        return self.decorated.status
+
+
+def test_a_decorator_of_ones_own_is_made_for_real_with_a_stand_in_for_what_the_mission_has():
+    registry = Registry(default_registry().specs())
+    registry.add(getattr(register("Loud", kind=Kind.DECORATOR)(Loud), MARK))
+    simulated = simulated_tree("<Loud><NavigateToZone/></Loud>", registry=registry)
+    assert isinstance(simulated.root, Loud)
+    assert simulated.root.radio.channel == "preview"
+    simulated.root.tick_once()
+    assert simulated.root.status == Status.SUCCESS
+
+
+def test_a_described_leaf_may_be_assumed_to_skip():
+    text = PALETTE.format("<Sequence><Grab/><Success/></Sequence>")
+    simulated = simulated_file(text, answers={"Grab": (Answer("SKIPPED"),)})
+    simulated.root.tick_once()
+    assert simulated.root.status == Status.SUCCESS
+    assert simulated.leaves[0].skipped
+
+
+def test_leaves_that_start_a_fact_differently_are_a_dispute_until_somebody_settles_it():
+    body = "<Sequence><One/><Two/></Sequence>"
+    registry = registry_with(One={"facts": {"left": 1}}, Two={"facts": {"left": 2}})
+    disputed = simulated_tree(body, registry=registry)
+    assert disputed.disputes == {
+        "left": "the fact 'left' is 1 at the start for 'One', and 2 for 'Two'; say which: facts: {left: 1}"
+    }
+    settled = simulated_tree(body, registry=registry, facts={"left": 2})
+    assert (settled.disputes, settled.fact_values()) == ({}, {"left": 2})
+
+
+@pytest.mark.parametrize(
+    ("written", "possible"),
+    [
+        ("", "postponed"),
+        (' attempts="1"', "tried often enough"),
+        (' attempts="{@tries}"', "tried often enough"),
+    ],
+)
+def test_a_placeholder_for_a_whole_number_has_the_value_that_is_written(written, possible):
+    simulated = simulated_tree(f"<PostponeZone{written}/>", {"tries": 1})
+    assert [answer.label for answer in simulated.leaves[0].options()] == [possible]
+
+
+def test_a_number_that_is_a_constant_of_the_subtree_takes_the_place_of_its_placeholder():
+    inner = '<BehaviorTree ID="Inner"><PostponeZone attempts="{tries}"/></BehaviorTree>'
+    outer = '<BehaviorTree ID="Outer"><SubTree ID="Inner" tries="1"/></BehaviorTree>'
+    text = f'<root BTCPP_format="4" main_tree_to_execute="Outer">{outer}{inner}</root>'
+    assert [answer.label for answer in simulated_file(text).leaves[0].options()] == ["tried often enough"]
+
+
+def test_a_parameter_for_a_placeholder_that_nobody_gives_is_a_finding():
+    with pytest.raises(TreeError, match="attempts: the mission has no parameter 'tries'"):
+        simulated_tree('<PostponeZone attempts="{@tries}"/>')
+
+
+def test_a_tree_that_can_skip_is_made_of_nodes_that_know_it():
+    simulated = simulated_tree('<Sequence><NavigateToZone _skipIf="true"/><Success/></Sequence>')
+    simulated.root.tick_once()
+    assert simulated.root.status == Status.SUCCESS
+    assert simulated.events == []
+
+
+def test_a_forest_may_be_simulated_as_often_as_wanted():
+    binding = bind_main(forest("<AdvanceZone/>"), default_registry())
+    one, other = compile_simulated(binding, {}), compile_simulated(binding, {})
+    one.root.tick_once()
+    assert (one.fact_values()["zones_left"], other.fact_values()["zones_left"]) == (2, 3)

@@ -1,0 +1,48 @@
+"""The page about Python does what it says, and names everything that is public."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import sar_compiler
+from tests.docs.markdown import blocks, codes, tables
+from tests.docs.test_worked_pages import follow, matches, typed_in
+
+PAGE = Path("docs/from_python.md").resolve()
+PYTHON = [block for block in blocks(PAGE) if block.language == "python"]
+
+
+@pytest.mark.ros
+def test_the_page_about_python_does_what_it_says(tmp_path):
+    typed, otherwise = follow(PAGE, tmp_path)
+    assert typed == 3
+    assert otherwise == [], "\n".join(otherwise)
+
+
+def test_the_cell_shows_what_the_page_shows(tmp_path):
+    (cell,) = [block for block in PYTHON if not block.file]
+    every = blocks(PAGE)
+    shown = every[every.index(cell) + 1]
+    *before, last = ast.parse(cell.text).body
+    assert isinstance(last, ast.Expr)
+    # As a notebook does: what the last line comes to is displayed.
+    before.append(ast.parse(f"print(repr({ast.unparse(last)}))").body[0])
+    (tmp_path / "cell.py").write_text(ast.unparse(ast.Module(before, [])), encoding="utf-8")
+    done = typed_in(tmp_path, "python cell.py")
+    assert matches(shown.text, done.stdout), done.stdout
+
+
+def test_a_tree_is_put_into_a_node_in_eight_lines():
+    (robot,) = [block.text for block in PYTHON if block.file == "robot.py"]
+    _, tree, _ = robot.split("\n\n")[-3:]
+    assert "load(" in tree
+    assert "shutdown()" in tree
+    assert len(tree.splitlines()) <= 8
+
+
+def test_the_page_names_everything_that_is_public():
+    named = [
+        name for heading, _, cells in tables(PAGE) if heading == "What is public" for name in codes(cells[0])
+    ]
+    assert sorted(named) == sorted(sar_compiler.__all__)

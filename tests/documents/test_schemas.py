@@ -1,0 +1,153 @@
+"""The schemas of the files beside a tree: they take what is shipped, and say enough for findings and editors."""
+
+import json
+import os
+from pathlib import Path
+
+import jsonschema
+import pytest
+import yaml
+
+from sar_compiler.checks.kinds import KINDS, is_firm
+from sar_compiler.documents.toml_files import read_toml
+from sar_compiler.documents.yaml_files import parse_yaml, read_yaml
+from sar_compiler.testing import RENEW
+from tests.docs.markdown import blocks, codes, tables
+
+
+def path_of(name):
+    return Path(f"schemas/sar_{name}.schema.json")
+
+
+NAMES = ("scenario", "properties", "world", "map", "settings")
+SCHEMAS = {name: json.loads(path_of(name).read_text(encoding="utf-8")) for name in NAMES}
+SHIPPED = {
+    **dict.fromkeys(sorted(Path("examples/scenarios").glob("*.yaml")), "scenario"),
+    **dict.fromkeys(sorted(Path("worlds").glob("*.yaml")), "world"),
+    **dict.fromkeys(sorted(Path("maps").glob("*.yaml")), "map"),
+    Path("config/mission_properties.yaml"): "properties",
+}
+PAGES = {"simulate": "scenario", "verify": "properties", "world": "world", "configuration": "settings"}
+# This one shows mistakes.
+SLIPS = "slips.yaml"
+MODELINE = {"yaml": "# yaml-language-server: $schema=", "toml": "#:schema "}
+# What findings have words for.
+UNDERSTOOD = {
+    *("$schema", "$ref", "definitions", "title", "description", "examples"),
+    *("type", "enum", "const", "minimum", "maximum", "exclusiveMinimum", "pattern", "minLength"),
+    *("properties", "additionalProperties", "required", "items", "minItems", "maxItems"),
+    *("if", "then", "else", "anyOf", "propertyNames", "not"),
+}
+
+
+def parts(schema):
+    """Yield a schema and all schemas in it that findings can come from."""
+    if not isinstance(schema, dict):
+        return
+    yield schema
+    for keyword in ("properties", "definitions"):
+        for inner in schema.get(keyword, {}).values():
+            yield from parts(inner)
+    items = schema.get("items")
+    for inner in items if isinstance(items, list) else [items]:
+        yield from parts(inner)
+    for keyword in ("additionalProperties", "then", "else"):
+        yield from parts(schema.get(keyword))
+
+
+def types_of(schema):
+    types = schema.get("type", [])
+    return {types} if isinstance(types, str) else set(types)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_schema_is_of_draft_7_which_editors_for_yaml_and_toml_know(name):
+    assert SCHEMAS[name]["$schema"] == "http://json-schema.org/draft-07/schema#"
+    jsonschema.Draft7Validator.check_schema(SCHEMAS[name])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_schema_has_only_keywords_that_findings_have_words_for(name):
+    assert {keyword for part in parts(SCHEMAS[name]) for keyword in part} - UNDERSTOOD == set()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_whatever_is_no_mapping_has_a_name_for_findings(name):
+    scalars = [part for part in parts(SCHEMAS[name]) if types_of(part) - {"object"} and "enum" not in part]
+    assert [part for part in scalars if "title" not in part] == []
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_key_of_a_file_is_described_for_editors(name):
+    top = SCHEMAS[name]["properties"]
+    assert [key for key, part in top.items() if not part.get("description", "").endswith(".")] == []
+
+
+def test_what_two_files_have_in_common_is_the_same_in_both():
+    scenario, properties = SCHEMAS["scenario"], SCHEMAS["properties"]
+    shared = scenario["definitions"].keys() & properties["definitions"].keys()
+    assert shared == {"event", "events", "fact", "possible answer", "possible answers", "status"}
+    assert all(scenario["definitions"][each] == properties["definitions"][each] for each in shared)
+    for key in ("facts", "answers", "parameters"):
+        assert scenario["properties"][key] == properties["properties"][key]
+
+
+def test_the_kinds_of_findings_in_the_settings_schema_are_as_reviewed():
+    schema, kinds = json.loads(path_of("settings").read_text(encoding="utf-8")), sorted(KINDS)
+    wanted = {each: {"$ref": f"#/definitions/{'firm' if is_firm(each) else 'severity'}"} for each in kinds}
+    if os.environ.get(RENEW):
+        schema["properties"]["findings"]["properties"] = wanted
+        path_of("settings").write_text(json.dumps(schema, indent=2) + "\n", encoding="utf-8")
+    assert schema["properties"]["findings"]["properties"] == wanted, "renew it: make schemas"
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=str)
+def test_a_shipped_file_keeps_to_its_schema(path):
+    document = read_yaml(path, "")
+    document.hold(SHIPPED[path])
+    assert document.findings == []
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=str)
+def test_other_readers_of_yaml_agree_about_a_shipped_file(path):
+    jsonschema.Draft7Validator(SCHEMAS[SHIPPED[path]]).validate(yaml.safe_load(path.read_text("utf-8")))
+
+
+@pytest.mark.parametrize("path", [path for path, name in SHIPPED.items() if name != "map"], ids=str)
+def test_a_shipped_file_leads_editors_to_its_schema(path):
+    first = path.read_text(encoding="utf-8").splitlines()[0]
+    assert first.startswith(MODELINE["yaml"])
+    assert (path.parent / first.removeprefix(MODELINE["yaml"])).resolve() == path_of(SHIPPED[path]).resolve()
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_the_files_on_a_page_keep_to_their_schema(page, tmp_path):
+    held = 0
+    for block in blocks(Path(f"docs/{page}.md")):
+        if block.language == "toml":
+            (tmp_path / "sar.toml").write_text(block.text, encoding="utf-8")
+            document = read_toml(tmp_path / "sar.toml", "sar.toml")
+        elif block.language == "yaml" and block.file != SLIPS and "repos:" not in block.text:
+            document = parse_yaml(block.text, block.file, "")
+        else:
+            continue
+        document.hold(PAGES[page])
+        assert document.findings == []
+        held += 1
+    assert held > 0
+
+
+def test_every_key_of_a_world_is_in_the_table_of_its_page():
+    rows = [cells for heading, _, cells in tables(Path("docs/world.md")) if heading == "The world"]
+    keys = [codes(cells[0])[0] for cells in rows]
+    assert keys == list(SCHEMAS["world"]["properties"])
+    assert [key for key, cells in zip(keys, rows, strict=True) if cells[2].startswith("yes")] == SCHEMAS[
+        "world"
+    ]["required"]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_page_says_how_a_file_names_its_schema(page):
+    language = "toml" if page == "configuration" else "yaml"
+    text = Path(f"docs/{page}.md").read_text(encoding="utf-8")
+    assert f"{MODELINE[language]}../schemas/sar_{PAGES[page]}.schema.json" in text

@@ -1,0 +1,94 @@
+"""`sar-run` with trees that belong to no mission: the root decides when they end, and how."""
+
+import pytest
+
+from tests.trees import document
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.fixture
+def tree(tmp_path):
+    """Write a tree file."""
+
+    def write(body):
+        path = tmp_path / "tree.xml"
+        path.write_text(document(body), encoding="utf-8")
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("body", "status", "said"),
+    [
+        ("<AlwaysSuccess/>", 0, ""),
+        ('<Delay delay_msec="100"><AlwaysSuccess/></Delay>', 0, ""),
+        ("<AlwaysFailure/>", 1, "sar-run: The root of the tree ended with FAILURE."),
+        ('<AlwaysSuccess _skipIf="true"/>', 1, "sar-run: The root of the tree ended with SKIPPED."),
+    ],
+)
+def test_a_run_ends_with_its_root(start, tree, body, status, said):
+    run = start("sar-run", tree(body))
+    assert run.end() == status
+    assert run.output == said
+
+
+def test_a_simulated_run_ends_with_its_root_and_has_no_mission_s_servers(start, tree):
+    run = start("sar-run", tree("<AlwaysSuccess/>"), "--sim")
+    assert run.end() == 0, run.output
+    assert "service ready" not in run.output
+
+
+def test_a_root_that_fails_again_and_again_is_said_each_time(start, tree):
+    run = start(
+        "sar-run", tree("<AlwaysFailure/>"), "--until", "success", "--ros-args", "-p", "tick_rate_hz:=50.0"
+    )
+    run.wait_for("Root FAILURE, starting again (3rd time).")
+    status, _ = run.stop()
+    assert status == 130
+    assert run.log[:3] == [
+        f"Root FAILURE, starting again ({number} time)." for number in ("1st", "2nd", "3rd")
+    ]
+
+
+def test_a_run_without_end_goes_on_over_the_root_s_end(start, tree):
+    run = start("sar-run", tree('<TickCounter duration="2" completion_status="FAILURE"/>'), "--until", "forever",
+                "--view", "text", "--ros-args", "-p", "tick_rate_hz:=50.0")  # fmt: skip
+    run.wait_for("TickCounter [✕]")
+    before = run.output.count("[✕]")
+    while run.output.count("[✕]") < before + 2:
+        run.wait_for("[✕]")
+    status, _ = run.stop()
+    assert status == 130
+    assert run.log == []
+
+
+def test_a_service_that_nobody_brings_is_named(start, tree):
+    run = start("sar-run", tree("<DetectSurvivor/>"), "--ros-args", "-p", "startup_timeout_sec:=1.0")
+    assert run.end() == 3
+    assert "service detect_survivor: no server" in run.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--until", "complete"], "for this tree say end, success, failure or forever"),
+        (["--mission", "serch_and_rescue"], "did you mean 'search_and_rescue'?"),
+        (
+            ["--sim", "--fault", "report_survivor:drop=1"],
+            "'report_survivor' is no target (known: navigate_to_pose)",
+        ),
+    ],
+)
+def test_what_is_a_mission_s_is_refused(start, tree, arguments, words):
+    run = start("sar-run", tree("<AlwaysSuccess/>"), *arguments)
+    assert run.end() == 2
+    assert words in run.output
+
+
+def test_a_name_makes_a_plain_tree_the_mission_s(start, tree):
+    run = start("sar-run", tree("<AlwaysFailure/>"), "--mission", "search_and_rescue", "--until", "failure")
+    assert run.end() == 1
+    assert "Loaded 4 search zones from parameters." in run.log
+    assert "the run has ended as asked, and the mission is incomplete" in run.output

@@ -1,0 +1,95 @@
+"""The example `photo_patrol`: a mission in a package of its own, installed and run."""
+
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from tests.examples.readme import EXAMPLES, steps
+from tests.trees import document
+
+pytestmark = pytest.mark.ros
+
+PATROL = EXAMPLES / "photo_patrol" / "photo_patrol" / "patrol.xml"
+STATUSES = [0, 0, 1]
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """Install the package into a folder of its own; return the environment in which it is found."""
+    folder = tmp_path_factory.mktemp("photo_patrol")
+    shutil.copytree(EXAMPLES / "photo_patrol", folder / "source")
+    command = [sys.executable, "-m", "pip", "install", "--no-deps", "--disable-pip-version-check", "--target"]
+    done = subprocess.run(
+        [*command, folder / "site", folder / "source"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return {"PYTHONPATH": str(folder / "site")}
+
+
+RUNS = [step for step in steps("photo_patrol") if step.commands[0][0] == "sar-run"]
+
+
+@pytest.mark.parametrize(("step", "status"), [*zip(RUNS, STATUSES, strict=True)], ids=str)
+def test_what_the_readme_says_is_what_one_sees(start, installed, step, status):
+    run = start(*step.commands[0], env=installed)
+    assert run.end() == status, run.output
+    assert step.shown
+    assert step.unseen([run]) == []
+    assert "service ready" not in run.output
+
+
+def test_its_tree_has_no_findings(start, installed):
+    check = start("sar-compile", "validate", PATROL, env=installed)
+    assert check.end() == 0, check.output
+
+
+def test_one_bad_photo_is_tried_again(start, installed):
+    faults = ("--fault", "take_photo:refuse=1", "--fault", "take_photo:delay=1")
+    run = start("sar-run", "--mission", "photo_patrol", "--sim", "--speed", 20, *faults, env=installed)
+    assert run.end() == 0, run.output
+    assert "'TakePhoto' failed: the lens is covered" in run.log
+    assert "Patrol: 3 of 3 photos" in run.output
+
+
+def test_a_camera_that_nobody_brings_is_named(start, installed):
+    run = start("sar-run", PATROL, "--ros-args", "-p", "startup_timeout_sec:=1.0", env=installed)
+    assert run.end() == 3
+    assert "service take_photo: no server" in run.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--sim", "--fault", "take_photo:refus=1"], "did you mean 'refuse'?"),
+        (["--sim", "--fault", "report_survivor:drop=1"], "(known: take_photo, navigate_to_pose)"),
+        (
+            ["--ros-args", "-p", "point_order:=[yrd]"],
+            "which has no pose: give points.yrd.x, .y and .yaw; did you mean",
+        ),
+        (
+            ["--ros-args", "-p", "point_order:=[yard, yard]", "-p", "tick_rate_hz:=0"],
+            "2 mistakes in the parameters:",
+        ),
+    ],
+)
+def test_a_mistake_is_answered_before_anything_moves(start, installed, arguments, words):
+    run = start("sar-run", PATROL, *arguments, env=installed)
+    assert run.end() == 2
+    assert words in run.output
+    assert "Driving" not in run.output
+
+
+def test_a_tree_of_two_missions_is_refused_unless_one_is_named(start, installed, tmp_path):
+    tree = tmp_path / "both.xml"
+    tree.write_text(document("<Sequence><ZonesRemaining/><TakePhoto/></Sequence>"), encoding="utf-8")
+    both = start("sar-run", tree, env=installed)
+    assert both.end() == 2
+    assert (
+        "both.xml:3:28: error[several-missions]: the leaves of this tree are of several missions"
+        in both.output
+    )
+    one = start("sar-run", tree, "--mission", "photo_patrol", env=installed)
+    assert one.end() == 2
+    assert "both.xml:3:11: error[missing-context]: <ZonesRemaining> needs a ZoneManager" in one.output

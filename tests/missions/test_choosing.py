@@ -1,0 +1,123 @@
+"""Which mission a tree belongs to."""
+
+import re
+
+import pytest
+
+from sar_compiler.compiler import bind_main
+from sar_compiler.missions.choosing import MissionError, choose_mission, load_missions, mission_named
+from sar_compiler.missions.search_and_rescue.mission import MISSION
+from sar_compiler.nodes.registry import load_registry
+from sar_compiler.tree.diagnostic import TreeError
+from tests.trees import forest
+
+SOURCE = """
+from py_trees.behaviour import Behaviour
+from sar_compiler.missions.mission import Mission, MissionRun
+from sar_compiler.nodes import Kind, register
+from sar_compiler.runtime.context import mission_context
+
+class Crop: pass
+mission_context(Crop)(Crop)
+
+@register("Water", kind=Kind.ACTION)
+class Water(Behaviour):
+    def __init__(self, name: str, crop: Crop) -> None:
+        super().__init__(name)
+
+class Farm(Mission):
+    name = "farming"
+    context_types = (Crop,)
+
+    def begin(self, reader):
+        return MissionRun()
+
+FARM, OTHER = Farm(), Farm()
+"""
+
+
+@pytest.fixture
+def install(tmp_path, monkeypatch):
+    """Install a package as pip does, for one test: its module, and its entry points."""
+
+    def install_package(module, *entries):
+        (tmp_path / f"{module}.py").write_text(SOURCE, encoding="utf-8")
+        metadata = tmp_path / f"{module}-1.0.dist-info"
+        metadata.mkdir()
+        lines = ["[sar_compiler.missions]", *(f"entry{n} = {entry}" for n, entry in enumerate(entries))]
+        (metadata / "entry_points.txt").write_text("\n".join(lines), encoding="utf-8")
+        monkeypatch.syspath_prepend(tmp_path)
+
+    return install_package
+
+
+def bound(body, *modules):
+    return bind_main(forest(body), load_registry(modules))
+
+
+@pytest.mark.parametrize(
+    "body", ["<NavigateToBase/>", "<DeliverReports/>", "<Sequence><Success/><ZonesRemaining/></Sequence>"]
+)
+def test_a_tree_is_of_the_mission_whose_context_its_leaves_ask_for(body):
+    assert choose_mission(bound(body)) is MISSION
+
+
+def test_a_tree_that_asks_for_nothing_of_a_mission_is_a_plain_one():
+    assert choose_mission(bound("<Sequence><Sleep msec='5'/><Success/></Sequence>")) is None
+
+
+def test_a_mission_of_another_package_counts_as_much(install):
+    install("farm_a", "farm_a:FARM")
+    assert sorted(load_missions()) == ["farming", "search_and_rescue"]
+    mission = choose_mission(bound("<Water/>", "farm_a"))
+    assert mission is not None
+    assert mission.name == "farming"
+
+
+def test_leaves_of_two_missions_are_a_finding_that_names_them_with_its_place(install):
+    install("farm_b", "farm_b:FARM")
+    tree = bound("<Sequence><AdvanceZone/><Water/><ZonesRemaining/></Sequence>", "farm_b")
+    with pytest.raises(TreeError) as caught:
+        choose_mission(tree)
+    [finding] = caught.value.findings
+    assert finding.code == "several-missions"
+    assert finding.message == (
+        "the leaves of this tree are of several missions: <AdvanceZone> of 'search_and_rescue', "
+        "<Water> of 'farming'"
+    )
+    assert finding.hint == "say which one counts: --mission NAME"
+    assert (finding.span.line, finding.span.column) == (3, 25)
+
+
+def test_a_name_decides_whatever_the_leaves_ask_for(install):
+    install("farm_c", "farm_c:FARM")
+    tree = bound("<Sequence><AdvanceZone/><Water/></Sequence>", "farm_c")
+    assert choose_mission(tree, "search_and_rescue") is MISSION
+    assert choose_mission(bound("<Success/>"), "search_and_rescue") is MISSION
+
+
+def test_a_name_that_there_is_not_is_answered_with_the_one_that_was_meant():
+    said = "there is no mission 'search_and_rescu' (installed: search_and_rescue); did you mean 'search_and_rescue'?"
+    with pytest.raises(MissionError, match=f"^{re.escape(said)}$"):
+        mission_named("search_and_rescu")
+
+
+@pytest.mark.parametrize(
+    ("entries", "problem"),
+    [
+        (
+            ["nowhere_at_all:X"],
+            "'nowhere_at_all:X' (entry point 'entry0') cannot be imported: ModuleNotFoundError",
+        ),
+        (["farm_d:NOT_THERE"], "cannot be imported: AttributeError"),
+        (["farm_d:Crop"], "'farm_d:Crop' (entry point 'entry0') is no Mission, but <class 'farm_d.Crop'>"),
+        (
+            ["farm_d:FARM", "farm_d:OTHER"],
+            "two missions are installed as 'farming'; the mission 'farm_d:OTHER'",
+        ),
+    ],
+)
+def test_what_is_installed_as_a_mission_and_is_none_is_named(install, entries, problem):
+    install("farm_d", *entries)
+    with pytest.raises(MissionError, match=re.escape(problem)):
+        load_missions()

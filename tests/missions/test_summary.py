@@ -1,0 +1,37 @@
+"""The summary says what a mission came to."""
+
+from sar_compiler.missions.search_and_rescue.record import MissionRecord
+from sar_compiler.missions.search_and_rescue.summary import mission_summary
+from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+
+POSE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
+
+
+def test_a_mission_that_was_hardly_begun_lists_all_that_is_missing():
+    zones = ZoneManager([{"id": "a", **POSE}, {"id": "b", **POSE}], POSE)
+    record = MissionRecord()
+    record.zone_visited("a")
+    zones.advance()
+    record.survivor_found("a", 1.0, 2.0)
+    record.survivor_named("survivor_1", 1.0, 2.0)
+    assert mission_summary(record, zones, 12.34, 7) == (
+        "Summary: the mission is incomplete.\n"
+        "  zones visited:   1 of 2 (a)\n"
+        "  survivors found: survivor_1 in a at (1.00, 2.00), NOT acknowledged\n"
+        "  back at base:    no\n"
+        "  duration:        12.3 s, 7 ticks\n"
+        "  missing:         b was not visited.\n"
+        "  missing:         The base station did not acknowledge survivor_1 in a at (1.00, 2.00).\n"
+        "  missing:         The robot did not return to the base station."
+    )
+
+
+def test_a_mission_without_survivors_says_so():
+    zones = ZoneManager([], POSE)
+    record = MissionRecord()
+    record.base_reached()
+    assert mission_summary(record, zones, 0.0, 1).splitlines()[:3] == [
+        "Summary: the mission is complete.",
+        "  zones visited:   0 of 0",
+        "  survivors found: none",
+    ]

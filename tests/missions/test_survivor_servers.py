@@ -1,0 +1,291 @@
+"""The two servers, over DDS: as nodes and as the commands that they are."""
+
+from __future__ import annotations
+
+import os
+import re
+import select
+import signal
+import subprocess
+import sys
+import time
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from sar_compiler.missions.search_and_rescue.mission import MISSION
+from sar_compiler.missions.survivor_servers import detect, report
+from tests.processes import BIN
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from tests.ros.conftest import Ros, Said
+
+pytestmark = pytest.mark.ros
+
+DETECT, REPORT = "sar-detect-survivor-server", "sar-report-survivor-server"
+
+
+class Caller:
+    """Calls the two services."""
+
+    def __init__(self, ros: Ros, namespace: str = "") -> None:
+        from sar_interfaces.srv import DetectSurvivor, ReportSurvivor
+
+        self.ros = ros
+        self.node = ros.node("caller", namespace=namespace)
+        self.detector = self.node.create_client(DetectSurvivor, "detect_survivor")
+        self.reporter = self.node.create_client(ReportSurvivor, "report_survivor")
+
+    def send(self, client: Any, request: Any) -> Any:
+        self.ros.spin_until(client.service_is_ready, f"the service {client.srv_name}", 10.0)
+        return client.call_async(request)
+
+    def answer(self, client: Any, request: Any) -> Any:
+        future = self.send(client, request)
+        self.ros.spin_until(future.done, f"the answer of {client.srv_name}")
+        return future.result()
+
+    def detect(self, zone_id: str) -> Any:
+        from sar_interfaces.srv import DetectSurvivor
+
+        return self.answer(self.detector, DetectSurvivor.Request(zone_id=zone_id))
+
+    def report(self, survivor_id: str, x: float, y: float, frame: str = "map") -> bool:
+        return bool(self.answer(self.reporter, self.report_request(survivor_id, x, y, frame)).acknowledged)
+
+    def report_request(self, survivor_id: str, x: float, y: float, frame: str = "map") -> Any:
+        from sar_interfaces.srv import ReportSurvivor
+
+        request = ReportSurvivor.Request(survivor_id=survivor_id)
+        request.location.header.frame_id = frame
+        request.location.point.x, request.location.point.y = x, y
+        return request
+
+
+class TestDetecting:
+    def serve(self, ros: Ros, *parameters: str, faults: Any = None) -> Caller:
+        from sar_compiler.missions.search_and_rescue.detect_survivor_server import DetectSurvivorServer
+
+        arguments = ["--ros-args", *(part for each in parameters for part in ("-p", each))]
+        ros.add(DetectSurvivorServer(ros.context, faults, arguments if parameters else None))
+        return Caller(ros)
+
+    def test_finds_the_survivors_of_the_contract(self, ros: Ros, said: Said) -> None:
+        caller = self.serve(ros)
+        answers = [caller.detect(f"zone_{letter}") for letter in "abcd"]
+        assert [(a.found, a.survivor_x, a.survivor_y) for a in answers] == [
+            (True, -2.5, 3.2),
+            (False, 0.0, 0.0),
+            (True, 4.1, -2.5),
+            (False, 0.0, 0.0),
+        ]
+        spoken = [line.partition("]: ")[2] for line in said.lines()]
+        assert spoken == [
+            "DetectSurvivor service ready.",
+            "Detection request for zone_a: FOUND at (-2.50, 3.20)",
+            "Detection request for zone_b: NOT FOUND",
+            "Detection request for zone_c: FOUND at (4.10, -2.50)",
+            "Detection request for zone_d: NOT FOUND",
+        ]
+
+    def test_finds_those_of_its_parameters_instead(self, ros: Ros) -> None:
+        caller = self.serve(ros, "survivors.zone_b.x:=1", "survivors.zone_b.y:=-2.5")
+        answer = caller.detect("zone_b")
+        assert (answer.found, answer.survivor_x, answer.survivor_y) == (True, 1.0, -2.5)
+        assert not caller.detect("zone_a").found
+
+    def test_refuses_a_table_that_is_none(self, ros: Ros) -> None:
+        from sar_compiler.ros.parameter_reader import ParameterError
+
+        with pytest.raises(ParameterError, match=r"survivors\.zone_b\.y: is missing"):
+            self.serve(ros, "survivors.zone_b.x:=1")
+
+    def test_warns_of_a_name_that_is_nearly_that_of_its_table_once(self, ros: Ros, said: Said) -> None:
+        caller = self.serve(ros, "survivor.kitchen.x:=1.0", "survivor.kitchen.y:=2.0", "tick_rate:=1.0")
+        assert not caller.detect("kitchen").found
+        warnings = [line.partition("]: ")[2] for line in said.lines() if "is not read" in line]
+        assert warnings == ["parameter 'survivor' is not read; did you mean 'survivors'?"]
+
+    def test_its_service_follows_its_namespace(self, make_ros: Callable[..., Ros]) -> None:
+        from sar_compiler.missions.search_and_rescue.detect_survivor_server import DetectSurvivorServer
+
+        ros = make_ros(["--ros-args", "-r", "__ns:=/robot1"])
+        ros.add(DetectSurvivorServer(ros.context))
+        assert Caller(ros).detect("zone_a").found
+
+    def test_a_dropped_call_gets_no_answer_and_the_next_does(self, ros: Ros) -> None:
+        from sar_compiler.ros.faults import FaultPlan, parse_fault
+
+        plan = FaultPlan([parse_fault("detect_survivor:drop=1", MISSION.faults)])
+        caller = self.serve(ros, faults=plan.for_service("detect_survivor"))
+        from sar_interfaces.srv import DetectSurvivor
+
+        first = caller.send(caller.detector, DetectSurvivor.Request(zone_id="zone_a"))
+        assert caller.detect("zone_a").found
+        assert not first.done()
+
+
+class TestReporting:
+    def serve(self, ros: Ros, faults: Any = None) -> Caller:
+        from sar_compiler.missions.search_and_rescue.report_survivor_server import ReportSurvivorServer
+
+        ros.add(ReportSurvivorServer(ros.context, faults))
+        return Caller(ros)
+
+    def test_acknowledges_a_report_and_logs_id_point_and_frame(self, ros: Ros, said: Said) -> None:
+        assert self.serve(ros).report("survivor_1", -2.5, 3.2)
+        spoken = [line.partition("]: ")[2] for line in said.lines()]
+        assert spoken[:2] == [
+            "ReportSurvivor service ready.",
+            "Report received: survivor_1 at (-2.50, 3.20). Acknowledged.",
+        ]
+        assert said.has("survivor_1", "'map'")
+
+    @pytest.mark.parametrize("frame", ["odom", "", "/map"])
+    def test_does_not_acknowledge_a_report_in_another_frame(self, ros: Ros, said: Said, frame: str) -> None:
+        assert not self.serve(ros).report("survivor_1", 0.0, 0.0, frame)
+        assert said.has("WARN", "survivor_1", f"in frame '{frame}'")
+        assert not said.has("Acknowledged")
+
+    def test_refuses_on_request_and_then_acknowledges(self, ros: Ros) -> None:
+        from sar_compiler.ros.faults import FaultPlan, parse_fault
+
+        plan = FaultPlan([parse_fault("report_survivor:refuse=1", MISSION.faults)])
+        caller = self.serve(ros, plan.for_service("report_survivor"))
+        assert [caller.report("survivor_1", 0.0, 0.0) for _ in range(2)] == [False, True]
+
+
+class Process:
+    """A server as a command of its own."""
+
+    def __init__(self, name: str, *arguments: str) -> None:
+        self.process = subprocess.Popen(
+            [BIN / name, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=os.environ
+        )
+        self.output = ""
+
+    def read_until(self, text: str, timeout_sec: float = 20.0) -> None:
+        assert self.process.stdout is not None
+        deadline = time.monotonic() + timeout_sec
+        while text not in self.output:
+            left = deadline - time.monotonic()
+            assert left > 0, f"did not come within {timeout_sec:g} s: {text!r} in {self.output!r}"
+            if select.select([self.process.stdout], [], [], left)[0]:
+                piece = os.read(self.process.stdout.fileno(), 65536)
+                assert piece, f"ended without {text!r}: {self.output!r}"
+                self.output += piece.decode()
+
+    def stop(self, number: int) -> int:
+        self.process.send_signal(number)
+        rest, _ = self.process.communicate(timeout=10.0)
+        self.output += rest.decode()
+        return self.process.returncode
+
+
+@pytest.fixture
+def start() -> Iterator[Callable[..., Process]]:
+    running: list[Process] = []
+
+    def begin(name: str, *arguments: str) -> Process:
+        running.append(Process(name, *arguments))
+        return running[-1]
+
+    yield begin
+    for each in running:
+        if each.process.poll() is None:
+            each.process.kill()
+        each.process.communicate()
+
+
+class TestCommands:
+    @pytest.mark.parametrize(
+        ("name", "line", "number"),
+        [
+            (DETECT, "DetectSurvivor service ready.", signal.SIGINT),
+            (REPORT, "ReportSurvivor service ready.", signal.SIGTERM),
+        ],
+    )
+    def test_ends_cleanly_when_it_is_stopped(
+        self, start: Callable[..., Process], name: str, line: str, number: int
+    ) -> None:
+        server = start(name)
+        server.read_until(line)
+        began = time.monotonic()
+        assert server.stop(number) == 0
+        assert time.monotonic() - began < 2.0
+        assert "Traceback" not in server.output
+
+    def test_leaves_a_node_that_does_not_let_itself_be_taken_down(self) -> None:
+        hangs = (
+            "from rclpy.node import Node\n"
+            "from sar_compiler.ros import serving\n"
+            "class Stuck(Node):\n"
+            "    def destroy_node(self):\n"
+            "        while True: pass\n"
+            "def make(context, arguments):\n"
+            "    print('ready', flush=True)\n"
+            "    return Stuck('stuck', context=context)\n"
+            "serving._TAKING_DOWN_SEC = 0.5\n"
+            "serving.serve(make, 'stuck', 'Hangs.', [])\n"
+        )
+        server = subprocess.Popen(
+            [sys.executable, "-c", hangs], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        assert server.stdout is not None
+        assert server.stdout.readline() == "ready\n"
+        server.terminate()
+        _, said = server.communicate(timeout=20.0)
+        assert server.returncode == 1
+        assert "in destroy_node" in said
+
+    def test_answers_another_process_in_a_namespace(self, ros: Ros, start: Callable[..., Process]) -> None:
+        server = start(
+            DETECT,
+            "--ros-args",
+            "-r",
+            "__ns:=/robot1",
+            "-p",
+            "survivors.cave.x:=1.0",
+            "-p",
+            "survivors.cave.y:=2",
+        )
+        answer = Caller(ros, "/robot1").detect("cave")
+        assert (answer.found, answer.survivor_x, answer.survivor_y) == (True, 1.0, 2.0)
+        server.read_until("Detection request for cave: FOUND at (1.00, 2.00)")
+
+    def test_acknowledges_another_process(self, ros: Ros, start: Callable[..., Process]) -> None:
+        server = start(REPORT)
+        assert Caller(ros).report("survivor_2", 4.1, -2.5)
+        server.read_until("Report received: survivor_2 at (4.10, -2.50). Acknowledged.")
+
+    @pytest.mark.parametrize(
+        ("arguments", "part"),
+        [
+            (["--ros-args", "-p", "survivors.cave.x:=1.0"], r"survivors\.cave\.y: is missing"),
+            (["--ros-args", "-p", "survivors:=[]"], "parameter survivors: an empty list"),
+            (["--ros-args", "-r", "nothing"], "'-r nothing' is not understood"),
+            (["--ros-args", "--params-file", "none.yaml"], "none.yaml: there is no such parameter file"),
+        ],
+    )
+    def test_a_wrong_command_line_is_one_message_and_status_2(
+        self, capfd: pytest.CaptureFixture[str], arguments: list[str], part: str
+    ) -> None:
+        assert detect(arguments) == 2
+        assert re.search(f"^sar-detect-survivor-server: .*{part}", capfd.readouterr().err, re.MULTILINE)
+
+    def test_an_option_that_there_is_not_is_refused(self, capfd: pytest.CaptureFixture[str]) -> None:
+        with pytest.raises(SystemExit) as caught:
+            detect(["--loud"])
+        assert caught.value.code == 2
+        assert "unrecognized arguments: --loud" in capfd.readouterr().err
+
+    @pytest.mark.parametrize("command", [detect, report])
+    def test_says_what_it_does(
+        self, capsys: pytest.CaptureFixture[str], command: Callable[[list[str]], int]
+    ) -> None:
+        with pytest.raises(SystemExit) as caught:
+            command(["--help"])
+        assert caught.value.code == 0
+        assert "--ros-args" in capsys.readouterr().out

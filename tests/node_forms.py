@@ -1,0 +1,99 @@
+"""Ways to write every control and decorator that there is, by what is registered."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from sar_compiler.nodes.registry import default_registry
+from sar_compiler.nodes.semantics import Order
+from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter, Role
+from sar_compiler.nodes.values import ConversionError, ValueType
+from sar_compiler.runtime.expressions import Script
+
+_SAMPLES = ("-1", "0", "1", "2", "true", "false", "SUCCESS", "FAILURE", "RUNNING", "SKIPPED", "1;2")
+
+
+def reads_keys(body: str) -> bool:
+    """Return whether what a text with nodes does depends on the blackboard."""
+    return any(key in body for key in ("{v}", "{entry}", "v =="))
+
+
+@dataclass(frozen=True)
+class Form:
+    """One way to write a node that has children.
+
+    Attributes:
+        spec: The node.
+        attributes: What is written.
+    """
+
+    spec: NodeSpec
+    attributes: tuple[tuple[str, str], ...]
+
+    def text(self, children: Sequence[str]) -> str:
+        written = "".join(f' {name}="{value}"' for name, value in self.attributes)
+        return f"<{self.spec.tag}{written}>{''.join(children)}</{self.spec.tag}>"
+
+    def count(self, wanted: int) -> int:
+        """Return a number of children that it can have, as near to one as can be."""
+        least, most = self.spec.child_count
+        return max(least, min(wanted, wanted if most is None else most))
+
+    @property
+    def reads_keys(self) -> bool:
+        """Whether what it does depends on the blackboard."""
+        return reads_keys(self.text([]))
+
+    def __str__(self) -> str:
+        return self.text([])
+
+
+def forms() -> list[Form]:
+    """Return ways to write every control and decorator: each attribute with every value that it takes of a few."""
+    return [
+        form
+        for spec in default_registry()
+        if not spec.kind.is_leaf and spec.tag != "ForEach"
+        for form in _forms_of(spec)
+    ]
+
+
+def _forms_of(spec: NodeSpec) -> Iterator[Form]:
+    samples = {p.name: _samples(p) for p in spec.parameters.values() if p.role is Role.ATTRIBUTE}
+    samples = {name: texts for name, texts in samples.items() if name not in spec.fixed}
+    usual = {p.name: samples[p.name][0] for p in spec.required}
+    seen: set[tuple[tuple[str, str], ...]] = set()
+    for name, text in [("", ""), *((name, text) for name, texts in samples.items() for text in texts)]:
+        written = {**usual, **({name: text} if name else {})}
+        if "selected" in written or ("policy" in spec.parameters and spec.semantics.order is Order.TOGETHER):
+            written = {key: value for key, value in written.items() if key != "selected"}
+            if written.get("policy") == "SuccessOnSelected" or (
+                written.get("policy") == "SuccessOnOne" and "synchronise" in written
+            ):
+                continue
+        if (attributes := tuple(written.items())) not in seen:
+            seen.add(attributes)
+            yield Form(spec, attributes)
+
+
+def _samples(parameter: Parameter) -> list[str]:
+    """Return a few texts for an attribute."""
+    name, value_type = parameter.name, parameter.value_type
+    told = {
+        "entry": ["{entry}"],
+        "variable": ["1", "2", "{v}"],
+        **{f"case_{n}": [str(n)] for n in range(1, 7)},
+    }
+    is_input = parameter.direction is None or parameter.direction is Direction.INPUT
+    if name in told or value_type is None or not is_input:
+        return told.get(name, ["{item}"])
+    if value_type.python is Script:
+        return ["true", "false", "v == 1"]
+    return list(value_type.choices)[:4] or [text for text in _SAMPLES if _is_value(text, value_type)]
+
+
+def _is_value(text: str, value_type: ValueType) -> bool:
+    try:
+        value_type.convert(text)
+    except ConversionError:
+        return False
+    return True

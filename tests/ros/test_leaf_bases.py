@@ -1,0 +1,536 @@
+"""Leaves derived from the bases, against servers and publishers that do what a test tells them."""
+
+import subprocess
+import sys
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from py_trees.common import ClearingPolicy, Status
+
+from sar_compiler import ActionLeaf, Input, Kind, Output, ServiceLeaf, TopicLeaf, Use, register
+from sar_compiler.ros.leaves.errors import LeafDefinitionError
+from sar_compiler.runtime.blackboard import Board, Scope
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tests.missions.mission_stage import NavServer, ScriptedService, Stage
+    from tests.ros.conftest import Ros
+
+pytestmark = pytest.mark.ros
+
+REJECTED = (
+    "the server rejected the goal; is it active (its lifecycle state)? Nav2 is once it has an initial pose"
+)
+
+
+@pytest.fixture
+def stage(ros: "Ros") -> "Iterator[Stage]":
+    from tests.missions.mission_stage import Stage
+
+    stage = Stage(ros.context)
+    yield stage
+    stage.close()
+
+
+@register("DriveTo", kind=Kind.ACTION, uses=[Use.action("navigate_to_pose")])
+class DriveTo(ActionLeaf):
+    """Drive straight to a point."""
+
+    action_type = "nav2_msgs/action/NavigateToPose"
+    action_name = "navigate_to_pose"
+
+    def __init__(self, name: str, x: Input[float]) -> None:
+        super().__init__(name)
+        self.x = x
+        self.ask: list[Status] = []
+        self.fed: list[float] = []
+        self.near = 0.0
+        self.next: list[float] = []
+
+    def goal(self) -> Any:
+        if self.ask:
+            return self.ask.pop(0)
+        goal = self.interface.Goal()
+        goal.pose.pose.position.x = self.next.pop(0) if self.next else self.x.get()
+        return goal
+
+    def on_feedback(self, feedback: Any) -> Status | None:
+        self.fed.append(feedback.distance_remaining)
+        return Status.SUCCESS if feedback.distance_remaining < self.near else None
+
+    def on_result(self, status: int, result: Any) -> Status:
+        return Status.RUNNING if self.next else super().on_result(status, result)
+
+
+@register("DriveWithNav2", kind=Kind.ACTION, uses=[Use.action("navigate_to_pose"), Use.nav2()])
+class DriveWithNav2(DriveTo):
+    """Drive, once Nav2 is active."""
+
+
+def driver(stage: "Stage", cls: type[DriveTo] = DriveTo, **attributes: Any) -> DriveTo:
+    leaf = cls("Drive", Input(1.5))
+    for name, value in attributes.items():
+        setattr(leaf, name, value)
+    return stage.take(leaf)
+
+
+def under_way(stage: "Stage", leaf: DriveTo, server: "NavServer", goals: int = 1) -> None:
+    wakes = stage.wakes
+    stage.tick_until(leaf, lambda: stage.wakes > wakes and len(server.goals) == goals, f"goal {goals}")
+
+
+def driven_to(server: "NavServer") -> list[float]:
+    return [goal.pose[1] for goal in server.goals]
+
+
+class TestActionLeaf:
+    def test_a_goal_is_made_of_what_a_port_holds_at_each_activation(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        server.script = ["succeed"]
+        entry = Scope(Board("test")).resolve("x")
+        leaf = stage.take(DriveTo("Drive", Input(entry)))
+        for x in (1.5, -2.0):
+            entry.write(x)
+            assert stage.run(leaf) is Status.SUCCESS
+        assert driven_to(server) == [1.5, -2.0]
+
+    def test_a_goal_that_does_not_succeed_is_a_failure_that_is_logged(self, stage: "Stage") -> None:
+        stage.nav_server().script = ["abort"]
+        assert stage.run(driver(stage)) is Status.FAILURE
+        assert stage.warnings == ["'Drive' failed: aborted (status 6)"]
+
+    @pytest.mark.parametrize("status", [Status.SUCCESS, Status.FAILURE])
+    def test_a_status_in_place_of_a_goal_ends_the_leaf_and_sends_nothing(
+        self, stage: "Stage", status: Status
+    ) -> None:
+        server = stage.nav_server()
+        leaf = driver(stage, ask=[status])
+        leaf.tick_once()
+        assert leaf.status is status
+        assert leaf.update() is status
+        assert leaf.settled()
+        assert server.requests == 0
+
+    def test_a_leaf_whose_goal_is_not_ready_is_asked_for_it_again(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        server.script = ["succeed"]
+        leaf = driver(stage, ask=[Status.RUNNING] * 3)
+        assert stage.run(leaf) is Status.SUCCESS
+        assert leaf.ask == []
+        assert server.requests == 1
+
+    def test_each_feedback_is_heeded_once(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        server.script = ["feedback"]
+        leaf = driver(stage)
+        stage.tick_until(leaf, lambda: leaf.fed, "feedback")
+        for _ in range(5):
+            leaf.tick_once()
+        assert leaf.fed == [2.5]
+        assert leaf.status is Status.RUNNING
+
+    def test_a_leaf_that_is_content_with_the_feedback_ends_and_cancels_its_goal(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        server.script = ["feedback"]
+        leaf = driver(stage, near=3.0)
+        assert stage.run(leaf) is Status.SUCCESS
+        stage.until(leaf.settled, "the answer to the cancel")
+        stage.until(lambda: server.goals[0].final == "canceled", "the end of the goal")
+        assert leaf.update() is Status.SUCCESS
+
+    def test_a_leaf_that_is_running_at_its_result_sends_the_next_goal(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        server.script = ["succeed"]
+        assert stage.run(driver(stage, next=[1.0, 2.0, 3.0])) is Status.SUCCESS
+        assert driven_to(server) == [1.0, 2.0, 3.0]
+
+    def test_a_server_that_has_sent_feedback_may_be_silent_for_as_long_as_it_likes(
+        self, stage: "Stage"
+    ) -> None:
+        server = stage.nav_server()
+        server.script = ["feedback"]
+        leaf = driver(stage, server_timeout_sec=0.05)
+        port = leaf._port
+        assert port is not None
+        stage.until(lambda: port.server_is_ready, "the server")
+        stage.tick_until(leaf, lambda: leaf.fed, "feedback")
+        doubts = port.client._pending_result_requests
+        stage.tick_until(leaf, lambda: len(doubts) > 2, "doubt about the server")
+        server.order("succeed")
+        assert stage.run(leaf) is Status.SUCCESS
+
+    def test_a_server_that_is_gone_is_waited_for_as_long_as_at_the_beginning(self, stage: "Stage") -> None:
+        host = stage.host()
+        server = stage.nav_server_on(host)
+        leaf = driver(stage, server_timeout_sec=0.2)
+        port = leaf._port
+        assert port is not None
+        stage.until(lambda: port.server_is_ready, "the server")
+        under_way(stage, leaf, server)
+        host.close()
+        assert stage.run(leaf) is Status.FAILURE
+        assert stage.warnings[-1] == "'Drive' failed: the server has been gone for 0.2 s"
+
+    def test_the_type_can_be_the_python_class_itself(self, stage: "Stage") -> None:
+        from nav2_msgs.action import NavigateToPose
+
+        stage.nav_server().script = ["succeed"]
+        assert stage.run(driver(stage, action_type=NavigateToPose)) is Status.SUCCESS
+
+
+def test_a_method_that_returns_nothing_to_send_is_told_what_to_return(stage: "Stage") -> None:
+    driving, asking = driver(stage, ask=[None]), stage.take(Configure("Configure"))
+    asking.ask = ["configure"]  # type: ignore[list-item]
+    with pytest.raises(
+        LeafDefinitionError, match=r"DriveTo\.goal\(\) returned None; return an interface\.Goal"
+    ):
+        driving.tick_once()
+    with pytest.raises(LeafDefinitionError, match=r"Configure\.request\(\) returned 'configure'; return an"):
+        asking.tick_once()
+
+
+class TestRejection:
+    def test_it_names_what_the_start_would_have_waited_for(self, stage: "Stage") -> None:
+        stage.nav_server().accept = False
+        assert stage.run(driver(stage)) is Status.FAILURE
+        (warning,) = stage.warnings
+        assert warning == (
+            f"'Drive' failed: {REJECTED}: with Use.nav2() among what <DriveTo> uses, "
+            "the start gives it one and waits."
+        )
+
+    def test_a_leaf_that_has_declared_it_is_not_told_to(self, stage: "Stage") -> None:
+        stage.nav_server().accept = False
+        stage.run(driver(stage, DriveWithNav2))
+        assert stage.warnings == [f"'Drive' failed: {REJECTED}."]
+
+    def test_it_is_said_once_until_a_goal_is_accepted(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        server.accept = False
+        leaf = driver(stage)
+        for _ in range(4):
+            assert stage.run(leaf) is Status.FAILURE
+            assert "rejected" in leaf.feedback_message
+        assert len(stage.warnings) == 1
+        server.accept = True
+        server.script = ["abort"]
+        stage.run(leaf)
+        stage.run(leaf)
+        assert stage.warnings[1:] == ["'Drive' failed: aborted (status 6)"] * 2
+        server.accept = False
+        stage.run(leaf)
+        assert len(stage.warnings) == 4
+        assert server.requests == 7
+
+
+class Configure(ServiceLeaf):
+    """Change the state of a lifecycle node."""
+
+    service_type = "lifecycle_msgs/srv/ChangeState"
+    service_name = "camera/change_state"
+
+    def __init__(self, name: str, state: Output[str] | None = None) -> None:
+        super().__init__(name)
+        self.ask: list[Status] = []
+        self.again = 0
+        self._state = state
+
+    def request(self) -> Any:
+        return self.ask.pop(0) if self.ask else self.interface.Request()
+
+    def on_response(self, response: Any) -> Status:
+        if self._state is not None:
+            self._state.set("configured")
+        if self.again:
+            self.again -= 1
+            return Status.RUNNING
+        return super().on_response(response)
+
+
+def changing(stage: "Stage", *, success: bool) -> "ScriptedService":
+    from lifecycle_msgs.srv import ChangeState
+
+    from tests.missions.mission_stage import ScriptedService
+
+    def answer(_: Any, response: Any) -> None:
+        response.success = success
+
+    return ScriptedService(stage.host(), ChangeState, "camera/change_state", answer)
+
+
+class TestServiceLeaf:
+    def test_an_answer_is_a_success_and_wakes_the_tree(self, stage: "Stage") -> None:
+        changing(stage, success=True)
+        state = Output[str]()
+        assert stage.run(stage.take(Configure("Configure", state))) is Status.SUCCESS
+        assert state.value == "configured"
+        assert stage.wakes == 1
+
+    def test_an_answer_that_says_it_did_not_succeed_is_a_failure_and_no_good_news(
+        self, stage: "Stage"
+    ) -> None:
+        changing(stage, success=False)
+        assert stage.run(stage.take(Configure("Configure"))) is Status.FAILURE
+        assert stage.warnings == ["'Configure' failed: the server says that it did not succeed"]
+        assert stage.wakes == 0
+
+    def test_a_status_in_place_of_a_request_ends_the_leaf(self, stage: "Stage") -> None:
+        leaf = stage.take(Configure("Configure"))
+        leaf.ask = [Status.SUCCESS]
+        leaf.tick_once()
+        assert leaf.status is Status.SUCCESS
+        assert stage.lines == []
+
+    def test_a_leaf_that_is_running_at_its_answer_asks_again(self, stage: "Stage") -> None:
+        service = changing(stage, success=True)
+        leaf = stage.take(Configure("Configure"))
+        leaf.again = 2
+        assert stage.run(leaf) is Status.SUCCESS
+        assert len(service.requests) == 3
+
+    def test_a_service_that_stays_away_is_complained_of_once(self, stage: "Stage") -> None:
+        leaf = stage.take(Configure("Configure"))
+        leaf.server_timeout_sec = 0.0
+        assert [stage.run(leaf) for _ in range(3)] == [Status.FAILURE] * 3
+        assert len(stage.warnings) == 1
+        assert "no server for the service" in stage.warnings[0]
+        changing(stage, success=False)
+        leaf.server_timeout_sec = 8.0
+        stage.run(leaf)
+        stage.run(leaf)
+        assert len(stage.warnings) == 3, "two answers are two events"
+
+
+class Battery(TopicLeaf):
+    """Is there enough in the battery?"""
+
+    topic_type = "std_msgs/msg/Float32"
+    topic_name = "battery"
+
+    def on_message(self, message: Any) -> Status:
+        self.feedback_message = f"{message.data:.1f} V"
+        return Status.SUCCESS if message.data > 11.0 else Status.FAILURE
+
+
+class AnyMessage(TopicLeaf):
+    """Wait for a message, whatever it says."""
+
+    topic_type = "std_msgs/msg/Float32"
+    topic_name = "battery"
+    qos = "reliable"
+    waits = True
+
+
+def listening(stage: "Stage", leaf: TopicLeaf, **attributes: Any) -> Any:
+    """Set a leaf up; return a function that publishes a voltage until it has come."""
+    for name, value in attributes.items():
+        setattr(leaf, name, value)
+    stage.take(leaf)
+    publisher = announced(stage, "reliable")
+
+    def publish(volts: float) -> None:
+        stage.until(lambda: publisher.get_subscription_count() == 1, "the subscription")
+        before = leaf._message
+        send(publisher, volts)
+        stage.until(lambda: leaf._message is not before, "the message")
+
+    return publish
+
+
+def announced(stage: "Stage", reliability: str, durability: str = "volatile") -> Any:
+    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+    from std_msgs.msg import Float32
+
+    qos = QoSProfile(
+        depth=1,
+        reliability=ReliabilityPolicy.get_from_short_key(reliability),
+        durability=DurabilityPolicy.get_from_short_key(durability),
+    )
+    return stage.host().node.create_publisher(Float32, "battery", qos)
+
+
+def send(publisher: Any, volts: float) -> None:
+    from std_msgs.msg import Float32
+
+    publisher.publish(Float32(data=volts))
+
+
+def ticked(leaf: TopicLeaf) -> Status:
+    leaf.tick_once()
+    return leaf.status
+
+
+def set_clock(stage: "Stage", seconds: float) -> None:
+    from rclpy.clock import ROSClock
+    from rclpy.time import Time
+
+    clock = stage.node.get_clock()
+    assert isinstance(clock, ROSClock)
+    clock._set_ros_time_is_active(enabled=True)
+    clock.set_ros_time_override(Time(nanoseconds=int(seconds * 1e9), clock_type=clock.clock_type))
+
+
+class TestTopicLeaf:
+    def test_a_condition_fails_while_nothing_has_come_and_then_answers_by_the_latest_message(
+        self, stage: "Stage"
+    ) -> None:
+        leaf = Battery("Battery?")
+        publish = listening(stage, leaf)
+        assert ticked(leaf) is Status.FAILURE
+        assert leaf.feedback_message == "no message on 'battery'"
+        publish(12.0)
+        assert ticked(leaf) is Status.SUCCESS
+        publish(10.5)
+        assert ticked(leaf) is Status.FAILURE
+        assert leaf.feedback_message == "10.5 V"
+        assert stage.wakes == 0
+
+    def test_a_message_that_came_too_long_ago_is_none(self, stage: "Stage") -> None:
+        set_clock(stage, 100.0)
+        leaf = Battery("Battery?")
+        publish = listening(stage, leaf, max_age_sec=0.5)
+        publish(12.0)
+        set_clock(stage, 100.5)
+        assert ticked(leaf) is Status.SUCCESS
+        set_clock(stage, 100.6)
+        assert ticked(leaf) is Status.FAILURE
+        assert leaf.feedback_message == "no message on 'battery' within 0.5 s"
+        publish(12.5)
+        assert ticked(leaf) is Status.SUCCESS
+
+    def test_a_clock_that_jumps_back_makes_a_message_too_old(self, stage: "Stage") -> None:
+        set_clock(stage, 100.0)
+        leaf = Battery("Battery?")
+        listening(stage, leaf, max_age_sec=0.5)(12.0)
+        set_clock(stage, 5.0)
+        assert ticked(leaf) is Status.FAILURE
+
+    def test_a_leaf_that_waits_is_woken_by_the_first_message_only(self, stage: "Stage") -> None:
+        leaf = AnyMessage("Wait")
+        publish = listening(stage, leaf)
+        assert ticked(leaf) is Status.RUNNING
+        publish(0.0)
+        assert stage.wakes == 1
+        publish(1.0)
+        assert stage.wakes == 1
+        assert ticked(leaf) is Status.SUCCESS
+        publish(2.0)
+        assert stage.wakes == 1
+
+    def test_a_message_from_before_counts_unless_it_is_forgotten_on_entry(self, stage: "Stage") -> None:
+        leaf = AnyMessage("Wait")
+        publish = listening(stage, leaf)
+        publish(1.0)
+        assert ticked(leaf) is Status.SUCCESS
+        assert ticked(leaf) is Status.SUCCESS
+        leaf.clearing_policy = ClearingPolicy.ON_INITIALISE
+        assert ticked(leaf) is Status.RUNNING
+        publish(2.0)
+        assert ticked(leaf) is Status.SUCCESS
+
+    def test_each_message_counts_once_where_it_is_forgotten_on_success(self, stage: "Stage") -> None:
+        leaf = AnyMessage("Button")
+        publish = listening(stage, leaf, clearing_policy=ClearingPolicy.ON_SUCCESS)
+        publish(1.0)
+        assert ticked(leaf) is Status.SUCCESS
+        assert ticked(leaf) is Status.RUNNING
+
+    @pytest.mark.parametrize("reliability", ["reliable", "best_effort"])
+    def test_sensor_data_goes_with_every_publisher(self, stage: "Stage", reliability: str) -> None:
+        leaf = stage.take(Battery("Battery?"))
+        publisher = announced(stage, reliability)
+
+        def came() -> bool:
+            send(publisher, 12.0)
+            return ticked(leaf) is Status.SUCCESS
+
+        stage.until(came, f"a message of a {reliability} publisher")
+
+    def test_what_was_published_before_the_setup_comes_to_who_asks_for_it(self, stage: "Stage") -> None:
+        publisher = announced(stage, "reliable", "transient_local")
+        send(publisher, 12.0)
+        late, later = AnyMessage("Late"), AnyMessage("Later")
+        late.qos = "transient_local"
+        stage.take(later)
+        stage.take(late)
+        stage.tick_until(late, lambda: late.status is Status.SUCCESS, "the message from before")
+        stage.until(lambda: publisher.get_subscription_count() == 2, "the other subscription")
+        assert ticked(later) is Status.RUNNING
+
+    def test_the_quality_of_service_can_be_a_profile(self, stage: "Stage") -> None:
+        from rclpy.qos import qos_profile_sensor_data
+
+        leaf = Battery("Battery?")
+        listening(stage, leaf, qos=qos_profile_sensor_data)(12.0)
+        assert ticked(leaf) is Status.SUCCESS
+
+    def test_setting_up_again_leaves_no_subscription_and_no_message_behind(self, stage: "Stage") -> None:
+        leaf = AnyMessage("Wait")
+        listening(stage, leaf)(1.0)
+        subscriptions = len(list(stage.node.subscriptions))
+        leaf.setup(node=stage.node)
+        assert len(list(stage.node.subscriptions)) == subscriptions
+        assert ticked(leaf) is Status.RUNNING
+        leaf.shutdown()
+        leaf.shutdown()
+        assert len(list(stage.node.subscriptions)) == subscriptions - 1
+
+    def test_a_node_that_is_destroyed_before_it_does_no_harm(self, stage: "Stage") -> None:
+        leaf = stage.take(Battery("Battery?"))
+        stage.node.destroy_node()
+        leaf.shutdown()
+
+
+@pytest.mark.parametrize(
+    ("leaf", "attributes", "message"),
+    [
+        (DriveTo("D", Input(0.0)), {"action_name": ""}, "DriveTo has no action_name; set it on the class"),
+        (DriveTo("D", Input(0.0)), {"action_type": None}, "DriveTo has no action_type; set it on the class"),
+        (
+            Configure("C"),
+            {"service_type": "ChangeState"},
+            "Configure: service_type is 'ChangeState'; write it as 'package/srv/Name'",
+        ),
+        (
+            Configure("C"),
+            {"service_type": "lifecycle_msgs/msg/State"},
+            "Configure: service_type is 'lifecycle_msgs/msg/State'; write it as 'package/srv/Name'",
+        ),
+        (
+            Battery("B"),
+            {"topic_type": "std_msgs/msg/Flaot32"},
+            "Battery: there is no std_msgs/msg/Flaot32; did you mean 'std_msgs/msg/Float32'?",
+        ),
+        (Battery("B"), {"topic_type": "std_msgs/msg/Xyzzy"}, "Battery: there is no std_msgs/msg/Xyzzy$"),
+        (
+            Battery("B"),
+            {"topic_type": "no_such_msgs/msg/Thing"},
+            "Battery: no_such_msgs/msg/Thing cannot be imported .*; is its package built",
+        ),
+        (
+            Battery("B"),
+            {"qos": "sensor"},
+            "Battery: qos is 'sensor'; write one of sensor_data, reliable, transient_local, or an rclpy",
+        ),
+    ],
+)
+def test_what_a_class_lacks_is_told_by_its_setup(
+    stage: "Stage", leaf: Any, attributes: dict[str, Any], message: str
+) -> None:
+    for name, value in attributes.items():
+        setattr(leaf, name, value)
+    with pytest.raises(LeafDefinitionError, match=message):
+        leaf.setup(node=stage.node)
+
+
+def test_leaves_are_checked_and_made_where_there_is_no_ros() -> None:
+    program = (
+        "import sys; sys.modules['rclpy'] = None\n"
+        "from tests.ros.test_leaf_bases import *\n"
+        "DriveTo('D', Input(1.0)), Configure('C'), Battery('B')\n"
+        "from sar_compiler.cli.compile import main; main(['nodes', 'DriveTo', '--nodes', 'tests.ros.test_leaf_bases'])"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "  x: input; a number. required\n" in done.stdout

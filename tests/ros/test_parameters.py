@@ -1,0 +1,482 @@
+"""Reading a mission's parameters, and finding fault with parameter files; without ROS."""
+
+import contextlib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sar_compiler.missions.search_and_rescue.mission import MISSION
+from sar_compiler.missions.search_and_rescue.parameters import read_survivors
+from sar_compiler.resources import shipped_root
+from sar_compiler.ros.parameter_file import ParameterFileError, check_parameter_file
+from sar_compiler.ros.parameter_reader import ParameterError, ParameterReader, lookalikes
+from sar_compiler.ros.run_parameters import RUN_PARAMETER_NAMES, RunParameters, read_run
+
+MISSION_NAMES = (*RUN_PARAMETER_NAMES, *MISSION.parameter_names)
+HEAD = "/**:\n  ros__parameters:\n"
+
+
+def mission(**changes: object) -> dict[str, object]:
+    """Return parameters of two zones; `__` stands for a dot, None takes a parameter away."""
+    parameters: dict[str, object] = {"zone_order": ["zone_a", "zone_b"]}
+    for zone in ("zone_a", "zone_b"):
+        parameters |= {f"zones.{zone}.x": 1.5, f"zones.{zone}.y": -2.0, f"zones.{zone}.yaw": 0.5}
+    parameters |= {key.replace("__", "."): value for key, value in changes.items()}
+    return {key: value for key, value in parameters.items() if value is not None}
+
+
+@dataclass
+class Read:
+    """What the parameters of a mission and its run say."""
+
+    zones: list[dict[str, Any]]
+    base_station: dict[str, float]
+    run: RunParameters
+    notes: list[str]
+
+
+def read_mission(parameters: Mapping[str, object]) -> Read:
+    """Read parameters as a run of the mission does."""
+    reader = ParameterReader(parameters)
+    zones, base_station = reader.places("zone"), reader.pose("base_station")
+    run = read_run(reader)
+    reader.complain()
+    return Read(zones, base_station, run, reader.notes)
+
+
+def read_run_of(parameters: Mapping[str, object]) -> RunParameters:
+    reader = ParameterReader(parameters)
+    run = read_run(reader)
+    reader.complain()
+    return run
+
+
+def mistakes(parameters: Mapping[str, object]) -> dict[str, str]:
+    with pytest.raises(ParameterError) as caught:
+        read_mission(parameters)
+    assert all(problem.key in str(caught.value) for problem in caught.value.problems)
+    return {problem.key: problem.text for problem in caught.value.problems}
+
+
+class TestReadingAMission:
+    def test_zones_come_in_the_order_of_their_visit(self) -> None:
+        read = read_mission(mission(zone_order=["zone_b", "zone_a"]))
+        assert read.zones == [
+            {"id": "zone_b", "x": 1.5, "y": -2.0, "yaw": 0.5},
+            {"id": "zone_a", "x": 1.5, "y": -2.0, "yaw": 0.5},
+        ]
+
+    def test_only_the_contract_has_defaults(self) -> None:
+        read = read_mission(mission())
+        assert read.base_station == {"x": 0.0, "y": 0.0, "yaw": 0.0}
+        assert read.run.initial_pose == (0.0, 0.0, 0.0)
+        assert (read.run.tick_rate_hz, read.run.set_initial_pose, read.notes) == (2.0, True, [])
+
+    def test_what_is_given_counts(self) -> None:
+        given = mission(base_station__x=1, base_station__yaw=-0.5, tick_rate_hz=10, set_initial_pose=False)
+        read = read_mission(given)
+        assert read.base_station == {"x": 1.0, "y": 0.0, "yaw": -0.5}
+        assert (read.run.tick_rate_hz, read.run.set_initial_pose) == (10.0, False)
+
+    def test_the_initial_pose_is_read_like_the_base_station_and_apart_from_it(self) -> None:
+        read = read_mission(mission(initial_pose__x=-2, initial_pose__yaw=1.57, base_station__y=0.5))
+        assert read.run.initial_pose == (-2.0, 0.0, 1.57)
+        assert read.base_station == {"x": 0.0, "y": 0.5, "yaw": 0.0}
+
+    def test_whole_numbers_are_read_as_floats(self) -> None:
+        x = read_mission(mission(zones__zone_a__x=3)).zones[0]["x"]
+        assert (x, type(x)) == (3.0, float)
+
+    def test_others_parameters_are_no_mistake(self) -> None:
+        assert not read_mission(mission(use_sim_time=True, goal_x=2.0, zone_count=3)).notes
+
+    def test_ids_may_have_dots(self) -> None:
+        pose = {"zones.floor.1.x": 1.0, "zones.floor.1.y": 2.0, "zones.floor.1.yaw": 3.0}
+        assert read_mission({"zone_order": ["floor.1"], **pose}).zones[0]["id"] == "floor.1"
+
+    def test_a_zone_that_is_never_visited_is_noted(self) -> None:
+        [note] = read_mission(mission(zone_order=["zone_a"])).notes
+        assert "zone_b" in note
+        assert "never visited" in note
+
+    @given(
+        st.lists(
+            st.tuples(
+                st.text(st.characters(min_codepoint=97, max_codepoint=122), min_size=1, max_size=6),
+                st.floats(allow_nan=False, allow_infinity=False),
+                st.integers(-(2**63), 2**63 - 1),
+            ),
+            min_size=1,
+            unique_by=lambda zone: zone[0],
+        )
+    )
+    def test_every_mission_with_complete_poses_is_read(self, zones: list[tuple[str, float, int]]) -> None:
+        parameters: dict[str, object] = {"zone_order": [name for name, _, _ in zones]}
+        for name, x, y in zones:
+            parameters |= {f"zones.{name}.x": x, f"zones.{name}.y": y, f"zones.{name}.yaw": 0}
+        read = read_mission(parameters)
+        assert [(zone["id"], zone["x"], zone["y"]) for zone in read.zones] == [
+            (name, x, float(y)) for name, x, y in zones
+        ]
+
+    @given(
+        st.dictionaries(
+            st.sampled_from(
+                [
+                    *("zone_order", "zones", "zones.a", "zones.a.x", "zones.a.y", "zones.a.yaw", "zones.a.z"),
+                    *("base_station", "base_station.x", "base_station.q", "tick_rate_hz", "set_initial_pose"),
+                    *("initial_pose", "initial_pose.x", "initial_pose.q"),
+                ]
+            ),
+            st.one_of(
+                st.none(),
+                st.booleans(),
+                st.integers(),
+                st.floats(),
+                st.text(max_size=3),
+                st.lists(st.one_of(st.text(max_size=2), st.integers(), st.just("a")), max_size=3),
+            ),
+        )
+    )
+    def test_whatever_is_given_is_read_or_refused_in_words(self, parameters: dict[str, object]) -> None:
+        read: Read | None = None
+        with contextlib.suppress(ParameterError):
+            read = read_mission(parameters)
+        if read is not None:
+            assert read.zones
+            assert all(math.isfinite(zone[name]) for zone in read.zones for name in ("x", "y", "yaw"))
+
+
+class TestPlacesOfAnotherName:
+    def test_they_are_read_from_parameters_of_that_name(self) -> None:
+        pose = {"points.gate.x": 1, "points.gate.y": 2.0, "points.gate.yaw": 0.5}
+        reader = ParameterReader({"point_order": ["gate"], **pose, "points.yard.x": 1.0})
+        assert reader.places("point") == [{"id": "gate", "x": 1.0, "y": 2.0, "yaw": 0.5}]
+        assert reader.notes == ["points.yard is not in point_order and is never visited"]
+
+    def test_their_mistakes_are_told_in_that_name(self) -> None:
+        reader = ParameterReader({"point_ordr": ["gate"]}, elsewhere="look there")
+        reader.places("point")
+        assert [str(problem) for problem in reader.problems] == [
+            (
+                "point_order: is missing (is 'point_ordr' meant to be it?): give the points to visit, for "
+                'instance point_order: ["point_a", "point_b"] (look there)'
+            )
+        ]
+
+
+class TestMistakes:
+    def test_no_order_says_how_to_give_one(self) -> None:
+        assert "is missing: give the zones to visit" in mistakes(mission(zone_order=None))["zone_order"]
+
+    def test_an_order_under_nearly_its_name_is_pointed_out(self) -> None:
+        assert "'zone_oder'" in mistakes(mission(zone_order=None, zone_oder=["zone_a"]))["zone_order"]
+
+    def test_an_empty_order(self) -> None:
+        assert "is empty" in mistakes(mission(zone_order=[]))["zone_order"]
+
+    @pytest.mark.parametrize("value", ["zone_a", 3, True, 1.5])
+    def test_an_order_that_is_no_list(self, value: object) -> None:
+        assert "must be a list of zone ids" in mistakes(mission(zone_order=value))["zone_order"]
+
+    @pytest.mark.parametrize("value", [[1, 2], [True], [""], [1.5]])
+    def test_an_order_that_is_no_list_of_text(self, value: object) -> None:
+        assert "must be a list of zone ids (text)" in mistakes(mission(zone_order=value))["zone_order"]
+
+    def test_a_zone_named_twice(self) -> None:
+        found = mistakes(mission(zone_order=["zone_a", "zone_b", "zone_a"]))
+        assert found == {"zone_order": "names 'zone_a' more than once"}
+
+    def test_a_zone_without_a_pose_with_the_nearest_name(self) -> None:
+        [text] = mistakes(mission(zone_order=["zone_a", "zone_B"])).values()
+        assert "names 'zone_B', which has no pose: give zones.zone_B.x" in text
+        assert "did you mean 'zone_b'?" in text
+
+    @pytest.mark.parametrize("name", ["x", "y", "yaw"])
+    def test_a_coordinate_that_is_missing(self, name: str) -> None:
+        found = mistakes({k: v for k, v in mission().items() if k != f"zones.zone_b.{name}"})
+        assert found == {f"zones.zone_b.{name}": "is missing: give a number"}
+
+    @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+    def test_a_number_that_is_not_finite(self, value: float) -> None:
+        assert "finite" in mistakes(mission(zones__zone_a__x=value))["zones.zone_a.x"]
+
+    @pytest.mark.parametrize("value", [True, "far", [1.0], None])
+    def test_what_is_no_number(self, value: object) -> None:
+        parameters = mission() | {"zones.zone_a.x": value}
+        assert "must be a number" in mistakes(parameters)["zones.zone_a.x"]
+
+    def test_a_number_in_quotes(self) -> None:
+        text = mistakes(mission(base_station__x="1.5"))["base_station.x"]
+        assert text == "must be a number, is the text '1.5' (write it without quotes)"
+
+    @pytest.mark.parametrize("value", [math.inf, "0.5", True])
+    def test_an_initial_pose_that_is_no_place(self, value: object) -> None:
+        assert list(mistakes(mission(initial_pose__y=value))) == ["initial_pose.y"]
+
+    @pytest.mark.parametrize("value", [0, -1.0, math.nan, 1e9, 1e-12, "2", False])
+    def test_a_tick_rate_that_is_none(self, value: object) -> None:
+        assert list(mistakes(mission(tick_rate_hz=value))) == ["tick_rate_hz"]
+
+    def test_an_unknown_name_beside_a_pose(self) -> None:
+        assert "did you mean 'yaw'?" in mistakes(mission(zones__zone_a__yw=1.0))["zones.zone_a.yw"]
+        assert "did you mean 'x'?" in mistakes(mission(base_station__X=1.0))["base_station.X"]
+        assert "did you mean 'yaw'?" in mistakes(mission(initial_pose__Yaw=1.0))["initial_pose.Yaw"]
+        assert "there may be x, y, yaw" in mistakes(mission(zones__zone_a__height=1.0))["zones.zone_a.height"]
+
+    @pytest.mark.parametrize("key", ["zones", "zones.zone_a", "base_station", "initial_pose"])
+    def test_a_value_in_the_place_of_a_pose(self, key: str) -> None:
+        assert key in mistakes(mission() | {key: 3.0})
+
+    @pytest.mark.parametrize("value", ["yes", 1, None])
+    def test_a_switch_that_is_neither_true_nor_false(self, value: object) -> None:
+        assert "true or false" in mistakes(mission() | {"set_initial_pose": value})["set_initial_pose"]
+
+    def test_all_of_them_are_found_at_once(self) -> None:
+        parameters = mission(
+            zones__zone_a__x="far", zones__zone_b__yaw=None, tick_rate_hz=0, zone_order=["zone_a", "q"]
+        )
+        assert list(mistakes(parameters)) == ["zone_order", "zones.zone_a.x", "tick_rate_hz"]
+
+
+class TestReadingHowATreeIsRun:
+    def test_everything_has_a_default(self) -> None:
+        run = read_run_of({"use_sim_time": False})
+        assert (run.tick_rate_hz, run.set_initial_pose) == (2.0, True)
+        assert (run.startup_timeout_sec, run.time_limit_sec) == (60.0, None)
+
+    def test_what_is_given_counts(self) -> None:
+        run = read_run_of(
+            {"tick_rate_hz": 5, "startup_timeout_sec": 3, "time_limit_sec": 600.0, "initial_pose.x": 1}
+        )
+        assert run.initial_pose == (1.0, 0.0, 0.0)
+        assert (run.tick_rate_hz, run.startup_timeout_sec, run.time_limit_sec) == (5.0, 3.0, 600.0)
+
+    @pytest.mark.parametrize("key", ["tick_rate_hz", "startup_timeout_sec", "time_limit_sec"])
+    @pytest.mark.parametrize("value", [0, -1.0, math.inf, "2", True])
+    def test_a_time_or_a_rate_that_is_none(self, key: str, value: object) -> None:
+        with pytest.raises(ParameterError) as caught:
+            read_run_of({key: value})
+        assert [problem.key for problem in caught.value.problems] == [key]
+
+
+class TestNamesThatNobodyReads:
+    @pytest.mark.parametrize(
+        ("given", "meant"),
+        [
+            ("tick_rate", "tick_rate_hz"),
+            ("Tick_Rate_Hz", "tick_rate_hz"),
+            ("startup_timeout", "startup_timeout_sec"),
+            ("time_limit", "time_limit_sec"),
+            ("zone_oder", "zone_order"),
+            ("use_simtime", "use_sim_time"),
+            ("goalx", "goal_x"),
+            ("wait.secs", "wait.sec"),
+        ],
+    )
+    def test_one_that_is_nearly_right_is_noted_with_the_one_that_was_meant(
+        self, given: str, meant: str
+    ) -> None:
+        notes = lookalikes([given], (*MISSION_NAMES, "goal_x", "wait.sec"))
+        assert notes == [f"parameter '{given}' is not read; did you mean '{meant}'?"]
+
+    def test_it_is_noted_also_where_the_right_one_is_given_by_a_file(self) -> None:
+        assert len(lookalikes(["goal_x", "goalx"], ["goal_x"])) == 1
+
+    def test_a_group_is_noted_once(self) -> None:
+        given = ["survivor.kitchen.x", "survivor.kitchen.y", "survivor.attic.x"]
+        assert lookalikes(given, MISSION_NAMES) == [
+            "parameter 'survivor' is not read; did you mean 'survivors'?"
+        ]
+
+    def test_what_is_read_is_not_noted(self) -> None:
+        given = ["survivors.attic.x", "zones.attic.x", "initial_pose.yaw", "use_sim_time", "goal_x"]
+        assert lookalikes(given, (*MISSION_NAMES, "goal_x")) == []
+
+    def test_what_is_like_nothing_belongs_to_somebody_else(self) -> None:
+        assert (
+            lookalikes(["robot_description", "zone_count", "goal.height"], ["goal.x", *MISSION_NAMES]) == []
+        )
+
+    def test_every_parameter_of_a_run_is_known(self) -> None:
+        assert lookalikes([field.name for field in fields(RunParameters)], MISSION_NAMES) == []
+        assert {field.name for field in fields(RunParameters)} <= set(MISSION_NAMES)
+
+
+class TestSurvivors:
+    DEFAULT = {"zone_a": (1.0, 2.0)}  # noqa: RUF012
+
+    def test_the_default_counts_where_nothing_is_given(self) -> None:
+        assert read_survivors({"use_sim_time": False}, self.DEFAULT) == self.DEFAULT
+
+    def test_a_table_replaces_the_default(self) -> None:
+        given = {"survivors.zone_b.x": 3, "survivors.zone_b.y": -1.5}
+        assert read_survivors(given, self.DEFAULT) == {"zone_b": (3.0, -1.5)}
+
+    def test_every_mistake_names_its_key(self) -> None:
+        given = {"survivors.zone_b.x": "3", "survivors.zone_c.z": 1.0, "survivors": 2}
+        with pytest.raises(ParameterError) as caught:
+            read_survivors(given, self.DEFAULT)
+        keys = {problem.key for problem in caught.value.problems}
+        assert keys == {
+            *("survivors.zone_b.x", "survivors.zone_b.y", "survivors.zone_c.z"),
+            *("survivors.zone_c.x", "survivors.zone_c.y", "survivors"),
+        }
+
+
+def file_error(tmp_path: Path, text: str | bytes) -> ParameterFileError:
+    path = tmp_path / "params.yaml"
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    with pytest.raises(ParameterFileError) as caught:
+        check_parameter_file(path)
+    error = caught.value
+    assert error.file == path
+    assert str(error).startswith(f"{path}:{error.line}:{error.column}: " if error.line else f"{path}: ")
+    return error
+
+
+def below(text: str) -> str:
+    """Put lines below `ros__parameters`, beginning in line 3."""
+    return HEAD + "".join(f"    {line}\n" for line in text.splitlines())
+
+
+class TestParameterFiles:
+    @pytest.mark.parametrize(
+        "text",
+        [
+            "x: 1",
+            "x: {y: {z: 1.0}}",
+            "x: [1.0, 2.5]\nzone_order: [a, 'b', \"c\"]",
+            "x: [on, yes, false]",
+            "x: [1, 0x10, -3]",
+            "x: [1e3, 2.0, .inf, .nan]",
+            "x: [!!str 1, a]",
+            "x: !!str null",
+            "x: ''\ny: 'null'",
+            "zones.a.x: 1.0\nzones.a.y: 2.0",
+            "x: 0\ny: 007\nz: 2020-01-01",
+            "x: 12:30",
+        ],
+    )
+    def test_what_ros_reads_passes(self, tmp_path: Path, text: str) -> None:
+        path = tmp_path / "params.yaml"
+        path.write_text(below(text))
+        check_parameter_file(path)
+
+    def test_the_shipped_file_passes_and_is_the_contract(self) -> None:
+        path = shipped_root() / "config" / "mission_params.yaml"
+        check_parameter_file(path)
+        values = yaml.safe_load(path.read_text())["/**"]["ros__parameters"]
+        assert values == {
+            "zone_order": ["zone_a", "zone_b", "zone_c", "zone_d"],
+            "zones": {
+                "zone_a": {"x": -3.0, "y": 3.0, "yaw": 0.0},
+                "zone_b": {"x": 3.5, "y": 3.0, "yaw": 1.57},
+                "zone_c": {"x": 4.0, "y": -3.0, "yaw": 3.14},
+                "zone_d": {"x": -3.5, "y": -3.0, "yaw": -1.57},
+            },
+            "base_station": {"x": 0.0, "y": 0.0, "yaw": 0.0},
+            "tick_rate_hz": 2.0,
+            "initial_pose": {"x": 0.0, "y": 0.0, "yaw": 0.0},
+            "set_initial_pose": True,
+        }
+
+    def test_nodes_may_stand_below_namespaces(self, tmp_path: Path) -> None:
+        path = tmp_path / "params.yaml"
+        path.write_text("/group3:\n  a:\n    ros__parameters: {x: 1}\n  b:\n    ros__parameters: {x: 2}\n")
+        check_parameter_file(path)
+
+    @pytest.mark.parametrize(
+        ("text", "line", "column", "part"),
+        [
+            ("zone_order: []", 3, 17, "'zone_order' is an empty list"),
+            ("x: {}", 3, 8, "'x' is empty"),
+            ("x: [1, 2.5]", 3, 12, "mixes a whole number with a number"),
+            ("x: [1.0, 2]", 3, 14, "(write 1.0 for 1)"),
+            ("x: ['1', 2]", 3, 14, "mixes text with a whole number"),
+            ("x: [true, 1]", 3, 15, "mixes a truth value with"),
+            ("x: [a, {b: 1}]", 3, 12, "list of mappings"),
+            ("x: [[1], [2]]", 3, 9, "list of lists"),
+            ("x: [a, ~]", 3, 12, "ROS has no empty values"),
+            ("y: 1\nx:", 4, 7, "'x' has no value"),
+            ("x: null", 3, 8, "would read that text"),
+            ("zones:\n  a: {x: ~}", 4, 14, "'zones.a.x' is ~"),
+            ("x: 1\nx: 2", 4, 5, "'x' is given twice (first in line 3)"),
+            ("a.b: 1\na:\n  b: 2", 5, 7, "'a.b' is given twice (first in line 3)"),
+            ("z: {x: 1}\nz: {y: 1}", 4, 5, "'z' is given twice"),
+            ("x: &a 1\ny: *a", 4, 8, "no aliases: write out the value of '*a'"),
+            ("x: !degrees 90", 3, 8, "has the tag !degrees"),
+            ("x: !!int '3'", 3, 8, "which ROS ignores"),
+            ("x: 1_000", 3, 8, "ROS reads 1_000 as text"),
+            ("x: 0o10", 3, 8, "ROS reads 0o10 as text"),
+            ("x: 1e999", 3, 8, "ROS reads 1e999 as text"),
+            ("x: 010", 3, 8, "octal number, 8"),
+            ("? [a]\n: 1", 3, 7, "a key must be a name"),
+            ("\tx: 1", 3, 5, "tab"),
+            ("x: [1, 2", 4, 1, "not YAML"),
+            ("x: 1\n y: 2", 4, 7, "not YAML"),
+            ("x: \x07", 3, 8, "is not allowed"),
+        ],
+    )
+    def test_what_ros_refuses_or_misreads_has_a_place(
+        self, tmp_path: Path, text: str, line: int, column: int, part: str
+    ) -> None:
+        error = file_error(tmp_path, below(text))
+        assert part in str(error)
+        assert (error.line, error.column) == (line, column)
+
+    @pytest.mark.parametrize(
+        ("text", "part"),
+        [
+            ("", "the file is empty"),
+            ("# nothing\n", "the file is empty"),
+            ("hello\n", "must be a mapping"),
+            ("- a\n", "must be a mapping"),
+            ("{}\n", "has no ros__parameters"),
+            ("zone_order: [a]\n", "'zone_order' stands outside of ros__parameters"),
+            ("/**:\n  zone_order: [a]\n", "'zone_order' stands outside of ros__parameters"),
+            ("/**: {}\n", "'/**' has no ros__parameters below it"),
+            ("ros__parameters:\n  x: 1\n", "no node's name"),
+            ("/**:\n  ros__parameters:\n", "must hold parameters"),
+            ("/**:\n  ros__parameters: [1]\n", "must hold parameters"),
+            (HEAD + "    x: 1\n---\n" + HEAD + "    x: 2\n", "a second document"),
+            ("%YAML 1.2\n---\n" + HEAD + "    x: 1\n", "YAML 1.1 only"),
+            ("/**: " + "{a: " * 2000 + "}" * 2000, "nested too deeply"),
+            (HEAD.encode() + b"    x: \xff\n", "not UTF-8"),
+        ],
+    )
+    def test_a_file_that_is_none_for_ros(self, tmp_path: Path, text: str | bytes, part: str) -> None:
+        assert part in str(file_error(tmp_path, text))
+
+    def test_a_file_that_is_not_there(self, tmp_path: Path) -> None:
+        with pytest.raises(ParameterFileError, match="there is no such parameter file") as caught:
+            check_parameter_file(tmp_path / "none.yaml")
+        assert caught.value.line == 0
+
+    def test_a_folder_is_no_file(self, tmp_path: Path) -> None:
+        with pytest.raises(ParameterFileError, match="folder"):
+            check_parameter_file(str(tmp_path))
+
+    def test_a_byte_order_mark_and_windows_line_ends_pass(self, tmp_path: Path) -> None:
+        path = tmp_path / "params.yaml"
+        path.write_bytes(b"\xef\xbb\xbf" + below("x: 1").replace("\n", "\r\n").encode())
+        check_parameter_file(path)
+
+    def test_all_mistakes_are_found_at_once_in_their_order(self, tmp_path: Path) -> None:
+        error = file_error(tmp_path, below("zone_order: []\nx: ~\ny: [1, 2.0]"))
+        assert [problem.line for problem in error.problems] == [3, 4, 5]
+
+    @given(st.text(max_size=60))
+    def test_any_text_passes_or_is_refused_in_words(self, text: str) -> None:
+        from sar_compiler.ros import parameter_file
+
+        for problem in parameter_file._problems(HEAD + "    x: " + text):
+            assert problem.text
+            assert problem.line >= 1

@@ -1,0 +1,126 @@
+"""A leaf that stands for a real one, and answers what somebody chooses."""
+
+import pytest
+from py_trees.common import Status
+
+from sar_compiler.runtime.answers import Answer
+from sar_compiler.runtime.blackboard import Board, Scope
+from sar_compiler.runtime.enums import Enums
+from sar_compiler.runtime.stub_leaf import (
+    ANSWERED,
+    HALTED,
+    STARTED,
+    FactVariables,
+    StubLeaf,
+    StubLeafError,
+)
+
+ARRIVED = Answer("SUCCESS", "arrived", when="left > 0", then="at = 'zone'; left -= 1")
+NOWHERE = Answer("FAILURE", "nowhere", when="left == 0")
+DRIVING = Answer("RUNNING", "driving", when="left > 0")
+
+
+class Following:
+    """Chooses by the labels that it was given, one after the other."""
+
+    def __init__(self, *labels):
+        self.labels = list(labels)
+        self.asked = []
+
+    def choose(self, leaf, options):
+        self.asked.append(options)
+        label = self.labels.pop(0)
+        return next(answer for answer in options if answer.name == label)
+
+
+@pytest.fixture
+def facts():
+    scope = Scope(Board("test_facts"))
+    scope.resolve("left").write(1)
+    scope.resolve("at").write("")
+    return scope
+
+
+@pytest.fixture
+def keys():
+    return Scope(Board("test_keys"))
+
+
+@pytest.fixture
+def made(facts, keys):
+    def make(*answers):
+        return StubLeaf("Go", "Drive", answers, FactVariables(facts, keys, Enums()), Enums())
+
+    return make
+
+
+def deeds(leaf):
+    return [(event.what, event.answer and event.answer.name) for event in leaf.events]
+
+
+def test_only_the_answers_whose_condition_is_true_can_be_chosen(made):
+    leaf = made(ARRIVED, NOWHERE, DRIVING)
+    leaf.policy = Following("driving", "arrived", "nowhere")
+    for _ in range(3):
+        leaf.tick_once()
+    assert leaf.policy.asked == [(ARRIVED, DRIVING), (ARRIVED, DRIVING), (NOWHERE,)]
+
+
+def test_an_answer_changes_facts_which_keep_their_type(made, facts):
+    leaf = made(ARRIVED)
+    leaf.tick_once()
+    assert leaf.status == Status.SUCCESS
+    assert leaf.feedback_message == "arrived"
+    assert (facts.resolve("left").read(), facts.resolve("at").read()) == (0, "zone")
+    assert type(facts.resolve("left").read()) is int
+
+
+def test_a_name_that_is_no_fact_is_a_key_of_the_tree(made, facts, keys):
+    keys.resolve("battery").write(20)
+    leaf = made(Answer("SUCCESS", when="battery < 30", then="goal := battery + left"))
+    leaf.tick_once()
+    assert keys.resolve("goal").read() == 21
+    assert not facts.resolve("goal").exists
+
+
+def test_what_a_leaf_does_is_noted(made):
+    leaf = made(ARRIVED, DRIVING)
+    leaf.policy = Following("driving", "driving")
+    leaf.tick_once()
+    leaf.tick_once()
+    leaf.stop(Status.INVALID)
+    assert deeds(leaf) == [(STARTED, None), (ANSWERED, "driving"), (ANSWERED, "driving"), (HALTED, None)]
+
+
+def test_a_leaf_that_has_finished_is_not_halted(made):
+    leaf = made(ARRIVED)
+    leaf.tick_once()
+    leaf.stop(Status.INVALID)
+    assert (HALTED, None) not in deeds(leaf)
+
+
+def test_an_answer_can_be_that_the_leaf_is_skipped(made):
+    leaf = made(Answer("SKIPPED", "not today"))
+    leaf.tick_once()
+    assert leaf.skipped
+    assert leaf.status == Status.INVALID
+
+
+def test_a_leaf_without_a_possible_answer_says_what_each_would_need(made, facts):
+    facts.resolve("left").write(-1)
+    with pytest.raises(
+        StubLeafError, match=r"'Go' \(Drive\) has no answer .*'arrived' when left > 0; 'nowhere'"
+    ):
+        made(ARRIVED, NOWHERE).tick_once()
+
+
+@pytest.mark.parametrize(
+    ("answer", "part"),
+    [
+        (Answer("SUCCESS", "yes", when="speed > 1"), "when"),
+        (Answer("SUCCESS", "yes", then="left = 'x'"), "then"),
+    ],
+)
+def test_a_script_that_cannot_be_run_names_leaf_answer_and_script(made, answer, part):
+    with pytest.raises(StubLeafError, match=rf"'Go' \(Drive\), answer 'yes': {part} '"):
+        made(answer).tick_once()

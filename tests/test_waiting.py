@@ -1,0 +1,79 @@
+"""The means of waiting themselves: they go on as long as something moves, and a promise to end in time is kept."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from tests.processes import Command
+from tests.waiting import Delay, News
+
+
+def test_a_wait_goes_on_as_long_as_there_is_news():
+    news = News()
+    told = []
+
+    def tell():
+        for number in range(10):
+            with news:
+                told.append(number)
+                news.tell()
+            time.sleep(0.05)
+
+    threading.Thread(target=tell).start()
+    with news:
+        news.wait_until(lambda: len(told) == 10, lambda: f"only {told} came", silence_sec=0.4)
+
+
+def test_a_wait_ends_with_its_complaint_when_nothing_moves():
+    news = News()
+    with news, pytest.raises(AssertionError, match="nothing came"):
+        news.wait_until(lambda: False, lambda: "nothing came", silence_sec=0.05)
+
+
+LINGERING = """
+import signal, sys, time
+def linger(*_):
+    time.sleep(0.6)
+    sys.exit(0)
+signal.signal(signal.SIGINT, linger)
+print("ready", flush=True)
+while True:
+    signal.pause()
+"""
+
+
+def test_a_command_that_ends_later_than_it_promises_fails_the_test():
+    command = Command("python", "-c", LINGERING).wait_for("ready")
+    with pytest.raises(AssertionError, match=r"python took 0\.[6-9]"):
+        command.stop(within_sec=0.3)
+
+
+def test_a_command_that_ends_without_the_line_that_is_waited_for_is_not_waited_for():
+    with pytest.raises(AssertionError, match="ended without printing 'more'"):
+        Command("python", "-c", "print('once')").wait_for("more")
+
+
+BUSY = "while True: pass"
+
+
+def test_the_time_that_others_have_the_processor_is_known():
+    processor = {min(os.sched_getaffinity(0))}
+    others = [subprocess.Popen([sys.executable, "-c", BUSY]) for _ in range(2)]
+    try:
+        for other in others:
+            os.sched_setaffinity(other.pid, processor)
+        delay = Delay(others[0].pid)
+        deadline = time.monotonic() + 60.0
+        while delay.sec < 0.05:
+            assert time.monotonic() < deadline, "two processes share one processor, and neither waits"
+            time.sleep(0.02)
+            delay.look()
+    finally:
+        for other in others:
+            other.send_signal(signal.SIGKILL)
+            other.wait()

@@ -1,0 +1,73 @@
+"""Waiting on a machine that may be busy: as long as something moves, and by the time that a process was given."""
+
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
+
+# What has brought nothing new for so long will not come, however busy the machine is.
+SILENCE_SEC = 60.0
+# What has brought news for so long, and never what is waited for, goes round in circles.
+ENDLESS_SEC = 600.0
+
+
+class News(threading.Condition):
+    """A condition that counts what happens; whoever waits gives up when nothing has happened for long."""
+
+    def __init__(self):
+        super().__init__()
+        self._count = 0
+
+    def tell(self):
+        """Say, holding the lock, that something has happened."""
+        self._count += 1
+        self.notify_all()
+
+    def wait_until(self, wanted, complaint, silence_sec=SILENCE_SEC):
+        """Wait, holding the lock, until something is so; fail with a complaint when nothing moves any more.
+
+        Args:
+            wanted: Returns whether it is so; called at every news, and ten times a second.
+            complaint: Returns what is said if it never is.
+            silence_sec: How long nothing may happen, seconds.
+        """
+        began = heard = time.monotonic()
+        count = self._count
+        while not wanted():
+            now = time.monotonic()
+            if self._count != count:
+                count, heard = self._count, now
+            assert now - heard < silence_sec and now - began < ENDLESS_SEC, complaint()  # noqa: PT018
+            self.wait(0.1)
+
+
+class Delay:
+    """How long the threads of a process waited for a processor, from now on, because others had them.
+
+    Where the kernel does not tell, it is nothing.
+
+    Args:
+        pid: The process.
+    """
+
+    def __init__(self, pid):
+        self._tasks = Path(f"/proc/{pid}/task")
+        self._before = self._waited()
+        self._now = dict(self._before)
+
+    def _waited(self):
+        found = {}
+        with suppress(OSError):
+            for task in list(self._tasks.iterdir()):
+                with suppress(OSError, IndexError):
+                    found[task.name] = int((task / "schedstat").read_text().split()[1]) / 1e9
+        return found
+
+    def look(self):
+        """Look again; a thread that has ended keeps what was seen last of it."""
+        self._now.update(self._waited())
+
+    @property
+    def sec(self):
+        """The sum over all threads, when it was looked last, seconds."""
+        return sum(waited - self._before.get(task, 0.0) for task, waited in self._now.items())
