@@ -1,4 +1,4 @@
-"""What a tick costs in flat form, and how often py_trees' generators take that time.
+"""What a tick costs in flat form, and how often that time it takes by the nodes' own `tick`, as py_trees calls it.
 
 Run it with `make bench`, or `python benchmarks/ticking.py 1000 10000`. Both forms tick trees with the same leaves, which
 do nothing but answer, in turns in one run; each figure is the median of several runs.
@@ -17,7 +17,8 @@ from py_trees.composites import Sequence
 from sar_compiler.compiler import bind_main, preview_tree
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.clock import WallClock
-from sar_compiler.runtime.flat import ClockTimes, flatten
+from sar_compiler.runtime.flat.times import ClockTimes
+from sar_compiler.runtime.flat.tree import flatten
 from sar_compiler.tree.forest import load_forest
 from sar_compiler.tree.reading import read_tree_file
 

@@ -3,13 +3,14 @@
 from collections.abc import Mapping, Sequence
 
 from py_trees.behaviour import Behaviour
-from py_trees.common import Status
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.enums import Enums
-from sar_compiler.runtime.parents import Control, Ticking, ended
+from sar_compiler.runtime.flat.cells import FAILURE, RUNNING, SKIPPED, SUCCESS, Cells, Stop, Tick
+from sar_compiler.runtime.flat.parts import Part, builds, halted_by, halted_with_children, reset, reset_all
+from sar_compiler.runtime.flat.times import Times
+from sar_compiler.runtime.parents import Control
 from sar_compiler.runtime.ports import Input
-from sar_compiler.runtime.skipping import SKIPPED, reset
 from sar_compiler.runtime.variables import RefusedValueError, number_of
 
 _FLOAT_EPSILON = 2.0**-23
@@ -34,32 +35,6 @@ class IfThenElse(Control):
     def __init__(self, name: str, children: Sequence[Behaviour]) -> None:
         super().__init__(name, children)
         _require_branches(name, len(children))
-        self._branch = 0
-
-    def _work(self) -> Ticking:
-        self.status = Status.RUNNING
-        if self._branch == 0:
-            condition = yield from self._tick_child(0)
-            if condition == Status.RUNNING:
-                return condition
-            if condition == SKIPPED:
-                self._reset_children()
-                return SKIPPED
-            self._branch = 1 if condition == Status.SUCCESS else 2
-            self.feedback_message = "then" if condition == Status.SUCCESS else "else"
-        if self._branch >= len(self.children):
-            # The condition keeps its status: as in BehaviorTree.CPP nothing is reset here.
-            self._branch = 0
-            return Status.FAILURE
-        outcome = yield from self._tick_child(self._branch)
-        if outcome != Status.RUNNING:
-            self._branch = 0
-            self._reset_children()
-        return outcome
-
-    def _halt(self) -> None:
-        self._branch = 0
-        super()._halt()
 
 
 class WhileDoElse(Control):
@@ -76,22 +51,6 @@ class WhileDoElse(Control):
     def __init__(self, name: str, children: Sequence[Behaviour]) -> None:
         super().__init__(name, children)
         _require_branches(name, len(children))
-
-    def _work(self) -> Ticking:
-        self.status = Status.RUNNING
-        outcome = yield from self._tick_child(0)
-        if outcome == Status.RUNNING:
-            return outcome
-        if outcome != SKIPPED:
-            branch, other = (1, 2) if outcome == Status.SUCCESS else (2, 1)
-            self.feedback_message = "do" if branch == 1 else "else"
-            if branch < len(self.children):
-                if other < len(self.children):
-                    reset(self.children[other])
-                outcome = yield from self._tick_child(branch)
-        if outcome != Status.RUNNING:
-            self._reset_children()
-        return outcome
 
 
 class Switch(Control):
@@ -139,18 +98,6 @@ class Switch(Control):
             raise ChildCountError(message)
         self._variable = variable
         self._names = enums.numbers
-        self._running: Behaviour | None = None
-
-    def _work(self) -> Ticking:
-        selected = self._select()
-        child = self.children[selected]
-        if self._running not in (None, child):
-            reset(self._running)
-        outcome = yield from self._tick_child(selected)
-        self._running = child if outcome == Status.RUNNING else None
-        if ended(outcome):
-            self._reset_children()
-        return outcome
 
     def _select(self) -> int:
         variable = self._variable.get(None)
@@ -162,10 +109,6 @@ class Switch(Control):
                     return index
         self.feedback_message = "no case"
         return len(self._cases)
-
-    def _halt(self) -> None:
-        self._running = None
-        super()._halt()
 
 
 class TryCatch(Control):
@@ -190,62 +133,6 @@ class TryCatch(Control):
             )
             raise ChildCountError(message)
         self._catch_on_halt = catch_on_halt or Input(source=False)
-        self._index = 0
-        self._skipped = 0
-        self._catching = False
-
-    def _work(self) -> Ticking:
-        if self.status != Status.RUNNING:
-            self._start_over()
-            self.feedback_message = ""
-        self.status = Status.RUNNING
-        if not self._catching:
-            outcome = yield from self._try()
-            if not self._catching:
-                return outcome
-        outcome = yield from self._tick_child(-1)
-        if outcome == Status.RUNNING:
-            return outcome
-        self._start_over()
-        self._reset_children()
-        return Status.FAILURE
-
-    def _try(self) -> Ticking:
-        tried = len(self.children) - 1
-        while self._index < tried:
-            child = self.children[self._index]
-            outcome = yield from self._tick_child(self._index)
-            if outcome == Status.RUNNING:
-                return outcome
-            if outcome == Status.FAILURE:
-                self.feedback_message = f"{child.name} failed"
-                self._catching = True
-                self._reset_children()
-                return outcome
-            self._index += 1
-            self._skipped += outcome == SKIPPED
-        all_skipped = self._skipped == tried
-        self._start_over()
-        self._reset_children()
-        return SKIPPED if all_skipped else Status.SUCCESS
-
-    def _start_over(self) -> None:
-        self._index = self._skipped = 0
-        self._catching = False
-
-    def _halt(self) -> None:
-        if self.status == Status.RUNNING and not self._catching and self._catch_on_halt.get():
-            *tried, catch = self.children
-            for child in tried:
-                reset(child)
-            try:
-                catch.tick_once()
-            finally:
-                self._start_over()
-                super()._halt()
-        else:
-            self._start_over()
-            super()._halt()
 
 
 def equal_texts(first: str, second: str, names: Mapping[str, int]) -> bool:
@@ -272,3 +159,163 @@ def _require_branches(name: str, count: int) -> None:
 
 def _real(text: str, names: Mapping[str, int]) -> float:
     return float(names[text] if text in names else number_of(text))
+
+
+_NONE = 0
+
+
+@builds(IfThenElse)
+def if_then_else(part: Part) -> tuple[Tick, Stop]:
+    """Build an IfThenElse."""
+    at, behaviour, children = part.at, part.behaviour, part.children
+    chosen = part.cell(_NONE)
+    condition = children[0]
+
+    def tick(cells: Cells, times: Times) -> int:
+        cells[at] = RUNNING
+        if cells[chosen] == _NONE:
+            behaviour.current_child = condition.behaviour
+            outcome = condition.tick(cells, times)
+            if outcome == RUNNING:
+                return RUNNING
+            if outcome == SKIPPED:
+                reset_all(children, cells, times)
+                return SKIPPED
+            cells[chosen] = 1 if outcome == SUCCESS else 2
+            behaviour.feedback_message = "then" if outcome == SUCCESS else "else"
+        if cells[chosen] >= len(children):
+            cells[chosen] = _NONE
+            cells[at] = FAILURE
+            return FAILURE
+        branch, tick_branch, _, _ = children[cells[chosen]]
+        behaviour.current_child = branch
+        outcome = tick_branch(cells, times)
+        if outcome != RUNNING:
+            cells[chosen] = _NONE
+            reset_all(children, cells, times)
+        if outcome != SKIPPED:
+            cells[at] = outcome
+        return outcome
+
+    return tick, halted_with_children(part, chosen)
+
+
+@builds(WhileDoElse)
+def while_do_else(part: Part) -> tuple[Tick, Stop]:
+    """Build a WhileDoElse."""
+    at, behaviour, children = part.at, part.behaviour, part.children
+    condition = children[0]
+
+    def tick(cells: Cells, times: Times) -> int:
+        cells[at] = RUNNING
+        behaviour.current_child = condition.behaviour
+        outcome = condition.tick(cells, times)
+        if outcome == RUNNING:
+            return RUNNING
+        if outcome != SKIPPED:
+            branch, other = (1, 2) if outcome == SUCCESS else (2, 1)
+            behaviour.feedback_message = "do" if branch == 1 else "else"
+            if branch < len(children):
+                if other < len(children):
+                    reset(children[other], cells, times)
+                behaviour.current_child = children[branch].behaviour
+                outcome = children[branch].tick(cells, times)
+        if outcome != RUNNING:
+            reset_all(children, cells, times)
+        if outcome != SKIPPED:
+            cells[at] = outcome
+        return outcome
+
+    return tick, halted_with_children(part)
+
+
+@builds(Switch)
+def switch(part: Part) -> tuple[Tick, Stop]:
+    """Build a Switch; which case is chosen is said by the node itself."""
+    at, behaviour, children = part.at, part.behaviour, part.children
+    # The number of the child that runs, counted from 1.
+    running = part.cell(_NONE)
+    select = behaviour._select
+
+    def tick(cells: Cells, times: Times) -> int:
+        selected = select()
+        before = cells[running]
+        if before not in (_NONE, selected + 1):
+            reset(children[before - 1], cells, times)
+        child, tick_child, _, _ = children[selected]
+        behaviour.current_child = child
+        outcome: int = tick_child(cells, times)
+        cells[running] = selected + 1 if outcome == RUNNING else _NONE
+        if outcome == SKIPPED:
+            return SKIPPED
+        if outcome != RUNNING:
+            reset_all(children, cells, times)
+        cells[at] = outcome
+        return outcome
+
+    return tick, halted_with_children(part, running)
+
+
+@builds(TryCatch)
+def try_catch(part: Part) -> tuple[Tick, Stop]:
+    """Build a TryCatch."""
+    node = _TryCatch(part)
+    return node.tick, halted_by(part, node.halt)
+
+
+class _TryCatch:
+    def __init__(self, part: Part) -> None:
+        self.part = part
+        *self.tried, self.catch = part.children
+        self.position, self.skips, self.catching = part.cell(0), part.cell(0), part.cell(0)
+
+    def tick(self, cells: Cells, times: Times) -> int:
+        at, behaviour = self.part.at, self.part.behaviour
+        if cells[at] != RUNNING:
+            self.start_over(cells)
+            behaviour.feedback_message = ""
+        cells[at] = RUNNING
+        outcome = FAILURE if cells[self.catching] else self.attempt(cells, times)
+        if cells[self.catching]:
+            behaviour.current_child = self.catch.behaviour
+            if self.catch.tick(cells, times) == RUNNING:
+                return RUNNING
+            self.start_over(cells)
+            reset_all(self.part.children, cells, times)
+        if outcome != SKIPPED:
+            cells[at] = outcome
+        return outcome
+
+    def attempt(self, cells: Cells, times: Times) -> int:
+        """Tick the children that are to be tried; FAILURE if the last one has to be ticked."""
+        while cells[self.position] < len(self.tried):
+            child, tick_child, _, _ = self.tried[cells[self.position]]
+            self.part.behaviour.current_child = child
+            outcome = tick_child(cells, times)
+            if outcome == RUNNING:
+                return RUNNING
+            if outcome == FAILURE:
+                self.part.behaviour.feedback_message = f"{child.name} failed"
+                cells[self.catching] = 1
+                reset_all(self.part.children, cells, times)
+                return FAILURE
+            cells[self.position] += 1
+            cells[self.skips] += outcome == SKIPPED
+        all_skipped = cells[self.skips] == len(self.tried)
+        self.start_over(cells)
+        reset_all(self.part.children, cells, times)
+        return SKIPPED if all_skipped else SUCCESS
+
+    def start_over(self, cells: Cells) -> None:
+        cells[self.position] = cells[self.skips] = cells[self.catching] = 0
+
+    def halt(self, cells: Cells, times: Times) -> None:
+        runs = cells[self.part.at] == RUNNING and not cells[self.catching]
+        try:
+            if runs and self.part.behaviour._catch_on_halt.get():
+                reset_all(self.tried, cells, times)
+                self.catch.tick(cells, times)
+        finally:
+            self.start_over(cells)
+            self.part.behaviour.current_child = None
+            reset_all(self.part.children, cells, times)

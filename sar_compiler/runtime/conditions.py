@@ -8,10 +8,22 @@ from py_trees.common import Status
 from sar_compiler.runtime.blackboard import Scope
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
-from sar_compiler.runtime.parents import Ticking, Wrapper, ended, outcome_of
+from sar_compiler.runtime.flat.cells import (
+    ENDED,
+    FAILURE,
+    INVALID,
+    RUNNING,
+    SKIPPED,
+    SUCCESS,
+    Cells,
+    Stop,
+    Tick,
+)
+from sar_compiler.runtime.flat.parts import Part, builds, halted_by, is_reset, reset
+from sar_compiler.runtime.flat.times import Times
+from sar_compiler.runtime.parents import Wrapper
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.scripting import NodeScript
-from sar_compiler.runtime.skipping import SKIPPED, reset
 
 
 @dataclass(frozen=True)
@@ -65,15 +77,15 @@ class Conditions(Wrapper):
             return NodeScript(Input(script), child.name, attribute, scope, enums) if script else None
 
         before = (
-            (ready("_failureIf", scripts.failure_if), "_failureIf", Status.FAILURE),
-            (ready("_successIf", scripts.success_if), "_successIf", Status.SUCCESS),
+            (ready("_failureIf", scripts.failure_if), "_failureIf", FAILURE),
+            (ready("_successIf", scripts.success_if), "_successIf", SUCCESS),
             (ready("_skipIf", scripts.skip_if), "_skipIf", SKIPPED),
         )
         self._before = [(script, attribute, outcome) for script, attribute, outcome in before if script]
         self._while = ready("_while", scripts.while_)
         self._after = {
-            Status.SUCCESS: ready("_onSuccess", scripts.on_success),
-            Status.FAILURE: ready("_onFailure", scripts.on_failure),
+            SUCCESS: ready("_onSuccess", scripts.on_success),
+            FAILURE: ready("_onFailure", scripts.on_failure),
         }
         self._post = ready("_post", scripts.post)
         self._on_halted = ready("_onHalted", scripts.on_halted)
@@ -87,40 +99,58 @@ class Conditions(Wrapper):
     def status(self, status: Status) -> None:
         self.decorated.status = status
 
-    def _work(self) -> Ticking:
-        outcome = self._decided()
-        if outcome is None:
-            yield from self.decorated.tick()
-            outcome = outcome_of(self.decorated)
-        if ended(outcome):
-            _run(self._after[outcome], self._post)
+
+@builds(Conditions)
+def conditions(part: Part) -> tuple[Tick, Stop]:
+    """Build the conditions of a node."""
+    node = _Conditions(part)
+    return node.tick, node.stop
+
+
+class _Conditions:
+    def __init__(self, part: Part) -> None:
+        behaviour = part.behaviour
+        self.part = part
+        (self.child,) = part.children
+        self.stop = halted_by(part, self.halt)
+        self.before: list[tuple[NodeScript, str, int]] = behaviour._before
+        self.goes_on: NodeScript | None = behaviour._while
+        self.is_reset = is_reset(behaviour)
+
+    def tick(self, cells: Cells, times: Times) -> int:
+        outcome = self.decided(cells, times) or self.child.tick(cells, times)
+        if outcome & ENDED:
+            _run(self.part.behaviour._after[outcome], self.part.behaviour._post)
+        if outcome != SKIPPED:
+            cells[self.part.at] = outcome
         return outcome
 
-    def _decided(self) -> Status | None:
-        """Return what the pre-conditions make of this tick; None if the node is to be ticked."""
-        if self.status == Status.RUNNING:
-            if self._while is None or self._while.holds():
-                return None
-            self.stop(Status.INVALID)
-            self.feedback_message = "halted by _while"
+    def decided(self, cells: Cells, times: Times) -> int:
+        """Return what the pre-conditions make of this tick; 0 if the node is to be ticked."""
+        behaviour, status = self.part.behaviour, cells[self.part.at]
+        if status == RUNNING:
+            if self.goes_on is None or self.goes_on.holds():
+                return 0
+            self.stop(cells, times)
+            behaviour.feedback_message = "halted by _while"
             return SKIPPED
-        self.feedback_message = ""
-        if not self._starts():
-            return None
-        for script, attribute, outcome in self._before:
+        behaviour.feedback_message = ""
+        if status != INVALID and self.is_reset:
+            return 0
+        for script, attribute, outcome in self.before:
             if script.holds():
-                self.feedback_message = f"decided by {attribute}"
+                behaviour.feedback_message = f"decided by {attribute}"
                 return outcome
-        if self._while is not None and not self._while.holds():
-            self.feedback_message = "decided by _while"
+        if self.goes_on is not None and not self.goes_on.holds():
+            behaviour.feedback_message = "decided by _while"
             return SKIPPED
-        return None
+        return 0
 
-    def _halt(self) -> None:
-        was_running = self.status == Status.RUNNING
-        reset(self.decorated)
+    def halt(self, cells: Cells, times: Times) -> None:
+        was_running = cells[self.part.at] == RUNNING
+        reset(self.child, cells, times)
         if was_running:
-            _run(self._on_halted, self._post)
+            _run(self.part.behaviour._on_halted, self.part.behaviour._post)
 
 
 def _run(*scripts: NodeScript | None) -> None:

@@ -1,11 +1,22 @@
 """Decorators that turn one end of their child into another."""
 
 from py_trees.behaviour import Behaviour
-from py_trees.common import Status
 
-from sar_compiler.runtime.parents import Ticking, Wrapper, ended
+from sar_compiler.runtime.flat.cells import (
+    ENDED,
+    FAILURE,
+    INVALID,
+    RUNNING,
+    SKIPPED,
+    SUCCESS,
+    Cells,
+    Stop,
+    Tick,
+)
+from sar_compiler.runtime.flat.parts import Part, builds, halted_with_child, ticked
+from sar_compiler.runtime.flat.times import Times
+from sar_compiler.runtime.parents import Wrapper
 from sar_compiler.runtime.ports import Input
-from sar_compiler.runtime.skipping import SKIPPED
 
 
 class Inverter(Wrapper):
@@ -18,13 +29,6 @@ class Inverter(Wrapper):
         child: The child.
     """
 
-    def _work(self) -> Ticking:
-        self.status = Status.RUNNING
-        outcome = yield from self._tick_child()
-        if not ended(outcome):
-            return outcome
-        return Status.FAILURE if outcome == Status.SUCCESS else Status.SUCCESS
-
 
 class ForceSuccess(Wrapper):
     """Succeeds when its child ends, however it does; a child that is skipped makes it skipped.
@@ -35,13 +39,6 @@ class ForceSuccess(Wrapper):
         name: The node's name.
         child: The child.
     """
-
-    _forced = Status.SUCCESS
-
-    def _work(self) -> Ticking:
-        self.status = Status.RUNNING
-        outcome = yield from self._tick_child()
-        return self._forced if ended(outcome) else outcome
 
 
 class ForceFailure(ForceSuccess):
@@ -54,8 +51,6 @@ class ForceFailure(ForceSuccess):
         child: The child.
     """
 
-    _forced = Status.FAILURE
-
 
 class KeepRunningUntilFailure(Wrapper):
     """Answers RUNNING until its child fails, also when the child succeeds or is skipped.
@@ -66,11 +61,6 @@ class KeepRunningUntilFailure(Wrapper):
         name: The node's name.
         child: The child.
     """
-
-    def _work(self) -> Ticking:
-        self.status = Status.RUNNING
-        outcome = yield from self._tick_child()
-        return Status.FAILURE if outcome == Status.FAILURE else Status.RUNNING
 
 
 class RunOnce(Wrapper):
@@ -87,18 +77,6 @@ class RunOnce(Wrapper):
     def __init__(self, name: str, child: Behaviour, then_skip: Input[bool] | None = None) -> None:
         super().__init__(name, child)
         self._then_skip = then_skip or Input(source=True)
-        self._answer: Status | None = None
-
-    def _work(self) -> Ticking:
-        then_skip = self._then_skip.get()
-        if self._answer is not None:
-            self.feedback_message = "has run"
-            return SKIPPED if then_skip else self._answer
-        self.status = Status.RUNNING
-        outcome = yield from self._tick_child()
-        if ended(outcome):
-            self._answer = outcome
-        return outcome
 
 
 class SubTree(Wrapper):
@@ -111,7 +89,82 @@ class SubTree(Wrapper):
         child: The root of what the subtree consists of.
     """
 
-    def _work(self) -> Ticking:
-        if self.status == Status.INVALID:
-            self.status = Status.RUNNING
-        return self._tick_child()
+
+@builds(Inverter)
+def inverter(part: Part) -> tuple[Tick, Stop]:
+    """Build an Inverter."""
+    return _turning(part, success=FAILURE, failure=SUCCESS, skipped=SKIPPED)
+
+
+@builds(ForceSuccess)
+def force_success(part: Part) -> tuple[Tick, Stop]:
+    """Build a ForceSuccess."""
+    return _turning(part, success=SUCCESS, failure=SUCCESS, skipped=SKIPPED)
+
+
+@builds(ForceFailure)
+def force_failure(part: Part) -> tuple[Tick, Stop]:
+    """Build a ForceFailure."""
+    return _turning(part, success=FAILURE, failure=FAILURE, skipped=SKIPPED)
+
+
+@builds(KeepRunningUntilFailure)
+def keep_running_until_failure(part: Part) -> tuple[Tick, Stop]:
+    """Build a KeepRunningUntilFailure."""
+    return _turning(part, success=RUNNING, failure=FAILURE, skipped=RUNNING)
+
+
+def _turning(part: Part, *, success: int, failure: int, skipped: int) -> tuple[Tick, Stop]:
+    at = part.at
+    tick_child = ticked(part)
+    turned = (INVALID, RUNNING, success, failure, skipped)
+
+    def tick(cells: Cells, times: Times) -> int:
+        cells[at] = RUNNING
+        outcome = turned[tick_child(cells, times)]
+        if outcome != SKIPPED:
+            cells[at] = outcome
+        return outcome
+
+    return tick, halted_with_child(part)
+
+
+@builds(RunOnce)
+def run_once(part: Part) -> tuple[Tick, Stop]:
+    """Build a RunOnce. The outcome of its child is kept for good."""
+    at, behaviour = part.at, part.behaviour
+    tick_child = ticked(part)
+    answer = part.cell(INVALID)
+
+    def tick(cells: Cells, times: Times) -> int:
+        then_skip = behaviour._then_skip.get()
+        if cells[answer]:
+            behaviour.feedback_message = "has run"
+            if then_skip:
+                return SKIPPED
+            cells[at] = cells[answer]
+            return int(cells[at])
+        cells[at] = RUNNING
+        outcome = tick_child(cells, times)
+        if outcome & ENDED:
+            cells[answer] = cells[at] = outcome
+        return outcome
+
+    return tick, halted_with_child(part)
+
+
+@builds(SubTree)
+def subtree(part: Part) -> tuple[Tick, Stop]:
+    """Build a SubTree."""
+    at = part.at
+    tick_child = ticked(part)
+
+    def tick(cells: Cells, times: Times) -> int:
+        if cells[at] == INVALID:
+            cells[at] = RUNNING
+        outcome = tick_child(cells, times)
+        if outcome != SKIPPED:
+            cells[at] = outcome
+        return outcome
+
+    return tick, halted_with_child(part)

@@ -1,5 +1,7 @@
 """Nodes that work with one entry of the blackboard."""
 
+from collections.abc import Callable
+
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
@@ -7,9 +9,11 @@ from sar_compiler.errors import SarError
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Entry, Scope
 from sar_compiler.runtime.entry_types import kept, read_as
 from sar_compiler.runtime.enums import Enums
-from sar_compiler.runtime.parents import Ticking, Wrapper
+from sar_compiler.runtime.flat.cells import FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS, Cells, Stop, Tick
+from sar_compiler.runtime.flat.parts import Part, builds, guarded
+from sar_compiler.runtime.flat.times import Times
+from sar_compiler.runtime.parents import Built, Wrapper
 from sar_compiler.runtime.ports import Input
-from sar_compiler.runtime.skipping import SKIPPED
 from sar_compiler.runtime.variables import RefusedValueError, said
 
 
@@ -99,26 +103,7 @@ class UnsetBlackboard(Behaviour):
         return Status.SUCCESS
 
 
-class Updates:
-    """Notices whether an entry was written since it was last asked.
-
-    Args:
-        entry: The entry.
-    """
-
-    def __init__(self, entry: Entry) -> None:
-        self._entry = entry
-        self._seen = 0
-
-    def come(self) -> bool:
-        """Return whether the entry was written since the last call, or, at first, ever."""
-        if not self._entry.exists:
-            return False
-        seen, self._seen = self._seen, self._entry.stamp
-        return seen != self._seen
-
-
-class WasEntryUpdated(Behaviour):
+class WasEntryUpdated(Built):
     """Succeeds if an entry was written since this node last looked, else fails.
 
     py_trees has nothing like it: its blackboard does not count writes.
@@ -131,35 +116,17 @@ class WasEntryUpdated(Behaviour):
 
     def __init__(self, name: str, entry: Input[object], scope: Scope) -> None:
         super().__init__(name)
-        self._updates = Updates(_entry(entry, scope))
-
-    def update(self) -> Status:
-        """Look at the entry."""
-        return Status.SUCCESS if self._updates.come() else Status.FAILURE
+        self._entry = _entry(entry, scope)
 
 
 class _IfUpdated(Wrapper):
     """Ticks its child if an entry was written since this node last looked; while the child runs, it does not look."""
 
-    _otherwise: Status
+    _otherwise: int
 
     def __init__(self, name: str, child: Behaviour, entry: Input[object], scope: Scope) -> None:
         super().__init__(name, child)
-        self._updates = Updates(_entry(entry, scope))
-        self._child_runs = False
-
-    def _work(self) -> Ticking:
-        if not self._child_runs and not self._updates.come():
-            self.feedback_message = "no update"
-            return self._otherwise
-        self.feedback_message = ""
-        outcome = yield from self._tick_child()
-        self._child_runs = outcome == Status.RUNNING
-        return outcome
-
-    def _halt(self) -> None:
-        self._child_runs = False
-        super()._halt()
+        self._entry = _entry(entry, scope)
 
 
 class SkipUnlessUpdated(_IfUpdated):
@@ -189,8 +156,47 @@ class WaitValueUpdate(_IfUpdated):
         scope: Where the entry is looked up, if it is given by its key, without braces.
     """
 
-    _otherwise = Status.RUNNING
+    _otherwise = RUNNING
 
 
 def _entry(port: Input[object], scope: Scope) -> Entry:
     return port.entry or scope.resolve(str(port.get()))
+
+
+@builds(WasEntryUpdated)
+def was_entry_updated(part: Part) -> tuple[Tick, Stop]:
+    """Build a WasEntryUpdated."""
+    at = part.at
+    come = _updates(part)
+
+    def tick(cells: Cells, times: Times) -> int:  # noqa: ARG001
+        cells[at] = SUCCESS if come(cells) else FAILURE
+        return int(cells[at])
+
+    def stop(cells: Cells, times: Times) -> None:  # noqa: ARG001
+        cells[at] = INVALID
+
+    return tick, stop
+
+
+@builds(SkipUnlessUpdated, WaitValueUpdate)
+def if_updated(part: Part) -> tuple[Tick, Stop]:
+    """Build a SkipUnlessUpdated or a WaitValueUpdate."""
+    come = _updates(part)
+    otherwise = part.behaviour._otherwise
+    return guarded(part, come, lambda: otherwise, "no update")
+
+
+def _updates(part: Part) -> Callable[[Cells], bool]:
+    """Return what says whether a node's entry was written since the node last looked."""
+    entry = part.behaviour._entry
+    seen = part.cell(0)
+    part.watch(entry, seen)
+
+    def come(cells: Cells) -> bool:
+        if not entry.exists:
+            return False
+        before, cells[seen] = cells[seen], entry.stamp
+        return bool(before != cells[seen])
+
+    return come

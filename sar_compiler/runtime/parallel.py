@@ -7,12 +7,13 @@ children that have failed again.
 from collections.abc import Sequence
 
 from py_trees.behaviour import Behaviour
-from py_trees.common import Status
 
 from sar_compiler.errors import SarError
-from sar_compiler.runtime.parents import Control, Ticking, ended
+from sar_compiler.runtime.flat.cells import ENDED, FAILURE, RUNNING, SKIPPED, SUCCESS, Cells, Stop, Tick
+from sar_compiler.runtime.flat.parts import Part, builds, halted_with_children, reset_all
+from sar_compiler.runtime.flat.times import Times
+from sar_compiler.runtime.parents import Control
 from sar_compiler.runtime.ports import Input
-from sar_compiler.runtime.skipping import SKIPPED
 
 
 class ThresholdError(SarError):
@@ -21,15 +22,6 @@ class ThresholdError(SarError):
 
 class _Counting(Control):
     """Children side by side; one that has ended is not ticked again until the node has."""
-
-    def __init__(self, name: str, children: Sequence[Behaviour]) -> None:
-        super().__init__(name, children)
-        self._through: set[int] = set()
-        self._failures = 0
-
-    @property
-    def _successes(self) -> int:
-        return len(self._through) - self._failures
 
     def _threshold(self, port: str, wanted: int) -> int:
         """Return how many children an attribute means; counted from the end if it is negative.
@@ -45,30 +37,6 @@ class _Counting(Control):
             )
             raise ThresholdError(message)
         return wanted if wanted >= 0 else max(count + wanted + 1, 0)
-
-    def _tick_unless_through(self, index: int) -> Ticking:
-        """Tick a child that has not ended yet, and note it if it does; return `SKIPPED` if it was skipped."""
-        if index in self._through:
-            return Status.SUCCESS
-        outcome = yield from self._tick_child(index)
-        if ended(outcome):
-            self._through.add(index)
-            self._failures += outcome == Status.FAILURE
-        return outcome
-
-    def _finish(self, outcome: Status) -> Status:
-        self.feedback_message = f"{self._successes} succeeded, {self._failures} failed"
-        self._clear()
-        self._reset_children()
-        return outcome
-
-    def _clear(self) -> None:
-        self._through.clear()
-        self._failures = 0
-
-    def _halt(self) -> None:
-        self._clear()
-        super()._halt()
 
 
 class Parallel(_Counting):
@@ -96,22 +64,6 @@ class Parallel(_Counting):
         self._success_count = success_count or Input(-1)
         self._failure_count = failure_count or Input(1)
 
-    def _work(self) -> Ticking:
-        success_count = self._success_count.get()
-        enough = self._threshold("success_count", success_count)
-        too_many = self._threshold("failure_count", self._failure_count.get())
-        self.status = Status.RUNNING
-        skipped = 0
-        for index in range(len(self.children)):
-            outcome = yield from self._tick_unless_through(index)
-            skipped += outcome == SKIPPED
-            if self._successes + (skipped if success_count < 0 else 0) >= enough:
-                return self._finish(Status.SUCCESS)
-            if len(self.children) - self._failures < enough or self._failures == too_many:
-                return self._finish(Status.FAILURE)
-        self.feedback_message = f"{self._successes} of {enough}"
-        return SKIPPED if skipped == len(self.children) else Status.RUNNING
-
 
 class ParallelAll(_Counting):
     """Waits for all children, then fails if too many of them have failed.
@@ -130,16 +82,91 @@ class ParallelAll(_Counting):
         super().__init__(name, children)
         self._max_failures = max_failures or Input(1)
 
-    def _work(self) -> Ticking:
-        too_many = self._threshold("max_failures", self._max_failures.get())
-        self.status = Status.RUNNING
-        skipped = 0
-        for index in range(len(self.children)):
-            outcome = yield from self._tick_unless_through(index)
-            skipped += outcome == SKIPPED
-        if skipped == len(self.children):
+
+class _FlatCounting:
+    """The counts of both: the children that have ended, as bits of a number, and how many of these have failed."""
+
+    def __init__(self, part: Part) -> None:
+        self.part = part
+        self.through = part.cell(0)
+        self.failures = part.cell(0)
+
+    def tick_child(self, index: int, cells: Cells, times: Times) -> int:
+        """Tick a child that has not ended yet, and note it if it does."""
+        if cells[self.through] >> index & 1:
+            return SUCCESS
+        child, tick, _, _ = self.part.children[index]
+        self.part.behaviour.current_child = child
+        outcome = tick(cells, times)
+        if outcome & ENDED:
+            cells[self.through] |= 1 << index
+            cells[self.failures] += outcome == FAILURE
+        return outcome
+
+    def ended(self, cells: Cells) -> int:
+        """Return how many children have ended."""
+        through: int = cells[self.through]
+        return through.bit_count()
+
+    def finish(self, outcome: int, cells: Cells, times: Times) -> int:
+        failures = cells[self.failures]
+        behaviour = self.part.behaviour
+        behaviour.feedback_message = f"{self.ended(cells) - failures} succeeded, {failures} failed"
+        cells[self.through] = cells[self.failures] = 0
+        reset_all(self.part.children, cells, times)
+        cells[self.part.at] = outcome
+        return outcome
+
+    def stop(self) -> Stop:
+        """Return what stops the node."""
+        return halted_with_children(self.part, self.through, self.failures)
+
+
+@builds(Parallel)
+def parallel(part: Part) -> tuple[Tick, Stop]:
+    """Build a Parallel."""
+    at, behaviour, count = part.at, part.behaviour, len(part.children)
+    counting = _FlatCounting(part)
+    failures = counting.failures
+
+    def tick(cells: Cells, times: Times) -> int:
+        success_count = behaviour._success_count.get()
+        enough = behaviour._threshold("success_count", success_count)
+        too_many = behaviour._threshold("failure_count", behaviour._failure_count.get())
+        cells[at] = RUNNING
+        skips = successes = 0
+        for index in range(count):
+            skips += counting.tick_child(index, cells, times) == SKIPPED
+            successes = counting.ended(cells) - cells[failures]
+            if successes + (skips if success_count < 0 else 0) >= enough:
+                return counting.finish(SUCCESS, cells, times)
+            if count - cells[failures] < enough or cells[failures] == too_many:
+                return counting.finish(FAILURE, cells, times)
+        behaviour.feedback_message = f"{successes} of {enough}"
+        return SKIPPED if skips == count else RUNNING
+
+    return tick, counting.stop()
+
+
+@builds(ParallelAll)
+def parallel_all(part: Part) -> tuple[Tick, Stop]:
+    """Build a ParallelAll."""
+    at, behaviour, count = part.at, part.behaviour, len(part.children)
+    counting = _FlatCounting(part)
+
+    def tick(cells: Cells, times: Times) -> int:
+        too_many = behaviour._threshold("max_failures", behaviour._max_failures.get())
+        cells[at] = RUNNING
+        skips = 0
+        for index in range(count):
+            skips += counting.tick_child(index, cells, times) == SKIPPED
+        if skips == count:
             return SKIPPED
-        if skipped + len(self._through) == len(self.children):
-            return self._finish(Status.FAILURE if self._failures >= too_many else Status.SUCCESS)
-        self.feedback_message = f"{len(self._through)} of {len(self.children)}"
-        return Status.RUNNING
+        ended = counting.ended(cells)
+        if skips + ended == count:
+            outcome = FAILURE if cells[counting.failures] >= too_many else SUCCESS
+            return counting.finish(outcome, cells, times)
+        behaviour.feedback_message = f"{ended} of {count}"
+        return RUNNING
+
+    return tick, counting.stop()

@@ -6,13 +6,17 @@ py_trees' own read the machine's clock, which is wrong for a robot on simulated 
 from py_trees import decorators
 from py_trees import timers as stock
 from py_trees.behaviour import Behaviour
-from py_trees.common import Status
 
-from sar_compiler.runtime import timers
 from sar_compiler.runtime.clock import Clock
+from sar_compiler.runtime.flat.cells import FAILURE, INVALID, RUNNING, SUCCESS, Cells, Stop, Tick
+from sar_compiler.runtime.flat.parts import Part, builds
+from sar_compiler.runtime.flat.stock_decorators import decorated
+from sar_compiler.runtime.flat.times import Times
+from sar_compiler.runtime.parents import Built
+from sar_compiler.runtime.timers import Countdown
 
 
-class Timeout(decorators.Timeout):
+class Timeout(Built, decorators.Timeout):
     """Fails if its child is still running after a time, measured on the mission's clock.
 
     py_trees' own Timeout reads the machine's clock, which is wrong for a robot on simulated time.
@@ -26,27 +30,10 @@ class Timeout(decorators.Timeout):
 
     def __init__(self, name: str, child: Behaviour, duration: float, clock: Clock) -> None:
         super().__init__(name=name, child=child, duration=duration)
-        self._timer = timers.Countdown(clock)
-
-    def initialise(self) -> None:
-        """Start the time."""
-        self._timer.start(self.duration)
-        self.feedback_message = ""
-
-    def update(self) -> Status:
-        """Pass the child's status on, or fail once the time is over."""
-        if self.decorated.status != Status.RUNNING:
-            self.feedback_message = ""
-            return self.decorated.status
-        remaining = self._timer.remaining()
-        if not remaining:
-            self.feedback_message = "timed out"
-            return Status.FAILURE
-        self.feedback_message = timers.time_left(remaining)
-        return Status.RUNNING
+        self.clock = clock
 
 
-class Timer(stock.Timer):
+class Timer(Built, stock.Timer):
     """Runs until a time has passed on the mission's clock, then succeeds.
 
     py_trees' own Timer reads the machine's clock, which is wrong for a robot on simulated time.
@@ -59,17 +46,56 @@ class Timer(stock.Timer):
 
     def __init__(self, name: str, clock: Clock, duration: float = 5.0) -> None:
         super().__init__(name, duration)
-        self._timer = timers.Countdown(clock)
+        self.clock = clock
 
-    def initialise(self) -> None:
-        """Start the time."""
-        self._timer.start(self.duration)
 
-    def update(self) -> Status:
-        """Return RUNNING until the time is over, then SUCCESS."""
-        if self._timer.remaining():
-            # Without the time left, which would make every tick look like a change.
-            self.feedback_message = "still running"
-            return Status.RUNNING
-        self.feedback_message = f"timer ran out [{self.duration}]"
-        return Status.SUCCESS
+@builds(Timeout)
+def stock_timeout(part: Part) -> tuple[Tick, Stop]:
+    """Build a Timeout of py_trees', on the mission's clock."""
+    behaviour, (child,) = part.behaviour, part.children
+    timer = Countdown(part)
+
+    def initialise(cells: Cells, times: Times) -> None:
+        timer.start(behaviour.duration, cells, times)
+        behaviour.feedback_message = ""
+
+    def update(cells: Cells, times: Times) -> int:
+        status: int = cells[child.at]
+        if status != RUNNING:
+            behaviour.feedback_message = ""
+            return status
+        if timer.is_up(cells, times):
+            behaviour.feedback_message = "timed out"
+            return FAILURE
+        behaviour.feedback_message = timer.left(cells, times)
+        return RUNNING
+
+    def terminate(cells: Cells, status: int) -> None:  # noqa: ARG001
+        timer.stop(cells)
+
+    return decorated(part, initialise, update, terminate)
+
+
+@builds(Timer)
+def stock_timer(part: Part) -> tuple[Tick, Stop]:
+    """Build a Timer of py_trees', on the mission's clock."""
+    at, behaviour = part.at, part.behaviour
+    timer = Countdown(part)
+
+    def tick(cells: Cells, times: Times) -> int:
+        if cells[at] != RUNNING:
+            timer.start(behaviour.duration, cells, times)
+        if timer.is_up(cells, times):
+            behaviour.feedback_message = f"timer ran out [{behaviour.duration}]"
+            timer.stop(cells)
+            cells[at] = SUCCESS
+            return SUCCESS
+        behaviour.feedback_message = "still running"
+        cells[at] = RUNNING
+        return RUNNING
+
+    def stop(cells: Cells, times: Times) -> None:  # noqa: ARG001
+        timer.stop(cells)
+        cells[at] = INVALID
+
+    return tick, stop

@@ -10,7 +10,9 @@ from sar_compiler.runtime.blackboard import Scope
 from sar_compiler.runtime.chosen_outcome import Outcome
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
-from sar_compiler.runtime.parents import Ticking, Wrapper
+from sar_compiler.runtime.flat.cells import SKIPPED, Cells, Stop, Tick, number_of
+from sar_compiler.runtime.flat.parts import Part, builds, guarded
+from sar_compiler.runtime.parents import Wrapper
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.scripting import NodeScript
 
@@ -80,17 +82,17 @@ class Precondition(Wrapper):
         super().__init__(name, child)
         self._condition = NodeScript(if_, name, "if", scope, enums)
         self._else = else_ or Input(Outcome.FAILURE)
-        self._child_runs = False
 
-    def _work(self) -> Ticking:
-        if not self._child_runs and not self._condition.holds():
-            self.feedback_message = "the condition is false"
-            return self._else.get().value
-        self.feedback_message = ""
-        outcome = yield from self._tick_child()
-        self._child_runs = outcome == Status.RUNNING
-        return outcome
 
-    def _halt(self) -> None:
-        self._child_runs = False
-        super()._halt()
+@builds(Precondition)
+def precondition(part: Part) -> tuple[Tick, Stop]:
+    """Build a Precondition."""
+    behaviour = part.behaviour
+
+    def holds(cells: Cells) -> bool:  # noqa: ARG001
+        return bool(behaviour._condition.holds())
+
+    def otherwise() -> int:
+        return number_of(behaviour._else.get().value) or SKIPPED
+
+    return guarded(part, holds, otherwise, "the condition is false")

@@ -40,11 +40,3 @@ class SkippableLeaf(Behaviour):
 def was_skipped(behaviour: Behaviour) -> bool:
     """Return whether the tick that a behaviour has just had was skipped."""
     return behaviour.status == Status.INVALID or getattr(behaviour, "skipped", False)
-
-
-def reset(behaviour: Behaviour) -> None:
-    """Bring a node back to rest: halt it if it is running, else only forget how it ended."""
-    if behaviour.status == Status.RUNNING:
-        behaviour.stop(Status.INVALID)
-    else:
-        behaviour.status = Status.INVALID

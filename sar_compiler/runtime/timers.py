@@ -5,11 +5,23 @@ each tick; nothing happens between ticks.
 """
 
 from py_trees.behaviour import Behaviour
-from py_trees.common import Status
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.clock import Clock
-from sar_compiler.runtime.parents import Ticking, Wrapper, Yielding, ended
+from sar_compiler.runtime.flat.cells import (
+    ENDED,
+    FAILURE,
+    INVALID,
+    RUNNING,
+    SKIPPED,
+    SUCCESS,
+    Cells,
+    Stop,
+    Tick,
+)
+from sar_compiler.runtime.flat.parts import Part, builds, halted_with_child, reset, ticked
+from sar_compiler.runtime.flat.times import Times
+from sar_compiler.runtime.parents import Built, Wrapper, Yielding
 from sar_compiler.runtime.ports import Input
 
 _MILLISECONDS = 1000.0
@@ -17,46 +29,6 @@ _MILLISECONDS = 1000.0
 
 class DurationError(SarError):
     """A node is to wait for less than no time."""
-
-
-class Countdown:
-    """Counts a time down on a clock that may stand still, and may go back.
-
-    A clock that goes back counts as one that stood still: what had passed stays passed, and nothing has to be
-    waited for twice. A clock that leaps forward is believed.
-
-    Args:
-        clock: The clock.
-    """
-
-    def __init__(self, clock: Clock) -> None:
-        self._clock = clock
-        self._looked = 0.0
-        self._end: float | None = None
-
-    @property
-    def started(self) -> bool:
-        """Whether it is running or has run out."""
-        return self._end is not None
-
-    def start(self, seconds: float) -> None:
-        """Begin to count from a number of seconds."""
-        self._looked = self._clock.now()
-        self._end = self._looked + seconds
-
-    def stop(self) -> None:
-        """Count no more."""
-        self._end = None
-
-    def remaining(self) -> float:
-        """Return how many seconds are left, 0 at the end; also 0 if it was never started."""
-        if self._end is None:
-            return 0.0
-        now = self._clock.now()
-        if now < self._looked:
-            self._end -= self._looked - now
-        self._looked = now
-        return max(self._end - now, 0.0)
 
 
 class Delay(Yielding, Wrapper):
@@ -74,27 +46,7 @@ class Delay(Yielding, Wrapper):
     def __init__(self, name: str, child: Behaviour, delay_msec: Input[int], clock: Clock) -> None:
         super().__init__(name, child)
         self._delay_msec = delay_msec
-        self._timer = Countdown(clock)
-
-    def _work(self) -> Ticking:
-        delay = seconds_of(self.name, "delay_msec", self._delay_msec.get())
-        if not self._timer.started:
-            self._timer.start(delay)
-            self.status = Status.RUNNING
-            self.feedback_message = time_left(delay)
-            return Status.RUNNING if delay else self._pause()
-        remaining = self._timer.remaining()
-        self.feedback_message = time_left(remaining) if remaining else ""
-        if remaining:
-            return Status.RUNNING
-        outcome = yield from self._tick_child()
-        if ended(outcome):
-            self._timer.stop()
-        return outcome
-
-    def _halt(self) -> None:
-        self._timer.stop()
-        super()._halt()
+        self.clock = clock
 
 
 class Timeout(Wrapper):
@@ -112,42 +64,10 @@ class Timeout(Wrapper):
     def __init__(self, name: str, child: Behaviour, msec: Input[int], clock: Clock) -> None:
         super().__init__(name, child)
         self._msec = msec
-        self._timer = Countdown(clock)
-        self._limited = False
-
-    def _work(self) -> Ticking:
-        limit = seconds_of(self.name, "msec", self._msec.get())
-        if not self._timer.started:
-            self._start(limit)
-        elif self._limited and not self._timer.remaining():
-            if self.decorated.status == Status.RUNNING:
-                return self._time_out()
-            # The time ran out over a child that was skipped: it begins with the child.
-            self._start(limit)
-        self.feedback_message = time_left(self._timer.remaining()) if self._limited else ""
-        outcome = yield from self._tick_child()
-        if ended(outcome):
-            self._timer.stop()
-            self.feedback_message = ""
-        return outcome
-
-    def _start(self, limit: float) -> None:
-        self._timer.start(limit)
-        self._limited = limit > 0
-        self.status = Status.RUNNING
-
-    def _time_out(self) -> Status:
-        self._timer.stop()
-        self._reset_children()
-        self.feedback_message = "timed out"
-        return Status.FAILURE
-
-    def _halt(self) -> None:
-        self._timer.stop()
-        super()._halt()
+        self.clock = clock
 
 
-class Sleep(Behaviour):
+class Sleep(Built):
     """Waits, then succeeds.
 
     Stock py_trees' Timer reads the machine's clock.
@@ -161,23 +81,7 @@ class Sleep(Behaviour):
     def __init__(self, name: str, msec: Input[int], clock: Clock) -> None:
         super().__init__(name)
         self._msec = msec
-        self._timer = Countdown(clock)
-
-    def initialise(self) -> None:
-        """Start the time."""
-        self._timer.start(seconds_of(self.name, "msec", self._msec.get()))
-
-    def update(self) -> Status:
-        """Return RUNNING until the time is over, then SUCCESS."""
-        remaining = self._timer.remaining()
-        self.feedback_message = time_left(remaining) if remaining else ""
-        return Status.RUNNING if remaining else Status.SUCCESS
-
-    def terminate(self, new_status: Status) -> None:
-        """Forget the time."""
-        self._timer.stop()
-        if new_status == Status.INVALID:
-            self.feedback_message = ""
+        self.clock = clock
 
 
 def seconds_of(name: str, port: str, milliseconds: int) -> float:
@@ -200,3 +104,137 @@ def seconds_of(name: str, port: str, milliseconds: int) -> float:
 def time_left(seconds: float) -> str:
     """Return what a node tells of the time that is left, in seconds."""
     return f"remaining: {seconds:.1f}s"
+
+
+_OFF, _COUNTING, _UP, _UNLIMITED = range(4)
+
+
+class Countdown:
+    """A node's timer: a cell with what it does, and one with its token while it counts.
+
+    It is not asked again once it was up.
+
+    Args:
+        part: The node.
+    """
+
+    def __init__(self, part: Part) -> None:
+        self._index = part.index
+        self.state = part.cell(_OFF)
+        self.token = part.cell(0)
+
+    def start(self, seconds: float, cells: Cells, times: Times) -> None:
+        """Begin to count from a number of seconds."""
+        cells[self.state] = _COUNTING
+        cells[self.token] = times.start(self._index, seconds)
+
+    def is_up(self, cells: Cells, times: Times) -> bool:
+        """Return whether the time is over."""
+        if cells[self.state] == _COUNTING and times.is_up(self._index, cells[self.token]):
+            self.stop(cells, _UP)
+        return bool(cells[self.state] == _UP)
+
+    def left(self, cells: Cells, times: Times) -> str:
+        """Return what is told of the time that is left."""
+        return time_left(times.remaining(self._index, cells[self.token]))
+
+    def stop(self, cells: Cells, state: int = _OFF) -> None:
+        """Count no more."""
+        cells[self.state], cells[self.token] = state, 0
+
+
+@builds(Delay)
+def delay(part: Part) -> tuple[Tick, Stop]:
+    """Build a Delay."""
+    at, behaviour = part.at, part.behaviour
+    tick_child, timer = ticked(part), Countdown(part)
+
+    def tick(cells: Cells, times: Times) -> int:
+        seconds = seconds_of(behaviour.name, "delay_msec", behaviour._delay_msec.get())
+        if cells[timer.state] == _OFF:
+            timer.start(seconds, cells, times)
+            cells[at] = RUNNING
+            behaviour.feedback_message = time_left(seconds)
+            if not seconds:
+                behaviour._wake()
+            return RUNNING
+        if not timer.is_up(cells, times):
+            behaviour.feedback_message = timer.left(cells, times)
+            cells[at] = RUNNING
+            return RUNNING
+        behaviour.feedback_message = ""
+        outcome = tick_child(cells, times)
+        if outcome & ENDED:
+            timer.stop(cells)
+        if outcome != SKIPPED:
+            cells[at] = outcome
+        return outcome
+
+    return tick, halted_with_child(part, timer.state, timer.token)
+
+
+@builds(Timeout)
+def timeout(part: Part) -> tuple[Tick, Stop]:
+    """Build a Timeout."""
+    at, behaviour, (child,) = part.at, part.behaviour, part.children
+    tick_child, timer = ticked(part), Countdown(part)
+
+    def tick(cells: Cells, times: Times) -> int:
+        seconds = seconds_of(behaviour.name, "msec", behaviour._msec.get())
+        if cells[timer.state] == _OFF:
+            start(seconds, cells, times)
+        elif timer.is_up(cells, times):
+            if cells[child.at] == RUNNING:
+                return time_out(cells, times)
+            start(seconds, cells, times)
+        limited = cells[timer.state] == _COUNTING
+        behaviour.feedback_message = timer.left(cells, times) if limited else ""
+        outcome = tick_child(cells, times)
+        if outcome & ENDED:
+            timer.stop(cells)
+            behaviour.feedback_message = ""
+        if outcome != SKIPPED:
+            cells[at] = outcome
+        return outcome
+
+    def start(seconds: float, cells: Cells, times: Times) -> None:
+        if seconds:
+            timer.start(seconds, cells, times)
+        else:
+            timer.stop(cells, _UNLIMITED)
+        cells[at] = RUNNING
+
+    def time_out(cells: Cells, times: Times) -> int:
+        timer.stop(cells)
+        reset(child, cells, times)
+        behaviour.feedback_message = "timed out"
+        cells[at] = FAILURE
+        return FAILURE
+
+    return tick, halted_with_child(part, timer.state, timer.token)
+
+
+@builds(Sleep)
+def sleep(part: Part) -> tuple[Tick, Stop]:
+    """Build a Sleep."""
+    at, behaviour = part.at, part.behaviour
+    timer = Countdown(part)
+
+    def tick(cells: Cells, times: Times) -> int:
+        if cells[at] != RUNNING:
+            timer.start(seconds_of(behaviour.name, "msec", behaviour._msec.get()), cells, times)
+        if timer.is_up(cells, times):
+            behaviour.feedback_message = ""
+            timer.stop(cells)
+            cells[at] = SUCCESS
+            return SUCCESS
+        behaviour.feedback_message = timer.left(cells, times)
+        cells[at] = RUNNING
+        return RUNNING
+
+    def stop(cells: Cells, times: Times) -> None:  # noqa: ARG001
+        timer.stop(cells)
+        behaviour.feedback_message = ""
+        cells[at] = INVALID
+
+    return tick, stop

@@ -28,9 +28,11 @@ from sar_compiler.runtime import (
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Scope
 from sar_compiler.runtime.conditions import Conditions
 from sar_compiler.runtime.entries import SetBlackboard
-from sar_compiler.runtime.parents import Ticking, Wrapper, ended
+from sar_compiler.runtime.flat import parts
+from sar_compiler.runtime.flat.cells import ENDED, RUNNING, SKIPPED, Cells, Stop, Tick, number_of
+from sar_compiler.runtime.flat.parts import Part, halted_with_child, ticked
+from sar_compiler.runtime.flat.times import Times
 from sar_compiler.runtime.script_nodes import Precondition
-from sar_compiler.runtime.skipping import reset
 from sar_compiler.runtime.variables import RefusedValueError, ScriptValue, said
 
 Case = Mapping[str, Any]
@@ -52,6 +54,14 @@ class Habit:
     reason: str
     may_show: Callable[[Case], bool]
     taken_on: Callable[[], AbstractContextManager[None]]
+
+
+def reset(behaviour: Behaviour) -> None:
+    """Bring a node back to rest: halt it if it is running, else only forget how it ended."""
+    if behaviour.status == Status.RUNNING:
+        behaviour.stop(Status.INVALID)
+    else:
+        behaviour.status = Status.INVALID
 
 
 def halt_tree(root: Behaviour) -> None:
@@ -85,13 +95,13 @@ def _replaced(owner: object, name: str, replacement: object) -> Iterator[None]:
 
 @contextmanager
 def _no_post_on_halt() -> Iterator[None]:
-    def halt(self: Conditions) -> None:
-        was_running = self.status == Status.RUNNING
-        reset(self.decorated)
+    def halt(self: conditions._Conditions, cells: Cells, times: Times) -> None:
+        was_running = cells[self.part.at] == RUNNING
+        parts.reset(self.child, cells, times)
         if was_running:
-            conditions._run(self._on_halted)
+            conditions._run(self.part.behaviour._on_halted)
 
-    with _replaced(Conditions, "_halt", halt):
+    with _replaced(conditions._Conditions, "halt", halt):
         yield
 
 
@@ -124,14 +134,23 @@ def _from_above(node: Behaviour) -> Iterator[Behaviour]:
 
 @contextmanager
 def _precondition_asked_once() -> Iterator[None]:
-    def work(self: Precondition) -> Ticking:
-        if not self._child_runs and not self._condition.holds():
-            return self._else.get().value
-        outcome = yield from self._tick_child()
-        self._child_runs = not ended(outcome)
-        return outcome
+    def precondition(part: Part) -> tuple[Tick, Stop]:
+        at, behaviour, tick_child = part.at, part.behaviour, ticked(part)
+        child_runs = part.cell(0)
 
-    with _replaced(Precondition, "_work", work), _replaced(Precondition, "_halt", Wrapper._halt):
+        def tick(cells: Cells, times: Times) -> int:
+            if not cells[child_runs] and not behaviour._condition.holds():
+                outcome = number_of(behaviour._else.get().value) or SKIPPED
+            else:
+                outcome = tick_child(cells, times)
+                cells[child_runs] = not outcome & ENDED
+            if outcome != SKIPPED:
+                cells[at] = outcome
+            return outcome
+
+        return tick, halted_with_child(part)
+
+    with mock.patch.dict(parts.BUILDERS, {Precondition: precondition}):
         yield
 
 

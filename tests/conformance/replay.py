@@ -27,7 +27,7 @@ from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.runtime.blackboard import Board, Scope
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.enums import Enums
-from sar_compiler.runtime.skipping import reset, was_skipped
+from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
 from tests.conformance import as_there, leaves
@@ -198,7 +198,7 @@ def _tick(root: Behaviour, woken: list[bool], *, again: bool) -> str:
         return "SKIPPED"
     outcome = root.status
     if outcome != Status.RUNNING:
-        reset(root)
+        as_there.reset(root)
     return outcome.name
 
 

@@ -10,8 +10,9 @@ import pytest
 from py_trees.common import Status
 
 from sar_compiler.runtime.clock import ManualClock
-from sar_compiler.runtime.flat import ClockTimes, FlatTree, flatten
 from sar_compiler.runtime.flat.cells import SKIPPED, STATUSES, Cells
+from sar_compiler.runtime.flat.times import ClockTimes
+from sar_compiler.runtime.flat.tree import FlatTree, flatten
 from tests.conformance.replay import Compiled, Seen, _runs, _ticks, compile_case
 
 FILES = sorted(Path(__file__).parent.glob("btcpp_*.json"))

@@ -1,11 +1,22 @@
 """What all nodes with children have in common."""
 
+import itertools
+
 import pytest
 from py_trees import composites
+from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
 
-from sar_compiler.runtime.controls import Fallback, Sequence
+from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.runtime.controls import Fallback, Sequence, SequenceWithMemory
 from sar_compiler.runtime.decorators import Inverter, SubTree
+from sar_compiler.runtime.flat.cells import RUNNING
+from sar_compiler.runtime.flat.table import NotFlatError
+from sar_compiler.runtime.flat.times import ClockTimes
+from sar_compiler.runtime.flat.tree import flatten
+from sar_compiler.runtime.parallel import Parallel
+from sar_compiler.runtime.parents import Control
+from sar_compiler.runtime.ports import Input
 from tests.conformance.leaves import ScriptedError
 from tests.runtime.stage import Stage
 
@@ -90,3 +101,99 @@ def test_to_stop_a_node_with_an_end_says_how_it_ended_and_halts_nobody():
     stage.tick(root)
     root.stop(Status.SUCCESS)
     assert (root.status, root.update(), stage.told()) == (Status.SUCCESS, Status.SUCCESS, "")
+
+
+class Telling(Behaviour):
+    """Succeeds, and forgets what it has told when it is halted."""
+
+    def __init__(self, name: str, answer: Status = Status.SUCCESS) -> None:
+        super().__init__(name)
+        self.answer = answer
+
+    def update(self) -> Status:
+        self.feedback_message = f"{self.name} is at work"
+        return self.answer
+
+    def terminate(self, new_status: Status) -> None:
+        if new_status == Status.INVALID:
+            self.feedback_message = "halted"
+
+
+def test_a_visitor_sees_each_node_as_it_was_after_its_own_tick():
+    stage = Stage()
+    ended, halted = Telling("a"), Telling("b", Status.RUNNING)
+    root = Parallel(
+        "p", [Inverter("i", ended), SubTree("t", halted), stage.leaf("c", "F")], Input(2), Input(2)
+    )
+    seen = [(node.name, node.status.name, node.feedback_message) for node in root.tick()]
+    assert seen == [
+        ("a", "SUCCESS", "a is at work"),
+        ("i", "FAILURE", ""),
+        ("b", "RUNNING", "b is at work"),
+        ("t", "RUNNING", ""),
+        ("c", "FAILURE", ""),
+        ("p", "FAILURE", "0 succeeded, 2 failed"),
+    ]
+    assert [(node.status.name, node.feedback_message) for node in (ended, halted)] == [
+        ("INVALID", "a is at work"),
+        ("INVALID", "halted"),
+    ]
+
+
+def test_a_visitor_that_stops_the_tree_leaves_it_stopped():
+    leaf = Telling("a", Status.RUNNING)
+    root = Sequence("s", memory=True, children=[SubTree("t", leaf)])
+    for node in root.tick():
+        if node is leaf:
+            root.stop(Status.INVALID)
+    assert {node.status for node in root.iterate()} == {Status.INVALID}
+
+
+def test_the_nodes_ticked_before_a_leaf_raised_are_shown():
+    stage = Stage()
+    root = Sequence("s", memory=True, children=[Inverter("i", stage.leaf("a", "F")), stage.leaf("b", "X")])
+    ticked = root.tick()
+    seen = [(node.name, node.status.name) for node in itertools.islice(ticked, 2)]
+    with pytest.raises(ScriptedError):
+        next(ticked)
+    assert seen == [("a", "FAILURE"), ("i", "SUCCESS")]
+
+
+def test_children_that_come_later_are_ticked_as_well():
+    stage = Stage()
+    root = Sequence("s", memory=True, children=[stage.leaf("a")])
+    assert stage.tick(root) == "S: a=S"
+    root.add_child(stage.leaf("b"))
+    assert stage.tick(root) == "S: a=S b=S"
+    root.remove_child(root.children[0])
+    assert stage.tick(root) == "S: b=S"
+
+
+def test_a_node_ticked_by_itself_and_in_a_flat_tree_remembers_each_for_itself():
+    stage = Stage()
+    root = SequenceWithMemory("s", children=stage.leaves(a="S", b="R"))
+    flat, times = flatten(root), ClockTimes(ManualClock())
+    cells = flat.initial()
+    assert stage.ticks(root, 2) == ["R: a=S", "R: b=R"]
+    before = list(cells)
+    assert flat.tick(cells, times) == RUNNING
+    assert (stage.told(), before) == ("a=S", flat.initial())
+    assert stage.tick(root) == "R: b=R"
+
+
+class Own(Inverter):
+    """A subclass without a builder of its own."""
+
+
+def test_a_subclass_ticks_as_its_base_does():
+    stage = Stage()
+    assert stage.tick(Own("o", stage.leaf("a"))) == "F: a=S"
+
+
+class Unknown(Control):
+    """A control that nobody has said anything of."""
+
+
+def test_a_control_without_a_builder_is_refused_with_its_class():
+    with pytest.raises(NotFlatError, match=r"'u' is a .*test_parents.Unknown"):
+        Unknown("u", [Telling("a")]).tick_once()

@@ -6,8 +6,9 @@ from hypothesis import strategies as st
 from py_trees.common import Status
 
 from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.runtime.flat.times import ClockTimes
 from sar_compiler.runtime.ports import Input
-from sar_compiler.runtime.timers import Countdown, Delay, DurationError, Sleep, Timeout
+from sar_compiler.runtime.timers import Delay, DurationError, Sleep, Timeout
 from tests.runtime.stage import Stage
 
 CLOCK = st.lists(st.floats(-100.0, 100.0), max_size=20)
@@ -15,36 +16,36 @@ CLOCK = st.lists(st.floats(-100.0, 100.0), max_size=20)
 
 def test_a_timer_counts_down_to_zero():
     clock = ManualClock()
-    timer = Countdown(clock)
-    timer.start(2.0)
+    times = ClockTimes(clock)
+    token = times.start(0, 2.0)
     clock.advance(0.5)
-    assert timer.remaining() == 1.5
+    assert times.remaining(0, token) == 1.5
     clock.advance(5.0)
-    assert timer.remaining() == 0.0
+    assert times.remaining(0, token) == 0.0
 
 
 def test_a_clock_that_goes_back_counts_as_one_that_stood_still():
     clock = ManualClock(1000.0)
-    timer = Countdown(clock)
-    timer.start(2.0)
+    times = ClockTimes(clock)
+    token = times.start(0, 2.0)
     clock.advance(0.5)
-    timer.remaining()
+    times.remaining(0, token)
     clock.advance(-900.0)
-    assert timer.remaining() == 1.5
+    assert times.remaining(0, token) == 1.5
     clock.advance(1.5)
-    assert timer.remaining() == 0.0
+    assert times.remaining(0, token) == 0.0
 
 
 @given(seconds=st.floats(0.0, 50.0), steps=CLOCK)
 def test_whatever_the_clock_does_the_time_left_never_grows_and_is_never_negative(seconds, steps):
     clock = ManualClock()
-    timer = Countdown(clock)
-    timer.start(seconds)
+    times = ClockTimes(clock)
+    token = times.start(0, seconds)
     left = seconds
     for step in steps:
         clock.advance(step)
-        assert 0.0 <= timer.remaining() <= left + 1e-9
-        left = timer.remaining()
+        assert 0.0 <= times.remaining(0, token) <= left + 1e-9
+        left = times.remaining(0, token)
 
 
 def test_a_delay_waits_then_lets_its_child_run_and_waits_again_next_time():

@@ -13,8 +13,8 @@ from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.blackboard import Board, Snapshot
 from sar_compiler.runtime.expressions import Script, name_uses
-from sar_compiler.runtime.flat import FlatTree
 from sar_compiler.runtime.flat.cells import FAILURE, RUNNING, SKIPPED, SUCCESS, Cells
+from sar_compiler.runtime.flat.tree import FlatTree
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.stub_leaf import StubLeaf
 

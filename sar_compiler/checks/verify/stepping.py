@@ -16,10 +16,11 @@ from sar_compiler.checks.verify.monitors import Rules
 from sar_compiler.checks.verify.property_conditions import ConditionError
 from sar_compiler.checks.verify.state import NOT_TICKED, NUMBERS, WORDS, Prepared, State, StateStore
 from sar_compiler.runtime.answers import Answer
-from sar_compiler.runtime.flat import Times, flatten
 from sar_compiler.runtime.flat.cells import INVALID, RUNNING, SKIPPED, Cells, Stop, Tick
 from sar_compiler.runtime.flat.parts import Build, Part
 from sar_compiler.runtime.flat.table import builder_of
+from sar_compiler.runtime.flat.times import Times
+from sar_compiler.runtime.flat.tree import flatten
 from sar_compiler.runtime.stub_leaf import ANSWERED, HALTED, STARTED, Event, StubLeaf
 
 

@@ -8,7 +8,7 @@ from sar_compiler.checks.verify.graph import Graph
 from sar_compiler.checks.verify.liveness import endings, lasso, owing_for_ever
 from sar_compiler.checks.verify.properties import LeftOut, Properties
 from sar_compiler.checks.verify.traces import Retracing, Trace
-from sar_compiler.runtime.flat import FlatNode
+from sar_compiler.runtime.flat.tree import FlatNode
 from sar_compiler.runtime.stub_leaf import StubLeaf
 
 

@@ -21,7 +21,7 @@ SKIPPED = 4
 ENDED = SUCCESS & FAILURE
 """What only SUCCESS and FAILURE have in common: `outcome & ENDED` is not 0 for these two."""
 
-STATUSES = (Status.INVALID, Status.RUNNING, Status.SUCCESS, Status.FAILURE)
+STATUSES = _, _RUNNING, _SUCCESS, _FAILURE = Status.INVALID, Status.RUNNING, Status.SUCCESS, Status.FAILURE
 """py_trees' status for each number."""
 
 Cells = list[Any]
@@ -33,11 +33,11 @@ Stop = Callable[[Cells, Times], None]
 
 def number_of(status: object) -> int:
     """Return the number of a status of py_trees; INVALID for what is none."""
-    # By identity: the hash of a member of an enumeration is slow.
-    if status is Status.RUNNING:
+    # By identity, and by names of this module: the hash of a member of an enumeration is slow, and so is to look it up.
+    if status is _RUNNING:
         return RUNNING
-    if status is Status.SUCCESS:
+    if status is _SUCCESS:
         return SUCCESS
-    if status is Status.FAILURE:
+    if status is _FAILURE:
         return FAILURE
     return INVALID

@@ -6,23 +6,10 @@ from py_trees.decorators import Decorator
 
 from sar_compiler.errors import SarError
 
-# Each of them declares its builders when it is imported.
-from sar_compiler.runtime.flat import (  # noqa: F401
-    branches,
-    conditions,
-    decorators,
-    entries,
-    leaves,
-    loops,
-    parallel,
-    repetition,
-    sequences,
-    stock_composites,
-    stock_decorators,
-    timers,
-)
+# Each of them declares its builders when it is imported, as the modules of our own classes do.
+from sar_compiler.runtime.flat import leaves, stock_composites, stock_decorators  # noqa: F401
 from sar_compiler.runtime.flat.parts import BUILDERS, Build
-from sar_compiler.runtime.parents import Parent
+from sar_compiler.runtime.parents import Built, Parent
 
 
 class NotFlatError(SarError):
@@ -54,6 +41,19 @@ def builder_of(behaviour: Behaviour) -> Build:
     if behaviour.children or isinstance(behaviour, (Composite, Decorator)):
         raise NotFlatError(behaviour)
     return leaves.leaf
+
+
+def inherited_builder_of(node: Built) -> Build:
+    """Return what brings one of our nodes into flat form; a subclass has its base's builder unless it has its own.
+
+    Raises:
+        NotFlatError: If neither the class nor a base is known.
+    """
+    known = (BUILDERS[cls] for cls in type(node).__mro__ if cls in BUILDERS)
+    build = next(known, None)
+    if build is None:
+        raise NotFlatError(node)
+    return build
 
 
 def shares_status(behaviour: Behaviour) -> bool:

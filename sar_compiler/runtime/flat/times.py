@@ -33,8 +33,9 @@ class Times(Protocol):
 class ClockTimes:
     """Timers on a clock that may stand still, and may go back.
 
-    A clock that goes back counts as one that stood still, as for `runtime.timers.Countdown`. A token is the end of
-    a timer, in seconds of the clock as it would be if it had never gone back.
+    A clock that goes back counts as one that stood still: what had passed stays passed, and nothing has to be
+    waited for twice. A clock that leaps forward is believed. A token is the end of a timer, in seconds of the clock as
+    it would be if it had never gone back.
 
     Args:
         clock: The clock.

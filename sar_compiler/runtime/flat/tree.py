@@ -97,7 +97,7 @@ class FlatTree:
             self._share(cells)
 
     def forget(self, cells: Cells, index: int = 0) -> None:
-        """Forget how a node has ended, as `runtime.skipping.reset` does with one that is not running.
+        """Forget how a node has ended, as `parts.reset` does with one that is not running.
 
         Args:
             cells: The state, which is changed.

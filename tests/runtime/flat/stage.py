@@ -15,8 +15,9 @@ from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.runtime.blackboard import Snapshot
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.enums import Enums
-from sar_compiler.runtime.flat import ClockTimes, flatten
 from sar_compiler.runtime.flat.cells import SKIPPED, STATUSES, Cells
+from sar_compiler.runtime.flat.times import ClockTimes
+from sar_compiler.runtime.flat.tree import flatten
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.forest import Forest

@@ -11,10 +11,11 @@ from py_trees.display import unicode_tree
 
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.controls import AsyncSequence
-from sar_compiler.runtime.flat import ClockTimes, NotFlatError, Times, flatten
 from sar_compiler.runtime.flat.cells import FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS, Cells, Stop, Tick
 from sar_compiler.runtime.flat.parts import Build, Part
-from sar_compiler.runtime.flat.table import builder_of
+from sar_compiler.runtime.flat.table import NotFlatError, builder_of
+from sar_compiler.runtime.flat.times import ClockTimes, Times
+from sar_compiler.runtime.flat.tree import flatten
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.timers import Delay
 from sar_compiler.runtime.timers import Timeout as OwnTimeout
