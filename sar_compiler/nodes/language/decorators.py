@@ -128,7 +128,7 @@ def _duration(bound: BoundNode) -> float | None:
 
 
 def _again(rounds: Number, end: int, rewrite: "rewrites.Rewrite | None", *, built_in: bool) -> Semantics:
-    """Return the semantics of a decorator that ticks its child again after one end of it."""
+    """Return the semantics of a decorator that restarts its child after one of its end statuses."""
     return Semantics(
         outcome_sets.rounds(rounds, end),
         steady=True,
@@ -168,7 +168,7 @@ def _shared(
     outcomes: frozenset[str] = _ALL,
     skips: Skips = Skips.FROM_CHILD,
 ) -> NodeSpec:
-    """Return a decorator of BehaviorTree.CPP's that is py_trees' own unless its child can skip."""
+    """Return a BehaviorTree.CPP decorator that is made of py_trees' class unless its child can be skipped."""
     return NodeSpec(
         tag,
         cls,
@@ -183,7 +183,7 @@ def _shared(
 def _own(
     tag: str, cls: type, semantics: Semantics, skipping: Skipping | None = None, **more: object
 ) -> NodeSpec:
-    """Return a decorator of BehaviorTree.CPP's that py_trees does not have."""
+    """Return a BehaviorTree.CPP decorator that py_trees does not have."""
     counterpart = replace(semantics.counterpart, built_in=True)
     return NodeSpec(
         tag,
@@ -204,7 +204,7 @@ def _stock(
     instead: str = "",
     **parameter_docs: str,
 ) -> NodeSpec:
-    """Return a decorator of py_trees' whose constructor can be written as it is."""
+    """Return a py_trees decorator whose constructor can be used as it is."""
     return NodeSpec(
         cls.__name__,
         cls,
@@ -217,7 +217,7 @@ def _stock(
 
 
 def _unless_updated(own: int) -> Semantics:
-    """Return the semantics of a decorator that answers something itself until an entry was written."""
+    """Return the semantics of a decorator that returns a status of its own until an entry is written."""
     return Semantics(
         outcome_sets.adding(own),
         keys={"entry": KeyRole(AccessKind.PEEK, by_name=True)},

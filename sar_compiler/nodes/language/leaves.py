@@ -1,4 +1,4 @@
-"""Leaves that every tree may use, whatever its mission."""
+"""Leaves that are available in every mission's trees."""
 
 from collections.abc import Mapping
 
@@ -52,7 +52,7 @@ _NO_ANSWER = "queue: there is no status in it; write some: RUNNING;SUCCESS"
 
 
 def report_no_answer(bound: BoundNode, collector: Collector) -> None:
-    """Report a queue that has nothing to answer."""
+    """Report a queue without statuses."""
     written = bound.element.attributes
     if bound.values.get("queue") == [] and "eventually" not in written:
         collector.value(bound.element, "queue", "wrong-value", _NO_ANSWER)
@@ -266,12 +266,12 @@ _REMOVED = KeyRole(AccessKind.NONE)
 
 
 def _peeking(*ports: str, resumes: bool = False) -> Semantics:
-    """Return the semantics of a leaf that can do without what it asks for."""
+    """Return the semantics of a leaf whose key need not exist."""
     return Semantics(keys=dict.fromkeys(ports, _PEEKS), resumes=resumes)
 
 
 def _renamed(tag: str, cls: type, doc: str, *outcomes: str) -> NodeSpec:
-    """Return a leaf of py_trees' under BehaviorTree.CPP's name."""
+    """Return a py_trees leaf under BehaviorTree.CPP's name."""
     semantics, signature = Semantics(counterpart=_BUILT_IN), Signature(doc=doc)
     return NodeSpec(tag, cls, Kind.ACTION, frozenset(outcomes), semantics=semantics, signature=signature)
 
@@ -285,7 +285,7 @@ def _own(
     keys: Mapping[str, KeyRole] | None = None,
     **types: ValueType,
 ) -> NodeSpec:
-    """Return a leaf of BehaviorTree.CPP's that py_trees does not have."""
+    """Return a BehaviorTree.CPP leaf that py_trees does not have."""
     semantics = Semantics(keys=keys or {}, counterpart=_BUILT_IN)
     signature = Signature(types=types)
     return NodeSpec(tag, cls, kind, frozenset(outcomes), effects, semantics=semantics, signature=signature)
@@ -299,7 +299,7 @@ def _stock(
     rewrite: rewrites.Rewrite | None = None,
     **parameter_docs: str,
 ) -> NodeSpec:
-    """Return a leaf of py_trees' whose constructor can be written as it is."""
+    """Return a py_trees leaf whose constructor can be used as it is."""
     return NodeSpec(
         cls.__name__,
         cls,

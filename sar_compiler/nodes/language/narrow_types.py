@@ -1,4 +1,4 @@
-"""Types of attributes that take less than the annotation of a constructor's parameter says."""
+"""Types of attributes that are narrower than the annotation of the constructor's parameter."""
 
 import math
 from typing import Literal
@@ -80,7 +80,7 @@ def _chances(text: str) -> list[float]:
 
 
 def queue_of(loop: type[Loop]) -> ValueType:
-    """Return the type of what a loop goes through: a literal queue, or whatever an entry holds."""
+    """Return the type of a loop's queue: a literal, or any value of an entry."""
 
     def convert(text: str) -> object:
         try:

@@ -1,4 +1,4 @@
-"""`SubTree`: another tree of the file in this place."""
+"""`SubTree`: a use of another tree."""
 
 from py_trees.decorators import PassThrough
 
