@@ -1,4 +1,4 @@
-"""Nodes that do nothing, or not what they are for."""
+"""Nodes without an effect, or without their intended one."""
 
 import math
 from collections.abc import Iterator
@@ -19,7 +19,7 @@ _NEVER = {F: "never fails", S: "never succeeds", R: "always ends in its first ti
 
 
 def check_needless(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield nodes that could as well not be there, or that spoil what is in them."""
+    """Yield nodes that could be left out, or that defeat the nodes in them."""
     # Of trees that are flown by another program, or with mistakes still in them, nothing is said in passing.
     is_own = context.sound and not context.is_foreign
     for tree in context.trees:
@@ -61,7 +61,7 @@ def _needless(bound: BoundNode, child: BoundNode) -> Diagnostic | None:
 
 
 def _takes_back(bound: BoundNode, child: BoundNode) -> bool:
-    """Return whether a decorator turns back every answer that the one in it has turned."""
+    """Return whether a decorator reverts every change of a result by the decorator in it."""
     outer, inner = bound.spec.semantics, child.spec.semantics
     turns = outer.steady and inner.steady and outer.changes and inner.changes
     if not turns or outer.possible is None or inner.possible is None or len(child.children) != 1:
@@ -82,7 +82,7 @@ def _interrupting(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes
 
 
 def _spent(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    """Yield rounds around something that is done only once."""
+    """Yield loops around a node that is executed only once."""
     retries = bound.spec.semantics.repeats == F
     once, within = _done_once(child)
     if once is None or (retries and not outcomes.may_return(within) & F):

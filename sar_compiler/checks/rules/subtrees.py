@@ -1,4 +1,4 @@
-"""Trees that nobody uses, and what subtrees are given and never look at."""
+"""Unused trees, and keys that are passed to subtrees but not used there."""
 
 from collections.abc import Iterator
 
@@ -12,7 +12,7 @@ from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
 
 def check_subtrees(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield trees that are in no other, and attributes of `SubTree` that mean nothing in the tree."""
+    """Yield trees that are used by no other, and attributes of `SubTree` that the tree does not use."""
     if not context.sound:
         return  # a mistake in a tree may be what keeps it from using a key, or another tree
     yield from _unused_trees(context)
@@ -48,13 +48,13 @@ def _unused_trees(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 class _Wanted:
-    """The keys that each tree does something with."""
+    """The keys that each tree uses."""
 
     def __init__(self) -> None:
         self._known: dict[BoundTree, frozenset[str] | None] = {}
 
     def by(self, tree: BoundTree) -> frozenset[str] | None:
-        """Return the keys; None where a node may do something with any."""
+        """Return the keys; None if a node may access any key."""
         if tree not in self._known:
             self._known[tree] = self._keys(tree)
         return self._known[tree]
