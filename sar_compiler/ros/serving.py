@@ -1,4 +1,4 @@
-"""A server as a command: a node that is spun until somebody stops it."""
+"""A server as a command: a node that is spun until it is stopped."""
 
 import argparse
 import faulthandler
@@ -27,15 +27,15 @@ def serve(make_node: NodeFactory, prog: str, description: str, argv: Sequence[st
     """Run a node as a command until SIGINT or SIGTERM.
 
     Args:
-        make_node: Makes the node; it may import ROS, which has not been imported before.
+        make_node: Creates the node; it may import ROS, which has not been imported before.
         prog: The command's name.
-        description: What `--help` says of it.
+        description: The description in `--help`.
         argv: The command line without the command, `--ros-args` included; by default the process's.
 
     Returns:
-        0 once it was stopped: being stopped is how a server's work ends; 2 for a wrong
-        command line, and where ROS is not installed. If DDS does not let go of the node, the process leaves
-        after 10 s with status 1 and says on standard error where it hung.
+        0 once it was stopped, which is the normal end of a server; 2 for a wrong command
+        line, or if ROS is not installed. If DDS does not release the node, the process exits after 10 s with
+        status 1 and reports on standard error where it hung.
     """
     # Before anything that takes time, so that Ctrl-C ends the command in order from its first moment.
     signals = StopSignals()
@@ -54,7 +54,7 @@ def serve(make_node: NodeFactory, prog: str, description: str, argv: Sequence[st
 
 
 def _run(make_node: NodeFactory, ros: Sequence[str], stopped: Callable[[], bool]) -> int:
-    """Make the node and spin it."""
+    """Create the node and spin it."""
     import rclpy
     from rclpy.context import Context
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
