@@ -1,4 +1,4 @@
-"""Zones that cannot be searched now: put behind the others, and abandoned in the end."""
+"""Zones that cannot be searched now: postponed, and finally abandoned."""
 
 from typing import Annotated
 
@@ -58,7 +58,7 @@ class PostponeZone(RosLeaf):
         self._attempts = attempts
 
     def update(self) -> Status:
-        """Postpone it, if it may be."""
+        """Postpone the zone, if attempts are left."""
         if not self._zones.has_remaining():
             self.complain(f"'{self.name}' has no zone to postpone: none is left.")
             return Status.FAILURE
@@ -97,7 +97,7 @@ class AbandonZone(RosLeaf):
         self._record = record or MissionRecord()
 
     def update(self) -> Status:
-        """Abandon it; past the last zone there is nothing to do."""
+        """Abandon the zone; past the last one there is nothing to do."""
         if self._zones.has_remaining():
             zone_id, attempts = self._zones.current_zone()["id"], self._zones.times_postponed() + 1
             self._zones.abandon()
