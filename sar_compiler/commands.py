@@ -1,4 +1,4 @@
-"""How commands end: their exit statuses, and what they raise for their users as messages."""
+"""The end of commands: their exit statuses, and their errors as messages to the user."""
 
 import sys
 from collections.abc import Callable
@@ -19,7 +19,7 @@ _ROS_ENDINGS = ("_msgs", "_srvs", "_interfaces")
 
 
 def run(command: Callable[[], int], prog: str) -> int:
-    """Run a command and turn what it raises for its user into a message.
+    """Run a command and turn its errors for the user into messages.
 
     Args:
         command: Does the work and returns the exit status.
@@ -51,7 +51,7 @@ def run(command: Callable[[], int], prog: str) -> int:
 
 
 def _not_installed(error: ImportError) -> str | None:
-    """Say what is missing on this machine, and where it comes from; None if that is nobody's to install."""
+    """Return a message about a missing library and its source; None if it is not one to be installed."""
     module = (error.name or "").split(".")[0]
     if module in _SIMULATOR:
         return (

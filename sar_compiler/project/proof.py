@@ -1,4 +1,4 @@
-"""Verifying a loaded tree, with what a file of properties and its user say of the world."""
+"""Verifying a loaded tree, with a file of properties and the user's facts."""
 
 import contextlib
 from collections.abc import Callable, Mapping
@@ -47,7 +47,7 @@ def verified(
 
 
 def _properties(path: str | Path | None, binding: Binding, checkout: Path) -> PropertyFile | None:
-    """Return what must hold: what the user names, else what the tree's mission demands."""
+    """Return the properties: those that the user names, else those of the tree's mission."""
     mission = choose_mission(binding, checkout=checkout) if path is None else None
     if mission is not None:
         path = mission.default_properties({bound.spec.cls for bound in binding.nodes() if bound.spec.cls})
@@ -55,7 +55,7 @@ def _properties(path: str | Path | None, binding: Binding, checkout: Path) -> Pr
 
 
 def _of_the_user(facts: Mapping[str, object] | Document, simulated: SimulatedTree) -> Assumptions:
-    """Return what the user says of facts."""
+    """Return the user's facts."""
     if not isinstance(facts, Document):
         text = yaml.safe_dump(dict(facts), allow_unicode=True, sort_keys=False)
         facts = parse_yaml(text, "facts", "name a fact")
