@@ -12,7 +12,7 @@ INTERRUPTED = 130
 PIPE_CLOSED = 141
 """As a shell reports a process that wrote to a pipe which nobody reads: what was found is not known to be read."""
 
-# What the simulator brings along, and what comes with ROS: the first parts of the names of modules.
+# The top-level modules of the simulator's libraries, and of ROS.
 _SIMULATOR = ("numpy", "scipy", "PIL")
 _ROS = ("rclpy", "rpyutils", "ament_index_python")
 _ROS_ENDINGS = ("_msgs", "_srvs", "_interfaces")
@@ -43,7 +43,7 @@ def run(command: Callable[[], int], prog: str) -> int:
         print(f"{prog}: {message}", file=sys.stderr)
         return USAGE
     except BrokenPipeError:
-        # The reader has seen enough (`| head`); what is left in the buffer has nowhere to go.
+        # The reader has closed the pipe (`| head`); the rest of the buffer is discarded.
         sys.stderr.close()
         return PIPE_CLOSED
     except KeyboardInterrupt:

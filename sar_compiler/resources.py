@@ -6,7 +6,7 @@ from pathlib import Path
 from sar_compiler.errors import SarError
 
 _PACKAGE = Path(__file__).resolve().parent
-# Stands at the top of the shipped files, in a checkout and wherever they are installed.
+# The file that marks the folder of the shipped files, in a checkout and in an installation.
 _MANIFEST = "package.xml"
 
 

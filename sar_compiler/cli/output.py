@@ -41,7 +41,7 @@ class RunOutput:
 
 
 def _print_error(text: str) -> None:
-    with suppress(OSError, UnicodeError):  # nobody may be reading that either
+    with suppress(OSError, UnicodeError):  # its reader may be gone, too
         print(text, file=sys.stderr, flush=True)
 
 

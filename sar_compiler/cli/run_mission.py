@@ -276,7 +276,7 @@ class _Run:
             executor.shutdown()
 
     def _wait(self, executor: SingleThreadedExecutor, tree: CompiledTree) -> None:
-        # A check changes nothing on a robot of somebody else's.
+        # A check changes nothing on an existing robot.
         told = self._parameters.set_initial_pose and (not self._options.check or self.simulation is not None)
         with readable_ros_errors():
             start = self._parameters.initial_pose if told else None
@@ -358,6 +358,6 @@ class _Run:
 
 
 def _turn(executor: SingleThreadedExecutor) -> None:
-    # When somebody has shut ROS down, the loop around this sees it.
+    # A shutdown of ROS is noticed by the enclosing loop.
     with suppress(ExternalShutdownException):
         executor.spin_once(timeout_sec=_TURN_SEC)

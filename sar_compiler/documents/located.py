@@ -160,7 +160,7 @@ class Document:
         """
         left = self.root if value is None else value
         refused = list(refusals(left, schema))
-        # Of what several parts of the schema say of one value, the first counts.
+        # If several parts of the schema refuse one value, the first finding counts.
         said: set[tuple[Path, str]] = set()
         for each in refused:
             if each.message and (each.path, each.code) not in said:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Path = tuple[int | str, ...]
 
 _WORDS = {"object": "a mapping", "array": "a list", "string": "a text"}
-# A longer list of what there is helps nobody; the nearest is suggested all the same.
+# A longer list does not help; the nearest name is suggested nevertheless.
 _MOST_LISTED = 15
 
 
@@ -61,7 +61,7 @@ def refusals(root: "Value", schema: str) -> Iterator[Refusal]:
 
 @functools.cache
 def _validator(schema: str) -> "Draft7Validator":
-    # Nobody without such a file waits for it.
+    # Imported here, since it is slow and only these files need it.
     from jsonschema import Draft7Validator
 
     return Draft7Validator(json.loads(shipped("schemas", f"sar_{schema}.schema.json").read_bytes()))

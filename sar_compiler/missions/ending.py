@@ -107,7 +107,7 @@ class EndCondition:
         if self.complete:
             return RunResult(achieved=True, reason="Mission complete.")
         # With nothing left to do, a tree that ends twice in a row is through. Once is not enough: the tick
-        # that finishes the last piece of work succeeds before the way home was looked at.
+        # that finishes the last piece of work succeeds before the way home was checked.
         nothing_left = self._mission.nothing_left() if self._mission is not None else ""
         over = nothing_left and status != Status.RUNNING
         self._idle_ticks = self._idle_ticks + 1 if over else 0

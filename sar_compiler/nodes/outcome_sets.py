@@ -214,7 +214,7 @@ def by_policy(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
     if not all(going):
         return found
     on_one = policy == "SuccessOnOne"
-    # Which children are selected is not looked at.
+    # The selection of children is ignored.
     selects = policy == "SuccessOnSelected"
     succeeds = union(going) & S if on_one or (selects and not sure) else all(child & S for child in going)
     runs = all(child & R for child in going) if on_one or (selects and sure) else union(going) & R
@@ -310,7 +310,7 @@ def time_limit(limit_sec: "Callable[[BoundNode], float | None]") -> Possible:
         if limit is not None and limit <= 0:
             child = _interrupted(bound, child) if sure else child
             return child & ~R | (F if child & R else 0)
-        # A child that is skipped may be running all the same, as one that repeats what is skipped.
+        # A child that is skipped may nevertheless be running, such as one that repeats a skipped node.
         late = child & R and limit not in (None, math.inf) if sure else child & (R | K)
         return child | (F if late else 0)
 

@@ -35,7 +35,7 @@ JSON = "json:"
 """What a text begins with that is JSON, for ports that take anything."""
 _LARGEST_UNSIGNED = 2**32 - 1
 
-# What BehaviorTree.CPP reads as a bool.
+# The texts that BehaviorTree.CPP reads as a bool.
 _BOOLS = {
     "true": True,
     "false": False,
@@ -129,7 +129,7 @@ class ValueType:
             return self.convert(value)
         if isinstance(value, _NUMBERS) and self.python is not Script:  # a script is a text
             if self.python is str:
-                # What is true is 1 on the blackboard.
+                # On the blackboard, true is 1.
                 return as_text(int(value) if isinstance(value, bool) else value)
             if self.python not in _NUMBERS:
                 whole = isinstance(value, float) and value.is_integer()

@@ -260,7 +260,7 @@ class LoadedTree:
     def _require_no_errors(self, *, tree_named: bool) -> None:
         errors = [each for each in self.check() if each.severity is Severity.ERROR]
         if tree_named:
-            # Which tree is the main one does not matter where one is asked for.
+            # The main tree does not matter if another one is requested.
             errors = [each for each in errors if each.code != "no-main-tree"]
         if errors:
             raise TreeError(errors)

@@ -30,14 +30,14 @@ def verified(
     """Verify a bound tree; see `LoadedTree.verify`."""
     file = _properties(properties, binding, tree.project.checkout)
     parameters = {} if file is None else file.parameters
-    # What is wrong with the file is raised when all of it is known.
+    # The findings about the file are raised when all of them are known.
     with contextlib.nullcontext() if file is None else file.document.findings_first():
         simulated = compile_simulated(binding, parameters)
         assumed = Assumptions()
         if file is not None:
             assumed = read_assumptions(file.document, file.facts, file.answers, simulated)
         if facts:
-            # What the file says may be about facts of its own.
+            # The file may declare facts of its own.
             typed = _of_the_user(facts, compile_simulated(binding, parameters, assumed))
             assumed = Assumptions({**assumed.facts, **typed.facts}, assumed.answers)
         simulated = compile_simulated(binding, parameters, assumed)

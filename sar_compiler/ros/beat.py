@@ -31,7 +31,7 @@ class Beat:
             node.create_timer(period_sec, tick),
             node.create_timer(period_sec, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME)),
         ]
-        # What stands still is seen at the first look already, one period from now.
+        # A stopped clock is noticed at the first check, one period from now.
         self._look()
 
     def destroy(self) -> None:

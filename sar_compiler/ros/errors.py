@@ -56,7 +56,7 @@ def _in_words(text: str) -> str:
     return f"'{given}' is not understood: {in_name or _FORMS.get(kind, reason)}"
 
 
-# What rcl refuses in the new name of a rule, beside single characters.
+# The patterns that rcl refuses in the new name of a rule, besides single characters.
 _FAULTS = {
     r"^$": "there is no name after :=",
     r"(^|/)\d": "a name, and each part of it between slashes, begins with a letter or _",

@@ -270,7 +270,7 @@ def create_service(
             send(response, header)
 
     # The executor sends whatever a callback returns; this is the one place where an answer can get lost.
-    # A callback that never returned would work as well, but stay behind in the executor for each call.
+    # A callback that never returned would work as well, but remain in the executor for each call.
     service.send_response = send_unless_dropped
     return service
 

@@ -303,7 +303,7 @@ class _Walk:
         return "text" if self._is_text(node) else rcl_kind(node.value)
 
     def _is_text(self, node: yaml.ScalarNode) -> bool:
-        # An explicit tag begins where the node does; the only one that gets here is !!str.
+        # An explicit tag begins at the node's start; the only one that gets here is !!str.
         return (
             node.style in ("'", '"') or self._text[node.start_mark.index : node.start_mark.index + 1] == "!"
         )

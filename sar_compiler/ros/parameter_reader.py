@@ -14,7 +14,7 @@ from sar_compiler.errors import SarError
 
 _POSE = ("x", "y", "yaw")
 
-# What every node of ROS has.
+# The parameters of every ROS node.
 _ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
 # How alike two names must be, from 0 to 1, for one to be a slip of the other.
 _ALIKE = 0.8

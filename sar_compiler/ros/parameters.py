@@ -37,7 +37,7 @@ class DataNode(Node):
                     **options,
                 )
             except ValueError as error:
-                # The only one that comes of what a user gave; an empty list is an array of no type.
+                # The only error caused by the user's values; an empty list is an array of no type.
                 if "PARAMETER_NOT_SET" not in str(error):
                     raise
                 names = _untyped(name, context, cli_args)

@@ -19,7 +19,7 @@ from sar_compiler.ros.setting_up import give_up
 from sar_compiler.ros.statuses import require_statuses
 from sar_compiler.ros.stopping import SETTLE_SEC, settle, shut_down, stop_behaviours
 
-# What the class declares on its node, whether or not it was given on the command line.
+# The parameters that the class declares on its node, even if given on the command line.
 _ITS_PARAMETERS = (
     "default_snapshot_stream",
     "default_snapshot_period",

@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields
 
 from sar_compiler.ros.parameter_reader import ParameterReader
 
-# What a timer can do and a tick can keep up with; outside of it is a slip of the pen.
+# The range that a timer and a tick can keep up with; other values are taken for slips.
 _FASTEST_TICK_HZ = 1000.0
 _SLOWEST_TICK_HZ = 1e-6
 

@@ -264,7 +264,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             if guard is not None:
                 guard.trigger()
         except (InvalidHandle, RuntimeError):
-            pass  # Destroyed in another thread meanwhile: there is nobody left to wake.
+            pass  # Destroyed in another thread meanwhile: there is no executor left to wake.
 
     def _on_wake(self) -> None:
         if self.interrupt_tick_tocking:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 # A signal is noticed between two turns of the executor.
 _TURN_SEC = 0.1
-# Taking a node down, DDS goes round for ever once in a hundred times on a busy machine, and lets no other thread run.
+# On a busy machine, one destruction of a node in a hundred hangs in DDS, and blocks all other threads.
 _TAKING_DOWN_SEC = 10.0
 
 NodeFactory = Callable[["Context", list[str]], "Node"]

@@ -14,7 +14,7 @@ _CLOCK = "/clock"
 _ACTION = "navigate_to_pose"
 # By this service of it an action server can be seen in the graph.
 _GOALS = "/_action/send_goal"
-# How long to look around before concluding that nobody is there, seconds. Half of the participants on one
+# How long to look around before concluding that no other node is there, seconds. Half of the participants on one
 # machine see each other within 0.3 s; where the first announcements get lost, they meet with the next
 # periodic one, which Fast DDS sends every 3 s (up to 3.1 s were seen).
 LOOK_AROUND_SEC = 4.0
@@ -70,7 +70,7 @@ def refuse_company(
     """
     node = Node("look_around", context=context, namespace=namespace, start_parameter_services=False)
     try:
-        # That nobody is there can only be told by waiting: discovery has no end that could be waited for.
+        # Absence can only be concluded from waiting: discovery has no end that could be waited for.
         deadline = time.monotonic() + look_around_sec
         while time.monotonic() < deadline and not should_stop():
             found = _company(node, actions)
@@ -113,7 +113,7 @@ def _company(node: Node, actions: Sequence[str]) -> IsolationError | None:
 
 def _server(node: Node, goals: str) -> IsolationError | None:
     """Return a description of the server of the service *goals*, if there is one."""
-    # A mere client's name stands in the graph, too.
+    # The name of a mere client is in the graph, too.
     if not node.count_services(goals):
         return None
     what = _title(goals)

@@ -10,13 +10,13 @@ from sar_compiler.sim.lidar import Lidar
 from sar_compiler.sim.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from sar_compiler.sim.world import Floats
 
-# What one scan adds to the log-odds of a cell that it ends in, or passes through.
+# The change of a cell's log-odds by a ray that ends in it, or passes through it.
 _HIT, _MISS = 0.85, -0.4
 # Bounds, so that a cell can still change its mind.
 _LEAST, _MOST = -4.0, 4.0
-# Log-odds of 65 % and 25 %: what map_saver takes for occupied and for free.
+# Log-odds of 65 % and 25 %: the thresholds of map_saver for occupied and free.
 _SURELY_OCCUPIED, _SURELY_FREE = math.log(0.65 / 0.35), math.log(0.25 / 0.75)
-# Unknown cells left around what was seen.
+# Unknown cells left around the area seen.
 _MARGIN = 6
 
 

@@ -15,7 +15,7 @@ from rclpy.executors import (
 )
 from rclpy.node import Node
 
-# QoS events, which only warn, are half of all that is waited for: looked at once in so many rounds.
+# QoS events, which only warn, are half of all entities in the wait set: checked only once in this many rounds.
 _ROUNDS_PER_EVENT = 20
 
 
@@ -85,7 +85,7 @@ class NodeHost:
 
     def create(self, name: str) -> Node:
         """Return a new node."""
-        # Nobody sets parameters of these; their services would be waited for in every round.
+        # Parameters of these nodes are never set; their services would be waited for in every round.
         node = Node(
             name,
             context=self._context,

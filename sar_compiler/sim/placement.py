@@ -8,7 +8,7 @@ from sar_compiler.errors import SarError
 from sar_compiler.sim.geometry import Pose2D
 
 _FORM = "NAME, NAME:X,Y or NAME:X,Y,YAW (metres and radians, frame map)"
-# What ROS takes as one part of a namespace; rmw allows some 240 characters for all of it.
+# The valid parts of a ROS namespace; rmw allows some 240 characters for all of it.
 _NAME = re.compile(r"(?!.*__)[A-Za-z_][A-Za-z0-9_]{0,99}")
 
 

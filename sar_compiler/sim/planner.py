@@ -19,7 +19,7 @@ from sar_compiler.sim.world import Floats
 _NEAR_COST = 8.0
 # … and the surcharge falls to 1/e over this many metres.
 _FALL_OFF = 0.25
-# How far from ground where the body fits a start may be, metres: a robot that leans on a wall may leave it.
+# How far a start may be from ground where the body fits, metres: a robot that leans on a wall may leave it.
 _START_SLACK = 0.15
 # Metres of path that are averaged to round its corners.
 _SMOOTHING = 0.45

@@ -60,7 +60,7 @@ class RobotInterface:
         message.twist.twist.angular.z = state.velocity.w
         self._odometry.publish(message)
         self._tf.publish(TFMessage(transforms=[to_transform(_ODOM, _BASE, state.odometry, stamp)]))
-        # The noise depends on the step alone, so whether anybody listens changes nothing.
+        # The noise depends on the step alone, not on subscribers.
         if step % _SCAN_EVERY == 0 and self._scan.get_subscription_count():
             random = np.random.default_rng([self._seed, 3, step])
             ranges = self._lidar.scan(self.robot.surroundings(), state.pose, random)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 STEP_NS = 50_000_000
 STEP_SEC = STEP_NS / 1e9
-# What was lost by a hiccup of the machine is made up for as far as this, seconds of wall time.
+# The longest delay of the machine that is caught up with, seconds of wall time.
 _CATCH_UP_SEC = 0.05
 # How long the end of a goal gets to reach its client when the simulation stops, seconds of wall time.
 _FAREWELL_SEC = 0.05
@@ -162,7 +162,7 @@ class Simulation:
                     refuse_rivals(self._clock_node, self._actions)
             self._farewell()
         except ExternalShutdownException:
-            pass  # the context was shut down: whoever did it wants us to end
+            pass  # the context was shut down, in order to end this thread
         except Exception as error:  # noqa: BLE001 - told to whoever asks for `failure`
             self.failure = error
 

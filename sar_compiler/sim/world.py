@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 # Closer than this a moving disc counts as touching, metres. Far below what matters, far above rounding.
 _TOUCH = 1e-6
 _GRAIN = 1e-12
-# The march below converges like Newton's method, in a handful of passes; what needs more counts as contact.
+# The march below converges like Newton's method, in a few passes; more of them count as contact.
 _MAX_MARCH = 64
 
 

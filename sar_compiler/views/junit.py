@@ -10,7 +10,7 @@ from sar_compiler.checks.simulate.judging import Failure
 from sar_compiler.checks.simulate.running import Run
 from sar_compiler.views.trace import failure_line, trace
 
-# What XML 1.0 cannot have, not even escaped.
+# The characters that are not allowed in XML 1.0, not even escaped.
 _UNSPEAKABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
 

@@ -7,7 +7,7 @@ from py_trees.behaviour import Behaviour
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.views.plain import plain
 
-# These stand on their own in the outline, because that is where readers look for them.
+# These are keys of their own in the outline, where readers expect them.
 _OWN_KEYS = ("memory", "policy")
 
 

@@ -203,7 +203,7 @@ def comes_first(first: EntryAccess, second: EntryAccess) -> bool:
 
 def _comes_first_in_node(first: KeyAccess, second: KeyAccess) -> bool:
     if first.attribute == second.attribute and first.place and second.place:
-        # `x := x + 1` writes last what stands first.
+        # `x := x + 1` writes its target last, although it comes first in the text.
         return first.kind is AccessKind.READ and (
             first.place[0] > second.place[0] or second.kind is not AccessKind.WRITE
         )
@@ -235,7 +235,7 @@ def _is_straight(use: EntryAccess, together: int) -> bool:
         means = bound.spec.semantics
         if bound is inner[-1] or means.is_sequence or means.always_ends_with_child(bound):
             continue
-        # Of a selector, only what comes first in its first child is certain.
+        # In a selector, only the first access of its first child is certain.
         return (
             means.is_selector
             and _is_first(use, together + number)

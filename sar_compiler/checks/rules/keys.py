@@ -34,7 +34,7 @@ _LIKE, _CLOSE = 0.7, 0.75
 def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield findings about keys whose reads and writes do not fit each other."""
     if not context.sound:
-        return  # a mistake elsewhere may be what keeps a key from being written
+        return  # a mistake elsewhere may be the reason why a key is not written
     main = context.forest.main_tree()
     known: dict[BoundTree, KeyAccesses] = {}
     reported: set[tuple[str, int, int]] = set()
@@ -43,7 +43,7 @@ def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
         model = context.bound.models.subtrees.get(top.tree.name)
         ports = model.ports if model is not None else {}
         for entry in board.entries if ports else ():
-            # Whoever uses the tree gives it what its model says.
+            # Users of the tree pass it the keys that its model declares.
             entry.is_parameter = entry.is_parameter or (entry.scope is top.scope and entry.key in ports)
         for finding in _of_board(board, context, is_main=top.tree.element is main):
             place = (finding.source.path, finding.span.line, finding.span.column)
@@ -197,7 +197,7 @@ def _side_by_side(entry: EntryAccesses) -> Iterator[Diagnostic]:
         together = parting(first, second)
         if 0 < together < min(len(first.path), len(second.path)):
             around = first.path[together - 1][1]
-            # What is read in there as well is a signal from one to the other.
+            # A key that is also read there is a signal from one branch to the other.
             is_signal = any(parting(use, first) >= together for use in entry.readers)
             if around.spec.semantics.order is Order.TOGETHER and not is_signal:
                 message = (

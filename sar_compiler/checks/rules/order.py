@@ -112,7 +112,7 @@ def _numbers(bound: BoundNode) -> dict[str, str]:
     """Return the replacements of a leaf's whole numbers, by their attributes' names."""
     numbers = (parameter for parameter in bound.spec.plain if parameter.is_whole_number)
     return {
-        # What a key holds is not known here: that is a name that no script can work out.
+        # The value of a key is unknown here: it becomes a name that no script can evaluate.
         each.name: _UNKNOWN
         if each.name in bound.keys
         else number_text(bound.values.get(each.name, each.default))

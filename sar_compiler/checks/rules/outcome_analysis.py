@@ -231,7 +231,7 @@ def _made_of(bound: BoundNode, children: Sequence[OutcomeSets]) -> OutcomeSets:
     """Return the outcome sets of a node without conditions."""
     spec, possible = bound.spec, bound.spec.semantics.possible
     if possible is None:
-        # Somebody's own: it may do anything with its children.
+        # A custom node: it may do anything with its children.
         known = bits(spec.outcomes)
         return known | known << _SHIFT if known and spec.cls is not None else _UNKNOWN
     least, most = spec.child_count

@@ -65,7 +65,7 @@ def _after_the_last(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Di
     for before, child in itertools.pairwise(bound.children):
         answers = outcomes.may_return(before)
         if not answers & (goes_on | K):
-            # Of what runs for ever by a mistake, `_endless` speaks.
+            # `_endless` reports nodes that never end by mistake.
             if answers != R or not before.children:
                 yield _unreachable(child, f"'{before.name}' before it never {_VERBS[goes_on]}")
             return

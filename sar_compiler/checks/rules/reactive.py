@@ -35,7 +35,7 @@ def _sequence(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnost
         child = bound.children[index]
         later = next(bound.children[number] for number in running if number > index)
         if not outcomes.may_return(child) & S:
-            return  # what stands behind it is never reached
+            return  # the nodes after it are never reached
         found = outcomes.begun_again(child, outcomes.works)
         if found is not None and outcomes.known_to_return(child) & S:
             yield _restarted(found, later, bound, f"while '{later.name}' runs")
@@ -122,7 +122,7 @@ def _finished(root: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnosti
 
 def _done_again(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     for index, child in enumerate(bound.children):
-        # What begins with a question asks for itself whether there is anything to do.
+        # A branch that begins with a condition checks by itself whether there is anything to do.
         if not outcomes.known_to_return(child) & S or is_question(_beginning(child)):
             continue
         # A question before it may be whether it is done; a plan that gives up at once is none.

@@ -14,7 +14,7 @@ from sar_compiler.tree.diagnostic import Diagnostic, Severity
 def check_subtrees(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield trees that are used by no other, and attributes of `SubTree` that the tree does not use."""
     if not context.sound:
-        return  # a mistake in a tree may be what keeps it from using a key, or another tree
+        return  # a mistake in a tree may be the reason why it does not use a key, or another tree
     yield from _unused_trees(context)
     wanted = _Wanted()
     for tree in context.trees:
@@ -28,7 +28,7 @@ def _unused_trees(context: CheckContext) -> Iterator[Diagnostic]:
     if not mains or context.forest.main.main_tree_name is None:
         return
     used = set(trees_in(mains[0]))
-    # Others may use them: what stands in each other is one finding, that of the outermost one.
+    # Unused trees may use each other: only the outermost one is reported.
     inner = {node.subtree for tree in context.bound.trees for node in tree.subtrees()}
     for tree in context.bound.trees:
         element = tree.element

@@ -93,7 +93,7 @@ def bind_all(forest: Forest, registry: Registry, palettes: Iterable[TreeFile] = 
         trees = [binder.tree(tree) for tree in forest.iterate()]
     cut_circles(trees, collector)
     used = {node.subtree for tree in trees for node in tree.subtrees()}
-    # What a tree takes from those around it can be seen only there; the main tree must do without.
+    # References into enclosing trees can be resolved only there; the main tree must not have any.
     main, count = forest.main_tree(), 0
     tops: list[Instance] = []
     for tree in trees:
@@ -260,8 +260,8 @@ class Binder:
             for child in element.children:
                 self._node(child)
             return None
-        # Taken for what was probably meant, so that one slip does not bring a finding for every reference
-        # to the node as well.
+        # Bound as the tag that was probably meant, so that one slip does not cause a finding for every
+        # reference to the node as well.
         name = element.attributes.get("name", variants[0].tag)
         bound = BoundNode(element, variants[0], name)
         self._take_in(bound)

@@ -63,7 +63,7 @@ class BoundNode:
     subtree: "BoundTree | None"
     remapping: Remapping
 
-    # What @dataclass would write calls a factory for each mapping, which takes three times as long.
+    # The __init__ of @dataclass would call a factory for each mapping, which takes three times as long.
     def __init__(self, element: Element, spec: NodeSpec, name: str) -> None:
         self.element = element
         self.spec = spec

@@ -22,7 +22,7 @@ class SkipAnalysis:
 
     def __init__(self, trees: Iterable[BoundTree]) -> None:
         self._known: dict[BoundNode, bool] = {}
-        # In most trees nothing can be skipped, and nothing has to be looked at.
+        # In most trees no node can be skipped, and no analysis is needed.
         self.possible = any(tree.skips for tree in trees)
 
     def among_children(self, bound: BoundNode) -> bool:

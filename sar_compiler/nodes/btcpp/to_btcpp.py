@@ -99,7 +99,7 @@ class _Conversion:
             ]
             children = _with_models(children, models)
         if len(children) > 1:
-            # BehaviorTree.CPP takes a tree without an ID only where there is nothing else.
+            # BehaviorTree.CPP accepts a tree without an ID only if it is the only one.
             children = list(_with_ids(children))
         attributes = dict(root.attributes)
         if "BTCPP_format" not in attributes:
@@ -142,7 +142,7 @@ class _Conversion:
         converted = self._element(draft)
         if policy is None:
             return converted
-        # The OneShot that the attribute stands for has this name, too.
+        # The OneShot made for the attribute has this name, too.
         return self._once(element, converted, f"{name}OneShot", policy)
 
     def _is_built_in(self, tag: str) -> bool:

@@ -120,7 +120,7 @@ class Keys:
 
     def _name(self, key: str) -> str:
         entry = self._scope.resolve(key)
-        # To py_trees a dot is an attribute of the object, also if it stands in the name of a tree.
+        # To py_trees a dot precedes an attribute of the object, even within the name of a tree.
         name = entry.name.replace(".", "_")
         self._entries[name] = entry
         return name

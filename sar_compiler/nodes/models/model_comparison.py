@@ -15,7 +15,7 @@ from sar_compiler.nodes.values import (
 )
 
 _TEXT = type_of(str)
-# What is compared: C++ has types of its own for durations, enumerations and whatever else is written as a text.
+# The comparable types: C++ has types of its own for durations, enumerations and other values written as texts.
 _COMPARED = (bool, int, float, str, list)
 
 

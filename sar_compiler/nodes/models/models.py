@@ -15,7 +15,7 @@ from sar_compiler.tree.xml_names import is_name
 _KINDS = {kind.value: kind for kind in Kind}
 _DIRECTIONS = {direction.value: direction for direction in Direction}
 _IGNORED = ("MetadataFields",)
-# What a leaf is taken to answer that is only described.
+# The assumed outcomes of a leaf that is only described.
 _ANSWERS = {Kind.ACTION: ("SUCCESS", "FAILURE", "RUNNING"), Kind.CONDITION: ("SUCCESS", "FAILURE")}
 _TAGS = (SUBTREE_TAG, TREE_TAG)
 _NAMES = ("name", "ID", "_autoremap", "children", ONESHOT)

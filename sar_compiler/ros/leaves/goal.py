@@ -183,7 +183,7 @@ class ActionGoal:
 
     def _send_or_wait(self) -> None:
         if self._port.server_is_ready:
-            # Sent to nobody, a goal would be lost: it is not delivered to a server that appears later.
+            # Without a server a goal would be lost: it is not delivered to one that appears later.
             self._on_sending()
             self.sent = True
             self._deadline = Deadline(self._deadlines.acceptance_sec)
@@ -201,7 +201,7 @@ class ActionGoal:
         if self._silence is not None and self._silence.passed:
             self._give_up(f"the server has sent no feedback for {self._deadlines.feedback_sec:g} s")
         elif self._silence is None and self._doubt is not None and self._doubt.passed:
-            # It may never send any, or have been replaced before anybody saw it go: ask who is there.
+            # It may never send any, or have been replaced unnoticed: ask the server that is there now.
             self._doubt = Deadline(self._deadlines.absence_sec)
             self._request_result()
         elif self._port.server_is_ready:

@@ -73,7 +73,7 @@ class ServiceCall:
 
     def _send_or_wait(self) -> None:
         if self._client.context.ok() and self._client.service_is_ready():
-            # Sent to nobody, a request would be lost: it is not delivered to a server that appears later.
+            # Without a server a request would be lost: it is not delivered to one that appears later.
             self._on_sending()
             self.sent = True
             self._deadline = Deadline(self._answer_sec)

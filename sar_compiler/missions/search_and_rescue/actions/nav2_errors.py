@@ -63,7 +63,7 @@ def describe_end(status: int, result: Any) -> str:
 
 def _describe_code(code: int, *, aborted: bool) -> str:
     if code == 0:
-        # What Nav2 leaves without a code, though it aborts.
+        # The aborts that Nav2 reports without a code.
         return "a pose cannot be transformed, or another client's goal took over" if aborted else "none"
     if code in _CODES:
         return _CODES[code]

@@ -12,9 +12,9 @@ from sar_compiler.ros.leaves.leaf import RosLeaf
 
 Attempts = Annotated[int, at_least(1)]
 
-# Zones are postponed in rounds: whoever is behind all others comes again when all others have been tried. So
-# how often the current zone was tried is the number of the round; a round is over when all zones that are left
-# have been postponed in it.
+# Zones are postponed in rounds: a postponed zone is next when all others have been tried. So the number of
+# attempts at the current zone is the number of the round; a round is over when all remaining zones have been
+# postponed in it.
 _FACTS = {"zones_left": 3, "round": 1, "postponed_in_round": 0}
 _ROUND_IS_OVER = "postponed_in_round >= zones_left"
 

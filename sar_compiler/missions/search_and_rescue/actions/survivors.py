@@ -15,7 +15,7 @@ from sar_compiler.ros.leaves.leaf import RosLeaf
 from sar_compiler.ros.leaves.service_leaf import ServiceLeaf
 
 _ANY_STATUS = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
-# What is known of the last search of a DetectSurvivor: a new one forgets it.
+# The result of the last search of a DetectSurvivor, which a new search resets.
 _FORGOTTEN = "found_by_{self} = false; named_by_{self} = false"
 
 
