@@ -10,7 +10,7 @@ FINDINGS = 1
 USAGE = 2
 INTERRUPTED = 130
 PIPE_CLOSED = 141
-"""As a shell reports a process that wrote to a pipe which nobody reads: what was found is not known to be read."""
+"""The status that a shell reports for a process that wrote to a closed pipe: the output may not have been read."""
 
 # The top-level modules of the simulator's libraries, and of ROS.
 _SIMULATOR = ("numpy", "scipy", "PIL")

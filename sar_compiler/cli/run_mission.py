@@ -63,7 +63,7 @@ _TURN_SEC = 0.05
 _SIMULATED_TIME_LIMIT_SEC = 900.0
 
 Observer = Callable[[BehaviourTree], None]
-"""Looks at a tree after every tick."""
+"""A handler that is called with a tree after every tick."""
 
 
 def run_mission(options: "Options", signals: StopSignals) -> int:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _TEXT, _JSON, _SARIF, _GITHUB = FORMATS = ("text", "json", "sarif", "github")
 _ROUNDS = 20
-"""What is mended may bring another slip to light, but not so often."""
+"""The largest number of passes: a fix may reveal another mistake."""
 
 
 def add_validate(parser: argparse.ArgumentParser) -> None:

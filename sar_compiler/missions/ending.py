@@ -21,7 +21,7 @@ class Until(str, Enum):
     FAILURE = "failure"
     """The root fails."""
     FOREVER = "forever"
-    """Somebody stops it."""
+    """It is stopped from outside."""
 
 
 _ENDS = {

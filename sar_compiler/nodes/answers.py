@@ -28,7 +28,7 @@ __all__ = [
 SELF = "self"
 """The placeholder for the node's own name."""
 NOBODY = "nobody"
-"""What stands for the name of a node that an optional reference does not name."""
+"""The replacement of the name of a node that an optional reference does not name."""
 _PLACEHOLDER = re.compile(r"\{(\w+)\}")
 _FACT = re.compile(r"([A-Za-z_]|\{\w+\})([A-Za-z0-9_]|\{\w+\})*")
 _NO_WORD = re.compile(r"[^A-Za-z0-9_]")

@@ -33,7 +33,7 @@ ALL = S | F | R | K
 BITS = {"SUCCESS": S, "FAILURE": F, "RUNNING": R, "SKIPPED": K}
 ANSWERS = (S, F, R, K)
 ALLOWED, SURE = False, True
-"""What counts: everything that a tick may answer, or only what some run certainly does."""
+"""The results to collect: all that a tick may have, or only those that certainly occur in some run."""
 
 Possible: TypeAlias = Callable[["BoundNode", Sequence[int], bool], int]
 

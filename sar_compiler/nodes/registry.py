@@ -18,7 +18,7 @@ from sar_compiler.nodes.values import nearest
 ENTRY_POINTS = "sar_compiler.nodes"
 
 Named = str | ModuleType | type
-"""Leaves, as a user names them: the import path of a module, a module, or a class."""
+"""Leaves, as named by a user: the import path of a module, a module, or a class."""
 
 _REGISTERS = re.compile(r"^@(\w+\.)*register\(", re.MULTILINE)
 

@@ -21,18 +21,18 @@ if TYPE_CHECKING:
     from sar_compiler.nodes.btcpp.rewrites import Draft
 
 Number: TypeAlias = Callable[["BoundNode"], float | None]
-"""Reads a number off what is written for a node; None where that is not known before the run."""
+"""Reads a number from a node's attributes; None if it is not known before the run."""
 
 
 class Order(Enum):
     """The order in which a node ticks its children."""
 
     IN_ORDER = "in order"
-    """One after the other, as long as each answers `Semantics.goes_on` or is skipped."""
+    """One after the other, as long as each returns `Semantics.goes_on` or is skipped."""
     TOGETHER = "together"
-    """Each of them in every tick, until enough have ended."""
+    """All of them in every tick, until enough have ended."""
     CHOSEN = "chosen"
-    """As it decides by itself, for instance one of several branches."""
+    """By its own decision, for instance one of several branches."""
 
 
 class Gate(NamedTuple):
@@ -52,12 +52,12 @@ class AccessKind(Enum):
 
     READ = "read"
     PEEK = "peek"
-    """Asked for, and done without where nothing has been written."""
+    """Read, but not required: the key may be unwritten."""
     WRITE = "write"
     CHANGE = "change"
     """A script's `=` and the like: the key must have been written, or have a port."""
     BOTH = "both"
-    """A port that is both: whoever has it may read first, or write first."""
+    """A port that is both: its node may read first, or write first."""
     FIXED = "fixed"
     """Read when the tree is compiled: a parameter of the mission, or a constant."""
     NONE = "none"

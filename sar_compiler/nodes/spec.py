@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from sar_compiler.nodes.binding.collector import Collector
 
 Rule: TypeAlias = "Callable[[BoundNode, Collector], None]"
-"""Reports what is wrong with a node though each of its attributes is right by itself."""
+"""Reports mistakes in a node whose attributes are each valid by themselves."""
 
 
 class Kind(str, Enum):
@@ -52,7 +52,7 @@ class Skips(Enum):
 
     NEVER = "never"
     FROM_CHILD = "from a child"
-    """Where one of its children can."""
+    """If one of its children can."""
     ALWAYS = "always"
 
 
@@ -66,7 +66,7 @@ class Role(Enum):
     REFERENCE = "reference"
     """An attribute of the tag that names another node of the tree."""
     CONTEXT = "context"
-    """Something that the mission hands over; not written in the file."""
+    """An object provided by the mission; not written in the file."""
     CHILD = "child"
     """The one child of a decorator."""
     CHILDREN = "children"
@@ -152,7 +152,7 @@ CHILD_COUNTS: dict[Kind, tuple[int, int | None]] = {
     Kind.ACTION: (0, 0),
     Kind.CONDITION: (0, 0),
 }
-"""How many children a node of a kind takes, at least and at most."""
+"""The smallest and largest number of children by kind of node."""
 
 
 @dataclass(frozen=True)

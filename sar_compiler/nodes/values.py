@@ -32,7 +32,7 @@ _DURATION = r"([0-9]+(\.[0-9]*)?|\.[0-9]+)(ms|s|min)?"
 _SECONDS_PER_UNIT = {"ms": 0.001, "s": 1.0, "min": 60.0}
 _SEPARATOR = ";"
 JSON = "json:"
-"""What a text begins with that is JSON, for ports that take anything."""
+"""The prefix of a JSON text, for ports that take any value."""
 _LARGEST_UNSIGNED = 2**32 - 1
 
 # The texts that BehaviorTree.CPP reads as a bool.
@@ -500,9 +500,9 @@ UNSIGNED = ValueType(
 CONDITION = ValueType("condition", "a script", _condition, pattern=_NOT_BLANK, python=Script, cpp=_CPP_TEXT)
 """The scripts of pre- and post-conditions, which must not be empty."""
 ANYTHING = ValueType("anything", "a value", _anything)
-"""What a port takes that carries any object; not a type for plain parameters."""
+"""The type of a port for any object; not a type for plain parameters."""
 AS_WRITTEN = ValueType("anything", "a value", str)
-"""What a port takes that carries any object, where a text in the file is a text whatever it begins with."""
+"""The type of a port for any object, for which a text in the file is a text whatever its prefix."""
 _CPP_TYPES = {
     "bool": _PLAIN[bool],
     "int": _PLAIN[int],

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 NAVIGATION = "navigate_to_pose"
 NAVIGATION_FAULTS = {NAVIGATION: ("abort", "reject", "die")}
-"""What can go wrong with the stand-in for Nav2, whatever the mission."""
+"""The faults of the stand-in for Nav2, the same for every mission."""
 
 # How each fault is written.
 _FORMS = {

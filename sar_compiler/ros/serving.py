@@ -20,7 +20,7 @@ _TURN_SEC = 0.1
 _TAKING_DOWN_SEC = 10.0
 
 NodeFactory = Callable[["Context", list[str]], "Node"]
-"""Makes the node in a context, with arguments of its own."""
+"""Creates the node in a context, with arguments of its own."""
 
 
 def serve(make_node: NodeFactory, prog: str, description: str, argv: Sequence[str] | None = None) -> int:

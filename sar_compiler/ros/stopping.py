@@ -13,7 +13,7 @@ from sar_compiler.ros.blame import described, raised_in, tell
 from sar_compiler.runtime.leaf_protocol import Settling
 
 SETTLE_SEC = 1.5
-"""How long the answers to cancels are waited for, seconds of the steady clock."""
+"""How long to wait for the answers to cancel requests, seconds of the steady clock."""
 
 # How long one turn of the executor may take while stopped leaves settle.
 _TURN_SEC = 0.02

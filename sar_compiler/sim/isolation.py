@@ -21,7 +21,7 @@ LOOK_AROUND_SEC = 4.0
 _LOOK_EVERY_SEC = 0.02
 
 LOOKING_AROUND = f"Looking whether another simulation or robot is on this machine ({LOOK_AROUND_SEC:g} s)..."
-"""What a command says before it looks."""
+"""The message of a command before it looks for other nodes."""
 # Part of the name that a node has before its announcement arrives, just after that of its publisher.
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"
 _ANOTHER = "another node"

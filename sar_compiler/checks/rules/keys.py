@@ -28,7 +28,7 @@ from sar_compiler.nodes.values import nearest
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
 _LIKE, _CLOSE = 0.7, 0.75
-"""How much two keys must be alike so that one may be meant by the other, and so that nothing else can be."""
+"""The similarity of two keys from which one may be, and from which it must be, a misspelling of the other."""
 
 
 def check_keys(context: CheckContext) -> Iterator[Diagnostic]:

@@ -13,9 +13,9 @@ from sar_compiler.nodes.semantics import Order
 from sar_compiler.tree.diagnostic import Diagnostic
 
 DEFAULT_PERIOD = 0.5
-"""Seconds between two ticks, where the mission says nothing."""
+"""Seconds between two ticks, if the mission does not define them."""
 _NEVER = {F: "never fails", S: "never succeeds", R: "always ends in its first tick"}
-"""Of a child that cannot answer what its decorator is there for."""
+"""Texts for a child that never has the result that its decorator acts on."""
 
 
 def check_needless(context: CheckContext) -> Iterator[Diagnostic]:

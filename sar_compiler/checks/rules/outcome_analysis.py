@@ -18,10 +18,10 @@ _YES_OR_NO: tuple[frozenset[str], ...] = (frozenset(), frozenset({"SUCCESS", "FA
 _SHIFT = 4
 _UNKNOWN = ALL
 _POSSIBLE = {"_failureIf": F, "_successIf": S, "_skipIf": K, "_while": K}
-"""What conditions add."""
+"""The results that conditions add."""
 
 OutcomeSets = int
-"""What a node may answer, in the lower bits, and what it is known to be able to answer, above them."""
+"""The results that a node may have, in the lower bits, and those known to occur in some run, above them."""
 
 
 @dataclass(frozen=True)

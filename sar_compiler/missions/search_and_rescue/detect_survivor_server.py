@@ -11,7 +11,7 @@ from sar_compiler.ros.parameter_reader import lookalikes
 from sar_compiler.ros.parameters import DataNode, flat_parameters
 
 SURVIVORS = {"zone_a": (-2.5, 3.2), "zone_c": (4.1, -2.5)}
-"""Where survivors are by default: x and y in metres in the frame `map`, by zone."""
+"""The survivors' default positions: x and y in metres in the frame `map`, by zone."""
 
 
 class DetectSurvivorServer(DataNode):

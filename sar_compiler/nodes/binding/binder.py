@@ -29,7 +29,7 @@ from sar_compiler.tree.model import SUBTREE_TAG, TREE_TAG, Element, TreeFile
 _KIND_TAGS = frozenset(kind.value for kind in Kind)
 _MOST_TREES = 8
 _MOST_GUESSES = 1000
-"""For more unknown tags than these, nobody wants to know what was probably meant."""
+"""The largest number of unknown tags for which the probably meant one is suggested."""
 
 
 @dataclass(frozen=True)

@@ -6,16 +6,16 @@ from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.collector import Collector
 
 MAX_NODES = 300_000
-"""A tree with its subtrees in place has at most so many nodes."""
+"""The largest number of nodes in a tree with its subtrees expanded."""
 
 MAX_LEVELS = 150
-"""A tree with its subtrees in place is at most so many levels deep; conditions and `oneshot` are one each.
+"""The largest depth of a tree with its subtrees expanded, in levels; conditions and `oneshot` count as one each.
 
-To halt a tree takes up to five of Python's thousand frames for each level, and the program around it some more.
+To halt a tree takes up to five of Python's thousand frames per level, and the calling program some more.
 """
 
 _LONGEST_CIRCLE = 8
-"""Of a longer circle only the ends are named."""
+"""The largest circle that is named in full; of a longer one only the ends are."""
 
 
 def cut_circles(trees: Iterable[BoundTree], collector: Collector) -> None:

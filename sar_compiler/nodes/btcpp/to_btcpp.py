@@ -28,7 +28,7 @@ from sar_compiler.tree.synthetic import synthetic_element
 
 _KIND_TAGS = frozenset(kind.value for kind in Kind)
 _DROPS_EXPLICIT = "ReactiveSequence"
-"""BehaviorTree.CPP (4.10) does not find nodes in the explicit form directly in it."""
+"""BehaviorTree.CPP (4.10) does not find nodes in explicit form that are its direct children."""
 
 
 def to_btcpp(

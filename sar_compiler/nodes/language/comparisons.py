@@ -12,9 +12,9 @@ from sar_compiler.runtime.blackboard import entry_of
 from sar_compiler.runtime.ports import Input
 
 Comparison = Literal["eq", "ne", "lt", "le", "gt", "ge"]
-"""A comparison, by the name that it has in Python's `operator`."""
+"""A comparison, by its name in Python's `operator`."""
 Junction = Literal["and", "or", "xor"]
-"""What joins the results of several comparisons."""
+"""The operator that joins the results of several comparisons."""
 
 COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {
     "eq": operators.eq,

@@ -100,7 +100,7 @@ def _own(tag: str, cls: type, semantics: Semantics, *former_tags: str, **more: o
 
 
 BUILT_IN = Counterpart(built_in=True)
-"""What BehaviorTree.CPP has by the same tag."""
+"""The counterpart of the same tag in BehaviorTree.CPP."""
 
 
 def _switch(cases: int) -> NodeSpec:
@@ -127,7 +127,7 @@ def _one_after_the_other(bound: BoundNode) -> Mapping[int, Gate]:
 
 
 Policy = Literal["SuccessOnAll", "SuccessOnOne", "SuccessOnSelected"]
-"""Which children of a Parallel have to succeed, in py_trees' words."""
+"""The children of a Parallel that have to succeed, by py_trees' names."""
 
 _HOW_TO_SELECT = 'write the names of the children that have to succeed: selected="left;right"'
 

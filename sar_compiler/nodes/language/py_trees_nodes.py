@@ -24,7 +24,7 @@ from sar_compiler.runtime.ports import Input
 B = TypeVar("B", bound=Behaviour)
 
 WRITES, REMOVES = "writes to the blackboard", "removes from the blackboard"
-"""Effects that do nothing to the world."""
+"""Effects that do not change the world."""
 
 
 class TooOldError(SarError):
