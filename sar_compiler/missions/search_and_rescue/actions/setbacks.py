@@ -41,12 +41,12 @@ _ROUND_IS_OVER = "postponed_in_round >= zones_left"
     facts=_FACTS,
 )
 class PostponeZone(RosLeaf):
-    """Put the current zone behind all others, to come back to it; FAILURE once it was tried often enough.
+    """Put the current zone after all others, to try it again later; FAILURE after its last attempt.
 
     Args:
         name: The node's name.
         zone_manager: The mission's zones.
-        attempts: How often a zone is tried, 1 or more; with the last attempt it is postponed no more.
+        attempts: The number of attempts at a zone, 1 or more; after the last one it is not postponed again.
     """
 
     def __init__(self, name: str, zone_manager: ZoneManager, *, attempts: Attempts = 3) -> None:

@@ -38,7 +38,7 @@ _FORGOTTEN = "found_by_{self} = false; named_by_{self} = false"
 class DetectSurvivor(ServiceLeaf):
     """Search the current zone, and keep the answer: SUCCESS whether or not a survivor was found.
 
-    FAILURE means that nobody answered.
+    FAILURE if the service does not answer.
 
     Args:
         name: The node's name.
@@ -251,11 +251,11 @@ class NotifyBase(ReportLeaf):
     "LogNoDetection", kind=Kind.ACTION, outcomes={Status.SUCCESS}, answers=[Answer("SUCCESS", "logged")]
 )
 class LogNoDetection(RosLeaf):
-    """Say in the log that nobody was found.
+    """Log that no survivor was found.
 
     Args:
         name: The node's name.
-        zone_manager: Tells the zone, if it is to be named.
+        zone_manager: Names the zone, if requested.
     """
 
     def __init__(self, name: str, zone_manager: ZoneManager | None = None) -> None:
