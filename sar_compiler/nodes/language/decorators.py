@@ -28,11 +28,11 @@ from sar_compiler.runtime.scripting import NodeScript
 
 
 def condition(name: str, child: Behaviour, status: StatusName) -> decorators.Condition:
-    """Succeeds once its child answers a status, and runs until then.
+    """Runs until its child returns a given status, then succeeds.
 
     Args:
         name: The node's name.
-        child: The child; it is started again whenever it ends with another status.
+        child: The child; it is restarted whenever it ends with another status.
         status: The status to wait for.
     """
     return decorators.Condition(name, child, Status[status])
@@ -46,7 +46,7 @@ def eternal_guard(
     Args:
         name: The node's name.
         child: The child.
-        condition: The condition, a script; it is asked before every tick of the child.
+        condition: The condition, a script; it is evaluated before every tick of the child.
         scope: Where the script's variables are.
         enums: The names that stand for numbers.
     """
@@ -57,7 +57,7 @@ def eternal_guard(
 def status_to_blackboard(
     name: str, child: Behaviour, variable_name: InOut[object], scope: Scope
 ) -> decorators.StatusToBlackboard:
-    """Writes its child's status to the blackboard in every tick, and answers it.
+    """Writes its child's status to the blackboard in every tick, and returns it.
 
     Args:
         name: The node's name.
@@ -73,11 +73,11 @@ def status_to_blackboard(
 def for_each(
     name: str, child: Behaviour, source_key: Input[object], target_key: InOut[object], scope: Scope
 ) -> Behaviour:
-    """Ticks its child for one item of a list after the other, until the child fails; from py_trees 2.4 on.
+    """Ticks its child for each item of a list in turn, until the child fails; needs py_trees 2.4.
 
     Args:
         name: The node's name.
-        child: The child; it is ticked once even if the list is empty, and never for what comes after a None.
+        child: The child; it is ticked once even if the list is empty, and never for the items after a None.
         source_key: The key of the list.
         target_key: The key to which each item is written.
         scope: Where the keys are looked up.
@@ -175,7 +175,7 @@ def _stock(
     instead: str = "",
     **parameter_docs: str,
 ) -> NodeSpec:
-    """Return a decorator of py_trees' whose constructor can be written as it is."""
+    """Return a py_trees decorator whose constructor can be used as it is."""
     return NodeSpec(
         cls.__name__,
         cls,
@@ -188,7 +188,7 @@ def _stock(
 
 
 def _unless_updated(own: int) -> Semantics:
-    """Return the semantics of a decorator that answers something itself until an entry was written."""
+    """Return the semantics of a decorator that returns a status of its own until an entry is written."""
     return Semantics(
         outcome_sets.adding(own),
         keys={"entry": KeyRole(AccessKind.PEEK, by_name=True)},
