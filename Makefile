@@ -6,6 +6,8 @@ VENV ?= .venv
 PYTHON ?= $(if $(wildcard $(VENV)/.python-*),$(VENV)/bin/python,python3)
 SPEED ?= 5
 JOBS ?= auto
+SEED ?= 1
+COUNT ?= 60
 # Each cell is Python/py_trees: the versions of a robot's apt with the Python that is here, and every Python
 # (where pythonX.Y starts it) with the newest py_trees.
 MATRIX ?= $(WANTED)/2.3.0 $(WANTED)/2.5.0 3.10/2.6.0 3.11/2.6.0 3.12/2.6.0 3.13/2.6.0
@@ -14,7 +16,7 @@ BIN := $(VENV)/bin
 INTERFACES := $(shell find interfaces pip_interfaces -type f 2>/dev/null)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help env demo test test-matrix lint format schemas golden bench soak clean require
+.PHONY: help env demo test test-matrix lint format schemas golden bench soak mutants clean require
 
 help:
 	@echo "make demo         fly the search-and-rescue mission in the embedded simulator (SPEED=$(SPEED) times real time)"
@@ -23,6 +25,7 @@ help:
 	@echo "make lint         style and types"
 	@echo "make soak         the long tests"
 	@echo "make bench        the benchmarks"
+	@echo "make mutants      whether the tests notice mistakes: COUNT=$(COUNT) made by chance, chosen by SEED=$(SEED)"
 	@echo "make schemas      renew schemas/ from the node registry and the kinds of findings"
 	@echo "make golden       renew the golden files of compiled trees"
 	@echo "make env          only make .venv (PYTHON=$(PYTHON))"
@@ -68,6 +71,9 @@ bench: env
 	$(BIN)/python benchmarks/pipeline.py
 	$(BIN)/python benchmarks/ticking.py
 	$(BIN)/python benchmarks/verify.py
+
+mutants: env
+	$(BIN)/python -m tests.mutants --seed $(SEED) --count $(COUNT)
 
 schemas: env
 	mkdir -p schemas

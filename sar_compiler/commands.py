@@ -1,4 +1,4 @@
-"""How commands end: their exit statuses, and what they raise for their users as messages."""
+"""The end of commands: their exit statuses, and their errors as messages to the user."""
 
 import sys
 from collections.abc import Callable
@@ -10,16 +10,16 @@ FINDINGS = 1
 USAGE = 2
 INTERRUPTED = 130
 PIPE_CLOSED = 141
-"""As a shell reports a process that wrote to a pipe which nobody reads: what was found is not known to be read."""
+"""The status that a shell reports for a process that wrote to a closed pipe: the output may not have been read."""
 
-# What the simulator brings along, and what comes with ROS: the first parts of the names of modules.
+# The top-level modules of the simulator's libraries, and of ROS.
 _SIMULATOR = ("numpy", "scipy", "PIL")
 _ROS = ("rclpy", "rpyutils", "ament_index_python")
 _ROS_ENDINGS = ("_msgs", "_srvs", "_interfaces")
 
 
 def run(command: Callable[[], int], prog: str) -> int:
-    """Run a command and turn what it raises for its user into a message.
+    """Run a command and turn its errors for the user into messages.
 
     Args:
         command: Does the work and returns the exit status.
@@ -43,7 +43,7 @@ def run(command: Callable[[], int], prog: str) -> int:
         print(f"{prog}: {message}", file=sys.stderr)
         return USAGE
     except BrokenPipeError:
-        # The reader has seen enough (`| head`); what is left in the buffer has nowhere to go.
+        # The reader has closed the pipe (`| head`); the rest of the buffer is discarded.
         sys.stderr.close()
         return PIPE_CLOSED
     except KeyboardInterrupt:
@@ -51,7 +51,7 @@ def run(command: Callable[[], int], prog: str) -> int:
 
 
 def _not_installed(error: ImportError) -> str | None:
-    """Say what is missing on this machine, and where it comes from; None if that is nobody's to install."""
+    """Return a message about a missing library and its source; None if it is not one to be installed."""
     module = (error.name or "").split(".")[0]
     if module in _SIMULATOR:
         return (

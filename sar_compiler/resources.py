@@ -1,4 +1,4 @@
-"""Where the files are that ship with the package: trees, configuration, maps, worlds."""
+"""The files that ship with the package: trees, configuration, maps, worlds."""
 
 import difflib
 from pathlib import Path
@@ -6,26 +6,26 @@ from pathlib import Path
 from sar_compiler.errors import SarError
 
 _PACKAGE = Path(__file__).resolve().parent
-# Stands at the top of the shipped files, in a checkout and wherever they are installed.
+# The file that marks the folder of the shipped files, in a checkout and in an installation.
 _MANIFEST = "package.xml"
 
 
 class ResourceError(SarError):
-    """A shipped file was asked for that does not exist."""
+    """A shipped file does not exist."""
 
 
 def shipped_root(package: Path = _PACKAGE) -> Path:
-    """Return the folder that holds the shipped `trees/`, `config/`, `maps/`, `worlds/` and so on.
+    """Return the folder of the shipped `trees/`, `config/`, `maps/`, `worlds/` and so on.
 
-    In a checkout (also an editable installation, also `colcon build --symlink-install`) that is the folder
-    around the package. An installed package has them in `share/sar_compiler` of the nearest folder above it
+    In a checkout (also an editable installation, also `colcon build --symlink-install`) this is the parent
+    folder of the package. An installed package has them in `share/sar_compiler` of the nearest folder above it
     that has one: the environment, the user's `~/.local`, `/usr/local`, the install folder of a workspace.
 
     Args:
-        package: The folder of the package, where its own modules are.
+        package: The folder of the package's modules.
 
     Raises:
-        ResourceError: If neither is there.
+        ResourceError: If neither exists.
     """
     places = [package.parent, *(above / "share" / "sar_compiler" for above in package.parents)]
     found = next((place for place in places if (place / _MANIFEST).is_file()), None)
@@ -46,7 +46,7 @@ def shipped(kind: str, name: str) -> Path:
         name: The file's name in it.
 
     Raises:
-        ResourceError: If there is no such file; the message lists those there are.
+        ResourceError: If there is no such file; the message lists the existing ones.
     """
     folder = shipped_root() / kind
     path = folder / name
@@ -58,16 +58,16 @@ def shipped(kind: str, name: str) -> Path:
 
 
 def find(kind: str, name: str, suffix: str) -> Path:
-    """Return the file that a user means by a path or by the name of a shipped file.
+    """Return the file for a path or the name of a shipped file.
 
     Args:
         kind: The folder of the shipped files.
         name: A path, or a shipped file's name without its suffix.
-        suffix: What shipped names end with, for instance `.xml`.
+        suffix: The suffix of shipped files, for instance `.xml`.
 
     Returns:
-        The shipped file where *name* is a bare word and one is shipped under it; otherwise the path
-        as written, whether there is such a file or not.
+        The shipped file if *name* is a bare word and there is one of this name; otherwise the path
+        as written, whether it exists or not.
     """
     path = Path(name)
     if not is_bare_word(name) or path.is_file():
@@ -77,18 +77,18 @@ def find(kind: str, name: str, suffix: str) -> Path:
 
 
 def is_bare_word(name: str) -> bool:
-    """Say whether a name has neither a folder nor a suffix, so that it may mean a shipped file."""
+    """Return whether a name has neither a folder nor a suffix, so that it may mean a shipped file."""
     path = Path(name)
     return path.name == name and not path.suffix
 
 
 def not_found(kind: str, name: str, suffix: str) -> str:
-    """Return the message for a name under which `find` has found nothing.
+    """Return the message for a name for which `find` has found no file.
 
     Args:
         kind: The folder of the shipped files.
-        name: What the user wrote.
-        suffix: What shipped names end with.
+        name: The user's text.
+        suffix: The suffix of shipped files.
     """
     noun = kind.removesuffix("s")
     names = sorted(entry.stem for entry in (shipped_root() / kind).glob(f"*{suffix}"))

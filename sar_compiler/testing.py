@@ -1,16 +1,16 @@
-"""For tests of your own trees.
+"""Helpers for tests of your own trees.
 
-A golden test holds a compiled tree against a file that was committed, so that a change of the tree, of
-the registry or of the compiler shows in a review::
+A golden test compares a compiled tree with a committed file, so that a change of the tree, of the registry
+or of the compiler is visible in a review::
 
     from sar_compiler.testing import assert_matches_golden
 
     def test_my_mission_compiles_as_reviewed():
         assert_matches_golden("trees/my_mission.xml", "tests/golden/my_mission.json")
 
-`SAR_RENEW_GOLDEN=1 pytest` writes the files anew.
+`SAR_RENEW_GOLDEN=1 pytest` rewrites the files.
 
-A scripted run holds what a tree does against what its leaves answer, without ROS::
+A scripted run tests a tree's behaviour for given answers of its leaves, without ROS::
 
     from sar_compiler.testing import simulate
 
@@ -47,12 +47,12 @@ def compiled(
     registry: Registry | None = None,
     nodes: Iterable[Named] = (),
 ) -> CompiledTree:
-    """Compile a tree file with stand-ins for what only a mission has.
+    """Compile a tree file with stand-ins for the objects of a mission.
 
     Args:
         tree: The file, or the name of a shipped tree.
         tree_id: The tree in it; by default the one that the file executes.
-        registry: What tags mean; by default everything installed, and *nodes*.
+        registry: The registered nodes; by default the installed ones and *nodes*.
         nodes: Leaves of your own: classes, modules, or import paths of modules.
 
     Raises:
@@ -72,10 +72,10 @@ def assert_matches_golden(
 
     Args:
         tree: The tree file, or the name of a shipped tree.
-        golden: The committed file: `.json` holds what `sar-compile show --format json` prints, any other
-            ending what `--format ascii` prints.
+        golden: The committed file: with the suffix `.json` the output of `sar-compile show --format json`,
+            with any other that of `--format ascii`.
         tree_id: The tree in the file; by default the one that the file executes.
-        registry: What tags mean; by default everything installed, and *nodes*.
+        registry: The registered nodes; by default the installed ones and *nodes*.
         nodes: Leaves of your own: classes, modules, or import paths of modules.
 
     Raises:
@@ -103,18 +103,18 @@ def simulate(
     scenario: Mapping[str, object] | None = None,
     **scripts: object,
 ) -> Simulated:
-    """Return a tree with leaves that answer by a script, to be ticked on a clock that is moved by hand.
+    """Return a tree with scripted leaves, to be ticked on a manual clock.
 
     Args:
         tree: The file, or the name of a shipped tree.
-        registry: What tags mean; by default everything installed, and *nodes*.
+        registry: The registered nodes; by default the installed ones and *nodes*.
         nodes: Leaves of your own: classes, modules, or import paths of modules.
-        leaves: What leaves answer, as for `LoadedTree.simulate`.
-        scenario: What else a scenario says, likewise.
-        **scripts: What leaves answer, for names that are Python's.
+        leaves: The answers of leaves, as for `LoadedTree.simulate`.
+        scenario: The other keys of a scenario, likewise.
+        **scripts: The answers of leaves whose names are Python identifiers.
 
     Raises:
-        TreeError: If the tree is not valid, or the script says something of a leaf that it never does.
+        TreeError: If the tree is not valid, or the script has an answer that a leaf never gives.
     """
     return load(tree, nodes=nodes, registry=registry).simulate(leaves=leaves, scenario=scenario, **scripts)
 
@@ -125,16 +125,16 @@ def assert_scenario_holds(
     registry: Registry | None = None,
     nodes: Iterable[Named] = (),
 ) -> None:
-    """Play a scenario's file, and compare with what it expects.
+    """Play a scenario file, and compare the result with its expectations.
 
     Args:
         tree: The tree file, or the name of a shipped tree.
-        scenario: The scenario's file.
-        registry: What tags mean; by default everything installed, and *nodes*.
+        scenario: The scenario file.
+        registry: The registered nodes; by default the installed ones and *nodes*.
         nodes: Leaves of your own: classes, modules, or import paths of modules.
 
     Raises:
-        AssertionError: If something does not hold, with the trace.
+        AssertionError: If an expectation is not met, with the trace.
         TreeError: If the tree or the scenario is not valid.
     """
     play_scenario(load(tree, nodes=nodes, registry=registry), scenario)

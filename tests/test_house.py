@@ -165,7 +165,7 @@ def test_ros_is_imported_only_at_the_edge():
     "statement",
     [
         "import sar_compiler",
-        "import sar_compiler.missions.search_and_rescue.mission",
+        "import sar_compiler.missions.search_and_rescue.plugin",
         "from sar_compiler.missions.choosing import load_missions; load_missions()",
         "import sar_compiler.testing",
         "from sar_compiler.cli.compile import main; main(['validate', 'trees/search_and_rescue.xml'])",

@@ -1,7 +1,7 @@
-"""A camera without a lens: a node that describes each of its pictures in a text, on `image_raw`.
+"""A simulated camera: a node that publishes a description of each picture as a text on `image_raw`.
 
-Its names are relative and its values are parameters, so that it can be moved, renamed, joined and set
-from outside, without a change here.
+Its names are relative and its values are parameters, so that it can be put into a namespace, renamed, remapped and
+configured from outside, without a change here.
 """
 
 import sys
@@ -22,21 +22,21 @@ _SCENE = ParameterDescriptor(description="what is to be seen in the pictures")
 
 
 class CameraError(SarError):
-    """A parameter was given a value that it cannot have."""
+    """A parameter has an invalid value."""
 
 
 class Camera(Node):
     """Publishes `std_msgs/msg/String` on the relative topic `image_raw`.
 
-    Parameters: `rate_hz`, pictures per second, 0.1 to 100; `scene`, what is to be seen in them.
+    Parameters: `rate_hz`, pictures per second, 0.1 to 100; `scene`, their content.
 
     Args:
         context: The context of the node.
         cli_args: ROS arguments of its own.
 
     Raises:
-        RosArgumentError: If its name is one that a node cannot have.
-        CameraError: If a parameter is given a value that it cannot have.
+        RosArgumentError: If its name is not allowed for a node.
+        CameraError: If a parameter has an invalid value.
     """
 
     def __init__(self, context: Context, cli_args: list[str]) -> None:

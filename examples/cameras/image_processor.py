@@ -1,4 +1,4 @@
-"""A node that looks at the pictures of a camera: it says in the log and on `seen` what is in them."""
+"""A node that processes the pictures of a camera: it logs their content, and publishes it on `seen`."""
 
 import sys
 
@@ -17,7 +17,7 @@ class ImageProcessor(Node):
         cli_args: ROS arguments of its own.
 
     Raises:
-        RosArgumentError: If its name is one that a node cannot have.
+        RosArgumentError: If its name is not allowed for a node.
     """
 
     def __init__(self, context: Context, cli_args: list[str]) -> None:

@@ -1,4 +1,4 @@
-"""Leaves about a door and a battery; they need no robot, because they count how often they are asked."""
+"""Leaves about a door and a battery; they need no robot, because they only count their ticks."""
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -8,11 +8,11 @@ from sar_compiler import Kind, register
 
 @register("DoorIsClosed", kind=Kind.CONDITION, outcomes={Status.SUCCESS, Status.FAILURE})
 class DoorIsClosed(Behaviour):
-    """Is the door closed? Somebody opens it after some looks.
+    """Is the door closed? It is opened after a number of checks.
 
     Args:
         name: The node's name.
-        looks: How many looks find it closed.
+        looks: The number of checks that find it closed.
     """
 
     def __init__(self, name: str, looks: int = 2) -> None:
@@ -20,7 +20,7 @@ class DoorIsClosed(Behaviour):
         self._looks = looks
 
     def update(self) -> Status:
-        """Look once more."""
+        """Check once more."""
         if self._looks == 0:
             self.feedback_message = "somebody has opened it"
             return Status.FAILURE
@@ -31,11 +31,11 @@ class DoorIsClosed(Behaviour):
 
 @register("OpenDoor", kind=Kind.ACTION, outcomes={Status.SUCCESS, Status.FAILURE}, effects="opens the door")
 class OpenDoor(Behaviour):
-    """Push the door open; it sticks for the first pushes.
+    """Push the door open; the first pushes fail.
 
     Args:
         name: The node's name.
-        sticks: How many pushes fail.
+        sticks: The number of pushes that fail.
     """
 
     def __init__(self, name: str, sticks: int = 2) -> None:
@@ -54,13 +54,13 @@ class OpenDoor(Behaviour):
 
 @register("BatteryOk", kind=Kind.CONDITION, outcomes={Status.SUCCESS, Status.FAILURE})
 class BatteryOk(Behaviour):
-    """Is there enough in the battery? Each look finds less in it.
+    """Is the battery charged enough? Each check drains it.
 
     Args:
         name: The node's name.
-        percent: The charge at the first look, percent.
-        drain: How much is used between two looks, percent.
-        enough: How much is enough, percent.
+        percent: The charge at the first check, percent.
+        drain: The charge used between two checks, percent.
+        enough: The charge that is enough, percent.
     """
 
     def __init__(self, name: str, percent: float = 50.0, drain: float = 10.0, enough: float = 30.0) -> None:
@@ -70,7 +70,7 @@ class BatteryOk(Behaviour):
         self._enough = enough
 
     def update(self) -> Status:
-        """Look at the battery, and use some of it."""
+        """Check the battery, and drain it."""
         percent = self._percent
         self._percent = max(0.0, percent - self._drain)
         self.feedback_message = f"{percent:.0f} %"

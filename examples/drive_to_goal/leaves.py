@@ -1,7 +1,7 @@
 """Three leaves that drive a robot by its odometry: a condition, an action and a recovery.
 
-They show what a leaf of your own looks like: an ordinary py_trees behaviour, with what can be written in
-a tree file as its constructor's parameters.
+They are examples of your own leaves: ordinary py_trees behaviours, whose constructors' parameters are the
+attributes in a tree file.
 """
 
 import math
@@ -18,7 +18,7 @@ _ODOMETRY_AGE_SEC = 0.5
 
 
 class _OdometryLeaf(Behaviour):
-    """Knows where the robot is, by its odometry."""
+    """The base of leaves that know the robot's pose, by its odometry."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
@@ -41,7 +41,7 @@ class _OdometryLeaf(Behaviour):
         )
 
     def pose(self) -> tuple[float, float, float] | None:
-        """Return x, y (m) and yaw (rad) in the odometry's frame; None while that is not known."""
+        """Return x, y (m) and yaw (rad) in the odometry's frame; None while it is unknown."""
         fresh = self._now_sec() - self._received_sec <= _ODOMETRY_AGE_SEC
         return self._pose if fresh else None
 
@@ -56,7 +56,7 @@ class _OdometryLeaf(Behaviour):
 
 
 class _DrivingLeaf(_OdometryLeaf):
-    """Sends velocity commands, and a last one to stand when it is left."""
+    """The base of leaves that send velocity commands, and a last one to stop the robot when they end."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
@@ -74,7 +74,7 @@ class _DrivingLeaf(_OdometryLeaf):
         self._commands = self._node.create_publisher(TwistStamped, "cmd_vel", 10)
 
     def update(self) -> Status:
-        """Send the next command; to stand, while nobody knows where the robot is."""
+        """Send the next command, or a stop while the robot's pose is unknown."""
         pose = self.pose()
         if pose is None:
             self.feedback_message = "no odometry"
@@ -84,10 +84,10 @@ class _DrivingLeaf(_OdometryLeaf):
 
     @abstractmethod
     def steer(self, x: float, y: float, yaw: float) -> Status:
-        """Send the next command, knowing where the robot is (m, m, rad)."""
+        """Send the next command for the robot's pose (m, m, rad)."""
 
     def terminate(self, new_status: Status) -> None:  # noqa: ARG002
-        """Tell the robot to stand, however the leaf was left."""
+        """Stop the robot, however the leaf has ended."""
         if self._commands is not None:
             self.command(0.0, 0.0)
 
@@ -110,13 +110,13 @@ class _DrivingLeaf(_OdometryLeaf):
     uses=[Use.topic("odometry/filtered")],
 )
 class GoalNotReached(_OdometryLeaf):
-    """Is the robot still away from the goal? SUCCESS if so, also while nobody knows where it is.
+    """Is the robot still away from the goal? SUCCESS if so, also while its pose is unknown.
 
     Args:
         name: The node's name.
         goal_x: The goal, metres, in the odometry's frame.
         goal_y: The goal, metres, in the odometry's frame.
-        tolerance: How near is near enough, metres.
+        tolerance: The tolerated distance, metres.
     """
 
     def __init__(self, name: str, goal_x: float = 2.0, goal_y: float = 0.0, tolerance: float = 0.3) -> None:
@@ -184,7 +184,7 @@ class SpinInPlace(_DrivingLeaf):
         name: The node's name.
         goal_yaw: The heading, radians, in the odometry's frame.
         k_yaw: Turning per radian, 1/s.
-        tolerance: How near is near enough, radians.
+        tolerance: The tolerated difference, radians.
     """
 
     def __init__(self, name: str, goal_yaw: float = 0.0, k_yaw: float = 0.8, tolerance: float = 0.3) -> None:

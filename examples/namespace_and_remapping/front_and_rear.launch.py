@@ -1,4 +1,4 @@
-"""Two pairs of a camera and a processor: the namespace parts the pairs, a remapping joins each."""
+"""Two pairs of a camera and a processor: the namespace separates the pairs, a remapping connects each."""
 
 import sys
 from pathlib import Path
@@ -10,7 +10,7 @@ CAMERAS = Path(__file__).resolve().parent.parent / "cameras"
 
 
 def pair(namespace: str) -> list[Node]:
-    """Return a camera and the processor that looks at it, in a namespace."""
+    """Return a camera and the processor of its pictures, in a namespace."""
     return [
         Node(
             executable=sys.executable,

@@ -1,4 +1,4 @@
-"""A camera with a parameter file, and with arguments of the launch that win over it."""
+"""A camera with a parameter file, and with arguments of the launch that override it."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A camera and a processor that use different names for the same pictures, joined on a third."""
+"""A camera and a processor that use different names for the same pictures, remapped to a third."""
 
 import sys
 from pathlib import Path

@@ -35,7 +35,7 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def simulator() -> Node:
-    """Return the one world with both robots; it moves each into its namespace itself."""
+    """Return the simulator of one world with both robots, which puts each into its namespace."""
     placed = [part for robot, start in ROBOTS.items() for part in ("--robot", f"{robot}:{start}")]
     return Node(
         package="sar_compiler",
@@ -75,7 +75,7 @@ def mission(robot: str) -> Node:
 
 
 def ends_after(missions: list[Node]) -> list[RegisterEventHandler]:
-    """Return what shuts everything down once the last of *missions* has ended."""
+    """Return the actions that shut everything down once the last of *missions* has ended."""
     left = set(missions)
 
     def ended(event: ProcessExited, _: LaunchContext) -> Action | None:

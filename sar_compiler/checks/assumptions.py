@@ -76,9 +76,7 @@ def _read_answers(document: Document, value: Value, words: LeafWords) -> dict[st
     for key, inner in value.entries or ():
         leaves = words.find(document, key)
         options = [_answer(document, item, [words.spec(leaf) for leaf in leaves]) for item in inner.listed]
-        answers = tuple(dict.fromkeys(option for option in options if option is not None))
-        if leaves and answers and key.text:
-            said[key.text] = answers
+        said[key.text or ""] = tuple(dict.fromkeys(option for option in options if option is not None))
     return said
 
 

@@ -120,12 +120,12 @@ def _decided(path: Path, table: tuple[str, ...]) -> Configuration | None:
     found: Value | None = document.root
     for key in table:
         found = found.mapping.get(key) if found else None
-    if found is None or (table and not found.data):
-        return None
+    if found is None or not found.data:
+        return None if table else NOTHING_DECIDED
     held = document.hold("settings", found)
     said, entries = held.data, held.mapping
-    models = _paths(path, document, entries.get(_MODELS), "--model")
-    include_path = _paths(path, document, entries.get(_INCLUDE_PATH), "--include-path")
+    models = _paths(path, document, entries.get(_MODELS), _MODELS, "--model")
+    include_path = _paths(path, document, entries.get(_INCLUDE_PATH), _INCLUDE_PATH, "--include-path")
     document.raise_findings()
     modules = entries[_NODES].listed if _NODES in entries else ()
     return Configuration(
@@ -142,7 +142,9 @@ def _decided(path: Path, table: tuple[str, ...]) -> Configuration | None:
     )
 
 
-def _paths(path: Path, document: "Document", written: "Value | None", option: str) -> tuple[Path, ...]:
+def _paths(
+    path: Path, document: "Document", written: "Value | None", name: str, option: str
+) -> tuple[Path, ...]:
     """Return paths that a setting lists, from the file's folder; none leads out of the repository."""
     folder = path.parent
     repository = repository_of(folder) or folder
@@ -153,7 +155,7 @@ def _paths(path: Path, document: "Document", written: "Value | None", option: st
         if "\0" not in text and Path(os.path.realpath(folder / text)).is_relative_to(repository):
             paths.append(folder / text)
             continue
-        message = f"'{text}' lies outside the repository of this file"
+        message = f"{name}: '{text}' lies outside the repository of this file"
         hint = f"put it into the repository, or name it yourself: {option}"
         document.report(value, "setting-outside", message, hint=hint)
     return tuple(paths)

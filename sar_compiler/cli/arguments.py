@@ -1,4 +1,4 @@
-"""What the commands share: parsing of arguments."""
+"""Parsing of arguments, shared by the commands."""
 
 import argparse
 import math
@@ -9,7 +9,7 @@ __all__ = ["FINDINGS", "INTERRUPTED", "OK", "PIPE_CLOSED", "USAGE", "Parser", "r
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser that takes options only as they are spelt."""
+    """An argument parser that accepts no abbreviated options."""
 
     def __init__(self, prog: str, description: str, **settings: object) -> None:
         super().__init__(prog=prog, description=description, allow_abbrev=False, **settings)  # type: ignore[arg-type]

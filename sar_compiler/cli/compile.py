@@ -117,7 +117,7 @@ def _show(arguments: argparse.Namespace) -> int:
     from sar_compiler.views.text import ascii_tree, unicode_tree
 
     try:
-        # Of what may be meant so, `validate` warns.
+        # `validate` warns of the doubtful cases.
         tree = workspace(arguments).load(arguments.file).preview(arguments.tree)
     except TreeError as error:
         print(error, file=sys.stderr)

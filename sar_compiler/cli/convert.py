@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 def convert_file(arguments: argparse.Namespace) -> int:
     """Convert a file and return the exit status.
 
-    What the other form cannot have is said on standard error. The status is that of findings if there is
-    something in the result that BehaviorTree.CPP cannot do without help; it is written all the same.
+    Notes about content without a counterpart in the other form go to standard error. The status is that of
+    findings if the result needs more than BehaviorTree.CPP by itself; it is written nevertheless.
 
     Raises:
-        WriteError: If the output would be the input, or cannot be written.
-        UnreadableFileError: If the file is not there or cannot be read.
+        WriteError: If the output is the input file, or cannot be written.
+        UnreadableFileError: If the file does not exist or cannot be read.
     """
     from sar_compiler.tree.diagnostic import Severity, TreeError
     from sar_compiler.tree.shipped import find_tree

@@ -1,4 +1,4 @@
-"""`sar-compile diff`: what is different between two tree files."""
+"""`sar-compile diff`: show the differences between two tree files."""
 
 import argparse
 import sys
@@ -9,10 +9,10 @@ from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
 def diff_files(arguments: argparse.Namespace) -> int:
     """Compare two files and return the exit status: 0 for equal ones, 1 for different ones.
 
-    A file that cannot be understood is wrong usage, 2: nothing is known of the difference.
+    An invalid file counts as wrong usage, 2, since the differences are unknown.
 
     Raises:
-        UnreadableFileError: If a file is not there or cannot be read.
+        UnreadableFileError: If a file does not exist or cannot be read.
     """
     from sar_compiler.tree.diagnostic import TreeError
     from sar_compiler.tree.difference import difference

@@ -1,4 +1,4 @@
-"""`sar-compile explain`: what a kind of finding means."""
+"""`sar-compile explain`: explain a kind of finding."""
 
 import argparse
 import sys
@@ -7,7 +7,7 @@ from sar_compiler.cli.arguments import OK, USAGE
 
 
 def add_explain(parser: argparse.ArgumentParser) -> None:
-    """Add what `explain` takes."""
+    """Add the arguments of `explain`."""
     parser.add_argument("code", metavar="CODE", help="what stands in brackets behind error, warning or info")
     parser.set_defaults(run=explain_code)
 

@@ -8,7 +8,7 @@ from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
 
 
 def format_files(arguments: argparse.Namespace) -> int:
-    """Rewrite files, or with `--check` name those that are not as they would be; return the exit status.
+    """Rewrite files, or with `--check` list those that would change; return the exit status.
 
     Raises:
         WriteError: If a file cannot be written.
@@ -35,7 +35,7 @@ def format_files(arguments: argparse.Namespace) -> int:
 
 
 def _format(path: Path, *, write: bool) -> bool:
-    """Say whether a file differs from its canonical form, and write it in that if wanted."""
+    """Return whether a file differs from its canonical form, and rewrite it if requested."""
     from sar_compiler.cli.writing import write_text
     from sar_compiler.tree.content import read_bytes
     from sar_compiler.tree.conversion import convert

@@ -1,4 +1,4 @@
-"""What commands that read trees have in common: their options, and what these mean."""
+"""The common options of commands that read trees."""
 
 import argparse
 import sys
@@ -12,7 +12,7 @@ FILE_HELP = "a tree file, or the name of a shipped tree"
 
 
 def add_project_options(parser: argparse.ArgumentParser) -> None:
-    """Add what the user can add to a project's configuration, besides `--nodes`."""
+    """Add the options that extend a project's configuration, besides `--nodes`."""
     parser.add_argument(
         "--model",
         action="append",
@@ -48,7 +48,7 @@ def add_trust(parser: argparse.ArgumentParser) -> None:
 
 
 def workspace(arguments: argparse.Namespace) -> "Workspace":
-    """Return what loads trees as the options of a command say."""
+    """Return the workspace that loads trees by the options of a command."""
     from sar_compiler.project import Additions, Workspace
 
     additions = Additions(
@@ -58,5 +58,5 @@ def workspace(arguments: argparse.Namespace) -> "Workspace":
 
 
 def tell_passed_over(text: str) -> None:
-    """Say on standard error what was passed over."""
+    """Report on standard error what was ignored."""
     print(f"note: {text}", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""Standard output of a run, which must go on whoever reads along."""
+"""Standard output of a run, which must continue even if the output is closed."""
 
 import os
 import sys
@@ -6,22 +6,22 @@ from contextlib import suppress
 
 
 class RunOutput:
-    """What a run prints for people; where nobody reads it any more (`| head`), the run does not end.
+    """The output of a run for people; the run does not end when its reader does (`| head`).
 
     Attributes:
-        lost: Whether standard output is gone.
+        lost: Whether standard output is closed.
     """
 
     def __init__(self) -> None:
         self.lost = False
 
     def show(self, text: str) -> None:
-        """Print what is of interest just now; nothing once standard output is gone."""
+        """Print a text of momentary interest; nothing once standard output is closed."""
         if not self.lost:
             self._print(text)
 
     def say(self, text: str) -> None:
-        """Print what somebody should see; on standard error once standard output is gone."""
+        """Print a text that must be seen; on standard error once standard output is closed."""
         self.show(text)
         if self.lost:
             _print_error(text)
@@ -41,11 +41,11 @@ class RunOutput:
 
 
 def _print_error(text: str) -> None:
-    with suppress(OSError, UnicodeError):  # nobody may be reading that either
+    with suppress(OSError, UnicodeError):  # its reader may be gone, too
         print(text, file=sys.stderr, flush=True)
 
 
 def _silence() -> None:
-    """Let what is still in the buffer go nowhere when the process ends."""
+    """Discard what is still in the buffer when the process ends."""
     with open(os.devnull, "wb") as nowhere:  # noqa: PTH123 - os.devnull is no path of a file
         os.dup2(nowhere.fileno(), sys.stdout.fileno())

@@ -1,4 +1,4 @@
-"""`sar-run`: fly a mission on ROS 2."""
+"""`sar-run`: run a mission on ROS 2."""
 
 import sys
 from collections.abc import Sequence
@@ -22,22 +22,22 @@ _DEFAULT_WORLD = "disaster_zone"
 
 @dataclass(frozen=True)
 class Options:
-    """What was asked for on the command line.
+    """The options of the command line.
 
     Attributes:
-        tree: A tree file or the name of a shipped one; empty for the one that the mission brings.
+        tree: A tree file or the name of a shipped one; empty for the mission's default.
         params: A parameter file.
-        sim: The world to simulate; None for a robot of somebody else's.
-        speed: Simulated seconds per second, at most.
-        until: What the run goes on until; None leaves it to the tree.
+        sim: The world to simulate; None for an existing robot.
+        speed: Upper limit of simulated seconds per second.
+        until: The condition that ends the run; None leaves it to the tree.
         view: How to show the tree: `text` or `none`.
-        check: Whether to stop before anything moves.
-        engine: What ticks the tree: `own` or `py_trees_ros`.
-        mission: The name of the mission; None leaves it to the leaves.
-        fault: How the simulated servers misbehave, as it was written.
+        check: Whether to stop before the robot moves.
+        engine: The engine that ticks the tree: `own` or `py_trees_ros`.
+        mission: The name of the mission; None to choose it by the tree's leaves.
+        fault: The faults of the simulated servers, as written.
         nodes: Modules of leaves.
         include_path: Further folders that files may be included from.
-        trust: Whether to run the modules that the project's own configuration brings along.
+        trust: Whether to run the modules beside the project's configuration.
         ros: ROS arguments, without `--ros-args`.
     """
 
@@ -95,10 +95,10 @@ def _options(argv: Sequence[str]) -> Options:
 
 
 def _default_tree(mission: str | None) -> str:
-    """Return the tree to run where none is named.
+    """Return the tree to run if none is named.
 
     Raises:
-        MissionError: If there is no such mission, or it comes without a tree.
+        MissionError: If there is no such mission, or it has no default tree.
     """
     if mission is None:
         return _DEFAULT_TREE
@@ -112,7 +112,7 @@ def _default_tree(mission: str | None) -> str:
 
 
 def _looks_like_a_tree(world: str) -> bool:
-    """Say whether what was given for a world is a tree file, or names a shipped tree and no world."""
+    """Return whether the argument for a world is a tree file, or the name of a shipped tree and of no world."""
     if world.endswith(".xml"):
         return True
     named = (find(kind, world, suffix) for kind, suffix in (("worlds", ".yaml"), ("trees", ".xml")))

@@ -63,22 +63,22 @@ _TURN_SEC = 0.05
 _SIMULATED_TIME_LIMIT_SEC = 900.0
 
 Observer = Callable[[BehaviourTree], None]
-"""Looks at a tree after every tick."""
+"""A handler that is called with a tree after every tick."""
 
 
 def run_mission(options: "Options", signals: StopSignals) -> int:
-    """Check the tree, wait for what it needs, and tick it to the end.
+    """Check the tree, wait for its requirements, and tick it to the end.
 
     Args:
-        options: What was asked for.
-        signals: Whether the process was asked to stop.
+        options: The options of the command line.
+        signals: The signals that ask the process to stop.
 
     Returns:
         The exit status.
 
     Raises:
-        TreeError: If the tree is not valid; nothing has moved.
-        SarError: If the mission, the parameters, the world or the ROS arguments are wrong; nothing has moved.
+        TreeError: If the tree is not valid; the robot has not moved.
+        SarError: If the mission, the parameters, the world or the ROS arguments are wrong; the robot has not moved.
     """
     make_engine = find_engine(options.engine)
     loaded = _loaded(options)
@@ -116,7 +116,7 @@ def _loaded(options: "Options") -> LoadedTree:
 
 
 def _world(options: "Options") -> "World | None":
-    """Return the world to simulate, if one is; a wrong name is said before anything takes time."""
+    """Return the world to simulate, if any; a wrong name is reported before anything slow is done."""
     if options.sim is None:
         return None
     from sar_compiler.sim.world_file import find_world
@@ -130,7 +130,7 @@ def _sections_elsewhere(options: "Options", node: Node) -> str:
 
 
 def _slips(reader: ParameterReader, mission: Mission | None, tree: CompiledTree) -> list[str]:
-    """Return a note for each parameter that nobody reads and that is nearly what is read."""
+    """Return a note for each unread parameter with a name similar to one that is read."""
     bound = [origin.bound for origin in tree.origins.values()]
     taken = [key.removeprefix("@") for each in bound for key in each.keys.values()]
     own = mission.parameter_names if mission is not None else ()
@@ -139,7 +139,7 @@ def _slips(reader: ParameterReader, mission: Mission | None, tree: CompiledTree)
 
 @contextmanager
 def _ros(options: "Options", signals: StopSignals, mission: Mission | None) -> Iterator[Context]:
-    """Bring ROS up; the parameters that come with a mission serve a run that is given none."""
+    """Initialise ROS; a run without parameters uses the mission's default ones."""
     context = Context()
     arguments = init_arguments(options.ros, _parameter_file(options, mission))
     if options.sim is not None:
@@ -205,10 +205,10 @@ def _simulation(
 
 
 class _Run:
-    """A tree on its node, from the wait for what it needs to the summary.
+    """A tree on its node, from the wait for its requirements to the summary.
 
     Attributes:
-        context: What is handed to the leaves, by type.
+        context: The objects passed to the leaves, by type.
         simulation: The simulation, if there is one.
     """
 
@@ -258,7 +258,7 @@ class _Run:
         """Wait, tick, stop and sum up; returns the exit status.
 
         Raises:
-            NotReadyError: If something that the tree needs does not come in time.
+            NotReadyError: If a requirement of the tree is not fulfilled in time.
         """
         for line in self._mission.greeting() if self._mission is not None else []:
             self._node.get_logger().info(line)
@@ -276,7 +276,7 @@ class _Run:
             executor.shutdown()
 
     def _wait(self, executor: SingleThreadedExecutor, tree: CompiledTree) -> None:
-        # A check changes nothing on a robot of somebody else's.
+        # A check changes nothing on an existing robot.
         told = self._parameters.set_initial_pose and (not self._options.check or self.simulation is not None)
         with readable_ros_errors():
             start = self._parameters.initial_pose if told else None
@@ -308,12 +308,12 @@ class _Run:
 
     @property
     def _over(self) -> bool:
-        """Whether something other than the tree ends the run."""
+        """Whether the run is ended by something other than the tree."""
         failed = self.simulation is not None and self.simulation.failure is not None
         return self._signals.came or failed or not self._node.context.ok()
 
     def _observers(self) -> list[Observer]:
-        """Return what looks at the tree after every tick: the views that were asked for, and the end."""
+        """Return the handlers to call after every tick: the requested views, and the end condition."""
         views = {"text": self._show}
         return [*(look for name, look in views.items() if name == self._options.view), self._look_for_end]
 
@@ -343,7 +343,7 @@ class _Run:
         return OK
 
     def _interrupted(self) -> int:
-        """Return the exit status of a run that something other than its tree has ended."""
+        """Return the exit status of a run that was ended by something other than its tree."""
         failure = self.simulation.failure if self.simulation is not None else None
         if failure is not None:
             words = str(failure) if isinstance(failure, SarError) else f"{type(failure).__name__}: {failure}"
@@ -358,6 +358,6 @@ class _Run:
 
 
 def _turn(executor: SingleThreadedExecutor) -> None:
-    # When somebody has shut ROS down, the loop around this sees it.
+    # A shutdown of ROS is noticed by the enclosing loop.
     with suppress(ExternalShutdownException):
         executor.spin_once(timeout_sec=_TURN_SEC)

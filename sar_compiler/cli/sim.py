@@ -1,4 +1,4 @@
-"""`sar-sim`: the simulated world apart from the mission."""
+"""`sar-sim`: run the simulated world without a mission."""
 
 import argparse
 import sys
@@ -24,7 +24,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command `sar-sim`.
 
     Args:
-        argv: The arguments after the command's name; those of the process if None.
+        argv: The arguments without the command's name; by default the process's.
 
     Returns:
         The exit status: 0, also when stopped by SIGINT or SIGTERM; 2 for wrong usage or input.
@@ -163,13 +163,13 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
 
 
 def _with(robots: Sequence[Placement]) -> str:
-    """Return the robots that have a name, for a message."""
+    """Return the names of the robots, for a message."""
     names = [f"/{robot.name}" for robot in robots if robot.name]
     return f" with {' and '.join(names)}" if names else ""
 
 
 def _wait(simulation: "Simulation", signals: StopSignals) -> int:
-    """Return once the process is asked to stop; raise what ended the simulation if that is first."""
+    """Wait until the process is asked to stop; raise the simulation's error if it fails first."""
     while not signals.wait(_LOOK_SEC):
         if simulation.failure is not None:
             raise simulation.failure

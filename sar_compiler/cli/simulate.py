@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class ScenarioFolderError(SarError):
-    """A folder of scenarios has none."""
+    """A folder given for scenarios contains none."""
 
 
 def add_simulate(parser: argparse.ArgumentParser) -> None:
@@ -58,10 +58,10 @@ def add_simulate(parser: argparse.ArgumentParser) -> None:
 
 
 def simulate_file(arguments: argparse.Namespace) -> int:
-    """Play the scenarios and return the exit status: 0 if all that is expected holds.
+    """Play the scenarios and return the exit status: 0 if all expectations are met.
 
     Raises:
-        UnreadableFileError: If the tree file is not there or cannot be read.
+        UnreadableFileError: If the tree file does not exist or cannot be read.
     """
     from sar_compiler.checks.simulate.coverage import Coverage
     from sar_compiler.tree.diagnostic import TreeError
@@ -81,7 +81,7 @@ def simulate_file(arguments: argparse.Namespace) -> int:
 
 
 def _scenarios(paths: "list[Path]") -> "list[Path | None]":
-    """Return the files of scenarios; None for the run without one."""
+    """Return the files of scenarios; None for a run without a scenario."""
     files: list[Path | None] = []
     for path in paths:
         if path.is_dir():
@@ -98,7 +98,7 @@ def _scenarios(paths: "list[Path]") -> "list[Path | None]":
 def _play(
     path: Path | None, stage: "Stage", coverage: "Coverage", arguments: argparse.Namespace
 ) -> "PlayedScenario":
-    """Play a scenario, and print what keeps it from being played."""
+    """Play a scenario, and print the error if it cannot be played."""
     from sar_compiler.checks.simulate.judging import failures
     from sar_compiler.checks.simulate.running import ScenarioPlayer
     from sar_compiler.checks.simulate.scenario_files import read_scenario
@@ -124,7 +124,7 @@ def _play(
 
 
 def _trace_failure(run: "Run") -> "list[Failure]":
-    """Hold the trace against the file that the scenario names, if it names one."""
+    """Compare the trace with the file that the scenario names, if any."""
     from sar_compiler.checks.golden import difference
     from sar_compiler.checks.simulate.judging import Failure
     from sar_compiler.views.trace import trace

@@ -1,4 +1,4 @@
-"""`sar-compile validate`: say what is wrong with tree files, and mend what is plainly a slip."""
+"""`sar-compile validate`: report mistakes in tree files, and fix obvious ones."""
 
 import argparse
 import sys
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
 _TEXT, _JSON, _SARIF, _GITHUB = FORMATS = ("text", "json", "sarif", "github")
 _ROUNDS = 20
-"""What is mended may bring another slip to light, but not so often."""
+"""The largest number of passes: a fix may reveal another mistake."""
 
 
 def add_validate(parser: argparse.ArgumentParser) -> None:
-    """Add what `validate` takes."""
+    """Add the arguments of `validate`."""
     parser.add_argument("files", nargs="+", metavar="FILE", help=FILE_HELP)
     add_project_options(parser)
     parser.add_argument("--strict", action="store_true", help="count warnings as errors")
@@ -37,11 +37,11 @@ def add_validate(parser: argparse.ArgumentParser) -> None:
 
 
 def validate_files(arguments: argparse.Namespace) -> int:
-    """Print what is wrong with files, and return the exit status.
+    """Print the findings about files, and return the exit status.
 
     Raises:
-        UnreadableFileError: If a palette cannot be read, so that nothing can be said of the files.
-        WriteError: If a file that is to be mended cannot be written.
+        UnreadableFileError: If a palette cannot be read, so that the files cannot be checked.
+        WriteError: If a fixed file cannot be written.
     """
     from sar_compiler.tree.diagnostic import Severity
 
@@ -64,7 +64,7 @@ class _Validation:
     unreadable: int = 0
 
     def look_at(self, name: str) -> None:
-        """Find what is wrong with a file, after mending it if that is wanted."""
+        """Check a file, after fixing it if requested."""
         from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
 
         try:
@@ -90,7 +90,7 @@ class _Validation:
             print("\n".join([finding.render() for finding in tree.findings] or [f"{name}: no findings"]))
 
     def print_for_tools(self) -> None:
-        """Print everything at once, in the forms that are not for people."""
+        """Print everything at once, in the machine-readable formats."""
         form = self.arguments.format
         if form == _JSON:
             from sar_compiler.views.findings import findings_as_json
@@ -106,7 +106,7 @@ class _Validation:
             print(findings_as_github(self.findings))
 
     def _report_once(self, findings: "Sequence[Diagnostic]") -> None:
-        """Report what is wrong with a file that several tree files are looked at with."""
+        """Report the findings about a file that is shared by several tree files."""
         for finding in findings:
             text = finding.render()
             if text not in self.said:
@@ -116,7 +116,7 @@ class _Validation:
                     print(text)
 
     def _mended(self, tree: "LoadedTree") -> bool:
-        """Mend what can be mended in a file; return whether there was anything."""
+        """Apply all possible fixes to a file; return whether there were any."""
         from sar_compiler.checks.fixing import fixes
 
         chosen = fixes(tree.source, tree.tree_file, tree.findings)
@@ -129,7 +129,7 @@ class _Validation:
 
 
 def _write(tree: "LoadedTree", chosen: "Sequence[Fix]") -> None:
-    """Put fixes into a file; every byte elsewhere stays as it is."""
+    """Apply fixes to a file; all other bytes are unchanged."""
     from sar_compiler.checks.fixing import fixed
     from sar_compiler.cli.writing import WriteError, write_bytes
     from sar_compiler.tree.content import bytes_of, read_bytes

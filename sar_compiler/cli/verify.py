@@ -1,4 +1,4 @@
-"""`sar-compile verify`: go through all possible runs of a tree."""
+"""`sar-compile verify`: check properties in all possible runs of a tree."""
 
 import argparse
 import contextlib
@@ -17,7 +17,7 @@ _MAX_STATES = 1_000_000
 
 
 def add_verify(parser: argparse.ArgumentParser) -> None:
-    """Add what `verify` takes."""
+    """Add the arguments of `verify`."""
     parser.add_argument("file", metavar="FILE", help=FILE_HELP)
     parser.add_argument(
         "--properties",
@@ -50,10 +50,10 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
 
 
 def verify_file(arguments: argparse.Namespace) -> int:
-    """Verify the tree of a file, and say what was found out.
+    """Verify the tree of a file, and print the results.
 
     Returns:
-        0 if everything is proved, 1 if something does not hold or is not decided, 2 if a file is wrong.
+        0 if all properties are proved, 1 if one does not hold or is undecided, 2 if a file is invalid.
     """
     from sar_compiler.checks.verify import UndecidableError
     from sar_compiler.tree.diagnostic import TreeError
@@ -86,7 +86,7 @@ def _verify(arguments: argparse.Namespace) -> "Verification":
 
 
 def _typed(pairs: "list[tuple[str, str]]") -> "Document | None":
-    """Return what the command line says of facts."""
+    """Return the facts given on the command line."""
     if not pairs:
         return None
     from sar_compiler.documents.yaml_files import parse_yaml
@@ -113,7 +113,7 @@ def _count(text: str) -> int:
 
 
 class _Shown:
-    """Progress on standard error: one line that is written over on a terminal, a line now and then elsewhere."""
+    """Progress on standard error: a line that is overwritten on a terminal, an occasional line elsewhere."""
 
     _EVERY_SEC = 0.5
     _EVERY_SEC_IN_A_LOG = 10.0
@@ -125,12 +125,12 @@ class _Shown:
         self._written = False
 
     def close(self) -> None:
-        """Take the line off a terminal."""
+        """Remove the line from a terminal."""
         if self._terminal and self._written:
             print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
     def show(self, progress: "Progress") -> None:
-        """Show how far it is, if it is time to."""
+        """Show the progress, if it is due."""
         now = time.monotonic()
         if now - self._last < self._every:
             return

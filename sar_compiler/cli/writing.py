@@ -1,4 +1,4 @@
-"""Writing files so that there is always a whole one: the old or the new."""
+"""Writing files atomically: there is always a complete one, the old or the new."""
 
 import os
 from pathlib import Path
@@ -11,7 +11,7 @@ class WriteError(SarError):
 
 
 def same_file(one: Path, other: Path) -> bool:
-    """Say whether two paths lead to the same file."""
+    """Return whether two paths refer to the same file."""
     try:
         return one.samefile(other)
     except OSError:
@@ -24,10 +24,10 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file in one step; its permissions stay, and a link stays a link.
+    """Write a file atomically; its permissions are kept, and a link remains a link.
 
     Raises:
-        WriteError: If that is not possible; the file is then as it was.
+        WriteError: If that is not possible; the file is then unchanged.
     """
     target = path.resolve()
     try:

@@ -1,1 +1,1 @@
-"""Files beside a tree (scenarios, properties, worlds, maps, settings): their values with places, held to a schema."""
+"""Files beside a tree (scenarios, properties, worlds, maps, settings): their values with places, checked by schemas."""

@@ -1,4 +1,4 @@
-"""Values with their places, so that every mistake in a file is a finding, and all of them are found at once."""
+"""Values with their places, so that all mistakes in a file are found at once, each as a finding."""
 
 import math
 from collections import defaultdict
@@ -26,8 +26,8 @@ class Value:
         end: The offset after its last one.
         data: The value as plain data; a mapping is a dict, a list a list, nothing is None.
         text: The text of a scalar; None for lists and mappings.
-        items: The values of a list; None for all else.
-        entries: The keys and values of a mapping; None for all else.
+        items: The values of a list; None for other values.
+        entries: The keys and values of a mapping; None for other values.
     """
 
     start: int
@@ -45,18 +45,18 @@ class Value:
 
     @classmethod
     def of_entries(cls, start: int, end: int, entries: Iterable[tuple["Value", "Value"]]) -> "Value":
-        """Return a mapping; its keys are texts and differ."""
+        """Return a mapping; its keys are unique texts."""
         taken = tuple(entries)
         return cls(start, end, {key.text: inner.data for key, inner in taken}, entries=taken)
 
     @property
     def is_nothing(self) -> bool:
-        """Whether nothing is written."""
+        """Whether the value is empty."""
         return self.data is None and not self.text
 
     @property
     def kind(self) -> str:
-        """The value as a sentence names it."""
+        """The kind of value, as named in a sentence."""
         if self.text is None:
             return "a list" if self.entries is None else "a mapping"
         if self.is_nothing:
@@ -65,7 +65,7 @@ class Value:
 
     @property
     def mapping(self) -> dict[str, "Value"]:
-        """The values of a mapping by their keys; empty for all else."""
+        """The values of a mapping by their keys; empty for other values."""
         return {key.text or "": inner for key, inner in self.entries or ()}
 
     @property
@@ -81,12 +81,12 @@ class Value:
         return value
 
     def name_at(self, path: Path) -> "Value":
-        """Return the key of the value at a path; the value itself where it has none."""
+        """Return the key of the value at a path; the value itself if it has none."""
         keys = (key for key, _ in self.at(path[:-1]).entries or () if path and key.text == path[-1])
         return next(keys, self.at(path))
 
     def without(self, paths: Iterable[Path]) -> "Value":
-        """Return this value without those at some paths, none of which is empty."""
+        """Return this value without those at given paths, none of which is empty."""
         below: defaultdict[int | str, set[Path]] = defaultdict(set)
         for path in paths:
             below[path[0]].add(path[1:])
@@ -102,7 +102,7 @@ class Value:
 
 
 def meaning_of(text: str) -> bool | float | str | None:
-    """Return the value of a text without quotes: a number, a truth value or nothing where it is one, else the text."""
+    """Return the value of an unquoted text: a number, a Boolean or None if it is written as one, else the text."""
     if text in _CONSTANTS:
         return _CONSTANTS[text]
     value = literal_value(text)
@@ -110,7 +110,7 @@ def meaning_of(text: str) -> bool | float | str | None:
 
 
 class Document:
-    """A file that is being understood.
+    """A file that is being read.
 
     Args:
         source: The file.
@@ -118,7 +118,7 @@ class Document:
     Attributes:
         source: The file.
         root: Its content; set by the reader of its format.
-        findings: The mistakes that are known so far.
+        findings: The mistakes found so far.
     """
 
     root: Value
@@ -140,27 +140,27 @@ class Document:
         Args:
             value: The value.
             code: The kind of the finding.
-            message: What is wrong.
-            part: From and to which character of a scalar's text; None for all of it.
-            advice: `suggestion` or `hint`, as `Diagnostic` has them.
+            message: The text of the finding.
+            part: The start and end of the wrong part of a scalar's text; None for all of it.
+            advice: `suggestion` or `hint`, as in `Diagnostic`.
         """
         self.findings.append(Diagnostic(code, message, self.source, self.span(value, part), **advice))  # type: ignore[arg-type]
 
     def hold(self, schema: str, value: Value | None = None) -> Value:
-        """Hold a value to a schema, note its mistakes, and return what is left without them.
+        """Check a value by a schema, report its mistakes, and return the value without them.
 
-        What is returned keeps to the schema, so that its readers need not look again.
+        The result conforms to the schema, so that it needs no further checks.
 
         Args:
             schema: `scenario` for `schemas/sar_scenario.schema.json`, and so on.
             value: The value; by default the whole file.
 
         Raises:
-            TreeError: If nothing of it can be used; carries all findings.
+            TreeError: If no part of it can be used; carries all findings.
         """
         left = self.root if value is None else value
         refused = list(refusals(left, schema))
-        # Of what several parts of the schema say of one value, the first counts.
+        # If several parts of the schema refuse one value, the first finding counts.
         said: set[tuple[Path, str]] = set()
         for each in refused:
             if each.message and (each.path, each.code) not in said:
@@ -177,10 +177,10 @@ class Document:
 
     @contextmanager
     def findings_first(self) -> Iterator[None]:
-        """Raise what is wrong with the file in place of an error that may follow from it.
+        """Raise the findings about the file instead of an error that may result from them.
 
         Raises:
-            TreeError: If the file has findings and what runs inside raises a `SarError`.
+            TreeError: If the file has findings and the block raises a `SarError`.
         """
         try:
             yield
@@ -189,17 +189,17 @@ class Document:
             raise
 
     def raise_findings(self) -> None:
-        """Raise all that is wrong with the file, in the order of the file.
+        """Raise all findings about the file, in its order.
 
         Raises:
-            TreeError: If there is anything.
+            TreeError: If there are findings.
         """
         if self.findings:
             found = dict.fromkeys(self.findings)
             raise TreeError(sorted(found, key=lambda each: (each.span.line, each.span.column)))
 
     def span(self, value: Value, part: tuple[int, int] | None = None) -> Span:
-        """Return where a value stands, or a part of its text; of lists and mappings it is the first line."""
+        """Return the place of a value, or of a part of its text; for lists and mappings the first line."""
         source = self.source
         if value.text is None:
             # Only its beginning: a mapping may go on for many lines.

@@ -1,6 +1,6 @@
-"""What a JSON schema in `schemas/` refuses in a file, in words for people.
+"""Violations of a JSON schema in `schemas/`, as readable findings.
 
-Editors complete by the same schemas. A `title` names what a value is, with its article; `examples` are what to write.
+Editors use the same schemas for completion. A `title` names a kind of value with its article; `examples` are valid ones.
 """
 
 import functools
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Path = tuple[int | str, ...]
 
 _WORDS = {"object": "a mapping", "array": "a list", "string": "a text"}
-# A longer list of what there is helps nobody; the nearest is suggested all the same.
+# A longer list does not help; the nearest name is suggested nevertheless.
 _MOST_LISTED = 15
 
 
@@ -29,12 +29,12 @@ class Refusal:
     """A value that a schema refuses.
 
     Attributes:
-        path: Where it is, from the top.
-        place: What to point at.
+        path: Its path from the root.
+        place: The value to mark.
         code: The kind of the finding.
-        message: What is wrong; empty where another finding says it already.
-        suggestion: What to put in its place, where that can be guessed.
-        hint: What to do, where there is no such text.
+        message: The text of the finding; empty if another finding covers it already.
+        suggestion: The replacement, if it can be guessed.
+        hint: The remedy, if there is no replacement.
     """
 
     path: Path
@@ -46,7 +46,7 @@ class Refusal:
 
 
 def refusals(root: "Value", schema: str) -> Iterator[Refusal]:
-    """Yield what a schema refuses in a value.
+    """Yield the parts of a value that a schema refuses.
 
     Args:
         root: The value.
@@ -61,7 +61,7 @@ def refusals(root: "Value", schema: str) -> Iterator[Refusal]:
 
 @functools.cache
 def _validator(schema: str) -> "Draft7Validator":
-    # Nobody without such a file waits for it.
+    # Imported here, since it is slow and only these files need it.
     from jsonschema import Draft7Validator
 
     return Draft7Validator(json.loads(shipped("schemas", f"sar_{schema}.schema.json").read_bytes()))
@@ -77,7 +77,7 @@ def _unknown(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
 
 
 def _missing(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
-    """Yield one finding for all keys that are missing, and for those that another key may be meant to be, none."""
+    """Yield one finding for all missing keys, except those probably meant by an unknown one."""
     given, properties = error.instance, error.schema["properties"]
     meant = {nearest(name, properties) for name in given.keys() - properties.keys()}
     if error.validator == "anyOf":
@@ -117,7 +117,7 @@ def _types(schema: dict[str, Any]) -> set[str]:
 
 
 def _expected(schema: dict[str, Any]) -> str:
-    """Return what a schema takes, in a sentence."""
+    """Return the values that a schema accepts, for a sentence."""
     if "enum" in schema:
         return f"one of {', '.join(_texts(schema['enum']))}"
     types = _types(schema)
@@ -129,7 +129,7 @@ def _expected(schema: dict[str, Any]) -> str:
 
 
 def _owner(path: Path, schema: dict[str, Any]) -> str:
-    """Return what a mapping is called of which some key is wrong or missing."""
+    """Return the name of a mapping with a wrong or missing key."""
     return schema.get("title") or _named(path, schema)
 
 
@@ -142,7 +142,7 @@ def _named(path: Path, schema: dict[str, Any]) -> str:
 
 
 def _texts(values: Iterable[Any]) -> list[str]:
-    """Return plain values as they are written."""
+    """Return plain values as written in a file."""
     return [value if isinstance(value, str) else json.dumps(value) for value in values]
 
 

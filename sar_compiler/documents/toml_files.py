@@ -32,10 +32,10 @@ def read_toml(path: Path, shown: str) -> Document:
 
     Args:
         path: The file.
-        shown: What to call it in findings.
+        shown: Its name in findings.
 
     Raises:
-        UnreadableFileError: If it is not there or cannot be read.
+        UnreadableFileError: If it does not exist or cannot be read.
         TreeError: If it is not TOML, not text, or too large.
     """
     data = read_bytes(path)
@@ -57,7 +57,7 @@ def read_toml(path: Path, shown: str) -> Document:
 
 
 def _value(data: Any, path: _Path, places: "_Places", around: _Place) -> Value:
-    """Return the value at a path; one whose place is not known is where the one around it is."""
+    """Return the value at a path; one of unknown place has the place of the enclosing one."""
     start, end = place = places.values.get(path, around)
     if isinstance(data, dict):
         pairs = [(name, (*path, name), inner) for name, inner in data.items()]
@@ -81,7 +81,7 @@ class _Places:
     """The places of keys and values, by their paths; tables in a list of tables have none.
 
     Args:
-        text: The text, of which tomllib says that it is TOML.
+        text: The text, which tomllib has accepted as TOML.
     """
 
     def __init__(self, text: str) -> None:
@@ -100,24 +100,24 @@ class _Places:
                 self._pair(table)
 
     def _pass(self, pattern: re.Pattern[str]) -> str:
-        """Pass over what a pattern matches here; returns it, empty if it matches nothing."""
+        """Skip the match of a pattern at this position; returns it, empty if there is none."""
         match = pattern.match(self._text, self._at)
         self._at = match.end() if match else self._at
         return match[0] if match else ""
 
     def _skip(self) -> int:
-        """Pass over blanks and comments; returns where the text continues."""
+        """Skip blanks and comments; returns the position after them."""
         self._pass(_BLANK)
         return self._at
 
     def _take(self, sign: str) -> bool:
-        """Pass over a sign, if it comes next."""
+        """Skip a character, if it comes next."""
         taken = self._text.startswith(sign, self._skip())
         self._at += len(sign) if taken else 0
         return taken
 
     def _key(self, path: _Path) -> _Path:
-        """Pass over a key with all its parts, below a path; returns its path."""
+        """Skip a key with all its parts, below a path; returns its path."""
         while True:
             start = self._skip()
             quoted = self._pass(_STRING)
@@ -133,7 +133,7 @@ class _Places:
         self._item(path)
 
     def _item(self, path: _Path) -> None:
-        """Pass over a value."""
+        """Skip a value."""
         start = self._skip()
         if self._take("["):
             count = 0

@@ -1,7 +1,6 @@
 """Files in YAML, with the place of every value.
 
-A scalar without quotes is a number, a truth value (`true`, `false`) or the text as it is written: `no` and `12:30` are
-texts.
+An unquoted scalar is a number, a Boolean (`true`, `false`) or the text as written: `no` and `12:30` are texts.
 """
 
 from pathlib import Path
@@ -22,10 +21,10 @@ def read_yaml(path: str | Path, empty_hint: str) -> Document:
 
     Args:
         path: The file.
-        empty_hint: What to write in an empty file.
+        empty_hint: The remedy for an empty file.
 
     Raises:
-        UnreadableFileError: If it is not there or cannot be read.
+        UnreadableFileError: If it does not exist or cannot be read.
         TreeError: As `parse_yaml`.
     """
     return parse_yaml(read_bytes(path), str(path), empty_hint)
@@ -36,11 +35,11 @@ def parse_yaml(data: bytes | str, path: str, empty_hint: str) -> Document:
 
     Args:
         data: The content.
-        path: What to call it in findings.
-        empty_hint: What to write in an empty file.
+        path: Its name in findings.
+        empty_hint: The remedy for an empty file.
 
     Raises:
-        TreeError: If it is not YAML, empty, too large, or uses what only YAML has.
+        TreeError: If it is not YAML, empty, too large, or uses features beyond plain data.
     """
     document = Document(source_of(data, path, YamlSpans(), None, empty_hint))
     events = Events(document.source)
@@ -63,7 +62,7 @@ def parse_yaml(data: bytes | str, path: str, empty_hint: str) -> Document:
 
 
 def _value(events: Events, document: Document) -> Value:
-    """Read the value that comes next."""
+    """Read the next value."""
     event: Any = events.take()
     start, end = _start(event), int(event.end_mark.index)
     if isinstance(event, yaml.SequenceStartEvent):

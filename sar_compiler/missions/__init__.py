@@ -1,1 +1,1 @@
-"""Missions: what one is, which one a tree belongs to, when its run is over; and in a folder each, those that ship."""
+"""Missions: their interface, the choice of a tree's mission, the end of a run; shipped ones have a folder each."""

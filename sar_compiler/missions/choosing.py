@@ -1,4 +1,4 @@
-"""Which mission a tree belongs to."""
+"""The choice of a tree's mission."""
 
 from pathlib import Path
 
@@ -14,17 +14,17 @@ ENTRY_POINTS = "sar_compiler.missions"
 
 
 class MissionError(SarError):
-    """A mission cannot be loaded, or there is none of the name."""
+    """A mission cannot be loaded, or there is none of the requested name."""
 
 
 def load_missions(checkout: Path | None = None) -> dict[str, Mission]:
     """Return the missions that are installed, by name.
 
     Args:
-        checkout: A folder of which nothing counts as installed.
+        checkout: A folder whose content does not count as installed.
 
     Raises:
-        MissionError: If one cannot be imported or is none, or if two have the same name.
+        MissionError: If one cannot be imported or is not a mission, or if two have the same name.
     """
     missions: dict[str, Mission] = {}
     for entry_point in entry_points(ENTRY_POINTS, checkout):
@@ -44,14 +44,14 @@ def load_missions(checkout: Path | None = None) -> dict[str, Mission]:
 
 
 def mission_named(name: str, checkout: Path | None = None) -> Mission:
-    """Return the mission that a user means.
+    """Return a mission by its name.
 
     Args:
         name: Its name.
-        checkout: A folder of which nothing counts as installed.
+        checkout: A folder whose content does not count as installed.
 
     Raises:
-        MissionError: If none is called so.
+        MissionError: If there is no mission of this name.
     """
     missions = load_missions(checkout)
     if name in missions:
@@ -63,19 +63,19 @@ def mission_named(name: str, checkout: Path | None = None) -> Mission:
 
 
 def choose_mission(binding: Binding, name: str | None = None, checkout: Path | None = None) -> Mission | None:
-    """Return the mission of a bound tree: the one whose context objects its leaves ask for.
+    """Return the mission of a bound tree: the one whose context objects its leaves require.
 
     Args:
         binding: The tree.
-        name: The mission that counts, whatever they ask for.
-        checkout: A folder of which nothing counts as installed.
+        name: The mission's name, whatever the leaves require; None to choose by the leaves.
+        checkout: A folder whose content does not count as installed.
 
     Returns:
-        None for a plain tree, whose leaves ask for no mission's.
+        The mission; None for a plain tree, whose leaves require no mission's objects.
 
     Raises:
-        MissionError: If no mission is called *name*.
-        TreeError: If the leaves ask for those of several missions.
+        MissionError: If there is no mission called *name*.
+        TreeError: If the leaves require the objects of several missions.
     """
     if name is not None:
         return mission_named(name, checkout)

@@ -1,4 +1,4 @@
-"""When a run is over, and how it ended."""
+"""The end of a run and its result."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from sar_compiler.missions.mission import MissionRun
 
 
 class Until(str, Enum):
-    """What a run goes on until."""
+    """The condition that ends a run."""
 
     END = "end"
     """The root succeeds or fails."""
@@ -21,7 +21,7 @@ class Until(str, Enum):
     FAILURE = "failure"
     """The root fails."""
     FOREVER = "forever"
-    """Somebody stops it."""
+    """It is stopped from outside."""
 
 
 _ENDS = {
@@ -33,11 +33,11 @@ _ENDS = {
 
 @dataclass(frozen=True)
 class RunResult:
-    """How a run ended.
+    """The result of a run.
 
     Attributes:
-        achieved: Whether what it was for has been achieved.
-        reason: A sentence about it.
+        achieved: Whether the run has achieved its goal.
+        reason: A sentence with the reason.
     """
 
     achieved: bool
@@ -45,13 +45,13 @@ class RunResult:
 
 
 class EndCondition:
-    """Looks at a run after every tick.
+    """Decides after every tick whether a run is over.
 
     Args:
-        until: What the run goes on until.
+        until: The condition that ends the run.
         mission: The run's mission; None for a plain tree.
-        time_limit_sec: How long the run may take, in seconds of the node's clock; None for ever.
-        say: Is told of every round of the tree that does not end the run, although the root has ended in it.
+        time_limit_sec: The time limit of the run, in seconds of the node's clock; None for no limit.
+        say: Called with a message for every round of the tree after which the run continues, although the root has ended.
     """
 
     def __init__(
@@ -70,15 +70,15 @@ class EndCondition:
 
     @property
     def complete(self) -> bool:
-        """Whether there is such a mission and it is complete."""
+        """Whether there is a mission with an end of its own, and it is complete."""
         return self._mission is not None and self._mission.shortfalls() == []
 
     def shortfalls(self) -> list[str]:
-        """Return in sentences what a complete mission still lacks; nothing where there is no such mission."""
+        """Return in sentences what is missing for a complete mission; empty without a mission that has an end of its own."""
         return (self._mission.shortfalls() if self._mission is not None else None) or []
 
     def after_tick(self, status: Status, elapsed_sec: float) -> RunResult | None:
-        """Return how the run ended, or None if it goes on.
+        """Return the result of the run, or None if it continues.
 
         Args:
             status: The root's status after the tick; INVALID if it was skipped.
@@ -107,7 +107,7 @@ class EndCondition:
         if self.complete:
             return RunResult(achieved=True, reason="Mission complete.")
         # With nothing left to do, a tree that ends twice in a row is through. Once is not enough: the tick
-        # that finishes the last piece of work succeeds before the way home was looked at.
+        # that finishes the last piece of work succeeds before the way home was checked.
         nothing_left = self._mission.nothing_left() if self._mission is not None else ""
         over = nothing_left and status != Status.RUNNING
         self._idle_ticks = self._idle_ticks + 1 if over else 0

@@ -1,8 +1,8 @@
-"""What a mission is to whoever runs trees; a mission of one's own derives from these two classes.
+"""The interface of a mission: the base classes of your own missions.
 
-It comes by the entry point group `sar_compiler.missions`, whose entries name an object of a `Mission`. Nothing
-here imports ROS, and neither does a module that an entry names: `sar-run` reads them before ROS is up, and a
-laptop without ROS must be able to.
+Missions are found by the entry point group `sar_compiler.missions`, whose entries name an instance of a `Mission`.
+Nothing here imports ROS, and neither may a module that an entry names: `sar-run` imports them before ROS is
+initialised, and a laptop without ROS must be able to.
 """
 
 from abc import ABC, abstractmethod
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class MissionRun:
-    """One run of a mission: what its leaves share, and what becomes of it.
+    """One run of a mission: the state that its leaves share, and its result.
 
     Attributes:
         context: The objects for its leaves, by their type (see `runtime.context.mission_context`).
@@ -28,43 +28,43 @@ class MissionRun:
     context: Mapping[type, object] = {}
 
     def greeting(self) -> list[str]:
-        """Return what is logged before the start, a line each."""
+        """Return the lines to log before the start."""
         return []
 
     def places(self) -> Mapping[str, tuple[float, float]] | None:
-        """Return the places that a fault may name: x and y in metres, frame `map`; None for the world's."""
+        """Return the places that a fault may name: x and y in metres, frame `map`; None for the world's zones."""
         return None
 
     def servers(self, faults: "FaultPlan", **options: Any) -> "list[Node]":  # noqa: ARG002
-        """Make the nodes that a simulation must serve, because the world itself does not have them.
+        """Create the nodes that a simulation must serve in addition to the world's own.
 
         Args:
-            faults: How they misbehave (`faults.for_service`).
+            faults: The faults of their services (`faults.for_service`).
             options: Keyword arguments of `rclpy.node.Node` for each of them: its context, `use_sim_time`.
         """
         return []
 
     def shortfalls(self) -> list[str] | None:
-        """Return in sentences what a complete mission still lacks; none left means that it is complete.
+        """Return in sentences what is missing for a complete mission; empty if it is complete.
 
         Returns:
-            None for a mission without an end of its own: its tree's root decides.
+            The sentences; None for a mission without an end of its own, whose tree's root decides.
         """
         return None
 
     def nothing_left(self) -> str:
         """Return in words that nothing is left to do ("No zone is left"); empty while something is.
 
-        Where the tree then idles, the run ends, complete or not.
+        If the tree is then idle, the run ends, complete or not.
         """
         return ""
 
     def summary(self, elapsed_sec: float, ticks: int) -> str:  # noqa: ARG002
-        """Return what is printed at the end; empty for nothing.
+        """Return the text to print at the end; empty for none.
 
         Args:
-            elapsed_sec: How long the run took, in seconds of the node's clock.
-            ticks: How often the tree was ticked.
+            elapsed_sec: The duration of the run, in seconds of the node's clock.
+            ticks: The number of ticks.
         """
         return ""
 
@@ -73,10 +73,10 @@ class Mission(ABC):
     """A kind of mission.
 
     Attributes:
-        name: Its name: for `--mission`, and its node's unless that is remapped.
-        context_types: The types of its context objects; a tree with a leaf that asks for one is its.
-        parameter_names: The parameters that it reads, of a group the first part; slips are told by them.
-        faults: What `--fault` can do to its servers: of `drop`, `delay` and `refuse`, by service.
+        name: Its name, for `--mission` and for its node unless that is remapped.
+        context_types: The types of its context objects; a tree with a leaf that requires one is a tree of this mission.
+        parameter_names: The parameters that it reads, of a group the first part; used to detect misspellings.
+        faults: The faults that `--fault` can inject into its servers, of `drop`, `delay` and `refuse`, by service.
         default_tree: A shipped tree's name, or a file; None if a tree must be named.
     """
 
@@ -87,11 +87,11 @@ class Mission(ABC):
     default_tree: str | None = None
 
     def default_parameters(self) -> Path | None:
-        """Return the parameter file that counts where none is given."""
+        """Return the parameter file to use if none is given."""
         return None
 
     def default_properties(self, leaves: Collection[type]) -> Path | None:  # noqa: ARG002
-        """Return what must hold in all runs of a tree where no file of properties is given; None for nothing.
+        """Return the properties to verify if no file of properties is given; None for none.
 
         Args:
             leaves: The classes of the tree's leaves.
@@ -103,6 +103,6 @@ class Mission(ABC):
         """Begin a run.
 
         Args:
-            reader: The node's parameters. Mistakes are reported to it; it then reads a stand-in, and the run is
-                dropped before anything uses it.
+            reader: The node's parameters. Mistakes are reported to it; it then returns placeholders, and the run is
+                dropped before they are used.
         """

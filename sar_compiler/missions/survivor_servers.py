@@ -1,7 +1,7 @@
 """The two servers of search and rescue as commands, `sar-detect-survivor-server` and `sar-report-survivor-server`.
 
-They are not in the package of their mission, whose import takes its time: Ctrl-C must end a command in order from
-its first moment.
+They are not in the package of their mission, whose import is slow: Ctrl-C must end a command cleanly from its
+very start.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What a tag means: the registry of controls, decorators and leaves."""
+"""The registry of controls, decorators and leaves: the meanings of tags."""
 
 from sar_compiler.nodes.register import register
 from sar_compiler.nodes.spec import Kind, Use

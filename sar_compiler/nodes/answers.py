@@ -1,4 +1,4 @@
-"""What the leaves of a tree can answer, where there is no robot: the registry's words, filled in for a node."""
+"""The simulated answers of a tree's leaves: the registry's declarations, filled in for a node."""
 
 import re
 from collections.abc import Collection, Iterable, Mapping
@@ -28,20 +28,20 @@ __all__ = [
 SELF = "self"
 """The placeholder for the node's own name."""
 NOBODY = "nobody"
-"""What stands for the name of a node that an optional reference does not name."""
+"""The replacement of the name of a node that an optional reference does not name."""
 _PLACEHOLDER = re.compile(r"\{(\w+)\}")
 _FACT = re.compile(r"([A-Za-z_]|\{\w+\})([A-Za-z0-9_]|\{\w+\})*")
 _NO_WORD = re.compile(r"[^A-Za-z0-9_]")
 
 
 def answers_of(outcomes: Collection[str]) -> tuple[Answer, ...]:
-    """Return the answers of a leaf of which only the outcomes are known, or not even these."""
+    """Return the answers of a leaf whose outcomes, at most, are known."""
     known = outcomes or ("SUCCESS", "FAILURE", "RUNNING")
     return tuple(Answer(status) for status in STATUSES if status in known)
 
 
 def is_fact_name(text: str) -> bool:
-    """Say whether a text is the name of a fact: a variable of scripts, perhaps with placeholders."""
+    """Return whether a text is the name of a fact: a variable of scripts, perhaps with placeholders."""
     return _FACT.fullmatch(text) is not None
 
 
@@ -51,29 +51,29 @@ def placeholders(text: str) -> list[str]:
 
 
 def filled(answer: Answer, names: Mapping[str, str]) -> Answer:
-    """Return an answer with identifiers in the place of placeholders."""
+    """Return an answer with its placeholders replaced by identifiers."""
     return replace(answer, when=filled_text(answer.when, names), then=filled_text(answer.then, names))
 
 
 def filled_text(text: str, names: Mapping[str, str]) -> str:
-    """Return a text with identifiers in the place of placeholders; those that are not known stay."""
+    """Return a text with its placeholders replaced by identifiers; unknown ones are kept."""
     return _PLACEHOLDER.sub(lambda match: names.get(match[1], match[0]), text)
 
 
 def number_text(value: object) -> str:
-    """Return what takes the place of a placeholder for a whole number, also behind a minus sign."""
+    """Return the replacement of a placeholder for a whole number, valid after a minus sign, too."""
     return f"({value})" if str(value).startswith("-") else str(value)
 
 
 def mistake_in(
     answer: Answer, known: Iterable[str] = (SELF,), numbers: Iterable[str] = ()
 ) -> tuple[str, str, ScriptError] | None:
-    """Return the first script of an answer that cannot be read, as the part, its text, and why.
+    """Return the first script of an answer that cannot be parsed, as its part, its text and the reason.
 
     Args:
         answer: The answer.
-        known: The placeholders for identifiers that there are.
-        numbers: Those for whole numbers.
+        known: The placeholders for identifiers.
+        numbers: The placeholders for whole numbers.
     """
     # As long as its placeholder, so that the places in the error are those in the text.
     names = {name: f"x{name}x" for name in known}
@@ -88,15 +88,15 @@ def mistake_in(
 
 
 class Identifiers:
-    """Names of nodes as identifiers, each another one."""
+    """Names of nodes as unique identifiers."""
 
     def __init__(self) -> None:
         self._taken: set[str] = set()
 
     def take(self, name: str) -> str:
-        """Return an identifier for a node: its name, with `_` for what an identifier cannot have.
+        """Return an identifier for a node: its name, with `_` for characters not allowed in identifiers.
 
-        Where an earlier node has it, a number follows: `Drive`, `Drive_2`.
+        If an earlier node has it, a number follows: `Drive`, `Drive_2`.
         """
         word = _NO_WORD.sub("_", name)
         candidate, number = word, 1

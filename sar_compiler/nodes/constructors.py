@@ -1,4 +1,4 @@
-"""From a constructor to the parameters of a tag: the constructor is the manifest."""
+"""Parameters of a tag, read from the constructor: the constructor is the manifest."""
 
 import inspect
 import re
@@ -23,17 +23,17 @@ _VARIADIC = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
 
 
 class RegistrationError(SarError):
-    """A class cannot be the meaning of a tag."""
+    """A class cannot be registered for a tag."""
 
 
 def parameters_of(spec: NodeSpec) -> Mapping[str, Parameter]:
-    """Return the parameters of what makes a node, by the names of their attributes, in their order.
+    """Return the parameters of a node's constructor or factory by attribute name, in their order.
 
     Args:
         spec: The node.
 
     Raises:
-        RegistrationError: If one cannot be written in a tree file, or the answers speak of others.
+        RegistrationError: If one cannot be written in a tree file, or the answers use unknown ones.
     """
     made_by = _constructor(spec)
     try:
@@ -144,7 +144,7 @@ def _complain_of_placeholders(spec: NodeSpec, text: str, known: Sequence[str]) -
 
 
 def _carried_type(port: object) -> ValueType | None:
-    """Return the type of what a port carries: `T` of `Input[T]`, anything for a bare `Input`."""
+    """Return the type of a port's values: `T` of `Input[T]`, any type for a bare `Input`."""
     carried = typing.get_args(port)[0] if typing.get_args(port) else object
     return ANYTHING if carried in (object, Any) else value_type_of(carried)
 

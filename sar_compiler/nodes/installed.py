@@ -1,12 +1,12 @@
-"""Which Python modules are installed on this machine, as against those that merely lie where a tree file does.
+"""Discovery of the Python modules that are installed, as opposed to those that are merely in a tree file's folder.
 
-A checkout is data, and so is the current folder: whoever validates a stranger's trees runs none of his code. But
-`sys.path` may lead there all the same, by an empty part of `PYTHONPATH` or by `python -m`, to packages and to what
-looks like the metadata of an installed distribution. So those folders are left out here, whatever `sys.path` says.
+A checkout is data, and so is the current folder: to validate foreign trees must not run foreign code. But
+`sys.path` may include these folders, through an empty part of `PYTHONPATH` or `python -m`, with packages and with
+apparent metadata of installed distributions. They are therefore excluded here, whatever `sys.path` contains.
 
-What stays: the folders of the interpreter (a virtual environment may lie in the checkout), the one that this package
-runs from, and the ROS workspaces that were sourced. A distribution there that was installed with `pip install -e`
-says so, and names the folder of its modules; to have installed it is to trust that folder.
+Included are the folders of the interpreter (a virtual environment may be in the checkout), the folder of this
+package, and the sourced ROS workspaces. The metadata of a distribution that was installed with `pip install -e`
+names the folder of its modules; to install it is to trust that folder.
 """
 
 import importlib
@@ -27,17 +27,17 @@ _OWN_FOLDER = Path(__file__).resolve().parents[2]
 
 
 def entry_points(group: str, checkout: Path | None = None) -> list[EntryPoint]:
-    """Return the entry points of a group that installed distributions have.
+    """Return the entry points of a group from installed distributions.
 
     Args:
         group: The group.
-        checkout: A folder of which nothing counts as installed, besides the current one.
+        checkout: A folder whose content does not count as installed, in addition to the current folder.
     """
     return list(_entry_points(group, _installed(checkout)).values())
 
 
 def ignored_entry_points(group: str, checkout: Path | None = None) -> list[tuple[EntryPoint, str]]:
-    """Return the entry points that only distributions in the checkout or the current folder have, with the folder."""
+    """Return the entry points found only in the checkout or the current folder, with that folder."""
     installed = _installed(checkout)
     known = {each.value for each in _entry_points(group, installed).values()}
     others = [entry for entry in sys.path if entry not in installed]
@@ -50,9 +50,9 @@ def ignored_entry_points(group: str, checkout: Path | None = None) -> list[tuple
 
 
 def is_installed(module: str, checkout: Path | None = None) -> bool:
-    """Return whether a module is of an installed package; imports nothing.
+    """Return whether a module belongs to an installed package, without importing it.
 
-    The modules of Python itself do not count: none of them is there to be named by a configuration.
+    Modules of the standard library do not count: a configuration has no reason to name them.
     """
     top, *rest = module.split(".")
     if top in sys.stdlib_module_names or not all(part.isidentifier() for part in (top, *rest)):
@@ -62,17 +62,17 @@ def is_installed(module: str, checkout: Path | None = None) -> bool:
 
 
 def import_installed(module: str, checkout: Path | None = None) -> ModuleType:
-    """Import a module, and what it imports, from what is installed.
+    """Import a module and its imports from installed packages only.
 
     Raises:
-        ImportError: If it is not there.
+        ImportError: If it is not installed.
     """
     with _importing(checkout):
         return importlib.import_module(module)
 
 
 def _entry_points(group: str, path: Iterable[str]) -> dict[tuple[str, str], EntryPoint]:
-    """Return the entry points of a group by distribution and name; of several distributions of a name the first counts."""
+    """Return the entry points of a group by distribution and name; of equally named distributions the first counts."""
     found: dict[tuple[str, str], EntryPoint] = {}
     seen: set[str] = set()
     for distribution in distributions(path=list(path)):
@@ -87,7 +87,7 @@ def _entry_points(group: str, path: Iterable[str]) -> dict[tuple[str, str], Entr
 
 
 def _installed(checkout: Path | None) -> list[str]:
-    """Return the part of `sys.path` that holds what is installed."""
+    """Return the folders of `sys.path` with installed packages."""
     strange, trusted = _current_folders(), [*_site_folders(), _OWN_FOLDER]
     sourced = [Path(part).resolve() for part in _parts("AMENT_PREFIX_PATH") if Path(part).is_absolute()]
 
@@ -100,7 +100,7 @@ def _installed(checkout: Path | None) -> list[str]:
 
 
 def _current_folders() -> set[Path]:
-    """Return the folders that `sys.path` has because of where the process was started."""
+    """Return the folders that are on `sys.path` because of the working directory."""
     written = (part for part in _parts("PYTHONPATH") if not Path(part).is_absolute())
     with suppress(OSError):  # the current folder may have been deleted
         return {Path.cwd(), *(Path(part).resolve() for part in written)}
@@ -119,7 +119,7 @@ def _parts(variable: str) -> list[str]:
 
 @contextmanager
 def _importing(checkout: Path | None) -> Iterator[None]:
-    """Let imports see what is installed only, and the folders of what is installed to be edited."""
+    """Restrict imports to installed packages, including the folders of editable installations."""
     installed = _installed(checkout)
     edited = [folder for each in distributions(path=installed) if (folder := _edited(each)) is not None]
     before = sys.path[:]

@@ -1,12 +1,12 @@
-"""What the tick of a node can come to, by what the nodes in it can answer: the calculus of `Semantics.possible`.
+"""The possible results of a node's tick, by those of its children: the calculus of `Semantics.possible`.
 
-An outcome set is a number with a bit for each answer. A function of this module takes a node, the sets of its
-children, and whether only what is *sure* counts. If not, it returns everything that a tick may answer; if so, only
-what some run answers, provided that each child answers each of its own set in some run, whatever its neighbours
-do. Of a child of which nothing is sure the set is then empty.
+An outcome set is a number with a bit for each result. A function of this module takes a node, the sets of its
+children, and whether only *sure* results count. If not, it returns every result that a tick may have; if so, only
+those that occur in some run, provided that each child has each result of its own set in some run, independently of
+its siblings. The set of a child without a sure result is then empty.
 
-What depends on a key or a script with variables may come out either way, and is sure to do so in some run: whoever
-wrote it wants both. What is written as a constant comes out in one way.
+A result that depends on a key or on a script with variables may be either one, and is sure to be each in some run:
+the author expects both. A constant has a single result.
 """
 
 import math
@@ -33,7 +33,7 @@ ALL = S | F | R | K
 BITS = {"SUCCESS": S, "FAILURE": F, "RUNNING": R, "SKIPPED": K}
 ANSWERS = (S, F, R, K)
 ALLOWED, SURE = False, True
-"""What counts: everything that a tick may answer, or only what some run certainly does."""
+"""The results to collect: all that a tick may have, or only those that certainly occur in some run."""
 
 Possible: TypeAlias = Callable[["BoundNode", Sequence[int], bool], int]
 
@@ -42,27 +42,27 @@ _MOST_COUNTED = 12
 
 
 def bit_of(status: Status) -> int:
-    """Return the set of one answer; INVALID is what `update` returns for skipped."""
+    """Return the set of one status; `update` returns INVALID for skipped."""
     return K if status is Status.INVALID else BITS[status.name]
 
 
 def bits(answers: Iterable[str]) -> int:
-    """Return the set of some answers, by their names."""
+    """Return the set of some results, by their letters."""
     return union(BITS[answer] for answer in answers)
 
 
 def union(sets: Iterable[int]) -> int:
-    """Return what is in any of some sets."""
+    """Return the union of sets."""
     return reduce(or_, sets, 0)
 
 
 def swapped(outcomes: int) -> int:
-    """Return a set with success for failure and the other way round."""
+    """Return a set with success and failure swapped."""
     return outcomes & (R | K) | (F if outcomes & S else 0) | (S if outcomes & F else 0)
 
 
 def unknown(_bound: "BoundNode", _children: Sequence[int], sure: bool) -> int:
-    """Return the set of a node of which nothing is known."""
+    """Return the set of an unknown node."""
     return 0 if sure else ALL
 
 
@@ -70,9 +70,9 @@ def in_order(goes_on: int, *, pauses: bool = False, keeps_place: bool = False) -
     """Return the function of a node that ticks its children in order.
 
     Args:
-        goes_on: After which end the next one is ticked: `S` for a sequence, `F` for a selector.
-        pauses: Whether it answers RUNNING between two children.
-        keeps_place: Whether it begins with the child that ended it or was running when it is started again.
+        goes_on: The result after which the next child is ticked: `S` for a sequence, `F` for a selector.
+        pauses: Whether it returns RUNNING between two children.
+        keeps_place: Whether, after a restart, it begins with the child that ended it or was running.
     """
     turn = swapped if goes_on == F else int
 
@@ -85,10 +85,10 @@ def in_order(goes_on: int, *, pauses: bool = False, keeps_place: bool = False) -
 
 
 def _before_restarts(bound: "BoundNode", children: Sequence[int]) -> Sequence[int]:
-    """Return the sets of children, without those that one before them may interrupt whenever it is ticked again.
+    """Return the sets of children, without those that an earlier sibling may interrupt whenever it is ticked again.
 
-    A leaf can end in any tick. What consists of several nodes may have to run for some ticks first, in which a node
-    that looks at every child again resets those after it: they may never come to their end.
+    A leaf can end in any tick. A branch of several nodes may have to run for some ticks first, in which a reactive
+    node resets the children after it: these may never end.
     """
     running = [
         not child.spec.kind.is_leaf and bool(known & R)
@@ -113,14 +113,14 @@ def _sequence(children: Sequence[int], sure: bool, pauses: bool, keeps_place: bo
 
 
 def branches(_bound: "BoundNode", children: Sequence[int], _sure: bool) -> int:
-    """Return the set of a node that asks its first child which of the next two to tick."""
+    """Return the set of a node whose first child decides which of the next two is ticked."""
     asked, then, *otherwise = children
     found = asked & (R | K)
     return found | (then if asked & S else 0) | ((otherwise[0] if otherwise else F) if asked & F else 0)
 
 
 def selection(bound: "BoundNode", children: Sequence[int], _sure: bool) -> int:
-    """Return the set of a node that ticks the child whose case a variable is equal to, or else the last one."""
+    """Return the set of a node that ticks the child whose case equals a variable, or else the last one."""
     names = ("variable", *(f"case_{number}" for number in range(1, len(children))))
     variable, *cases = (bound.values.get(name) for name in names)
     if variable is None or None in cases:
@@ -138,7 +138,7 @@ def attempt(_bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
 
 
 def counting(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
-    """Return the set of a parallel that stops at the child with which enough have succeeded, or failed."""
+    """Return the set of a parallel that stops as soon as enough children have succeeded or failed."""
     wanted, failures = bound.value("success_count"), bound.value("failure_count")
     if len(children) > _MOST_COUNTED or not (isinstance(wanted, int) and isinstance(failures, int)):
         return _estimate(children, sure)
@@ -154,7 +154,7 @@ def counting(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
 
 
 def counting_all(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
-    """Return the set of a parallel that waits for all its children, and then counts."""
+    """Return the set of a parallel that waits for all its children before it counts."""
     failures, count = bound.value("max_failures"), len(children)
     if count > _MOST_COUNTED or not isinstance(failures, int):
         return _estimate(children, sure)
@@ -173,12 +173,12 @@ Decision: TypeAlias = Callable[[int, int, int], int]
 
 
 def _counted(children: Sequence[int], at_once: Decision, at_the_end: Decision) -> int:
-    """Return what counting comes to over all combinations of answers.
+    """Return the results of counting over all combinations of the children's results.
 
     Args:
         children: The sets of the children.
-        at_once: What is decided by how many have succeeded, failed and been skipped so far; 0 to go on.
-        at_the_end: What is decided when every child had its turn.
+        at_once: The result for the numbers of children that have succeeded, failed and been skipped so far; 0 to continue.
+        at_the_end: The result for these numbers after all children were ticked.
     """
     found, counts = 0, {(0, 0, 0)}
     for child in children:
@@ -200,12 +200,12 @@ def _threshold(wanted: int, count: int) -> int:
 
 
 def _estimate(children: Sequence[int], sure: bool) -> int:
-    """Return what is known of counting where it cannot be gone through."""
+    """Return an estimate of the results of counting, for too many combinations to enumerate."""
     return reduce(and_, children, ALL) & R if sure else ALL
 
 
 def by_policy(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
-    """Return the set of py_trees' Parallel, which judges when all its children were ticked."""
+    """Return the set of py_trees' Parallel, which decides after all its children were ticked."""
     policy = bound.value("policy")
     if policy is None:
         return unknown(bound, children, sure)
@@ -214,7 +214,7 @@ def by_policy(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
     if not all(going):
         return found
     on_one = policy == "SuccessOnOne"
-    # Which children are selected is not looked at.
+    # The selection of children is ignored.
     selects = policy == "SuccessOnSelected"
     succeeds = union(going) & S if on_one or (selects and not sure) else all(child & S for child in going)
     runs = all(child & R for child in going) if on_one or (selects and sure) else union(going) & R
@@ -222,12 +222,12 @@ def by_policy(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
 
 
 def passing(_bound: "BoundNode", children: Sequence[int], _sure: bool) -> int:
-    """Return the set of a decorator that answers what its child does."""
+    """Return the set of a decorator that returns its child's result."""
     return children[0]
 
 
 def turning(turns: dict[int, int]) -> Possible:
-    """Return the function of a decorator that answers something else for some answers of its child."""
+    """Return the function of a decorator that replaces some results of its child."""
     turned = {each: turns.get(each, each) for each in ANSWERS}
 
     def possible(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
@@ -238,15 +238,15 @@ def turning(turns: dict[int, int]) -> Possible:
 
 
 def _interrupted(bound: "BoundNode", child: int) -> int:
-    """Return what the child of a decorator is sure to answer that ends, and resets it, in each tick in which it runs.
+    """Return the sure results of a child whose decorator ends, and resets it, in each tick in which it runs.
 
-    A leaf can end in any tick; what consists of several nodes may have to run for some ticks first.
+    A leaf can end in any tick; a branch of several nodes may have to run for some ticks first.
     """
     return child & R if child & R and not bound.children[0].spec.kind.is_leaf else child
 
 
 def adding(own: int) -> Possible:
-    """Return the function of a decorator that has an answer of its own besides its child's."""
+    """Return the function of a decorator that has a result of its own besides its child's."""
 
     def possible(_bound: "BoundNode", children: Sequence[int], _sure: bool) -> int:
         return children[0] | own
@@ -261,7 +261,7 @@ def run_once(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
 
 
 def guard(condition: str) -> Possible:
-    """Return the function of a decorator that answers something else where a condition is false.
+    """Return the function of a decorator that returns another result while a condition is false.
 
     Args:
         condition: The attribute with the condition.
@@ -278,11 +278,11 @@ def guard(condition: str) -> Possible:
 
 
 def rounds(count: "Callable[[BoundNode], float | None]", again: int) -> Possible:
-    """Return the function of a decorator that ticks its child again.
+    """Return the function of a decorator that repeats its child.
 
     Args:
-        count: How many rounds there are at most; None where that is not known.
-        again: The end after which there is another round: `S` or `F`.
+        count: The largest number of rounds; None if it is unknown.
+        again: The child's result after which there is another round: `S` or `F`.
     """
 
     def possible(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
@@ -302,7 +302,7 @@ def time_limit(limit_sec: "Callable[[BoundNode], float | None]") -> Possible:
     """Return the function of a decorator that fails when its child has run for too long.
 
     Args:
-        limit_sec: How long it may run, in seconds; None where that is not known.
+        limit_sec: The longest time that it may run, in seconds; None if it is unknown.
     """
 
     def possible(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
@@ -310,7 +310,7 @@ def time_limit(limit_sec: "Callable[[BoundNode], float | None]") -> Possible:
         if limit is not None and limit <= 0:
             child = _interrupted(bound, child) if sure else child
             return child & ~R | (F if child & R else 0)
-        # A child that is skipped may be running all the same, as one that repeats what is skipped.
+        # A child that is skipped may nevertheless be running, such as one that repeats a skipped node.
         late = child & R and limit not in (None, math.inf) if sure else child & (R | K)
         return child | (F if late else 0)
 
@@ -334,7 +334,7 @@ def each_item(_bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
 
 
 def awaiting(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
-    """Return the set of a decorator that succeeds once its child answers a status, and runs until then."""
+    """Return the set of a decorator that runs until its child returns a given status, then succeeds."""
     wanted = BITS.get(str(bound.value("status")))
     if wanted is None:
         return unknown(bound, children, sure)
@@ -343,7 +343,7 @@ def awaiting(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
 
 
 def queued(bound: "BoundNode", _children: Sequence[int], sure: bool) -> int:
-    """Return the set of a leaf whose answers are written in the file."""
+    """Return the set of a leaf whose results are written in the file."""
     queue, eventually = bound.value("queue"), bound.value("eventually")
     if not isinstance(queue, list) or "eventually" in bound.keys:
         return unknown(bound, (), sure)
@@ -351,13 +351,13 @@ def queued(bound: "BoundNode", _children: Sequence[int], sure: bool) -> int:
 
 
 def ticks_counted(bound: "BoundNode", _children: Sequence[int], sure: bool) -> int:
-    """Return the set of a leaf that runs for some ticks, and then answers what is written."""
+    """Return the set of a leaf that runs for some ticks, and then returns the status in the file."""
     end = BITS.get(str(bound.value("completion_status")))
     return unknown(bound, (), sure) if end is None else R | end
 
 
 def number(bound: "BoundNode", *names: str) -> float | None:
-    """Return the first of some attributes that is written as a number."""
+    """Return the first of some attributes that is a constant number."""
     return next(_numbers(bound, names), None)
 
 
@@ -369,7 +369,7 @@ def _numbers(bound: "BoundNode", names: Iterable[str]) -> Iterator[float]:
 
 
 def _otherwise(bound: "BoundNode", attribute: str, default: int, sure: bool) -> int:
-    """Return what an attribute says is answered; *default* where it is not written."""
+    """Return the results that an attribute names; *default* if it is not written."""
     if attribute not in bound.element.attributes:
         return default
     outcome = bound.values.get(attribute)

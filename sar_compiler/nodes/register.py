@@ -1,4 +1,4 @@
-"""How a class becomes the meaning of a tag."""
+"""Registration of a class for a tag."""
 
 import re
 from collections.abc import Callable, Iterable, Mapping
@@ -34,30 +34,30 @@ def register(  # noqa: PLR0913 - all that there is to say of a node
     writes: Iterable[str] = (),
     semantics: Semantics | None = None,
 ) -> Callable[[C], C]:
-    """Make a class the meaning of a tag.
+    """Register a class for a tag.
 
-    The decorator only marks the class; it takes part in a registry that loads its module (by the entry
+    The decorator only marks the class, which is added to a registry that loads its module (by the entry
     point `sar_compiler.nodes`, or `--nodes package.module`).
 
     Args:
         tag: The tag in a tree file.
-        kind: What the class is.
+        kind: The kind of node.
         outcomes: The statuses that a tick can return, `runtime.skipping.SKIPPED` among them.
-        effects: What it does to the world, in a few words ("drives the robot"); empty if nothing.
-        uses: What it needs outside the tree before the first tick.
-        answers: For a leaf: what a tick can come to where there is no robot, the usual answer first; one for each
-            outcome where nothing is said.
-        facts: The facts that the scripts of these answers work on, with their values at the start.
-        reads: Further facts or keys of the blackboard that what it does depends on.
-        writes: Further facts or keys of the blackboard that it changes.
-        semantics: For a control or decorator: what it makes of the nodes in it, for instance
-            `Semantics.sequence()`. Of one that says nothing only the outcomes are known, and checks conclude little.
+        effects: Its effect on the world, in a few words ("drives the robot"); empty if it has none.
+        uses: The actions, services and topics that it needs before the first tick.
+        answers: For a leaf: the possible results of a tick in a simulation, the usual one first; by default one for
+            each outcome.
+        facts: The facts that the scripts of these answers use, with their initial values.
+        reads: Further facts or blackboard keys that its behaviour depends on.
+        writes: Further facts or blackboard keys that it changes.
+        semantics: For a control or decorator: how it treats its children, for instance `Semantics.sequence()`.
+            Without it only the outcomes are known, and checks can conclude little.
 
     Returns:
-        A decorator that returns the class unchanged but for the mark.
+        A decorator that returns the class, unchanged except for the mark.
 
     Raises:
-        RegistrationError: If one of them is not what it must be.
+        RegistrationError: If an argument is invalid.
 
     Example:
         A leaf that a file writes as `<Say message="hi"/>`::
@@ -84,7 +84,7 @@ def register(  # noqa: PLR0913 - all that there is to say of a node
 
 
 def _outcome(status: "py_trees.common.Status") -> str:
-    """Name an outcome; INVALID is what `update` returns for skipped (`runtime.skipping.SKIPPED`)."""
+    """Return the name of an outcome; INVALID is skipped (`runtime.skipping.SKIPPED`)."""
     return "SKIPPED" if status.name == "INVALID" else status.name
 
 

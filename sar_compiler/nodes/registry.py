@@ -1,4 +1,4 @@
-"""Which tags there are: the single source of truth for schemas, checks and the compiler."""
+"""The registry of tags: the single source of truth for schemas, checks and the compiler."""
 
 import functools
 import importlib
@@ -18,7 +18,7 @@ from sar_compiler.nodes.values import nearest
 ENTRY_POINTS = "sar_compiler.nodes"
 
 Named = str | ModuleType | type
-"""Leaves, as a user names them: the import path of a module, a module, or a class."""
+"""Leaves, as named by a user: the import path of a module, a module, or a class."""
 
 _REGISTERS = re.compile(r"^@(\w+\.)*register\(", re.MULTILINE)
 
@@ -28,15 +28,15 @@ class RegistryError(SarError):
 
 
 def is_marked(cls: type) -> bool:
-    """Return whether a class is registered itself: a subclass of a leaf is not that leaf."""
+    """Return whether a class itself is registered; a subclass of a registered class is not."""
     return MARK in vars(cls)
 
 
 class Registry:
-    """The tags that a tree file may use and what they mean.
+    """The tags that a tree file may use, with their meanings.
 
     Args:
-        specs: What is in it from the start.
+        specs: Its initial content.
     """
 
     def __init__(self, specs: Iterable[NodeSpec] = ()) -> None:
@@ -60,17 +60,17 @@ class Registry:
         known.append(spec)
 
     def add_module(self, module: ModuleType) -> int:
-        """Add every class of a module that carries the mark of `register`; return how many there were."""
+        """Add every class of a module that is marked by `register`; return their number."""
         classes = [value for value in vars(module).values() if isinstance(value, type) and is_marked(value)]
         for cls in classes:
             self.add_class(cls)
         return len(classes)
 
     def add_class(self, cls: type) -> None:
-        """Add a class that carries the mark of `register`.
+        """Add a class that is marked by `register`.
 
         Raises:
-            RegistryError: If it does not, or its tag already means another class.
+            RegistryError: If it is not marked, or its tag already means another class.
         """
         if not is_marked(cls):
             message = f"{_name_of(cls)} is not registered: write @register above the class"
@@ -89,11 +89,11 @@ class Registry:
         return self.variants(tag)[0]
 
     def get(self, tag: str) -> NodeSpec | None:
-        """Return what a tag means in the first place, or None if it means nothing here."""
+        """Return the primary meaning of a tag, or None if the tag is unknown."""
         return next(iter(self.variants(tag)), None)
 
     def variants(self, tag: str) -> list[NodeSpec]:
-        """Return everything that a tag can mean; the attributes written choose among it.
+        """Return all meanings of a tag; the written attributes decide between them.
 
         Raises:
             RegistrationError: If the constructor of one of them cannot be written in a tree file.
@@ -104,15 +104,15 @@ class Registry:
         return found
 
     def by_tag(self) -> dict[str, list[NodeSpec]]:
-        """Return everything that every tag can mean, in the order of the tags."""
+        """Return all meanings of every tag, in the order of the tags."""
         return {tag: self.variants(tag) for tag in sorted(self._specs)}
 
     def specs(self) -> list[NodeSpec]:
-        """Return what was registered, unread, to make another registry from."""
+        """Return the registered specs, unread, to make another registry."""
         return [spec for variants in self._specs.values() for spec in variants]
 
     def today(self, former_tag: str) -> str | None:
-        """Return what a tag of an earlier version is called today, or None."""
+        """Return the current name of an earlier version's tag, or None."""
         return next((spec.tag for spec in self.specs() if former_tag in spec.former_tags), None)
 
     def nearest(self, tag: str) -> str | None:
@@ -123,13 +123,13 @@ class Registry:
 def load_registry(
     named: Iterable[Named] = (), configured: Iterable[str] = (), checkout: Path | None = None
 ) -> Registry:
-    """Make the registry of everything installed, and of what is named.
+    """Make the registry of all installed nodes and of those that are named.
 
     Args:
-        named: What the user names: modules of leaves or their import paths, which may lie in the current folder, and
+        named: Modules of leaves or their import paths, named by the user, which may be in the current folder, and
             classes of leaves.
         configured: Import paths that a configuration names; these are installed, or trusted.
-        checkout: A folder of which nothing counts as installed.
+        checkout: A folder whose content does not count as installed.
 
     Raises:
         RegistryError: If a module cannot be imported or has no leaves; names it and says why.
@@ -157,12 +157,12 @@ def load_registry(
 
 @functools.cache
 def default_registry() -> Registry:
-    """Return the registry of everything installed."""
+    """Return the registry of all installed nodes."""
     return load_registry()
 
 
 def _add_import(registry: Registry, name: str, source: str, load: Callable[[str], ModuleType]) -> None:
-    """Add the leaves of a module that somebody has named."""
+    """Add the leaves of a module named by its import path."""
     if name.endswith(".py") or "/" in name:
         message = f"'{name}' ({source}) is a file; {_as_module(Path(name))}"
         raise RegistryError(message)
@@ -175,7 +175,7 @@ def _add_import(registry: Registry, name: str, source: str, load: Callable[[str]
 
 
 def _as_module(path: Path) -> str:
-    """Say how to write a file as a module."""
+    """Return a hint for a file's path given in place of a module's import path."""
     try:
         here = path.resolve().relative_to(Path.cwd())
     except (OSError, ValueError):
@@ -187,7 +187,7 @@ def _as_module(path: Path) -> str:
 
 
 def _submodules_with_leaves(package: ModuleType) -> Iterator[str]:
-    """Find, by their text alone, the modules of a package that register leaves."""
+    """Find the modules of a package that register leaves, by their text, without an import."""
     for folder in getattr(package, "__path__", ()):
         for path in sorted(Path(folder).glob("*.py")):
             if path.stem.isidentifier() and _REGISTERS.search(path.read_text("utf-8", errors="replace")):
@@ -195,7 +195,7 @@ def _submodules_with_leaves(package: ModuleType) -> Iterator[str]:
 
 
 def _look_here() -> None:
-    """Let modules that the user names lie in the current folder; those installed come first."""
+    """Allow modules named by the user to be in the current folder; installed ones take precedence."""
     with suppress(OSError):  # the folder may have been deleted
         here = str(Path.cwd())
         if here not in sys.path:

@@ -1,7 +1,7 @@
-"""What a node means, whatever its class: the record that checks, conversions and palettes ask.
+"""The semantics of a node, independent of its class: the record used by checks, conversions and palettes.
 
-Whoever adds a node says here, with its registration, how it goes through the nodes in it and what it makes of their
-answers. Nothing else in the project knows a node by its tag.
+The registration of a node declares here how it ticks its children and what it makes of their results. Nothing else
+in the project depends on a node's tag.
 """
 
 import math
@@ -21,26 +21,26 @@ if TYPE_CHECKING:
     from sar_compiler.nodes.btcpp.rewrites import Draft
 
 Number: TypeAlias = Callable[["BoundNode"], float | None]
-"""Reads a number off what is written for a node; None where that is not known before the run."""
+"""Reads a number from a node's attributes; None if it is not known before the run."""
 
 
 class Order(Enum):
-    """How a node goes through its children."""
+    """The order in which a node ticks its children."""
 
     IN_ORDER = "in order"
-    """One after the other, as long as each answers `Semantics.goes_on` or is skipped."""
+    """One after the other, as long as each returns `Semantics.goes_on` or is skipped."""
     TOGETHER = "together"
-    """Each of them in every tick, until enough have ended."""
+    """All of them in every tick, until enough have ended."""
     CHOSEN = "chosen"
-    """As it decides by itself, for instance one of several branches."""
+    """By its own decision, for instance one of several branches."""
 
 
 class Gate(NamedTuple):
-    """What must have happened before a child is ticked.
+    """The condition under which a child is ticked.
 
     Attributes:
-        children: The indexes of the children of which at least one must have answered so.
-        answers: The answers, an outcome set.
+        children: The indexes of the children of which at least one must have had such a result.
+        answers: The results, an outcome set.
     """
 
     children: tuple[int, ...]
@@ -48,16 +48,16 @@ class Gate(NamedTuple):
 
 
 class AccessKind(Enum):
-    """What is done with a key of the blackboard."""
+    """The kind of access to a blackboard key."""
 
     READ = "read"
     PEEK = "peek"
-    """Asked for, and done without where nothing has been written."""
+    """Read, but not required: the key may be unwritten."""
     WRITE = "write"
     CHANGE = "change"
     """A script's `=` and the like: the key must have been written, or have a port."""
     BOTH = "both"
-    """A port that is both: whoever has it may read first, or write first."""
+    """A port that is both: its node may read first, or write first."""
     FIXED = "fixed"
     """Read when the tree is compiled: a parameter of the mission, or a constant."""
     NONE = "none"
@@ -65,12 +65,12 @@ class AccessKind(Enum):
 
 
 class KeyRole(NamedTuple):
-    """What a node does with the key that a port is given, where the port's direction does not tell.
+    """A node's use of the key given to a port, where the port's direction does not tell.
 
     Attributes:
-        kind: What it does.
-        by_name: Whether a text without braces is the name of a key, too.
-        indirect: Whether a key in braces holds the name of the key that is meant.
+        kind: The kind of access.
+        by_name: Whether a text without braces is also the name of a key.
+        indirect: Whether a key in braces holds the name of the key to use.
     """
 
     kind: AccessKind
@@ -80,12 +80,12 @@ class KeyRole(NamedTuple):
 
 @dataclass(frozen=True)
 class Counterpart:
-    """What BehaviorTree.CPP has in a node's place.
+    """A node's counterpart in BehaviorTree.CPP.
 
     Attributes:
-        built_in: Whether it has a node of this tag itself.
-        rewrite: Turns a node of this project into one of BehaviorTree.CPP's; None where the tag stays.
-        hint: What to do where there is none.
+        built_in: Whether BehaviorTree.CPP has a node of this tag.
+        rewrite: Turns a node of this project into one of BehaviorTree.CPP's; None if the tag is kept.
+        hint: The remedy if there is no counterpart.
     """
 
     built_in: bool = False
@@ -99,27 +99,27 @@ def _ungated(_bound: "BoundNode") -> Mapping[int, Gate]:
 
 @dataclass(frozen=True)
 class Semantics:
-    """What a node makes of the nodes in it, of time, and of the blackboard.
+    """A node's treatment of its children, of time, and of the blackboard.
 
-    `Semantics.sequence()` and its like are what most controls and decorators need.
+    `Semantics.sequence()` and the like cover most controls and decorators.
 
     Attributes:
-        possible: Its outcome set as a function of those of its children (`nodes.outcome_sets`); None where only the
-            registered outcomes are known.
-        order: How it goes through its children.
-        goes_on: After which end of a child the next one is ticked, for `Order.IN_ORDER`: `S` or `F`.
-        gates: Which children are ticked only after others have answered something, by their indexes.
-        reactive: Whether it looks at every child again in every tick; an attribute `memory` may say so instead.
+        possible: Its outcome set as a function of its children's (`nodes.outcome_sets`); None if only the registered
+            outcomes are known.
+        order: The order in which it ticks its children.
+        goes_on: The result of a child after which the next one is ticked, for `Order.IN_ORDER`: `S` or `F`.
+        gates: The children that are ticked only after certain results of others, by their indexes.
+        reactive: Whether it re-evaluates all its children in every tick; an attribute `memory` may decide this instead.
         steady: Whether it ticks its child whenever it is ticked itself.
-        changes: The answers of its child that it does not pass on.
-        repeats: The ends of its child after which it starts the child again.
-        rounds: How often it ticks its child to an end; None for a node that does not count.
-        once: Whether its child is done once in the whole run.
-        limit_sec: How long its child may run, in seconds, `math.inf` for ever; None for a node without a limit.
-        resumes: Whether it goes on where it was when it is started again, or waits for what others do.
-        with_memory: The tag of the node that does the same and looks only at the child that was running.
-        keys: What it does with the keys of some of its ports.
-        counterpart: What BehaviorTree.CPP has in its place.
+        changes: The results of its child that it does not pass on.
+        repeats: The results of its child after which it restarts the child.
+        rounds: The number of times that it runs its child to an end; None for a node that does not count.
+        once: Whether its child is executed only once in the whole run.
+        limit_sec: The time limit of its child in seconds, `math.inf` for no limit; None for a node without a limit.
+        resumes: Whether it continues at its former place after a restart, or waits for other nodes.
+        with_memory: The tag of its non-reactive counterpart, which ticks only the child that was running.
+        keys: Its use of the keys of some of its ports.
+        counterpart: Its counterpart in BehaviorTree.CPP.
     """
 
     possible: Possible | None = None
@@ -145,9 +145,9 @@ class Semantics:
         """Return the semantics of a node that ticks its children in order until one does not succeed.
 
         Args:
-            reactive: Whether it looks at every child again in every tick.
-            pauses: Whether it answers RUNNING between two children.
-            keeps_place: Whether it begins with the child that failed when it is started again.
+            reactive: Whether it re-evaluates all its children in every tick.
+            pauses: Whether it returns RUNNING between two children.
+            keeps_place: Whether it begins with the child that failed after a restart.
         """
         possible = outcome_sets.in_order(S, pauses=pauses, keeps_place=keeps_place)
         return cls(possible, Order.IN_ORDER, S, reactive=reactive, resumes=keeps_place)
@@ -157,26 +157,26 @@ class Semantics:
         """Return the semantics of a node that ticks its children in order until one does not fail.
 
         Args:
-            reactive: Whether it looks at every child again in every tick.
-            pauses: Whether it answers RUNNING between two children.
+            reactive: Whether it re-evaluates all its children in every tick.
+            pauses: Whether it returns RUNNING between two children.
         """
         return cls(outcome_sets.in_order(F, pauses=pauses), Order.IN_ORDER, F, reactive=reactive)
 
     @classmethod
     def parallel(cls, possible: Possible | None = None) -> "Semantics":
-        """Return the semantics of a node that ticks its children side by side.
+        """Return the semantics of a node that ticks its children in parallel.
 
         Args:
-            possible: Its outcome set as a function of those of its children, where that is known.
+            possible: Its outcome set as a function of its children's, if known.
         """
         return cls(possible, Order.TOGETHER)
 
     @classmethod
     def turning(cls, turns: Mapping[Status, Status]) -> "Semantics":
-        """Return the semantics of a decorator that answers something else for some answers of its child.
+        """Return the semantics of a decorator that replaces some results of its child.
 
         Args:
-            turns: What it answers instead; what is not named is passed on.
+            turns: The replacements by result; other results are passed on.
         """
         by_bit = {outcome_sets.bit_of(old): outcome_sets.bit_of(new) for old, new in turns.items()}
         return cls(outcome_sets.turning(by_bit), steady=True, changes=outcome_sets.union(by_bit))
@@ -192,13 +192,13 @@ class Semantics:
         return self.order is Order.IN_ORDER and self.goes_on == F
 
     def always_ends_with_child(self, bound: "BoundNode") -> bool:
-        """Return whether it starts its child at once, and goes on only when the child does not run any more."""
+        """Return whether it starts its child at once, and continues only when the child is no longer running."""
         if not self.steady or self.possible is None:
             return False
         return self.possible(bound, [R], ALLOWED) in (R, R | F)
 
     def ends_by(self, bound: "BoundNode") -> int:
-        """Return the answers of its only child after which it can end, an outcome set."""
+        """Return the results of its only child after which it can end, as an outcome set."""
         if self.possible is None:
             return outcome_sets.ALL
         ends = (answer for answer in ANSWERS if self.possible(bound, [answer], ALLOWED) & ~R)
@@ -206,7 +206,7 @@ class Semantics:
 
 
 def endless(count: float | None) -> float | None:
-    """Return a number of rounds of BehaviorTree.CPP's, in which -1 is for ever and less is none."""
+    """Return a number of rounds in BehaviorTree.CPP's notation, in which -1 is endless and less is none."""
     if count is None:
         return None
     return math.inf if count == -1 else max(count, 0)

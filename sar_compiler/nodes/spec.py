@@ -1,4 +1,4 @@
-"""What is known of a tag: the one record of a node, made by `register` or read off a model."""
+"""The record of a node, made by `register` or read from a model."""
 
 import functools
 from collections.abc import Callable, Mapping
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from sar_compiler.nodes.binding.collector import Collector
 
 Rule: TypeAlias = "Callable[[BoundNode, Collector], None]"
-"""Reports what is wrong with a node though each of its attributes is right by itself."""
+"""Reports mistakes in a node whose attributes are each valid by themselves."""
 
 
 class Kind(str, Enum):
-    """What a node is, in BehaviorTree.CPP's terms (and its element names for the explicit form)."""
+    """The kind of a node, in BehaviorTree.CPP's terms (and its element names for the explicit form)."""
 
     CONTROL = "Control"
     DECORATOR = "Decorator"
@@ -34,7 +34,7 @@ class Kind(str, Enum):
 
 
 class Direction(str, Enum):
-    """Which way the values of a port go, in the words of a `TreeNodesModel`."""
+    """The direction of a port's values, in the terms of a `TreeNodesModel`."""
 
     INPUT = "input_port"
     OUTPUT = "output_port"
@@ -42,7 +42,7 @@ class Direction(str, Enum):
 
     @property
     def words(self) -> str:
-        """What somebody who writes a tree is told of it."""
+        """Its name in messages to the user."""
         words = {Direction.INPUT: "input", Direction.OUTPUT: "output, takes a {key}"}
         return words.get(self, "input and output")
 
@@ -52,12 +52,12 @@ class Skips(Enum):
 
     NEVER = "never"
     FROM_CHILD = "from a child"
-    """Where one of its children can."""
+    """If one of its children can."""
     ALWAYS = "always"
 
 
 class Role(Enum):
-    """What a constructor parameter becomes."""
+    """The role of a constructor parameter."""
 
     NAME = "name"
     """The node's name: the attribute `name`, by default the tag."""
@@ -66,7 +66,7 @@ class Role(Enum):
     REFERENCE = "reference"
     """An attribute of the tag that names another node of the tree."""
     CONTEXT = "context"
-    """Something that the mission hands over; not written in the file."""
+    """An object provided by the mission; not written in the file."""
     CHILD = "child"
     """The one child of a decorator."""
     CHILDREN = "children"
@@ -75,10 +75,10 @@ class Role(Enum):
 
 @dataclass(frozen=True)
 class Use:
-    """Something outside the tree that a leaf needs before the first tick.
+    """A resource outside the tree that a leaf needs before the first tick.
 
     Attributes:
-        kind: `action`, `service`, `topic` (somebody publishes on it) or `nav2` (localised and active).
+        kind: `action`, `service`, `topic` (with a publisher) or `nav2` (localised and active).
         name: The relative ROS name. `{parameter}` stands for the value of a constructor parameter.
     """
 
@@ -111,16 +111,16 @@ class Parameter:
     """One constructor parameter of a node's class.
 
     Attributes:
-        name: The attribute's name; that of the parameter without a `_` at its end.
-        role: What it becomes.
-        required: Whether a file must (or, for the context, whether a mission must) provide it.
-        default: Its value where nothing is written.
-        value_type: For an attribute: how its text becomes a value.
-        direction: For an attribute that is a port (`Input`, `Output`, `InOut`): which way its values go;
-            None for a value that is fixed when the tree is compiled.
-        target: For a reference the class referred to, for the context the class handed over.
+        name: The attribute's name: the parameter's without a trailing `_`.
+        role: Its role.
+        required: Whether a file (or, for the context, a mission) must provide it.
+        default: Its value if it is not written.
+        value_type: For an attribute: the type that converts its text to a value.
+        direction: For an attribute that is a port (`Input`, `Output`, `InOut`): the direction of its
+            values; None for a value that is fixed when the tree is compiled.
+        target: For a reference the class of the node, for the context the class of the object.
         doc: Its description, from the class's docstring.
-        keyword: Its name in the constructor, where that is another one (`if_` for `if`).
+        keyword: Its name in the constructor, if different (`if_` for `if`).
     """
 
     name: str
@@ -135,7 +135,7 @@ class Parameter:
 
     @property
     def help(self) -> str:
-        """Its description as an editor shows it: for a port with the direction before it."""
+        """Its description for editors; for a port with the direction before it."""
         direction = f"{self.direction.words}.".capitalize() if self.direction else ""
         return f"{direction} {self.doc}".strip()
 
@@ -152,19 +152,19 @@ CHILD_COUNTS: dict[Kind, tuple[int, int | None]] = {
     Kind.ACTION: (0, 0),
     Kind.CONDITION: (0, 0),
 }
-"""How many children a node of a kind takes, at least and at most."""
+"""The smallest and largest number of children by kind of node."""
 
 
 @dataclass(frozen=True)
 class Skipping:
-    """What becomes of ticks that are skipped.
+    """A node's treatment of skipped ticks.
 
     Attributes:
         possible: Whether a tick of the node can be skipped.
-        cls: The class that takes the place of the node's own where a child can be skipped.
-        only_if: The attribute, and its value, without which no tick is skipped by the node itself; None: whatever
-            is written.
-        advice: How a node is written that does the same and knows of skipped children, where there is one.
+        cls: The class that replaces the node's own if a child can be skipped.
+        only_if: The attribute and value required for the node itself to skip a tick; None if there is no such
+            requirement.
+        advice: An equivalent node that supports skipped children, if there is one.
     """
 
     possible: Skips = Skips.NEVER
@@ -175,16 +175,16 @@ class Skipping:
 
 @dataclass(frozen=True)
 class Signature:
-    """What a tag says about its attributes where the constructor of its class does not say it, or says it otherwise.
+    """A tag's declarations about its attributes that supplement or override the constructor of its class.
 
     Attributes:
-        factory: Makes the node in place of the class; its signature then counts instead of the constructor's.
+        factory: Creates the node instead of the class; its signature replaces the constructor's.
         defaults: Defaults for parameters that have none in the constructor.
-        fixed: Parameters whose value the tag itself says (`ReactiveSequence`: `memory` is false).
+        fixed: Parameters whose value the tag implies (`ReactiveSequence`: `memory` is false).
         hidden: Constructor parameters that this tag does not have.
-        required: Parameters that must be written, though the constructor can do without.
-        types: What parameters take, where their annotations say less.
-        doc: A description to take the place of the docstring, for classes of other libraries.
+        required: Parameters that must be written, although the constructor does not require them.
+        types: The types of parameters with less precise annotations.
+        doc: A description that replaces the docstring, for classes of other libraries.
         parameter_docs: Descriptions of parameters, likewise.
         described: All parameters, for a node that only a model describes.
     """
@@ -202,31 +202,31 @@ class Signature:
 
 @dataclass(frozen=True)
 class NodeSpec:
-    """What a tag means.
+    """The meaning of a tag.
 
-    The constructor of the class, which may name classes defined later, is looked at when `parameters` is first
-    asked for.
+    The constructor of the class, which may name classes defined later, is inspected at the first access to
+    `parameters`.
 
     Attributes:
         tag: The tag in a tree file.
-        cls: The class of which the compiler makes an instance; None where only a model describes the node.
-        kind: What it is.
+        cls: The class that the compiler instantiates; None if only a model describes the node.
+        kind: The kind of node.
         outcomes: The names of the statuses that a tick can return.
-        effects: What it does to the world, in a few words; empty if nothing.
-        uses: What it needs outside the tree.
-        answers: For a leaf: what a tick can come to where there is no robot; by default one for each outcome.
-        facts: The facts that these answers work on, with their values at the start.
-        reads: Further facts or keys of the blackboard that what it does depends on.
-        writes: Further facts or keys of the blackboard that it changes.
-        semantics: What it makes of the nodes in it, of time, and of the blackboard.
-        skipping: What becomes of ticks that are skipped.
-        signature: What its tag says about its attributes beside the constructor.
-        child_count: How many children it takes, at least and at most (None: any number); by default what its kind
-            says.
-        variant: Whether it is one more meaning of a tag that means something already: the attributes that a
-            file writes choose between them.
-        former_tags: What it was called in earlier versions of BehaviorTree.CPP and py_trees.
-        rule: Reports attributes that do not go with each other, or with the children.
+        effects: Its effect on the world, in a few words; empty if it has none.
+        uses: The resources that it needs outside the tree.
+        answers: For a leaf: the possible results of a tick in a simulation; by default one for each outcome.
+        facts: The facts that these answers use, with their initial values.
+        reads: Further facts or blackboard keys that its behaviour depends on.
+        writes: Further facts or blackboard keys that it changes.
+        semantics: Its treatment of its children, of time, and of the blackboard.
+        skipping: Its treatment of skipped ticks.
+        signature: Declarations about its attributes in addition to the constructor.
+        child_count: The smallest and largest number of children (None: no limit); by default that of its
+            kind.
+        variant: Whether it is a further meaning of an existing tag: the attributes written in a file decide
+            between them.
+        former_tags: Its names in earlier versions of BehaviorTree.CPP and py_trees.
+        rule: Reports attributes that do not fit each other or the children.
     """
 
     tag: str
@@ -255,7 +255,7 @@ class NodeSpec:
 
     @functools.cached_property
     def parameters(self) -> Mapping[str, Parameter]:
-        """The parameters of what makes an instance, by name, in their order.
+        """The parameters of its constructor or factory by name, in their order.
 
         Raises:
             RegistrationError: If the constructor cannot be written in a tree file; names the parameter.
@@ -273,12 +273,12 @@ class NodeSpec:
 
     @property
     def maker(self) -> Callable[..., Any] | None:
-        """What makes an instance: a function of its own, or the class."""
+        """The factory of its instances: a function of its own, or the class."""
         return self.signature.factory or self.cls
 
     @property
     def fixed(self) -> Mapping[str, object]:
-        """The parameters whose value the tag itself says."""
+        """The parameters whose value the tag implies."""
         return self.signature.fixed
 
     @functools.cached_property
@@ -299,7 +299,7 @@ class NodeSpec:
 
     @functools.cached_property
     def plain_defaults(self) -> dict[str, object]:
-        """What those attributes are where nothing is written."""
+        """The defaults of those attributes."""
         return {p.name: self.fixed.get(p.name, p.default) for p in self.plain}
 
     @functools.cached_property
@@ -314,22 +314,22 @@ class NodeSpec:
 
     @functools.cached_property
     def is_plain(self) -> bool:
-        """Whether it has no ports, and nothing from the mission."""
+        """Whether it has no ports, and no object from the mission."""
         return not self.ports and not self.handed_over
 
     @functools.cached_property
     def is_demanding(self) -> bool:
-        """Whether more is needed to make one than its values and the nodes in it."""
+        """Whether an instance requires more than its values and children."""
         return bool(self.references or self.handed_over) or self.cls is None
 
     @functools.cached_property
     def structure(self) -> str:
-        """What its constructor calls the nodes in it: `child` or `children`; empty for a leaf."""
+        """The constructor's parameter for its children: `child` or `children`; empty for a leaf."""
         return {Kind.CONTROL: "children", Kind.DECORATOR: "child"}.get(self.kind, "")
 
     @functools.cached_property
     def skips_by_itself(self) -> bool:
-        """Whether a tick can be skipped whatever the children do."""
+        """Whether a tick can be skipped independently of the children."""
         return self.skipping.possible is Skips.ALWAYS or (self.kind.is_leaf and "SKIPPED" in self.outcomes)
 
     @functools.cached_property

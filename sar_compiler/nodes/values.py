@@ -1,4 +1,4 @@
-"""How the text of an attribute becomes a typed value, with nothing left over."""
+"""Conversion of an attribute's whole text to a typed value."""
 
 import difflib
 import enum
@@ -32,10 +32,10 @@ _DURATION = r"([0-9]+(\.[0-9]*)?|\.[0-9]+)(ms|s|min)?"
 _SECONDS_PER_UNIT = {"ms": 0.001, "s": 1.0, "min": 60.0}
 _SEPARATOR = ";"
 JSON = "json:"
-"""What a text begins with that is JSON, for ports that take anything."""
+"""The prefix of a JSON text, for ports that take any value."""
 _LARGEST_UNSIGNED = 2**32 - 1
 
-# What BehaviorTree.CPP reads as a bool.
+# The texts that BehaviorTree.CPP reads as a bool.
 _BOOLS = {
     "true": True,
     "false": False,
@@ -49,13 +49,13 @@ _BOOLS = {
 
 
 class ConversionError(ValueError):
-    """A text is not a value of the wanted type.
+    """A text is not a value of the required type.
 
     Args:
-        message: What is wrong, in the words of the person who wrote the text.
-        suggestion: What to write instead, where that can be guessed.
-        hint: What to do, where there is no text to put in place.
-        place: Which characters of the text are meant, from and to; None for all of it.
+        message: What is wrong, in the user's terms.
+        suggestion: What to write instead, if it can be guessed.
+        hint: The remedy, if there is no replacement text.
+        place: The start and end of the wrong part of the text; None for all of it.
     """
 
     def __init__(
@@ -79,16 +79,16 @@ class ValueType:
     Attributes:
         name: Its name in a schema.
         label: Its name in a sentence, with its article: `a whole number`.
-        convert: Makes the value of a text or raises `ConversionError`.
+        convert: Converts a text to the value or raises `ConversionError`.
         pattern: A regular expression (as XSD and JSON Schema both read it) of its texts; empty: any.
-        choices: All its texts, where they can be listed.
+        choices: All its texts, if they can be listed.
         python: The type of its values; None for any.
-        cpp: Its name in a `TreeNodesModel`; empty for what can be anything.
-        least: The smallest of them, for whole numbers that have one.
-        most: The largest of them, for whole numbers that have one.
-        example: A text of such a value.
-        names_key: Whether it is the name of a key: `{goal}` is then another way to write `goal`.
-        keys_in: Returns the names of the keys in a value that is more than one name; None where there are none.
+        cpp: Its name in a `TreeNodesModel`; empty for values of any type.
+        least: The smallest value, for whole numbers that have one.
+        most: The largest value, for whole numbers that have one.
+        example: The text of such a value.
+        names_key: Whether it is the name of a key: `{goal}` is then equivalent to `goal`.
+        keys_in: Returns the names of the keys in a value that is not itself a name; None if there are none.
     """
 
     name: str
@@ -105,13 +105,13 @@ class ValueType:
     keys_in: Callable[[object], Iterable[str]] | None = None
 
     def fit(self, value: object) -> object:
-        """Make a value of this type of one that is on the blackboard.
+        """Convert a value on the blackboard to this type.
 
-        Texts are read as they would be in a file, numbers as if they were written there; a whole number
-        serves where a number is wanted, and the other way round if nothing is lost.
+        Texts are read as in a file, numbers as if they were written there; a whole number is accepted for a
+        number, and a number for a whole number if nothing is lost.
 
         Raises:
-            ConversionError: If it is no such value; the message names it.
+            ConversionError: If the value does not fit; the message names it.
         """
         fitted = self._as_python(value)
         if isinstance(fitted, int) and not self._within(fitted):
@@ -129,7 +129,7 @@ class ValueType:
             return self.convert(value)
         if isinstance(value, _NUMBERS) and self.python is not Script:  # a script is a text
             if self.python is str:
-                # What is true is 1 on the blackboard.
+                # On the blackboard, true is 1.
                 return as_text(int(value) if isinstance(value, bool) else value)
             if self.python not in _NUMBERS:
                 whole = isinstance(value, float) and value.is_integer()
@@ -142,7 +142,7 @@ class ValueType:
 
 
 def literal_value(text: str) -> int | float | str:
-    """Return the constant that a text given to a subtree is: a number where all of it is one, else a text."""
+    """Return the constant that a text given to a subtree represents: a number if all of it is one, else a text."""
     if text.startswith("+"):
         return text
     if re.fullmatch(_NO_DIGITS, text, re.IGNORECASE):
@@ -155,14 +155,14 @@ def literal_value(text: str) -> int | float | str:
 
 
 def as_text(value: bool | float) -> str:
-    """Write a number as BehaviorTree.CPP does where a text is wanted."""
+    """Write a number as BehaviorTree.CPP does where a text is required."""
     if isinstance(value, bool):
         return "true" if value else "false"
     return str(value) if isinstance(value, int) else f"{value:f}"
 
 
 def _odd(value: object, wanted: type) -> bool:
-    """Say whether Python takes a value for one of a type that a reader would not: True for a number."""
+    """Return whether Python accepts a value for a type that a reader would not: True for a number."""
     return isinstance(value, bool) and wanted is not bool
 
 
@@ -186,7 +186,7 @@ def blackboard_key(text: str, port: str = "") -> str | None:
 
     Args:
         text: The text.
-        port: The name of the port that it is written for, which is what `{=}` stands for.
+        port: The name of the port that it is written for, which `{=}` refers to.
     """
     if "{" not in text and "=" not in text:  # nearly every text
         return None
@@ -199,7 +199,7 @@ def blackboard_key(text: str, port: str = "") -> str | None:
 
 
 def value_type_of(annotation: object) -> ValueType | None:
-    """Return how values of an annotated constructor parameter are written.
+    """Return the type of an annotated constructor parameter.
 
     Args:
         annotation: The resolved annotation; `Optional[T]` counts as `T`, and `Annotated[T, value_type]` has that type.
@@ -226,7 +226,7 @@ def value_type_of(annotation: object) -> ValueType | None:
 
 
 def type_of(annotation: object) -> ValueType:
-    """Return how values of an annotation are written that is known to have a way.
+    """Return the type of an annotation that is known to have one.
 
     Raises:
         TypeError: If it has none.
@@ -238,7 +238,7 @@ def type_of(annotation: object) -> ValueType:
 
 
 def type_of_cpp_name(name: str) -> ValueType | None:
-    """Return the type that BehaviorTree.CPP's name means (in a `TreeNodesModel`); None for any other."""
+    """Return the type with a BehaviorTree.CPP name (in a `TreeNodesModel`); None for an unknown name."""
     if name.startswith("std::vector<") and name.endswith(">"):
         item = _CPP_TYPES.get(name.removeprefix("std::vector<").removesuffix(">").strip())
         return list_of(item) if item else None
@@ -246,12 +246,12 @@ def type_of_cpp_name(name: str) -> ValueType | None:
 
 
 def is_class(annotation: object) -> TypeGuard[type]:
-    """Say whether an annotation is a plain class (Python 3.10 takes `dict[str, int]` for one)."""
+    """Return whether an annotation is a plain class (Python 3.10 takes `dict[str, int]` for one)."""
     return isinstance(annotation, type) and typing.get_origin(annotation) is None
 
 
 def _said_type(annotation: object) -> ValueType | None:
-    """Return the type that an `Annotated` says in so many words."""
+    """Return the type that an `Annotated` names explicitly."""
     if typing.get_origin(annotation) is not Annotated:
         return None
     return next((note for note in typing.get_args(annotation)[1:] if isinstance(note, ValueType)), None)
@@ -277,10 +277,10 @@ def _boolean(text: str) -> bool:
 
 
 def whole_number(text: str) -> int:
-    """Return the whole number that a text is.
+    """Return the whole number that a text represents.
 
     Raises:
-        ConversionError: If it is none.
+        ConversionError: If the text is invalid.
     """
     if re.fullmatch(_INTEGER, text):
         if len(text) > _LONGEST_INTEGER:
@@ -300,9 +300,9 @@ def _unsigned(text: str) -> int:
 
 
 def at_least(least: int) -> ValueType:
-    """Return the type of the whole numbers from a smallest one on.
+    """Return the type of whole numbers with a lower limit.
 
-    It stands in an annotation: `attempts: Annotated[int, at_least(1)]`.
+    It is used in an annotation: `attempts: Annotated[int, at_least(1)]`.
 
     Args:
         least: The smallest.
@@ -329,7 +329,7 @@ def at_least(least: int) -> ValueType:
 
 
 def _up_to(largest: int) -> str:
-    """Return a regular expression of the whole numbers from 0 to one of several digits."""
+    """Return a regular expression of the whole numbers from 0 to a given one of several digits."""
     digits = str(largest)
     shorter = f"[0-9]{{1,{len(digits) - 1}}}"
     smaller = [
@@ -341,10 +341,10 @@ def _up_to(largest: int) -> str:
 
 
 def real_number(text: str) -> float:
-    """Return the number that a text is.
+    """Return the number that a text represents.
 
     Raises:
-        ConversionError: If it is none, or one too large for a float.
+        ConversionError: If the text is not a number, or it is too large for a float.
     """
     if not re.fullmatch(_REAL, text):
         message = f"'{text}' is not a number"
@@ -370,7 +370,7 @@ def _duration(text: str) -> timedelta:
 
 
 def _leading(pattern: str, text: str) -> str | None:
-    """Return the part of a text with something left over that would be a value ("12abc": 12)."""
+    """Return the leading part of an invalid text that is a valid value ("12abc": 12)."""
     match = re.match(pattern, text.strip())
     return match.group(0) if match else None
 
@@ -434,15 +434,15 @@ def list_of(item: ValueType) -> ValueType:
 
 
 def items_of(text: str, convert: Callable[[str], T], *, blanks: bool = False) -> list[T]:
-    """Return what stands between the semicolons of a text.
+    """Return the items between the semicolons of a text.
 
     Args:
         text: The text; an empty one has no items.
-        convert: Makes an item of its text or raises `ConversionError`.
+        convert: Converts the text of an item or raises `ConversionError`.
         blanks: Whether there may be blanks around an item.
 
     Raises:
-        ConversionError: If one of them is none; has its place.
+        ConversionError: If an item is invalid; has its place.
     """
     items, start = [], 0
     for part in text.split(_SEPARATOR) if text else ():
@@ -500,9 +500,9 @@ UNSIGNED = ValueType(
 CONDITION = ValueType("condition", "a script", _condition, pattern=_NOT_BLANK, python=Script, cpp=_CPP_TEXT)
 """The scripts of pre- and post-conditions, which must not be empty."""
 ANYTHING = ValueType("anything", "a value", _anything)
-"""What a port takes that carries any object; not a type for plain parameters."""
+"""The type of a port for any object; not a type for plain parameters."""
 AS_WRITTEN = ValueType("anything", "a value", str)
-"""What a port takes that carries any object, where a text in the file is a text whatever it begins with."""
+"""The type of a port for any object, for which a text in the file is a text whatever its prefix."""
 _CPP_TYPES = {
     "bool": _PLAIN[bool],
     "int": _PLAIN[int],

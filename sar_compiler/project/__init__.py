@@ -1,7 +1,7 @@
-"""From a tree file to all that is decided, known and found out about it.
+"""Loading of tree files with their project's configuration, to check, compile, simulate and verify them.
 
-What a project's configuration decides is added to what the user says: a `Workspace` has the latter, makes a `Project`
-for each configuration that it meets, and loads trees. Every command and every test of a tree goes this way.
+The settings of a project's configuration are combined with the user's: a `Workspace` has the latter, makes a `Project`
+for each configuration that it finds, and loads trees. All commands and all tests of a tree use it.
 """
 
 import functools
@@ -37,14 +37,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Additions:
-    """What the user adds to any project's configuration, and may reach anywhere with.
+    """The user's additions to any project's configuration, which may refer to any file.
 
     Attributes:
-        nodes: Leaves: import paths of modules, which may lie in the current folder; modules; classes.
+        nodes: Leaves: import paths of modules, which may be in the current folder; modules; classes.
         models: Palettes, which describe nodes that are not installed.
         include_path: Further folders that may be included from.
-        trust: Whether to run, now and until they change, the modules that configurations bring along.
-        registry: What tags mean; None for what is installed, and named.
+        trust: Whether to run, now and until they change, the modules beside configurations.
+        registry: The registered nodes; None for the installed and named ones.
     """
 
     nodes: tuple[Named, ...] = ()
@@ -56,12 +56,12 @@ class Additions:
 
 @dataclass
 class Project:
-    """What the tree files of one configuration have in common.
+    """The common settings of the tree files of one configuration.
 
     Attributes:
-        configuration: What is decided for them.
-        checkout: The folder that brings no code: the repository, or what lies beside the configuration.
-        additions: What the user adds.
+        configuration: Their configuration.
+        checkout: The folder whose code is not trusted: the repository, or the configuration's folder.
+        additions: The user's additions.
     """
 
     configuration: Configuration
@@ -70,7 +70,7 @@ class Project:
 
     @functools.cached_property
     def registry(self) -> Registry:
-        """What tags mean.
+        """The registered nodes.
 
         Raises:
             TreeError: If the configuration names modules that are neither installed nor trusted.
@@ -86,7 +86,7 @@ class Project:
         return load_registry(self.additions.nodes, wanted, self.checkout)
 
     def _require_trust(self, modules: list[str]) -> None:
-        """Let modules be imported that lie beside the configuration, if the user trusts them."""
+        """Allow the import of modules beside the configuration, if the user trusts them."""
         path = self.configuration.path
         assert path is not None  # noqa: S101 - it has named the modules
         content = Content.of(path, modules)
@@ -104,17 +104,17 @@ class Project:
 
     @functools.cached_property
     def palettes(self) -> tuple[TreeFile, ...]:
-        """What describes nodes that are not installed.
+        """The palettes, which describe nodes that are not installed.
 
         Raises:
-            UnreadableFileError: If a file is not there or cannot be read.
+            UnreadableFileError: If a file does not exist or cannot be read.
             TreeError: If one is malformed.
         """
         return tuple(read_tree_file(path) for path in (*self.additions.models, *self.configuration.models))
 
     @functools.cached_property
     def findings(self) -> list[Diagnostic]:
-        """What is wrong with the palettes, whatever tree they are for."""
+        """The findings about the palettes, for any tree."""
         return self.configuration.decide(check_palettes(self.palettes, self.registry))
 
     @property
@@ -125,12 +125,12 @@ class Project:
 
 @dataclass
 class Workspace:
-    """Loads tree files, each with what its project decides.
+    """Loads tree files, each with the settings of its project.
 
     Attributes:
-        additions: What the user adds.
-        read: Reads one tree file; an editor has the text of those that are open.
-        note: Is told what is passed over for safety's sake, each once.
+        additions: The user's additions.
+        read: Reads one tree file; an editor provides the text of open ones.
+        note: Called once for each thing that is ignored for safety.
     """
 
     additions: Additions = field(default_factory=Additions)
@@ -146,7 +146,7 @@ class Workspace:
             tree: The path of a tree file, or the name of a shipped tree.
 
         Raises:
-            UnreadableFileError: If the file is not there or cannot be read.
+            UnreadableFileError: If the file does not exist or cannot be read.
             TreeError: If the project's configuration has mistakes.
         """
         path = find_tree(str(tree))
@@ -157,7 +157,7 @@ class Workspace:
 
         Raises:
             UnreadableFileError: If its configuration cannot be read.
-            TreeError: If that has mistakes.
+            TreeError: If the configuration has mistakes.
         """
 
         def pass_over(foreign: Path) -> None:
@@ -183,15 +183,15 @@ class Workspace:
 
 
 class LoadedTree:
-    """A tree file with everything that it includes, and all that its project decides.
+    """A tree file with all that it includes, and the settings of its project.
 
     Args:
         path: The file.
-        project: What is decided for it.
+        project: The settings of its project.
         read: Reads one tree file.
 
     Raises:
-        UnreadableFileError: If the file is not there or cannot be read.
+        UnreadableFileError: If the file does not exist or cannot be read.
     """
 
     def __init__(self, path: Path, project: Project, read: Read = read_tree_file) -> None:
@@ -220,7 +220,7 @@ class LoadedTree:
 
     @property
     def tree_file(self) -> TreeFile | None:
-        """What the file itself says; None if it is malformed."""
+        """The content of the file itself; None if it is malformed."""
         return self._forest.main if self._forest is not None else None
 
     @property
@@ -230,14 +230,14 @@ class LoadedTree:
 
     @functools.cached_property
     def findings(self) -> list[Diagnostic]:
-        """What is wrong with the file and those that it includes, as bad as the project says."""
+        """The findings about the file and those that it includes, with the project's severities."""
         if self._forest is None:
             return list(self._malformed)
         project = self.project
         return project.configuration.decide(check(self._forest, project.registry, project.palettes))
 
     def check(self) -> list[Diagnostic]:
-        """Return everything that is wrong: with the palettes, the file, and the files that it includes.
+        """Return all findings about the palettes, the file, and the files that it includes.
 
         Raises:
             TreeError: If a palette is malformed, or the configuration names modules that are not trusted.
@@ -260,16 +260,16 @@ class LoadedTree:
     def _require_no_errors(self, *, tree_named: bool) -> None:
         errors = [each for each in self.check() if each.severity is Severity.ERROR]
         if tree_named:
-            # Which tree is the main one does not matter where one is asked for.
+            # The main tree does not matter if another one is requested.
             errors = [each for each in errors if each.code != "no-main-tree"]
         if errors:
             raise TreeError(errors)
 
     def stage(self, tree_id: str | None = None) -> "Stage":
-        """Return what scenarios are played on.
+        """Return the stage on which scenarios are played.
 
         Args:
-            tree_id: The tree that is played where a scenario names none; by default the one that the file executes.
+            tree_id: The tree that is played if a scenario names none; by default the one that the file executes.
 
         Raises:
             TreeError: If there are errors.
@@ -291,14 +291,14 @@ class LoadedTree:
 
         Args:
             node: The node that it will be ticked on: its clock is the tree's, its parameters are keys of the root
-                blackboard. Without one, the clock is the machine's steady one.
-            parameters: Further keys of the root blackboard; they count before the node's parameters.
-            context: Objects that leaves ask for in their constructors, by their type.
+                blackboard. Without a node, the steady clock is used.
+            parameters: Further keys of the root blackboard; they override the node's parameters.
+            context: Objects that leaves require in their constructors, by their type.
             tree_id: The tree in the file; by default the one that the file executes.
 
         Raises:
-            TreeError: If there are errors, a key has no value or one that does not fit, a leaf needs an object that
-                *context* does not have, or a constructor refuses its arguments.
+            TreeError: If there are errors, a key has no value or an invalid one, a leaf needs an object that is
+                not in *context*, or a constructor refuses its arguments.
         """
         binding = self.binding(tree_id)
         of_node: dict[str, object] = {}
@@ -311,7 +311,7 @@ class LoadedTree:
         return compile_tree(binding, {**clock, **(context or {})}, {**of_node, **(parameters or {})})
 
     def preview(self, tree_id: str | None = None) -> CompiledTree:
-        """Compile a tree with stand-ins for what only a mission has, to be looked at.
+        """Compile a tree for display, with stand-ins for the objects of a mission.
 
         Raises:
             TreeError: If there are errors.
@@ -325,17 +325,17 @@ class LoadedTree:
         scenario: Mapping[str, object] | None = None,
         **scripts: object,
     ) -> "Simulated":
-        """Return the tree with leaves that answer by a script, to be ticked on a clock that is moved by hand.
+        """Return the tree with scripted leaves, to be ticked on a manual clock.
 
-        What is written is what a scenario's file has, with lists and dictionaries for YAML's.
+        The arguments correspond to a scenario file, with Python's lists and dictionaries for YAML's.
 
         Args:
-            leaves: What leaves answer, by path, name or tag: `{"Patrol/NavigateToZone": ["aborted", "arrived"]}`.
-            scenario: What else a scenario says: `{"tree": "Main", "facts": {"zones_left": 1}, "period": "0.1s"}`.
-            **scripts: What leaves answer, for names that are Python's: `NavigateToZone=["aborted", "arrived"]`.
+            leaves: The answers of leaves, by path, name or tag: `{"Patrol/NavigateToZone": ["aborted", "arrived"]}`.
+            scenario: The other keys of a scenario: `{"tree": "Main", "facts": {"zones_left": 1}, "period": "0.1s"}`.
+            **scripts: The answers of leaves whose names are Python identifiers: `NavigateToZone=["aborted", "arrived"]`.
 
         Raises:
-            TreeError: If there are errors, or the script says something of a leaf that it never does.
+            TreeError: If there are errors, or the script has an answer that a leaf never gives.
         """
         from sar_compiler.project.simulated import simulated
 
@@ -350,18 +350,18 @@ class LoadedTree:
         max_states: int = 1_000_000,
         report: "Callable[[Progress], None]" = lambda _progress: None,
     ) -> "Verification":
-        """Go through all possible runs of the tree, and find out what holds in every one.
+        """Check properties in all possible runs of the tree.
 
         Args:
-            properties: A file that says what must hold; by default the mission's own for a mission with zones.
-            facts: What facts are at the start, besides what the file says: `{"zones_left": 4}`.
+            properties: A file with the properties; by default the mission's own for a mission with zones.
+            facts: The initial values of facts, in addition to the file's: `{"zones_left": 4}`.
             tree_id: The tree in the file; by default the one that the file executes.
-            max_states: How many states to go through at most.
-            report: Is told now and then how far it is.
+            max_states: The largest number of states to explore.
+            report: Called from time to time with the progress.
 
         Raises:
-            TreeError: If there are errors, or the file of properties says something that makes no sense for the tree.
-            UndecidableError: If the runs of the tree cannot be gone through.
+            TreeError: If there are errors, or a property makes no sense for the tree.
+            UndecidableError: If the runs of the tree cannot be enumerated.
         """
         from sar_compiler.project.proof import verified
 
@@ -376,19 +376,19 @@ def load(
     include_path: Iterable[str | Path] = (),
     registry: Registry | None = None,
 ) -> LoadedTree:
-    """Load a tree file, with what its project's configuration decides.
+    """Load a tree file, with the settings of its project's configuration.
 
     Args:
         tree: The path of a tree file, or the name of a shipped tree (`search_and_rescue`).
         nodes: Leaves of your own: classes, modules, or import paths of modules.
         models: Palettes, which describe nodes that are not installed.
         include_path: Further folders that the file may include from.
-        registry: What tags mean, in place of what is installed and *nodes*.
+        registry: The registered nodes, instead of the installed ones and *nodes*.
 
     Raises:
-        UnreadableFileError: If the file is not there or cannot be read.
-        TreeError: If the project's configuration has mistakes. What is wrong with the tree, `check` returns, and
-            `compile`, `simulate` and `verify` raise.
+        UnreadableFileError: If the file does not exist or cannot be read.
+        TreeError: If the project's configuration has mistakes. Findings about the tree are returned by `check`, and
+            raised by `compile`, `simulate` and `verify`.
     """
     palettes, folders = (tuple(Path(path) for path in each) for each in (models, include_path))
     additions = Additions(tuple(nodes), palettes, folders, registry=registry)

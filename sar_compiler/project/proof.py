@@ -1,4 +1,4 @@
-"""Verifying a loaded tree, with what a file of properties and its user say of the world."""
+"""Verifying a loaded tree, with a file of properties and the user's facts."""
 
 import contextlib
 from collections.abc import Callable, Mapping
@@ -30,14 +30,14 @@ def verified(
     """Verify a bound tree; see `LoadedTree.verify`."""
     file = _properties(properties, binding, tree.project.checkout)
     parameters = {} if file is None else file.parameters
-    # What is wrong with the file is raised when all of it is known.
+    # The findings about the file are raised when all of them are known.
     with contextlib.nullcontext() if file is None else file.document.findings_first():
         simulated = compile_simulated(binding, parameters)
         assumed = Assumptions()
         if file is not None:
             assumed = read_assumptions(file.document, file.facts, file.answers, simulated)
         if facts:
-            # What the file says may be about facts of its own.
+            # The file may declare facts of its own.
             typed = _of_the_user(facts, compile_simulated(binding, parameters, assumed))
             assumed = Assumptions({**assumed.facts, **typed.facts}, assumed.answers)
         simulated = compile_simulated(binding, parameters, assumed)
@@ -47,7 +47,7 @@ def verified(
 
 
 def _properties(path: str | Path | None, binding: Binding, checkout: Path) -> PropertyFile | None:
-    """Return what must hold: what the user names, else what the tree's mission demands."""
+    """Return the properties: those that the user names, else those of the tree's mission."""
     mission = choose_mission(binding, checkout=checkout) if path is None else None
     if mission is not None:
         path = mission.default_properties({bound.spec.cls for bound in binding.nodes() if bound.spec.cls})
@@ -55,7 +55,7 @@ def _properties(path: str | Path | None, binding: Binding, checkout: Path) -> Pr
 
 
 def _of_the_user(facts: Mapping[str, object] | Document, simulated: SimulatedTree) -> Assumptions:
-    """Return what the user says of facts."""
+    """Return the user's facts."""
     if not isinstance(facts, Document):
         text = yaml.safe_dump(dict(facts), allow_unicode=True, sort_keys=False)
         facts = parse_yaml(text, "facts", "name a fact")

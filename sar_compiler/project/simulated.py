@@ -1,4 +1,4 @@
-"""Ticking a loaded tree by a script, and comparing what comes of it with what was expected."""
+"""Ticking a loaded tree by a script, and comparing the result with expectations."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -27,10 +27,10 @@ def simulated(tree: "LoadedTree", script: Mapping[str, object]) -> "Simulated":
 
 
 def play_scenario(tree: "LoadedTree", scenario: str | Path) -> None:
-    """Play a scenario's file, and compare with what it expects.
+    """Play a scenario file, and compare the result with its expectations.
 
     Raises:
-        AssertionError: If something does not hold, with the trace.
+        AssertionError: If an expectation is not met, with the trace.
         TreeError: If the tree or the scenario is not valid.
     """
     play = read_scenario(scenario, tree.stage())
@@ -39,7 +39,7 @@ def play_scenario(tree: "LoadedTree", scenario: str | Path) -> None:
 
 
 class Simulated:
-    """A tree that is being ticked by a script.
+    """A tree that is ticked by a script.
 
     Args:
         play: The tree and the script.
@@ -60,16 +60,16 @@ class Simulated:
 
     @property
     def facts(self) -> Mapping[str, object]:
-        """The facts as they are now."""
+        """The current facts."""
         return self.run.simulated.fact_values()
 
     @property
     def trace(self) -> str:
-        """What has happened, as `sar-compile simulate` prints it."""
+        """The trace so far, as `sar-compile simulate` prints it."""
         return trace(self.run)
 
     def until_end(self) -> "Simulated":
-        """Tick until the end: until the root has succeeded or failed, if the scenario's `until` is nothing else.
+        """Tick until the end: until the root has succeeded or failed, unless the scenario has another `until`.
 
         Raises:
             AssertionError: If there is no end within the scenario's `ticks`, or a tick cannot be finished.
@@ -80,21 +80,21 @@ class Simulated:
         return self
 
     def tick(self, times: int = 1) -> "Simulated":
-        """Tick so many times, whether the end has come or not.
+        """Tick a number of times, regardless of the end.
 
         Raises:
-            Exception: Whatever a node raises.
+            Exception: Any exception of a node.
         """
         for _ in range(times):
             self._simulation.tick()
         return self
 
     def expect(self, **expectations: object) -> None:
-        """Compare what has happened with what a scenario's `expect` would say: `root`, `order`, `never`, `count`...
+        """Compare the run with expectations as in a scenario's `expect`: `root`, `order`, `never`, `count`...
 
         Raises:
-            AssertionError: If something does not hold, with the trace.
-            TreeError: If something is expected of a leaf that it never does.
+            AssertionError: If an expectation is not met, with the trace.
+            TreeError: If an answer is expected that a leaf never gives.
         """
         run = self.run
         document = _written({"expect": expectations})
@@ -113,7 +113,7 @@ def _written(said: Mapping[str, object]) -> Document:
 
 
 def _complain(run: Run, missed: list[Failure], golden: Path | None = None) -> None:
-    """Raise what does not hold, with the trace."""
+    """Raise the expectations that are not met, with the trace."""
     different = difference(golden, trace(run), "the trace now") if golden else None
     if different is not None:
         missed = [*missed, Failure("trace", different)]

@@ -1,10 +1,9 @@
-"""Modules that a configuration names and that lie beside it: imported only as they were when the user trusted them.
+"""Modules beside a configuration that it names: imported only in the state in which the user trusted them.
 
-What is trusted is a path and a content: the configuration file, and every file of the packages (or the modules) that
-it names. One digest stands for all of it, and a file of that name in the user's state folder says that it was trusted;
-whatever changes, the digest is another one. Only the files that went into it are imported, from their source: a
-compiled module, which may say something else than the source beside it, is not looked at, nor is a module next to
-those that are named.
+Trust applies to a path and its content: the configuration file, and every file of the packages (or the modules) that
+it names. A digest identifies all of it, and a file of that name in the user's state folder records that it is trusted;
+any change results in another digest. Only the files covered by it are imported, from their source: compiled modules,
+which may differ from the source beside them, are ignored, and so are modules next to those that are named.
 """
 
 import hashlib
@@ -35,7 +34,7 @@ class TrustError(SarError):
 
 @dataclass(frozen=True)
 class Content:
-    """What would be run for a configuration.
+    """The code that would be run for a configuration.
 
     Attributes:
         configuration: The configuration file.
@@ -49,9 +48,9 @@ class Content:
 
     @classmethod
     def of(cls, configuration: Path, modules: Iterable[str]) -> "Content":
-        """Return what would be run for a configuration that names modules.
+        """Return the code that would be run for a configuration that names modules.
 
-        Links to what lies elsewhere are left out, and so are not imported either.
+        Links to files elsewhere are left out, and therefore not imported either.
         """
         packages = frozenset(module.partition(".")[0] for module in modules)
         folder = configuration.parent
@@ -61,14 +60,14 @@ class Content:
 
     @property
     def is_trusted(self) -> bool:
-        """Whether the user has trusted just this."""
+        """Whether the user trusts exactly this content."""
         return self._record.is_file()
 
     def trust(self) -> None:
-        """Record that the user trusts this.
+        """Record that the user trusts this content.
 
         Raises:
-            TrustError: If that cannot be written.
+            TrustError: If the record cannot be written.
         """
         try:
             self._record.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
@@ -79,7 +78,7 @@ class Content:
 
     @property
     def _record(self) -> Path:
-        """The file that is there if this is trusted."""
+        """The file that records the trust in this content."""
         digest = hashlib.sha256()
         for path in sorted((self.configuration, *self.files)):
             digest.update(hashlib.sha256(str(path).encode()).digest())
@@ -87,13 +86,13 @@ class Content:
         return trust_folder() / digest.hexdigest()
 
     def make_importable(self) -> None:
-        """Let these modules be imported, before others of their names."""
+        """Allow the import of these modules, with precedence over others of their names."""
         if not any(isinstance(each, _Finder) and each.content == self for each in sys.meta_path):
             sys.meta_path.insert(0, _Finder(self))
 
 
 def trust_folder() -> Path:
-    """Return the folder with what the user trusts: a file for each, which names the configuration."""
+    """Return the folder of the user's trust records: a file for each, which names the configuration."""
     state = Path(os.environ.get("XDG_STATE_HOME", ""))
     return (state if state.is_absolute() else Path.home() / ".local" / "state") / "sar_compiler" / "trusted"
 
@@ -114,10 +113,10 @@ class _Finder(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Return how a module is loaded; None for modules that are none of these.
+        """Return the spec of a module; None if it is not part of this content.
 
         Raises:
-            ModuleNotFoundError: If it was not there when the others were trusted.
+            ModuleNotFoundError: If it did not exist when the others were trusted.
         """
         del target
         if fullname.partition(".")[0] not in self.content.packages:
@@ -136,6 +135,6 @@ class _Finder(MetaPathFinder):
 
 class _SourceLoader(SourceFileLoader):
     def get_code(self, fullname: str) -> CodeType:
-        """Compile the source; what is compiled already is not looked at."""
+        """Compile the source; compiled files are ignored."""
         source = self.get_filename(fullname)
         return self.source_to_code(self.get_data(source), source)

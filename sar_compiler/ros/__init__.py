@@ -1,1 +1,1 @@
-"""The edge to ROS 2: the runner of trees, the wait for what they need, parameters, the two servers."""
+"""The interface to ROS 2: the runner of trees, the wait for their requirements, parameters, servers."""

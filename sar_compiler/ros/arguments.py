@@ -1,4 +1,4 @@
-"""Command lines with ROS arguments, taken apart and put together; works without ROS."""
+"""Splitting and composing of command lines with ROS arguments; works without ROS."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,11 +15,11 @@ _REMAP_FLAGS = ("-r", "--remap")
 
 @dataclass(frozen=True)
 class SplitArguments:
-    """A command line, taken apart.
+    """A command line, split in two.
 
     Attributes:
-        own: What is the command's own.
-        ros: What is ROS's, without the `--ros-args` and `--` around it.
+        own: The command's own arguments.
+        ros: The ROS arguments, without the enclosing `--ros-args` and `--`.
     """
 
     own: list[str]
@@ -27,7 +27,7 @@ class SplitArguments:
 
 
 def split_arguments(argv: Sequence[str]) -> SplitArguments:
-    """Take a command line apart: what stands between `--ros-args` and `--` (or the end) is ROS's."""
+    """Split a command line: arguments between `--ros-args` and `--` (or the end) belong to ROS."""
     own: list[str] = []
     ros: list[str] = []
     inside = False
@@ -46,7 +46,7 @@ def init_arguments(ros: Sequence[str], params_file: Path | None = None) -> list[
 
     Args:
         ros: The user's own ROS arguments, without `--ros-args`.
-        params_file: A parameter file that counts before all of them.
+        params_file: A parameter file that is applied before all of them.
 
     Raises:
         ParameterFileError: If a parameter file, also one among the user's own arguments, is one that
@@ -61,25 +61,25 @@ def init_arguments(ros: Sequence[str], params_file: Path | None = None) -> list[
 
 
 def names_parameter_file(ros: Sequence[str]) -> bool:
-    """Say whether the user's own ROS arguments name a parameter file."""
+    """Return whether the user's own ROS arguments name a parameter file."""
     return _FILE_FLAG in ros
 
 
 def parameter_files(ros: Sequence[str], params_file: Path | None = None) -> list[Path]:
-    """Return the parameter files that count: the one given apart, then those among the ROS arguments."""
+    """Return the parameter files in use: the one given separately, then those among the ROS arguments."""
     first = [] if params_file is None else [params_file]
     return first + [Path(value) for flag, value in pairwise(ros) if flag == _FILE_FLAG]
 
 
 def node_arguments(ros: Sequence[str]) -> list[str]:
-    """Return the arguments that a node must be given by itself, besides those of `rclpy.init`.
+    """Return the arguments for the node itself, in addition to those of `rclpy.init`.
 
-    A `-p name:=value` must win over a file before it. ROS sees to that only within one section: given
-    for all of the process the value belongs to `/**`, and a section of the file with the node's name
-    that stands after a `/**` wins. A node's own arguments come last of all.
+    A `-p name:=value` must override a file before it. ROS ensures this only within one section: a value
+    given for the whole process belongs to `/**`, and is overridden by a later section of the file with
+    the node's name. A node's own arguments are applied last.
 
-    A new name (`-r __node:=name`) is for this node alone: given for all of the process it would rename the
-    servers and the simulator's nodes in it, too.
+    A new name (`-r __node:=name`) is for this node only: given for the whole process it would also rename
+    the servers' and the simulator's nodes in it.
 
     Args:
         ros: The user's own ROS arguments, without `--ros-args`.
@@ -93,7 +93,7 @@ def node_arguments(ros: Sequence[str]) -> list[str]:
 
 
 def _names_nodes(flag: str, rule: str) -> bool:
-    """Say whether a flag and its rule give nodes a name."""
+    """Return whether a flag and its rule rename nodes."""
     return flag in _REMAP_FLAGS and rule.startswith(("__node:=", "__name:="))
 
 

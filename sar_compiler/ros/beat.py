@@ -10,13 +10,13 @@ from sar_compiler.ros.blame import described
 
 
 class Beat:
-    """Ticks by a node's clock, and by the steady one while the node's clock stands still.
+    """Ticks by a node's clock, and by the steady clock while the node's clock is stopped.
 
     Args:
-        node: The node whose clock counts.
+        node: The node whose clock is used.
         period_sec: Seconds between two ticks.
-        tick: Ticks.
-        count: Says how often the tree has been ticked, by whomever.
+        tick: Ticks the tree.
+        count: Returns the number of ticks of the tree so far, including those from elsewhere.
     """
 
     def __init__(
@@ -31,11 +31,11 @@ class Beat:
             node.create_timer(period_sec, tick),
             node.create_timer(period_sec, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME)),
         ]
-        # What stands still is seen at the first look already, one period from now.
+        # A stopped clock is noticed at the first check, one period from now.
         self._look()
 
     def destroy(self) -> None:
-        """Give the timers back; the context may be down already."""
+        """Destroy the timers; the context may be shut down already."""
         timers, self._timers = self._timers, []
         for timer in timers:
             self._destroy(timer)
@@ -48,7 +48,7 @@ class Beat:
             self._node.get_logger().debug(f"a timer could not be given back: {described(error)}")
 
     def _look(self) -> tuple[bool, bool]:
-        """Return whether nothing was ticked, and whether the clock stood still, since the last look."""
+        """Return whether there was no tick, and whether the clock was stopped, since the last call."""
         seen = (self._count(), self._node.get_clock().now().nanoseconds)
         unticked, still = (seen[0] == self._seen[0], seen[1] == self._seen[1])
         self._seen = seen
@@ -57,8 +57,8 @@ class Beat:
     def _watch(self) -> None:
         """Tick if the node's clock does not, because it is paused, missing, or was set back.
 
-        The leaves' deadlines on the machinery are steady and must be looked at all the same. A simulation
-        that is only slow is left alone.
+        The leaves' deadlines for servers use the steady clock and must be checked nevertheless. No ticks are added
+        to a simulation that is only slow.
         """
         unticked, still = self._look()
         self._silent = self._silent + 1 if unticked else 0

@@ -1,4 +1,4 @@
-"""Whose exception it was, and saying so in the log."""
+"""Finding the behaviour that raised an exception, and logging it."""
 
 import traceback
 
@@ -9,7 +9,7 @@ from sar_compiler.errors import SarError
 
 
 def described(error: BaseException) -> str:
-    """Return an exception's type and text in one line; one of the project's says enough without its type."""
+    """Return an exception's type and text in one line; the project's own need no type."""
     text = " ".join(str(error).split())
     if isinstance(error, SarError):
         return text
@@ -41,7 +41,7 @@ def tell(node: Node | None, text: str, error: BaseException | None = None) -> No
     Args:
         node: The node.
         text: What is wrong.
-        error: The exception behind it; its traceback is logged for those who debug.
+        error: Its cause; the traceback is logged at debug level.
     """
     if node is None:
         return
@@ -51,14 +51,14 @@ def tell(node: Node | None, text: str, error: BaseException | None = None) -> No
 
 
 def tell_failure(node: Node | None, error: BaseException) -> Behaviour | None:
-    """Log what a tick raised, because of which the tree is stopped.
+    """Log an exception raised in a tick, because of which the tree is stopped.
 
     Args:
         node: The node that the tree is ticked on.
-        error: What was raised.
+        error: The exception.
 
     Returns:
-        The behaviour that raised it; None if it was none of the tree.
+        The behaviour that raised it; None if it was not a behaviour of the tree.
     """
     behaviour = raised_in(error)
     tell(node, f"{blamed(behaviour)} failed: {described(error)}. The tree is stopped.", error)

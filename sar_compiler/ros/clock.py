@@ -6,7 +6,7 @@ _NANOSECONDS = 1_000_000_000
 
 
 class RosClock:
-    """Seconds of a node's clock, which is the simulator's under `use_sim_time`.
+    """The time of a node's clock in seconds, which is the simulator's under `use_sim_time`.
 
     Args:
         node: The node.

@@ -1,4 +1,4 @@
-"""How deep a tree may be for Python to tick and to stop it."""
+"""The limit of a tree's depth for Python's stack."""
 
 import sys
 
@@ -14,7 +14,7 @@ _FRAMES_AROUND = 200
 
 
 class TreeTooDeepError(SarError):
-    """A tree is nested more deeply than Python can follow.
+    """A tree is nested too deeply for Python's stack.
 
     Attributes:
         depth: Its number of levels.
@@ -28,10 +28,10 @@ class TreeTooDeepError(SarError):
 
 
 def require_tickable_depth(root: Behaviour) -> None:
-    """See that a tree can be ticked and stopped without running out of stack.
+    """Check that a tree can be ticked and stopped without a stack overflow.
 
     Raises:
-        TreeTooDeepError: If it cannot.
+        TreeTooDeepError: If it is too deep.
     """
     limit = sys.getrecursionlimit() - _FRAMES_AROUND
     depth, deepest, level = 0, 0, [(root, 0)]

@@ -1,4 +1,4 @@
-"""What ticks a tree: the project's own runner, or `py_trees_ros` where it is installed."""
+"""The engine that ticks a tree: the project's own runner, or `py_trees_ros` if installed."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -13,45 +13,45 @@ from sar_compiler.ros.runner import TreeRunner
 
 
 class EngineError(SarError):
-    """The engine that was asked for is not here."""
+    """The requested engine is not installed."""
 
 
 class Engine(Protocol):
-    """What a run needs of whoever ticks its tree; see `TreeRunner` for what each does.
+    """The interface between a run and the engine that ticks its tree; see `TreeRunner` for the methods.
 
     Attributes:
-        count: How often the tree was ticked.
-        failure: What a leaf (or a handler) raised; the tree was stopped by it.
+        count: The number of ticks so far.
+        failure: The exception of a leaf or a handler that stopped the tree; None if there was none.
     """
 
     count: int
     failure: Exception | None
 
     def add_post_tick_handler(self, handler: Callable[[BehaviourTree], None]) -> None:
-        """Have a handler called after every tick."""
+        """Register a handler to be called after every tick."""
 
     def setup(self, node: Node) -> None:
         """Set up every behaviour of the tree on a node.
 
         Raises:
-            SetupFailedError: If the setup of a behaviour raised something; the others are shut down.
+            SetupFailedError: If the setup of a behaviour raised an exception; the others are shut down.
         """
 
     def tick_tock(self, period_ms: float) -> None:
         """Start ticking, from the node's executor, and return at once."""
 
     def settle(self, executor: Executor) -> list[str]:
-        """Stop the tree, and wait shortly for its leaves; returns the names of those that are not done."""
+        """Stop the tree, and wait briefly for its leaves; returns the names of those that are still active."""
 
     def shutdown(self) -> None:
-        """Stop the tree and give back what it has."""
+        """Stop the tree and release its resources."""
 
 
 EngineFactory = Callable[[Behaviour], Engine]
 
 
 def find_engine(name: str) -> EngineFactory:
-    """Return what makes an engine for a tree.
+    """Return the factory that makes an engine for a tree.
 
     Args:
         name: `own`, or `py_trees_ros`.

@@ -1,4 +1,4 @@
-"""What ROS has to say about its arguments and names, put into words."""
+"""Readable messages for the errors of ROS about its arguments and names."""
 
 import re
 from collections.abc import Iterator
@@ -16,10 +16,10 @@ class RosArgumentError(SarError):
 
 @contextmanager
 def readable_ros_errors() -> Iterator[None]:
-    """Turn what ROS has to say about its arguments and names, in the block, into plain words.
+    """Convert errors of ROS about its arguments and names, raised in the block, to readable ones.
 
     Raises:
-        RosArgumentError: In the place of rclpy's own errors.
+        RosArgumentError: Instead of rclpy's own errors.
     """
     try:
         yield
@@ -42,7 +42,7 @@ _FORMS = {
 
 
 def _in_words(text: str) -> str:
-    """Put an error of rcl into words, without the places in rcl's own source."""
+    """Return a readable text for an error of rcl, without the places in rcl's source code."""
     text = re.sub(r"(, at /\S+:\d+)+$", "", text.strip())
     text = re.sub(r"\s*, at /\S+:\d+", "", text).removeprefix("failed to initialize rcl: ")
     trailing = re.search(r"Couldn't parse trailing (\S+) flag", text)
@@ -56,7 +56,7 @@ def _in_words(text: str) -> str:
     return f"'{given}' is not understood: {in_name or _FORMS.get(kind, reason)}"
 
 
-# What rcl refuses in the new name of a rule, beside single characters.
+# The patterns that rcl refuses in the new name of a rule, besides single characters.
 _FAULTS = {
     r"^$": "there is no name after :=",
     r"(^|/)\d": "a name, and each part of it between slashes, begins with a letter or _",
@@ -66,7 +66,7 @@ _FAULTS = {
 
 
 def _wrong_in_remap(rule: str) -> str | None:
-    """Say which name of `from:=to` ROS does not take, and why; None where the form itself is wrong."""
+    """Return which name of `from:=to` is invalid for ROS, and why; None if the form itself is wrong."""
     old, assigned, new = rule.partition(":=")
     if not assigned or not old:
         return None

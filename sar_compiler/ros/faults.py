@@ -1,4 +1,4 @@
-"""Misbehaviour on request: what `--fault` says, and a service server that can do it.
+"""Fault injection: the faults given by `--fault`, and a service server that can produce them.
 
 The parsing and the bookkeeping are plain Python; only :func:`create_service` touches ROS.
 """
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 NAVIGATION = "navigate_to_pose"
 NAVIGATION_FAULTS = {NAVIGATION: ("abort", "reject", "die")}
-"""What can go wrong with the stand-in for Nav2, whatever the mission."""
+"""The faults of the stand-in for Nav2, the same for every mission."""
 
 # How each fault is written.
 _FORMS = {
@@ -36,8 +36,8 @@ class FaultError(SarError):
     """A fault cannot be understood, or cannot happen.
 
     Attributes:
-        spec: What was asked for.
-        problem: What is wrong with it.
+        spec: The fault as written.
+        problem: The error in it.
     """
 
     def __init__(self, spec: str, problem: str) -> None:
@@ -47,16 +47,16 @@ class FaultError(SarError):
 
 @dataclass(frozen=True)
 class Fault:
-    """One kind of misbehaviour.
+    """A fault of a simulated server.
 
     Attributes:
         target: The service or action, such as `navigate_to_pose`.
         kind: `drop`, `delay`, `refuse`, `abort`, `reject` or `die`.
-        count: How many calls or goals it befalls (`drop`, `refuse`, `reject`).
-        seconds: How long each answer is held back, on the server's clock (`delay`).
-        zone: The zone that it befalls (`abort`, `die`).
-        back: When a dead server comes back, simulated seconds later; None for never (`die`).
-        text: How it was written.
+        count: The number of calls or goals that it affects (`drop`, `refuse`, `reject`).
+        seconds: The delay of each answer in seconds of the server's clock (`delay`).
+        zone: The zone that it affects (`abort`, `die`).
+        back: The time until a dead server returns, in simulated seconds; None for never (`die`).
+        text: The fault as written.
     """
 
     target: str
@@ -75,11 +75,11 @@ def parse_fault(text: str, targets: Mapping[str, Collection[str]]) -> Fault:
     """Read one fault, for instance `report_survivor:drop=2` or `navigate_to_pose:die@zone_c,back=5`.
 
     Args:
-        text: What was written.
-        targets: What can go wrong, by the service or action that it goes wrong with.
+        text: The fault as written.
+        targets: The possible faults by service or action.
 
     Raises:
-        FaultError: If it cannot be understood; the message says what is allowed.
+        FaultError: If it is invalid; the message says what is allowed.
     """
     target, colon, rest = text.strip().partition(":")
     _known(text, "target", target, targets)
@@ -107,12 +107,12 @@ def parse_fault(text: str, targets: Mapping[str, Collection[str]]) -> Fault:
 
 @dataclass(frozen=True)
 class CallFate:
-    """What happens to one service call.
+    """The faults applied to one service call.
 
     Attributes:
-        drop: It gets no answer, ever.
-        delay_sec: Its answer is held back so long, on the server's clock.
-        refuse: The server says no.
+        drop: Whether it is never answered.
+        delay_sec: The delay of its answer in seconds of the server's clock.
+        refuse: Whether the server refuses it.
     """
 
     drop: bool = False
@@ -121,7 +121,7 @@ class CallFate:
 
 
 class ServiceFaults:
-    """The faults of one service, used up call by call: first what is dropped, then what is refused."""
+    """The faults of one service, consumed call by call: first the drops, then the refusals."""
 
     def __init__(self, faults: Sequence[Fault] = ()) -> None:
         self._drops = sum(fault.count for fault in faults if fault.kind == "drop")
@@ -140,12 +140,12 @@ class ServiceFaults:
 
 @dataclass(frozen=True)
 class GoalFate:
-    """What happens to one accepted navigation goal.
+    """The faults applied to one accepted navigation goal.
 
     Attributes:
-        abort: It is aborted at once, as out of reach.
-        die: The server disappears while driving there.
-        back_sec: When it comes back, simulated seconds later; None for never.
+        abort: Whether it is aborted at once, as out of reach.
+        die: Whether the server disappears on the way there.
+        back_sec: The time until the server returns, in simulated seconds; None for never.
     """
 
     abort: bool = False
@@ -163,10 +163,10 @@ class NavigationFaults:
         self.zones = {fault.zone: fault for fault in faults if fault.zone}
 
     def check_zones(self, known: Collection[str]) -> None:
-        """Make sure that every zone of a fault exists.
+        """Check that every zone of a fault exists.
 
         Raises:
-            FaultError: If one does not.
+            FaultError: If a zone does not exist.
         """
         for zone, fault in self.zones.items():
             _known(str(fault), "zone", zone, known)
@@ -181,7 +181,7 @@ class NavigationFaults:
         """Return the fate of a goal that has just been accepted.
 
         Args:
-            zone: The zone it lies in, or None.
+            zone: The zone that contains it, or None.
         """
         if zone in self._aborted:
             return GoalFate(abort=True)
@@ -193,14 +193,14 @@ class NavigationFaults:
 
 
 class FaultPlan:
-    """All the misbehaviour of one run.
+    """All faults of one run.
 
     Args:
-        faults: What was asked for, in any order.
+        faults: The requested faults, in any order.
         zones: Zone positions (metres, frame `map`) by which goals are told apart; the world's markers if None.
 
     Attributes:
-        faults: What was asked for.
+        faults: The requested faults.
         zones: The zone positions, or None.
         navigation: The faults of `navigate_to_pose`.
     """
@@ -213,7 +213,7 @@ class FaultPlan:
         self.navigation = NavigationFaults([fault for fault in faults if fault.target == NAVIGATION])
 
     def for_service(self, name: str) -> ServiceFaults:
-        """Return a fresh account of the faults of the service *name*."""
+        """Return the unused faults of the service *name*."""
         return ServiceFaults([fault for fault in self.faults if fault.target == name])
 
 
@@ -229,18 +229,18 @@ def create_service(
     refuse: Answer | None = None,
     faults: ServiceFaults | None = None,
 ) -> "Service":
-    """Create a service server on *node* that can misbehave.
+    """Create a service server on *node* with fault injection.
 
     Args:
         node: Its node; the delays run on this node's clock.
         service_type: The service's type.
         name: Its name.
         answer: Fills in the response of an ordinary call and returns it; `answer(request, response)`.
-        refuse: The same for a call that is refused; *answer* serves if there is none.
-        faults: What goes wrong; nothing by default.
+        refuse: The same for a call that is refused; *answer* by default.
+        faults: The faults of the service; none by default.
 
-    A dropped call is not handed to *answer*. One that is delayed is, when its time has come; other calls
-    and the rest of the node go on meanwhile.
+    A dropped call is not passed to *answer*. A delayed one is passed to it after the delay; other calls
+    and the rest of the node are served meanwhile.
     """
     from rclpy.callback_groups import ReentrantCallbackGroup
 
@@ -270,13 +270,13 @@ def create_service(
             send(response, header)
 
     # The executor sends whatever a callback returns; this is the one place where an answer can get lost.
-    # A callback that never returned would work as well, but stay behind in the executor for each call.
+    # A callback that never returned would work as well, but remain in the executor for each call.
     service.send_response = send_unless_dropped
     return service
 
 
 async def _sleep(node: "Node", seconds: float, group: Any) -> None:
-    """Wait on the node's clock, without holding up the executor."""
+    """Wait on the node's clock, without blocking the executor."""
     from rclpy.task import Future
 
     over = Future()

@@ -1,8 +1,8 @@
-"""Finding fault with a ROS parameter file before ROS reads it.
+"""Check of a ROS parameter file before ROS reads it.
 
-The parser of ROS (rcl's, on libyaml) reads less than YAML, names no column, and reads some things as
-something else, or not at all, without a word. What is refused here is what it refuses, misreads or
-passes over; the rest passes, whichever nodes the file is for. Which scalars are numbers is its own decision, too.
+The parser of ROS (rcl's, on libyaml) accepts less than YAML, reports no column, and silently misreads or
+ignores some content. This check refuses all that the parser refuses, misreads or ignores, and accepts
+the rest, whichever nodes the file is for. The parser also has its own rules for which scalars are numbers.
 """
 
 import difflib
@@ -26,7 +26,7 @@ class FileProblem:
     Attributes:
         line: Its line, from 1.
         column: Its column, from 1.
-        text: What is wrong.
+        text: The description of the mistake.
     """
 
     line: int
@@ -39,9 +39,9 @@ class ParameterFileError(SarError):
 
     Attributes:
         file: The file as it was named.
-        line: Line of the first mistake, from 1; 0 where the file could not be read at all.
-        column: Its column, from 1; 0 where the file could not be read at all.
-        problems: Every mistake that was found.
+        line: Line of the first mistake, from 1; 0 if the file could not be read at all.
+        column: Its column, from 1; 0 if the file could not be read at all.
+        problems: All mistakes.
     """
 
     def __init__(self, file: Path, problems: Iterable[FileProblem]) -> None:
@@ -57,13 +57,13 @@ class ParameterFileError(SarError):
 
 
 def check_parameter_file(path: Path | str) -> None:
-    """Look through a ROS parameter file for what ROS refuses or misreads.
+    """Check a ROS parameter file for content that ROS refuses or misreads.
 
     Args:
         path: The file.
 
     Raises:
-        ParameterFileError: With every mistake, each with its place, if there is any.
+        ParameterFileError: If there are mistakes; has all of them, each with its place.
     """
     file = Path(path)
     problems = list(_problems(_text_of(file)))
@@ -72,14 +72,14 @@ def check_parameter_file(path: Path | str) -> None:
 
 
 def sections_elsewhere(paths: Iterable[Path | str], node: str) -> str:
-    """Say which nodes parameter files are for, if none of their sections is for a node.
+    """Return a note of the nodes that parameter files are for, if none of their sections is for the given one.
 
     Args:
         paths: The files, each one that `check_parameter_file` passes.
         node: The full name of the node, with its namespace.
 
     Returns:
-        A remark in words; empty if there are no files, or a section is for the node.
+        The note; empty if there are no files, or a section is for the node.
     """
     files = [yaml.compose(_text_of(Path(path)), Loader=yaml.BaseLoader) for path in paths]
     names = list(dict.fromkeys(name for root in files if root is not None for name in _sections(root, "")))
@@ -90,7 +90,7 @@ def sections_elsewhere(paths: Iterable[Path | str], node: str) -> str:
 
 
 def _sections(root: yaml.Node, above: str) -> Iterator[str]:
-    """Yield the full names, wildcards as they are, of the nodes that a file has sections for."""
+    """Yield the full names of a file's sections, with wildcards as written."""
     if isinstance(root, yaml.MappingNode):
         for key, value in root.value:
             if key.value == _SECTION:
@@ -100,7 +100,7 @@ def _sections(root: yaml.Node, above: str) -> Iterator[str]:
 
 
 def _is_for(section: str, node: str) -> bool:
-    """Say whether a section is for a node; `*` is one part of a name, `**` any number of them."""
+    """Return whether a section is for a node; `*` is one part of a name, `**` any number of them."""
     parts = {"**": r"(/\w+)*", "*": r"/\w+"}
     pattern = "".join(parts.get(part, "/" + re.escape(part)) for part in section.split("/")[1:])
     return re.fullmatch(pattern, node) is not None
@@ -151,7 +151,7 @@ def _problems(text: str) -> Iterator[FileProblem]:
 
 
 def _unread_by_ros(text: str) -> Iterator[FileProblem]:
-    """Find the parts of YAML that ROS has no use for."""
+    """Find YAML features that ROS does not support."""
     documents = 0
     for event in yaml.parse(text, Loader=yaml.BaseLoader):
         if isinstance(event, yaml.DocumentStartEvent):
@@ -183,23 +183,23 @@ def _at(where: yaml.Node | yaml.Event, text: str) -> FileProblem:
 
 
 def _is_meant_for_section(key: str, value: yaml.Node) -> bool:
-    """Say whether a key is nearly the name of the section, and not a node's that has a section below it."""
+    """Return whether a key is similar to the section's name, and not the name of a node with a section below it."""
     below = [each.value for each, _ in value.value] if isinstance(value, yaml.MappingNode) else []
     return _SECTION not in below and bool(difflib.get_close_matches(key.lower(), [_SECTION], 1, 0.9))
 
 
 class _Walk:
-    """Goes through a composed file; yields what is wrong where.
+    """Walks through a composed file and yields its mistakes.
 
     Args:
-        text: The file's text, in which the nodes' marks count.
+        text: The file's text, which the nodes' marks refer to.
     """
 
     def __init__(self, text: str) -> None:
         self._text = text
 
     def nodes(self, mapping: yaml.MappingNode, name: str) -> Iterator[FileProblem]:
-        """Go through names of nodes and namespaces, which may be nested, down to the parameters."""
+        """Walk through the names of nodes and namespaces, which may be nested, down to the parameters."""
         if not mapping.value:
             yield _at(mapping, f"has no {_SECTION}" if not name else f"'{name}' has no {_SECTION} below it")
         yield from self._keys(mapping)
@@ -290,7 +290,7 @@ class _Walk:
             yield from self._number(name, node)
 
     def _number(self, name: str, node: yaml.ScalarNode) -> Iterator[FileProblem]:
-        """Find numbers that are others for ROS than for whoever wrote them."""
+        """Find numbers that ROS reads differently than their author meant."""
         text = node.value
         if re.fullmatch(r"[+-]?0[0-7]+", text) and int(text, 8) != int(text):
             yield _at(
@@ -303,7 +303,7 @@ class _Walk:
         return "text" if self._is_text(node) else rcl_kind(node.value)
 
     def _is_text(self, node: yaml.ScalarNode) -> bool:
-        # An explicit tag begins where the node does; the only one that gets here is !!str.
+        # An explicit tag begins at the node's start; the only one that gets here is !!str.
         return (
             node.style in ("'", '"') or self._text[node.start_mark.index : node.start_mark.index + 1] == "!"
         )
@@ -321,9 +321,9 @@ _WORDS = re.compile(r"[+-]?(inf|infinity|nan)|[+-]?\.inf|\.nan", re.IGNORECASE)
 
 
 def rcl_kind(text: str) -> str:
-    """Return what the parser of ROS takes an unquoted scalar for.
+    """Return the type that the parser of ROS gives to an unquoted scalar.
 
-    It decides as C's `strtol` (base 0) and `strtod` do, not as YAML: `1e3` and `0x10` are numbers,
+    It decides like C's `strtol` (base 0) and `strtod`, not like YAML: `1e3` and `0x10` are numbers,
     `1_000` and `0o10` are text, and so is a number that is too large for a double.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Reading a node's parameters: what is wrong is collected, with the names of the keys; without ROS.
+"""Reading a node's parameters: mistakes are collected, with the names of the keys; works without ROS.
 
 The keys are those of a ROS node, flat and relative: `zones.zone_a.x`, `base_station.yaw`, `zone_order`.
 Lengths are in metres, angles in radians, in the frame `map`.
@@ -14,7 +14,7 @@ from sar_compiler.errors import SarError
 
 _POSE = ("x", "y", "yaw")
 
-# What every node of ROS has.
+# The parameters of every ROS node.
 _ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
 # How alike two names must be, from 0 to 1, for one to be a slip of the other.
 _ALIKE = 0.8
@@ -26,14 +26,14 @@ class Problem:
 
     Attributes:
         key: The parameter, such as `zones.zone_a.x`.
-        text: What is wrong with it.
+        text: The description of the mistake.
     """
 
     key: str
     text: str
 
     def __str__(self) -> str:
-        """Return the key and what is wrong."""
+        """Return the key and the mistake."""
         return f"{self.key}: {self.text}"
 
 
@@ -41,7 +41,7 @@ class ParameterError(SarError):
     """Parameters that a mission cannot start with.
 
     Attributes:
-        problems: Every mistake that was found, in the order of the keys' reading.
+        problems: All mistakes, in the order in which the keys were read.
     """
 
     def __init__(self, problems: Iterable[Problem]) -> None:
@@ -55,14 +55,14 @@ class ParameterError(SarError):
 
 
 def lookalikes(given: Iterable[str], read: Iterable[str]) -> list[str]:
-    """Say which parameters are nearly, and not quite, ones that are read.
+    """Report parameters whose names are similar to those that are read.
 
     Args:
-        given: The flat names of a node's parameters. Those that are like nothing are others' business.
-        read: The names that are, beside ROS's own; of a group, such as `zones`, the first part.
+        given: The flat names of a node's parameters. Names without a similar one are ignored.
+        read: The names that are read, besides ROS's own; of a group, such as `zones`, the first part.
 
     Returns:
-        A note for each slip, with the name that was probably meant.
+        A note for each misspelling, with the name that was probably meant.
     """
     known = sorted({*read, *_ROS})
     plain = [name for name in known if "." not in name]
@@ -80,17 +80,17 @@ def lookalikes(given: Iterable[str], read: Iterable[str]) -> list[str]:
 
 
 class ParameterReader:
-    """Reads values and collects what is wrong with them; a bad value is read as 0, and reading continues.
+    """Reads values and collects mistakes in them; a bad value is read as 0, and reading continues.
 
     Args:
-        parameters: A node's parameters by flat name. Names that nobody reads are others' business.
-        elsewhere: Where parameters were given that have not come here
-            (`parameter_file.sections_elsewhere`), to be said where a list of places is missing.
+        parameters: A node's parameters by flat name. Names that are not read are ignored.
+        elsewhere: A note of the nodes that parameters were given for instead
+            (`parameter_file.sections_elsewhere`), for the message about a missing list of places.
 
     Attributes:
         parameters: The parameters.
-        problems: Every mistake found so far.
-        notes: What is no mistake but may surprise, such as a zone that is never visited.
+        problems: All mistakes found so far.
+        notes: Notes on valid but surprising parameters, such as a zone that is never visited.
     """
 
     def __init__(self, parameters: Mapping[str, object], elsewhere: str = "") -> None:
@@ -123,10 +123,10 @@ class ParameterReader:
         """Read poses that are visited in an order: for `zone`, `zone_order` and `zones.<id>.{x,y,yaw}`.
 
         Args:
-            noun: What one of them is called.
+            noun: The noun for one of them.
 
         Returns:
-            Each with `id`, `x`, `y` (m) and `yaw` (rad), in the order of their visits.
+            The poses, each with `id`, `x`, `y` (m) and `yaw` (rad), in the order of their visits.
         """
         groups = self.group(f"{noun}s", _POSE)
         order = self._order(noun, groups)
@@ -141,9 +141,9 @@ class ParameterReader:
         """Read coordinates that must all be given.
 
         Args:
-            prefix: What stands before their names.
+            prefix: The prefix of their names.
             names: The coordinates, such as `x` and `y`.
-            present: Those that are given.
+            present: The coordinates that are given.
         """
         return {name: self._coordinate(f"{prefix}.{name}", given=name in present) for name in names}
 
@@ -190,7 +190,7 @@ class ParameterReader:
         return 0.0
 
     def pose(self, prefix: str) -> dict[str, float]:
-        """Return the one pose `<prefix>.{x,y,yaw}`; what is not given is 0."""
+        """Return the one pose `<prefix>.{x,y,yaw}`; missing coordinates are 0."""
         for key in self.parameters:
             if key == prefix:
                 self.report(key, f"must hold x, y and yaw, is {_shown(self.parameters[key])}")
@@ -212,10 +212,10 @@ class ParameterReader:
         return number
 
     def complain(self) -> None:
-        """Raise all that was found wrong, if anything was.
+        """Raise an error with all mistakes, if there are any.
 
         Raises:
-            ParameterError: With every mistake.
+            ParameterError: If there are mistakes; has all of them.
         """
         if self.problems:
             raise ParameterError(self.problems)
@@ -229,7 +229,7 @@ class ParameterReader:
         return seconds
 
     def switch(self, key: str, *, default: bool) -> bool:
-        """Return a truth value."""
+        """Return a Boolean."""
         value = self.parameters.get(key, default)
         if isinstance(value, bool):
             return value
@@ -238,7 +238,7 @@ class ParameterReader:
 
 
 def _shown(value: object) -> str:
-    """Return a value with the kind of thing it is."""
+    """Return a value with its type, in words."""
     if isinstance(value, str):
         return f"the text '{value}'"
     if isinstance(value, bool):
@@ -251,7 +251,7 @@ def _shown(value: object) -> str:
 
 
 def _unquoted(value: object) -> str:
-    """Return advice for a text that would be a number without its quotes."""
+    """Return a hint for a text that would be a number without its quotes."""
     if not isinstance(value, str):
         return ""
     try:

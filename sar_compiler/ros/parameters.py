@@ -1,4 +1,4 @@
-"""Nodes whose parameters are data: whatever a file or the command line gives is declared."""
+"""Nodes that declare every parameter given by a file or the command line."""
 
 from array import array
 from typing import Any
@@ -11,7 +11,7 @@ from sar_compiler.ros.errors import RosArgumentError, readable_ros_errors
 
 
 class DataNode(Node):
-    """A node that has every parameter it is given.
+    """A node that declares every parameter it is given.
 
     Args:
         name: Its name, unless it is remapped.
@@ -20,7 +20,7 @@ class DataNode(Node):
         options: Further keyword arguments of `rclpy.node.Node`.
 
     Raises:
-        RosArgumentError: If a name or a value among them is one that a node cannot have.
+        RosArgumentError: If a name or a value among them is not allowed for a node.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class DataNode(Node):
                     **options,
                 )
             except ValueError as error:
-                # The only one that comes of what a user gave; an empty list is an array of no type.
+                # The only error caused by the user's values; an empty list is an array of no type.
                 if "PARAMETER_NOT_SET" not in str(error):
                     raise
                 names = _untyped(name, context, cli_args)
@@ -51,12 +51,12 @@ class DataNode(Node):
 def mission_node(
     name: str, context: Context | None = None, cli_args: list[str] | None = None, **options: Any
 ) -> Node:
-    """Make a node that has every parameter it is given; see `DataNode`."""
+    """Create a node that declares every parameter it is given; see `DataNode`."""
     return DataNode(name, context, cli_args, **options)
 
 
 def _require_sim_time_switch(node: Node) -> None:
-    """See that `use_sim_time` is true or false; a node only logs that it is not, and then ignores it."""
+    """Check that `use_sim_time` is a Boolean; a node only logs an error, and then ignores it."""
     value = node.get_parameter("use_sim_time").value
     if not isinstance(value, bool):
         node.destroy_node()
@@ -65,7 +65,7 @@ def _require_sim_time_switch(node: Node) -> None:
 
 
 def _untyped(name: str, context: Context | None, cli_args: list[str] | None) -> str:
-    """Name the parameters that have no type, by way of a node that does not declare them."""
+    """Return the names of the parameters without a type, read by a node that does not declare them."""
     probe = Node(
         name, context=context, cli_args=cli_args, start_parameter_services=False, enable_rosout=False
     )
@@ -79,7 +79,7 @@ def declare_default(node: Node, name: str, value: object) -> Any:
     """Declare a parameter unless it was given.
 
     Returns:
-        Its value: the one given, or the default.
+        Its value: the given one, or the default.
     """
     if not node.has_parameter(name):
         node.declare_parameter(name, value)

@@ -1,8 +1,8 @@
 """Ticking a tree with `py_trees_ros`, where it is installed (it is not on PyPI).
 
-What it brings: snapshot streams for `py-trees-tree-watcher` and the viewers, blackboard streams, statistics.
-What it lacks next to `runner.TreeRunner`: leaves with good news do not wake the tree, and a clock that stands
-still stops the ticks, and with them the deadlines of the leaves.
+Its advantages: snapshot streams for `py-trees-tree-watcher` and the viewers, blackboard streams, statistics.
+Its limitations compared to `runner.TreeRunner`: leaves with news do not wake the tree, and a stopped clock
+stops the ticks, and with them the deadlines of the leaves.
 """
 
 from typing import Any
@@ -19,7 +19,7 @@ from sar_compiler.ros.setting_up import give_up
 from sar_compiler.ros.statuses import require_statuses
 from sar_compiler.ros.stopping import SETTLE_SEC, settle, shut_down, stop_behaviours
 
-# What the class declares on its node, whether or not it was given on the command line.
+# The parameters that the class declares on its node, even if given on the command line.
 _ITS_PARAMETERS = (
     "default_snapshot_stream",
     "default_snapshot_period",
@@ -36,7 +36,7 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
         root: The tree.
 
     Attributes:
-        failure: What a leaf (or a handler) raised; the tree was stopped by it.
+        failure: The exception of a leaf or a handler that stopped the tree; None if there was none.
     """
 
     root: Behaviour
@@ -47,16 +47,16 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
         self._stopped = self._shut_down = False
 
     def setup(self, node: Node, **kwargs: Any) -> None:
-        """Set up every behaviour of the tree on a node that may have any parameter already.
+        """Set up every behaviour of the tree on a node, which may have declared any parameter already.
 
         Args:
             node: The node to tick on.
-            kwargs: As `py_trees_ros.trees.BehaviourTree.setup` has them.
+            kwargs: As for `py_trees_ros.trees.BehaviourTree.setup`.
 
         Raises:
             TreeTooDeepError: If the tree is nested too deeply to be ticked.
-            SetupFailedError: If the setup of a behaviour raised something. Those that were set up before
-                it are shut down.
+            SetupFailedError: If the setup of a behaviour raised an exception. Those that were set up
+                before it are shut down.
         """
         require_tickable_depth(self.root)
         given = [name for name in _ITS_PARAMETERS if node.has_parameter(name)]
@@ -71,7 +71,7 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
         require_statuses(self.root)
 
     def tick(self, *args: Any, **kwargs: Any) -> None:
-        """Tick once; what is raised is kept in `failure`, and the tree is stopped."""
+        """Tick once; an exception is kept in `failure`, and the tree is stopped."""
         if self._stopped:
             return
         try:
@@ -80,20 +80,20 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
             self._fail(error)
 
     def settle(self, executor: Executor, timeout_sec: float = SETTLE_SEC) -> list[str]:
-        """Stop the tree, then spin until nothing of its leaves is under way any more.
+        """Stop the tree, then spin until none of its leaves has work in progress.
 
         Args:
             executor: The executor of the node.
-            timeout_sec: How long to spin at most, in seconds of the steady clock.
+            timeout_sec: The longest time to spin, in seconds of the steady clock.
 
         Returns:
-            The names of the leaves that had something under way to the end.
+            The names of the leaves that still had work in progress at the end.
         """
         self._stop(None)
         return settle(self.root, executor, timeout_sec, self.node)
 
     def shutdown(self) -> None:
-        """Stop the tree, and give back what it has, its node included."""
+        """Stop the tree, and release its resources, including its node."""
         self._stop(None)
         if not self._shut_down:
             self._shut_down = True

@@ -1,4 +1,4 @@
-"""Waiting, before the first tick, for what a tree's leaves say that they use."""
+"""Waiting, before the first tick, for the resources that a tree's leaves declare."""
 
 import time
 from collections.abc import Callable, Iterable
@@ -28,11 +28,11 @@ _TURN_SEC = 0.05
 
 
 class NotReadyError(SarError):
-    """Something that the mission needs did not appear in time.
+    """A resource that the mission needs did not become available in time.
 
     Attributes:
-        missing: What, in one line each.
-        waited_sec: How long it was waited for.
+        missing: The missing resources, in one line each.
+        waited_sec: The time waited, in seconds.
     """
 
     def __init__(self, missing: Iterable[str], waited_sec: float) -> None:
@@ -43,15 +43,15 @@ class NotReadyError(SarError):
 
 
 class Readiness:
-    """What a tree needs, and how much of it is there.
+    """The requirements of a tree, and which of them are fulfilled.
 
-    Nothing here blocks: `poll` takes the next step, between two turns of the executor.
+    Nothing here blocks: `poll` takes the next step, between two spins of the executor.
 
     Args:
         node: The node that the tree will run on.
-        uses: What the tree's leaves use, with the names filled in; the same may be named repeatedly.
-        initial_pose: What the localisation is told, if Nav2 is used: x, y (m), yaw (rad) in the frame
-            `map`; None to tell it nothing and not to wait for it.
+        uses: The resources that the tree's leaves use, with resolved names; may contain duplicates.
+        initial_pose: The initial pose for the localisation, if Nav2 is used: x, y (m), yaw (rad) in the
+            frame `map`; None to send none and not to wait for it.
         localizer: The lifecycle node that localises, by its relative name.
         navigator: The lifecycle node that navigates, by its relative name.
     """
@@ -82,19 +82,19 @@ class Readiness:
 
     @property
     def uses_nav2(self) -> bool:
-        """Whether a leaf needs a Nav2 that is localised and active."""
+        """Whether a leaf needs Nav2 to be localised and active."""
         return any(use.kind == "nav2" for use in self._uses)
 
     @property
     def contested(self) -> bool:
-        """Whether several servers answer to the same name, and would all take the same goal."""
+        """Whether several servers have the same name, and would all accept the same goal."""
         return any(isinstance(each, OneServer) and each.contested for each in self._requirements)
 
     def poll(self) -> bool:
         """Take the next step.
 
         Returns:
-            Whether everything is there; whatever was made on the node is then destroyed.
+            Whether all requirements are fulfilled; the clients and subscriptions made for them are then destroyed.
         """
         if self.missing():
             return False
@@ -106,7 +106,7 @@ class Readiness:
         return [line for line in [each.missing() for each in self._requirements] if line is not None]
 
     def close(self) -> None:
-        """Destroy what was made on the node, for one who waits no longer."""
+        """Destroy the clients and subscriptions on the node, when the wait is given up."""
         requirements, self._requirements = self._requirements, []
         for each in requirements:
             each.close()
@@ -115,17 +115,17 @@ class Readiness:
 def wait_until_ready(
     executor: Executor, readiness: Readiness, timeout_sec: float, should_stop: Callable[[], bool]
 ) -> None:
-    """Spin until everything is there.
+    """Spin until all requirements are fulfilled.
 
     Args:
         executor: The executor of the node.
-        readiness: What to wait for.
-        timeout_sec: For how long altogether, in seconds of the steady clock.
-        should_stop: Says that nobody waits any more; the function then just returns.
+        readiness: The requirements to wait for.
+        timeout_sec: The time limit in total, in seconds of the steady clock.
+        should_stop: Returns whether to stop waiting; the function then just returns.
 
     Raises:
-        NotReadyError: If the time is over, or if two servers stay on one name for longer than a server
-            that was killed is still seen.
+        NotReadyError: If the time is over, or if two servers share a name for longer than a killed
+            server remains visible.
     """
     start = time.monotonic()
     told, contested_since = start, None

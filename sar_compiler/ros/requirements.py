@@ -1,4 +1,4 @@
-"""What a mission may have to wait for, one class each; none of them blocks."""
+"""The requirements that a mission may have to wait for, one class each; none of them blocks."""
 
 import math
 import time
@@ -23,19 +23,19 @@ _INITIAL_VARIANCES = {0: 0.25, 7: 0.25, 35: 0.068}
 
 
 class Requirement(Protocol):
-    """Something that must be there before the first tick."""
+    """A requirement that must be fulfilled before the first tick."""
 
     def missing(self) -> str | None:
-        """Do the next step, and say what is missing; None if nothing is."""
+        """Take the next step, and describe what is missing; None if nothing is."""
         ...
 
     def close(self) -> None:
-        """Give back what was made on the node."""
+        """Destroy what was created on the node."""
         ...
 
 
 class OneServer:
-    """An action or a service that exactly one server answers to.
+    """An action or a service that must have exactly one server.
 
     Args:
         node: The node that will call it.
@@ -51,11 +51,11 @@ class OneServer:
 
     @property
     def contested(self) -> bool:
-        """Whether several servers would take the same call."""
+        """Whether several servers would accept the same call."""
         return int(self._node.count_services(self._service)) > 1
 
     def missing(self) -> str | None:
-        """Say whether there is no server, or more than one."""
+        """Describe a missing server, or several of them; None for exactly one."""
         servers = int(self._node.count_services(self._service))
         if servers == 1:
             return None
@@ -65,14 +65,14 @@ class OneServer:
         return f"{self._title}: {number} servers answer to {self._resolved}: stop {which}"
 
     def close(self) -> None:
-        """Do nothing: looking at the graph needs nothing on the node."""
+        """Do nothing: the graph is queried without any entity on the node."""
 
 
 class Published:
-    """A topic that somebody publishes on.
+    """A topic that must have a publisher.
 
     Args:
-        node: The node that will listen.
+        node: The node that will subscribe.
         name: Its relative name.
     """
 
@@ -82,15 +82,15 @@ class Published:
         self._title = f"topic {_with_full_name(name, self._topic)}"
 
     def missing(self) -> str | None:
-        """Say whether there is no publisher."""
+        """Describe a missing publisher; None if there is one."""
         return None if self._node.count_publishers(self._topic) else f"{self._title}: no publisher"
 
     def close(self) -> None:
-        """Do nothing: looking at the graph needs nothing on the node."""
+        """Do nothing: the graph is queried without any entity on the node."""
 
 
 class ClockRuns:
-    """Simulated time that has begun.
+    """Simulated time that must have started.
 
     Args:
         node: A node under `use_sim_time`.
@@ -100,23 +100,23 @@ class ClockRuns:
         self._clock = node.get_clock()
 
     def missing(self) -> str | None:
-        """Say whether no time has come."""
+        """Describe a missing clock; None once there is a time."""
         came = not self._clock.ros_time_is_active or self._clock.now().nanoseconds > 0
         return None if came else "use_sim_time is set and no /clock has come"
 
     def close(self) -> None:
-        """Do nothing: the node listens to /clock for itself."""
+        """Do nothing: the node itself subscribes to /clock."""
 
 
 class Localised:
-    """A localisation that has taken the initial pose.
+    """A localisation that must have accepted the initial pose.
 
-    The pose is published until an answer comes. Answers are listened for in a way that leaves out those
-    from before: an old pose, kept by the publisher for latecomers, says nothing of ours.
+    The pose is published until an answer arrives. The subscription excludes earlier answers: an old pose,
+    kept by the publisher for late subscribers, does not confirm this one.
 
     Args:
         node: The node to publish with.
-        pose: Where the robot stands, in the frame `map`.
+        pose: The robot's pose, in the frame `map`.
     """
 
     def __init__(self, node: Node, pose: Pose) -> None:
@@ -134,7 +134,7 @@ class Localised:
         )
 
     def missing(self) -> str | None:
-        """Publish the pose if it is time to, and say whether no answer has come."""
+        """Publish the pose if it is due, and describe a missing answer; None once there is one."""
         if self._answered:
             return None
         now = time.monotonic()
@@ -168,14 +168,14 @@ class Localised:
 
 
 class NodeActive:
-    """A lifecycle node that says it is active.
+    """A lifecycle node that must be active.
 
-    It is asked again and again, also once it was: what is active now may not be when the rest is there.
-    An answer that is lost, as one may be while the two sides still discover each other, is not waited for.
+    It is asked repeatedly, even after it was active: it may no longer be when the other requirements are fulfilled.
+    An answer that is lost, as may happen while the two sides still discover each other, is not waited for.
 
     Args:
         node: The node to ask with.
-        name: The relative name of the one asked.
+        name: The relative name of the lifecycle node.
         now: The steady clock, in seconds.
     """
 
@@ -192,7 +192,7 @@ class NodeActive:
         self._lost = 0
 
     def missing(self) -> str | None:
-        """Ask if it is time to, and say what was last answered unless that is `active`."""
+        """Ask if it is due, and describe the last answer; None if that was `active`."""
         if not self._client.service_is_ready():
             self._drop()
             self._state = None
@@ -229,12 +229,12 @@ class NodeActive:
 
 
 def _with_full_name(name: str, resolved: str) -> str:
-    """Return a name, and in brackets what has become of it where that is not plain to see."""
+    """Return a name, followed by its resolved form in brackets if that is not obvious."""
     return name if resolved == f"/{name.lstrip('/')}" else f"{name} ({resolved})"
 
 
 def _name_of(state: Any) -> str:
-    """Return a lifecycle state's name; some servers fill in its number alone."""
+    """Return a lifecycle state's name; some servers fill in only its number."""
     from lifecycle_msgs.msg import State
 
     known = {State.PRIMARY_STATE_ACTIVE: "active", State.PRIMARY_STATE_INACTIVE: "inactive"}

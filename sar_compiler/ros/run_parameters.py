@@ -1,24 +1,24 @@
-"""How a tree of any kind is run, as its node's parameters say; without ROS."""
+"""The parameters of a run, the same for every tree; works without ROS."""
 
 from dataclasses import dataclass, fields
 
 from sar_compiler.ros.parameter_reader import ParameterReader
 
-# What a timer can do and a tick can keep up with; outside of it is a slip of the pen.
+# The range that a timer and a tick can keep up with; other values are taken for slips.
 _FASTEST_TICK_HZ = 1000.0
 _SLOWEST_TICK_HZ = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunParameters:
-    """How a tree of any kind is run.
+    """The parameters of a run, the same for every tree.
 
     Attributes:
-        tick_rate_hz: How often the tree is ticked at least.
-        set_initial_pose: Whether the localisation is told where the robot stands before the start.
-        initial_pose: Where that is: x, y (m), yaw (rad), in the frame `map`.
-        startup_timeout_sec: How long to wait before the first tick for what the tree needs.
-        time_limit_sec: How long the run may take, on the node's clock; None for as long as it takes.
+        tick_rate_hz: The lowest rate of ticks, in Hz.
+        set_initial_pose: Whether the initial pose is sent to the localisation before the start.
+        initial_pose: The initial pose: x, y (m), yaw (rad), in the frame `map`.
+        startup_timeout_sec: The longest wait for the tree's requirements before the first tick, in seconds.
+        time_limit_sec: The time limit of the run, in seconds of the node's clock; None for no limit.
     """
 
     tick_rate_hz: float = 2.0
@@ -32,7 +32,7 @@ RUN_PARAMETER_NAMES = tuple(field.name for field in fields(RunParameters))
 
 
 def read_run(reader: ParameterReader) -> RunParameters:
-    """Read how a tree is run; what is not given has its default, and mistakes stay with the reader."""
+    """Read the parameters of a run; missing ones have their default, and the reader collects mistakes."""
     limit, start = "time_limit_sec", reader.pose("initial_pose")
     return RunParameters(
         tick_rate_hz=_rate(reader, "tick_rate_hz", RunParameters.tick_rate_hz),

@@ -1,8 +1,8 @@
 """Ticking a tree on a ROS node, in the thread of its executor.
 
 The interface is that of `py_trees_ros.trees.BehaviourTree`, so that a tree and the program around it
-run with either. What is added: the tree is ticked at once when a leaf says that there is news
-(`runtime.leaf_protocol`), it goes on being ticked while the node's clock stands still, and it is always stopped
+run with either. In addition, the tree is ticked at once when a leaf has news
+(`runtime.leaf_protocol`), it is still ticked while the node's clock is stopped, and it is always stopped
 from the root, so that a robot is not left driving.
 """
 
@@ -31,10 +31,10 @@ TickHandler = Callable[[py_trees.trees.BehaviourTree], None]
 
 
 class SetupTimeoutError(SarError, RuntimeError):
-    """The leaves of a tree took too long to set up (a `RuntimeError`, as py_trees has it).
+    """The leaves of a tree took too long to set up (a `RuntimeError`, as in py_trees).
 
     Attributes:
-        behaviour: The one that was being set up when the time was over.
+        behaviour: The behaviour that was being set up when the time was over.
     """
 
     def __init__(self, behaviour: str, timeout_sec: float) -> None:
@@ -49,14 +49,14 @@ class TreeRunner(py_trees.trees.BehaviourTree):
     Everything but `wake` and `interrupt` belongs in the thread of the node's executor.
 
     Args:
-        tree: The tree, as it was compiled; or its root.
+        tree: The compiled tree, or its root.
         unicode_tree_debug: Whether the tree is printed at every tick.
 
     Attributes:
         node: The node, once `setup` was called.
-        last_status: What the last tick made of the root, also after the tree was stopped.
-        failure: What a leaf (or a handler) raised; the tree was stopped by it.
-        failed_behaviour: The leaf that raised it; None if it was none of the tree.
+        last_status: The root's status after the last tick, kept when the tree is stopped.
+        failure: The exception of a leaf or a handler that stopped the tree; None if there was none.
+        failed_behaviour: The behaviour that raised it; None if it was not one of the tree.
     """
 
     def __init__(self, tree: CompiledTree | Behaviour, unicode_tree_debug: bool = False) -> None:
@@ -91,22 +91,22 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         visitor: py_trees.visitors.VisitorBase | None = None,
         **kwargs: Any,
     ) -> None:
-        """Set up every behaviour of the tree, with `node=`, `wake=` and what else is given.
+        """Set up every behaviour of the tree, with `node=`, `wake=` and the further arguments.
 
         Args:
-            node: The node to tick on; by default one is made, and destroyed by `shutdown`.
-            node_name: The name of the node that is made.
-            timeout: Seconds that all of it may take. It is looked at between the behaviours: a signal
-                (py_trees' own way) would only work in the main thread.
+            node: The node to tick on; by default one is created, and destroyed by `shutdown`.
+            node_name: The name of the node that is created.
+            timeout: The time limit of the whole setup, in seconds. It is checked between the behaviours: a signal
+                (the method of py_trees) would only work in the main thread.
             visitor: Visits each behaviour after its setup.
-            kwargs: Handed on to every behaviour.
+            kwargs: Passed on to every behaviour.
 
         Raises:
             TypeError: If *node* is not a node.
             TreeTooDeepError: If the tree is nested too deeply to be ticked.
             SetupTimeoutError: If it took too long.
-            SetupFailedError: If the setup of a behaviour raised something. Those that were set up before
-                it are shut down, as with a `SetupTimeoutError`.
+            SetupFailedError: If the setup of a behaviour raised an exception. Those that were set up
+                before it are shut down, as with a `SetupTimeoutError`.
         """
         if node is not None and not isinstance(node, Node):
             message = f"a tree is set up with an rclpy node, not with {node!r}"
@@ -148,8 +148,8 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         """Start ticking, from the executor, and return at once.
 
         Args:
-            period_ms: Milliseconds of the node's clock between two ticks, at most.
-            number_of_iterations: After how many ticks to end, woken ones included; by default never.
+            period_ms: The longest time between two ticks, in milliseconds of the node's clock.
+            number_of_iterations: The number of ticks, including woken ones; by default without a limit.
             pre_tick_handler: Called before every tick, before the handlers that were added.
             post_tick_handler: Called after every tick, after the handlers that were added.
 
@@ -178,7 +178,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         pre_tick_handler: TickHandler | None = None,
         post_tick_handler: TickHandler | None = None,
     ) -> None:
-        """Tick once. What a leaf raises is raised here; `tick_tock` keeps it in `failure` instead.
+        """Tick once. A leaf's exception is raised here; `tick_tock` keeps it in `failure` instead.
 
         Raises:
             RuntimeError: If the tree was stopped already.
@@ -193,22 +193,22 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             self.stop()
 
     def wake(self) -> None:
-        """Have the tree ticked as soon as the executor gets to it, once for any number of calls.
+        """Request a tick as soon as the executor is free, once for any number of calls.
 
-        May be called at any time from any thread; during a tick it means one more after it.
+        May be called at any time from any thread; during a tick it requests another one.
         """
         self._woken = True
         self._trigger()
 
     def interrupt(self) -> None:
-        """Have the tree stopped from the executor's thread; for signal handlers and other threads."""
+        """Request a stop of the tree in the executor's thread; for signal handlers and other threads."""
         super().interrupt()
         self._trigger()
 
     def stop(self) -> None:
-        """Tick no more, and stop the tree from its root, so that goals in flight are cancelled.
+        """Stop ticking, and stop the tree from its root, so that goals in flight are cancelled.
 
-        Called during a tick (by a handler or a leaf) it takes effect when the tick is over.
+        A call during a tick (by a handler or a leaf) takes effect after the tick.
         """
         self.interrupt_tick_tocking = True
         if self._ticking or self._stopped:
@@ -218,20 +218,20 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         stop_behaviours(self.root, self.failed_behaviour, self.node)
 
     def settle(self, executor: Executor, timeout_sec: float = SETTLE_SEC) -> list[str]:
-        """Stop the tree, then spin until nothing of its leaves is under way any more.
+        """Stop the tree, then spin until none of its leaves has work in progress.
 
         Args:
             executor: The executor of the node.
-            timeout_sec: How long to spin at most, in seconds of the steady clock.
+            timeout_sec: The longest time to spin, in seconds of the steady clock.
 
         Returns:
-            The names of the leaves that had something under way to the end.
+            The names of the leaves that still had work in progress at the end.
         """
         self.stop()
         return settle(self.root, executor, timeout_sec, self.node)
 
     def shutdown(self) -> None:
-        """Stop the tree and give back what it has; never raises, may be called again."""
+        """Stop the tree and release its resources; never raises, may be called again."""
         self.stop()
         if not self._shut_down:
             self._shut_down = True
@@ -244,7 +244,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             self._try(node.destroy_node, "the node could not be given back")
 
     def _try(self, action: Callable[[], object], complaint: str) -> None:
-        """Do one of several things that must all be tried, whether the context is still up or not."""
+        """Try one of several steps that must all be tried, even if the context is shut down."""
         try:
             action()
         except Exception as error:  # noqa: BLE001
@@ -264,7 +264,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             if guard is not None:
                 guard.trigger()
         except (InvalidHandle, RuntimeError):
-            pass  # Destroyed in another thread meanwhile: there is nobody left to wake.
+            pass  # Destroyed in another thread meanwhile: there is no executor left to wake.
 
     def _on_wake(self) -> None:
         if self.interrupt_tick_tocking:
@@ -273,7 +273,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             self._tick_now()
 
     def _tick_now(self) -> None:
-        """Tick, from a callback of the executor: nothing may be raised there."""
+        """Tick from a callback of the executor, where no exception may be raised."""
         if not self._running:
             return
         self._woken = False

@@ -1,4 +1,4 @@
-"""A server as a command: a node that is spun until somebody stops it."""
+"""A server as a command: a node that is spun until it is stopped."""
 
 import argparse
 import faulthandler
@@ -16,26 +16,26 @@ if TYPE_CHECKING:
 
 # A signal is noticed between two turns of the executor.
 _TURN_SEC = 0.1
-# Taking a node down, DDS goes round for ever once in a hundred times on a busy machine, and lets no other thread run.
+# On a busy machine, one destruction of a node in a hundred hangs in DDS, and blocks all other threads.
 _TAKING_DOWN_SEC = 10.0
 
 NodeFactory = Callable[["Context", list[str]], "Node"]
-"""Makes the node in a context, with arguments of its own."""
+"""Creates the node in a context, with arguments of its own."""
 
 
 def serve(make_node: NodeFactory, prog: str, description: str, argv: Sequence[str] | None = None) -> int:
     """Run a node as a command until SIGINT or SIGTERM.
 
     Args:
-        make_node: Makes the node; it may import ROS, which has not been imported before.
+        make_node: Creates the node; it may import ROS, which has not been imported before.
         prog: The command's name.
-        description: What `--help` says of it.
+        description: The description in `--help`.
         argv: The command line without the command, `--ros-args` included; by default the process's.
 
     Returns:
-        0 once it was stopped: being stopped is how a server's work ends; 2 for a wrong
-        command line, and where ROS is not installed. If DDS does not let go of the node, the process leaves
-        after 10 s with status 1 and says on standard error where it hung.
+        0 once it was stopped, which is the normal end of a server; 2 for a wrong command
+        line, or if ROS is not installed. If DDS does not release the node, the process exits after 10 s with
+        status 1 and reports on standard error where it hung.
     """
     # Before anything that takes time, so that Ctrl-C ends the command in order from its first moment.
     signals = StopSignals()
@@ -54,7 +54,7 @@ def serve(make_node: NodeFactory, prog: str, description: str, argv: Sequence[st
 
 
 def _run(make_node: NodeFactory, ros: Sequence[str], stopped: Callable[[], bool]) -> int:
-    """Make the node and spin it."""
+    """Create the node and spin it."""
     import rclpy
     from rclpy.context import Context
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor

@@ -1,4 +1,4 @@
-"""What happens when the leaves of a tree cannot be set up."""
+"""Clean-up when the leaves of a tree cannot be set up."""
 
 from itertools import takewhile
 from typing import NoReturn
@@ -12,7 +12,7 @@ from sar_compiler.ros.stopping import shut_down, stop_leaves
 
 
 class SetupFailedError(SarError, RuntimeError):
-    """The setup of a leaf raised something.
+    """The setup of a leaf raised an exception.
 
     Attributes:
         behaviour: The leaf's name.
@@ -24,16 +24,16 @@ class SetupFailedError(SarError, RuntimeError):
 
 
 def give_up(root: Behaviour, error: Exception, node: Node) -> NoReturn:
-    """Stop and shut down what is set up of a tree already, and raise what kept the rest from it.
+    """Stop and shut down the behaviours that are set up already, and raise the error of the setup.
 
     Args:
         root: The tree.
-        error: What was raised while the tree was set up, behaviour after behaviour.
+        error: The exception raised while the behaviours were set up one by one.
         node: The node that it is set up with.
 
     Raises:
-        SetupFailedError: If it came out of a behaviour's setup.
-        Exception: What was raised, if it says enough by itself (a `SarError`) or came from elsewhere.
+        SetupFailedError: If it was raised by a behaviour's setup.
+        Exception: The original exception, if it needs no context (a `SarError`) or was raised elsewhere.
     """
     called = called_by_engine(error)
     ready = list(takewhile(lambda behaviour: behaviour is not called, root.iterate()))

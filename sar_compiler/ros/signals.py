@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM as something that can be asked, instead of something that interrupts."""
+"""SIGINT and SIGTERM as a flag to query, instead of an interruption."""
 
 import signal
 import threading
@@ -8,10 +8,10 @@ _NUMBERS = (signal.SIGINT, signal.SIGTERM)
 
 
 class StopSignals:
-    """Notes that the process was asked to stop; takes the two signals over from its making on.
+    """Records that the process was asked to stop; handles both signals from its creation on.
 
-    rclpy's own handlers would take ROS down in the midst of a callback, before a goal in flight could be
-    cancelled; Python's own raises `KeyboardInterrupt` wherever it happens to be.
+    rclpy's own handlers would shut ROS down in the middle of a callback, before a goal in flight could be
+    cancelled; Python's own raises `KeyboardInterrupt` at an arbitrary place.
     """
 
     def __init__(self) -> None:
@@ -26,15 +26,15 @@ class StopSignals:
 
     @property
     def exit_status(self) -> int:
-        """The exit status of a process ended by the signal that came (130, 143)."""
+        """The exit status of a process ended by the received signal (130, 143)."""
         return 128 + self._number
 
     def wait(self, timeout_sec: float) -> bool:
-        """Wait until the process is asked to stop, at most for a time in seconds; say whether it was."""
+        """Wait until the process is asked to stop, with a time limit in seconds; return whether it was."""
         return self._came.wait(timeout_sec)
 
     def give_back(self) -> None:
-        """Restore the handlers that there were before."""
+        """Restore the previous handlers."""
         for number, handler in self._before.items():
             signal.signal(number, handler)
 

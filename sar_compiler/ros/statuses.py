@@ -1,7 +1,7 @@
-"""Seeing that what `update()` returns is a status.
+"""Check that `update()` returns a status.
 
-py_trees only logs that it is none, at every tick, and the behaviour goes on for ever as if it had been
-reset: a `Timeout` around it begins anew each time.
+For any other value py_trees only logs an error in every tick, and the behaviour continues as if it had been
+reset: a `Timeout` around it starts over each time.
 """
 
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from sar_compiler.errors import SarError
 
 
 class NoStatusError(SarError, TypeError):
-    """An `update()` returned something else than a status."""
+    """An `update()` did not return a status."""
 
     def __init__(self, returned: object) -> None:
         message = (
@@ -23,9 +23,9 @@ class NoStatusError(SarError, TypeError):
 
 
 def require_statuses(root: Behaviour) -> None:
-    """Have every behaviour of a tree fail in the tick in which its `update()` returns no status.
+    """Make every behaviour of a tree raise an error in the tick in which its `update()` returns no status.
 
-    The behaviours keep their classes; only the method of each instance is covered by one that looks.
+    The behaviours keep their classes; only the method of each instance is wrapped.
 
     Args:
         root: The tree, set up.

@@ -1,4 +1,4 @@
-"""Stopping a tree, so that a robot is not left driving, whatever its leaves do meanwhile."""
+"""Stopping a tree so that a robot is not left driving, whatever its leaves raise."""
 
 import time
 from collections.abc import Iterable
@@ -13,14 +13,14 @@ from sar_compiler.ros.blame import described, raised_in, tell
 from sar_compiler.runtime.leaf_protocol import Settling
 
 SETTLE_SEC = 1.5
-"""How long the answers to cancels are waited for, seconds of the steady clock."""
+"""How long to wait for the answers to cancel requests, seconds of the steady clock."""
 
 # How long one turn of the executor may take while stopped leaves settle.
 _TURN_SEC = 0.02
 
 
 def stop_behaviours(root: Behaviour, failed: Behaviour | None, node: Node | None) -> None:
-    """Stop the leaf that failed, the root, and then whoever that did not reach.
+    """Stop the leaf that failed, the root, and then all behaviours not reached from there.
 
     A composite that raised in its first tick is INVALID and stops none of its children, and the leaf
     that raised is INVALID too, although it may have sent its goal.
@@ -28,7 +28,7 @@ def stop_behaviours(root: Behaviour, failed: Behaviour | None, node: Node | None
     Args:
         root: The tree.
         failed: The behaviour that raised, if any.
-        node: Logs who failed while it was stopped.
+        node: Logs the behaviours that failed while they were stopped.
     """
     if failed is not None and not failed.children:
         _stop_one(failed, node)
@@ -40,16 +40,16 @@ def stop_behaviours(root: Behaviour, failed: Behaviour | None, node: Node | None
 
 
 def settle(root: Behaviour, executor: Executor, timeout_sec: float, node: Node | None) -> list[str]:
-    """Spin until nothing of a stopped tree's leaves is under way any more.
+    """Spin until none of a stopped tree's leaves has work in progress.
 
     Args:
         root: The tree.
         executor: The executor of its node.
-        timeout_sec: How long to spin at most, in seconds of the steady clock.
-        node: Logs what somebody's callback raised.
+        timeout_sec: The longest time to spin, in seconds of the steady clock.
+        node: Logs exceptions of callbacks.
 
     Returns:
-        The names of the leaves that had something under way to the end.
+        The names of the leaves that still had work in progress at the end.
     """
     deadline = time.monotonic() + timeout_sec
     while _unsettled(root) and time.monotonic() < deadline:
@@ -65,11 +65,11 @@ def settle(root: Behaviour, executor: Executor, timeout_sec: float, node: Node |
 
 
 def stop_leaves(behaviours: Iterable[Behaviour], node: Node | None) -> None:
-    """Stop the leaves among behaviours of a tree that was not ticked yet.
+    """Stop the leaves among the behaviours of a tree that was not ticked yet.
 
     Args:
         behaviours: The behaviours.
-        node: Logs who failed while it was stopped.
+        node: Logs the behaviours that failed while they were stopped.
     """
     for behaviour in behaviours:
         if not behaviour.children:
@@ -77,11 +77,11 @@ def stop_leaves(behaviours: Iterable[Behaviour], node: Node | None) -> None:
 
 
 def shut_down(behaviours: Iterable[Behaviour], node: Node | None) -> None:
-    """Shut behaviours down, each of them, whatever the others raise.
+    """Shut down all behaviours, even if some of them raise.
 
     Args:
         behaviours: The behaviours.
-        node: Logs who failed.
+        node: Logs the behaviours that failed.
     """
     for behaviour in behaviours:
         _shut_one_down(behaviour, node)

@@ -1,4 +1,4 @@
-"""The stand-in for Nav2's localiser: silent until it is told where the robot is, exact from then on."""
+"""The stand-in for Nav2's localiser: silent until it receives an initial pose, exact from then on."""
 
 from typing import Any
 
@@ -29,8 +29,8 @@ class Amcl:
     """Node `amcl`: `initialpose` in; `amcl_pose`, `map` → `odom` and `amcl/get_state` out.
 
     Args:
-        host: Makes the node.
-        robot: The robot whose true pose is told.
+        host: Creates the node.
+        robot: The robot whose true pose is published.
         occupancy: The map; an initial pose outside it is refused.
     """
 

@@ -1,4 +1,4 @@
-"""The stand-in for Nav2's navigator: the action `navigate_to_pose`, as Jazzy's bt_navigator serves it."""
+"""The stand-in for Nav2's navigator: the action `navigate_to_pose`, as served by Jazzy's bt_navigator."""
 
 import functools
 from collections.abc import Callable, Mapping
@@ -42,7 +42,7 @@ class _Goal:
         self._outcome = Future()
 
     def end(self, outcome: DriveOutcome) -> None:
-        """End the goal; the client is told in the executor's next round."""
+        """End the goal; the client is notified in the executor's next round."""
         self._outcome.set_result(outcome)
 
     async def run(self, handle: ServerGoalHandle) -> Any:
@@ -60,16 +60,16 @@ class _Goal:
 class BtNavigator:
     """Node `bt_navigator`: `navigate_to_pose` and `bt_navigator/get_state`.
 
-    A new goal pre-empts the one under way, which ends aborted with error code 0. One that asks for another
-    behaviour tree than the one under way is aborted instead.
+    A new goal pre-empts the current one, which ends aborted with error code 0. A new goal with another
+    behaviour tree than the current one is aborted instead.
 
     Args:
-        host: Makes the node.
-        robot: Is driven.
-        planner: Finds the ways.
+        host: Creates the node.
+        robot: The robot to drive.
+        planner: Plans the paths.
         localise: Returns the robot's pose in `map`, or None while there is no such transform.
         zones: Zone positions, metres, frame `map`, for faults.
-        faults: What goes wrong.
+        faults: The faults to inject.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class BtNavigator:
         return self._active_at is not None and self._now >= self._active_at
 
     def step(self, step: int, now_ns: int) -> None:
-        """Do what is due at the simulated time *now_ns*, nanoseconds."""
+        """Do the work due at the simulated time *now_ns*, nanoseconds."""
         self._now = now_ns / 1e9
         if self._server is None:
             if self._back_at is not None and self._now >= self._back_at:
@@ -109,7 +109,7 @@ class BtNavigator:
             self._attend(self._goal, feedback_due=step % _FEEDBACK_EVERY == 0)
 
     def stop(self) -> bool:
-        """End the goal under way; return whether there was one, whose client has yet to be told."""
+        """End the current goal; return whether there was one, whose client is still to be notified."""
         goal = self._goal
         if goal is not None and goal.handle.is_cancel_requested:
             self._end(DriveOutcome(DriveEnd.CANCELED))
@@ -118,7 +118,7 @@ class BtNavigator:
         return goal is not None
 
     def close(self) -> None:
-        """Destroy the server and the node, without a word to anybody."""
+        """Destroy the server and the node, without notifying clients."""
         self._goal = None
         if self._server is not None:
             # A server that lives on keeps its node in the graph.
@@ -142,7 +142,7 @@ class BtNavigator:
         )
 
     def _die(self, back_sec: float | None) -> None:
-        """Disappear without a word, as a process does that is killed."""
+        """Disappear without notice, like a killed process."""
         self._node.get_logger().warning("Fault: bt_navigator disappears.")
         self._back_at = None if back_sec is None else self._now + back_sec
         # The goal's coroutine waits for ever: to end it would be to send its result.
@@ -183,7 +183,7 @@ class BtNavigator:
         self._goal = goal
 
     def _attend(self, goal: _Goal, *, feedback_due: bool) -> None:
-        """Move a goal on by one step."""
+        """Advance a goal by one step."""
         outcome = None
         if goal.drive is None:
             outcome = self._set_out(goal)
@@ -202,7 +202,7 @@ class BtNavigator:
             self._end(outcome)
 
     def _set_out(self, goal: _Goal) -> DriveOutcome | None:
-        """Plan the way to a new goal, or return why there is none."""
+        """Plan the path to a new goal, or return why there is none."""
         if goal.handle.is_cancel_requested:
             return DriveOutcome(DriveEnd.CANCELED)
         request = goal.handle.request.pose
@@ -245,7 +245,7 @@ class BtNavigator:
         return message
 
     def _zone_of(self, goal: Pose2D | None) -> str | None:
-        """Return the zone that *goal* lies in, if any."""
+        """Return the zone that contains *goal*, if any."""
         if goal is None or not self._zones:
             return None
         away = functools.partial(_distance, goal, self._zones)

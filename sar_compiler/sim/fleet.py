@@ -1,4 +1,4 @@
-"""Several robots in one world: where they may start, and what they are to each other."""
+"""Several robots in one world: their start poses, and their effect on each other."""
 
 import itertools
 from collections import Counter
@@ -14,11 +14,11 @@ from sar_compiler.sim.world import World
 
 
 def check_placements(world: World, placements: Sequence[Placement]) -> None:
-    """Make sure that robots can start as they are placed.
+    """Check that robots can start as they are placed.
 
     Raises:
-        PlacementError: If two have one name, or if one would start in or at an obstacle or another robot, or
-            outside the world's map.
+        PlacementError: If two have the same name, or if one would start in contact with an obstacle or another
+            robot, or outside the world's map.
         MapError: If the world's map cannot be read.
     """
     for name, count in Counter(placement.name for placement in placements).items():
@@ -45,22 +45,22 @@ def check_placements(world: World, placements: Sequence[Placement]) -> None:
 
 
 def _require_on_map(world: World, name: str, start: Pose2D) -> None:
-    """Refuse a start where the localisation would refuse the initial pose."""
+    """Refuse a start pose that the localisation would refuse."""
     if world.map_path is not None and read_map(world.map_path).cell_at(start.x, start.y) is None:
         problem = f"would start at {_shown(start)}, which is outside the world's map (metres, frame map)"
         raise PlacementError(name, problem)
 
 
 def make_robots(world: World, placements: Sequence[Placement], *, seed: int = 0) -> list[Robot]:
-    """Return robots that are solid to each other, in the order in which they take their steps.
+    """Return robots that are solid to each other, in the order of their steps.
 
     Args:
-        world: Where they drive.
-        placements: Where they start.
+        world: Their world.
+        placements: Their start poses.
         seed: Seed of all noise.
 
     Raises:
-        PlacementError: If they cannot start there.
+        PlacementError: If they cannot start as placed.
     """
     check_placements(world, placements)
     robots = [
@@ -73,7 +73,7 @@ def make_robots(world: World, placements: Sequence[Placement], *, seed: int = 0)
 
 
 def seed_of(seed: int, number: int) -> int:
-    """Return the seed of one robot's noise: for the first (number 0) the one that a single robot would have."""
+    """Return the seed of one robot's noise; that of the first (number 0) is that of a single robot."""
     if number == 0:
         return seed
     return int(np.random.SeedSequence(seed, spawn_key=(number,)).generate_state(1, np.uint64)[0])

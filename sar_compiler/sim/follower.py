@@ -11,15 +11,15 @@ from sar_compiler.sim.robot import STAND, Limits, RobotState, Twist2D
 
 @dataclass(frozen=True)
 class FollowerSettings:
-    """How closely a path is followed.
+    """The parameters of path following.
 
     Attributes:
         look_ahead: Distance of the pursued point, metres.
-        position_tolerance: Closer than this to the goal the robot stops driving, metres.
-        yaw_tolerance: Closer than this to the goal's yaw it stops turning, radians.
-        turn_first: With the path farther to the side than this it turns in place, radians.
-        turned: Turning towards the path ends below this, radians.
-        braking: Part of the robot's acceleration that is planned with.
+        position_tolerance: Distance from the goal below which the robot stops driving, metres.
+        yaw_tolerance: Difference from the goal's yaw below which it stops turning, radians.
+        turn_first: Angle to the path above which it turns in place, radians.
+        turned: Angle to the path below which turning in place ends, radians.
+        braking: Fraction of the robot's acceleration that is used for planning.
     """
 
     look_ahead: float = 0.4
@@ -45,10 +45,10 @@ class Follower:
     """Drives one path to its end.
 
     Args:
-        path: Where to go, frame `map`.
-        yaw: Which way to look there, radians; None leaves it as it comes.
-        limits: What the robot can do.
-        settings: How closely.
+        path: The path, frame `map`.
+        yaw: The final yaw, radians; None for any.
+        limits: The limits of the robot's drive.
+        settings: The parameters of path following.
     """
 
     def __init__(
@@ -66,17 +66,17 @@ class Follower:
 
     @property
     def done(self) -> bool:
-        """Whether the robot stands at the goal and looks the right way."""
+        """Whether the robot is at the goal and has the final yaw."""
         return self._phase is _Phase.DONE
 
     def distance_remaining(self, pose: Pose2D) -> float:
-        """Return the way left to the goal from *pose* in metres."""
+        """Return the remaining distance to the goal from *pose* in metres."""
         x, y = self._path.points[self._index]
         left = float(self._path.to_go[self._index]) + pose.distance_to(Pose2D(float(x), float(y)))
         return pose.distance_to(self._goal) if self._phase in {_Phase.ALIGN, _Phase.DONE} else left
 
     def command(self, state: RobotState) -> Twist2D:
-        """Return the velocity to ask for next."""
+        """Return the next velocity command."""
         self._index = self._path.nearest(state.pose, self._index)
         away = state.pose.distance_to(self._goal)
         # A path may pass its own goal on the way: it counts only where the path ends.
@@ -110,7 +110,7 @@ class Follower:
         return Twist2D(speed, speed * curvature)
 
     def _align(self, state: RobotState) -> Twist2D:
-        """Stand, and turn to the goal's yaw."""
+        """Turn in place to the goal's yaw."""
         error = 0.0 if self._yaw is None else normalise_angle(self._yaw - state.pose.yaw)
         if abs(error) > self._settings.yaw_tolerance:
             return Twist2D(0.0, self._turning(error))

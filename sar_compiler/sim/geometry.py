@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Pose2D:
-    """Where something is and which way it looks.
+    """A position and a heading.
 
     Attributes:
-        x: Metres, in the frame that the context names (`map` unless it says otherwise).
+        x: Metres, in the frame that the context names (`map` by default).
         y: Metres.
         yaw: Radians, counter-clockwise from the x axis.
     """
@@ -23,7 +23,7 @@ class Pose2D:
         return math.hypot(other.x - self.x, other.y - self.y)
 
     def compose(self, local: "Pose2D") -> "Pose2D":
-        """Return the pose that *local* describes as seen from this one, in this one's frame."""
+        """Return the pose *local*, relative to this one, in this one's frame."""
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
         return Pose2D(
             self.x + cos * local.x - sin * local.y,
@@ -32,7 +32,7 @@ class Pose2D:
         )
 
     def inverse(self) -> "Pose2D":
-        """Return the pose of this one's frame as seen from this pose."""
+        """Return the pose of this one's frame relative to this pose."""
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
         return Pose2D(-cos * self.x - sin * self.y, sin * self.x - cos * self.y, normalise_angle(-self.yaw))
 
@@ -54,7 +54,7 @@ class Box:
         y: Centre, metres.
         size_x: Full length along its own x axis, metres.
         size_y: Full length along its own y axis, metres.
-        yaw: Turn of its own axes, radians.
+        yaw: Rotation of its own axes, radians.
     """
 
     x: float

@@ -1,4 +1,4 @@
-"""Keeping a simulated robot and real ones apart."""
+"""Isolation of a simulated robot from real ones."""
 
 import os
 import time
@@ -14,25 +14,25 @@ _CLOCK = "/clock"
 _ACTION = "navigate_to_pose"
 # By this service of it an action server can be seen in the graph.
 _GOALS = "/_action/send_goal"
-# How long to look around before concluding that nobody is there, seconds. Half of the participants on one
+# How long to look around before concluding that no other node is there, seconds. Half of the participants on one
 # machine see each other within 0.3 s; where the first announcements get lost, they meet with the next
 # periodic one, which Fast DDS sends every 3 s (up to 3.1 s were seen).
 LOOK_AROUND_SEC = 4.0
 _LOOK_EVERY_SEC = 0.02
 
 LOOKING_AROUND = f"Looking whether another simulation or robot is on this machine ({LOOK_AROUND_SEC:g} s)..."
-"""What a command says before it looks."""
+"""The message of a command before it looks for other nodes."""
 # Part of the name that a node has before its announcement arrives, just after that of its publisher.
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"
 _ANOTHER = "another node"
 
 
 class IsolationError(SarError):
-    """Another simulation or a robot's navigation is running where this one would.
+    """Another simulation or a robot's navigation is running on the same ROS names.
 
     Attributes:
-        node: Who it is: `node '/its/full/name'` where that is known.
-        what: What it provides.
+        node: The other node: `node '/its/full/name'` if known.
+        what: The resource that it provides.
     """
 
     def __init__(self, node: str, what: str) -> None:
@@ -44,7 +44,7 @@ class IsolationError(SarError):
 
 
 def stay_on_this_machine() -> None:
-    """Keep ROS from talking to other machines, unless the user has said otherwise. Before rclpy is initialised."""
+    """Restrict ROS to this machine, unless the user has set otherwise. Call it before rclpy is initialised."""
     os.environ.setdefault(_RANGE, "LOCALHOST")
 
 
@@ -56,21 +56,21 @@ def refuse_company(
     look_around_sec: float = LOOK_AROUND_SEC,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> None:
-    """Make sure that nobody else provides `/clock` or `navigate_to_pose`.
+    """Check that no other node provides `/clock` or `navigate_to_pose`.
 
     Args:
         context: An initialised context; the default context if None.
         namespace: Namespace of relative names; that of the command line if None.
         actions: Names of the navigation actions of all robots.
-        look_around_sec: How long to look, seconds. One that is found ends it at once.
-        should_stop: Says that nobody waits for the answer any more; the function then just returns.
+        look_around_sec: How long to look, seconds; ends at once when another node is found.
+        should_stop: Returns whether to stop looking; the function then just returns.
 
     Raises:
-        IsolationError: If somebody does; it names the node.
+        IsolationError: If another node does; names the node.
     """
     node = Node("look_around", context=context, namespace=namespace, start_parameter_services=False)
     try:
-        # That nobody is there can only be told by waiting: discovery has no end that could be waited for.
+        # Absence can only be concluded from waiting: discovery has no end that could be waited for.
         deadline = time.monotonic() + look_around_sec
         while time.monotonic() < deadline and not should_stop():
             found = _company(node, actions)
@@ -85,16 +85,16 @@ def refuse_company(
 
 
 def refuse_rivals(node: Node, actions: Sequence[str] = (_ACTION,)) -> None:
-    """Make sure, while a simulation runs, that it alone provides `/clock` and `navigate_to_pose`.
+    """Check, while a simulation runs, that no other node provides `/clock` or `navigate_to_pose`.
 
-    Discovery can miss somebody at the start, and others may come later.
+    Discovery can miss a node at the start, and others may appear later.
 
     Args:
-        node: A node of the simulation's.
+        node: A node of the simulation.
         actions: Names of the navigation actions of all its robots.
 
     Raises:
-        IsolationError: If there is another one.
+        IsolationError: If another node does; names the node.
     """
     if node.count_publishers(_CLOCK) > 1:
         raise IsolationError(_ANOTHER, _CLOCK)
@@ -112,8 +112,8 @@ def _company(node: Node, actions: Sequence[str]) -> IsolationError | None:
 
 
 def _server(node: Node, goals: str) -> IsolationError | None:
-    """Return what to say about whoever serves the service *goals*, if anybody does."""
-    # A mere client's name stands in the graph, too.
+    """Return a description of the server of the service *goals*, if there is one."""
+    # The name of a mere client is in the graph, too.
     if not node.count_services(goals):
         return None
     what = _title(goals)

@@ -11,12 +11,12 @@ from sar_compiler.sim.world import Floats, Solid
 
 @dataclass(frozen=True)
 class Lidar:
-    """A scanner at the robot's centre that looks all around.
+    """A scanner at the robot's centre with a field of view of 360 degrees.
 
     Attributes:
-        beams: Rays in a full turn; the first looks astern (-pi), the angles increase.
-        range_min: Nearest distance it measures, metres.
-        range_max: Farthest distance it measures, metres.
+        beams: Rays in a full turn; the first points backward (-pi), the angles increase.
+        range_min: Shortest distance it measures, metres.
+        range_max: Longest distance it measures, metres.
         noise: Standard deviation of a range, metres.
     """
 
@@ -36,7 +36,7 @@ class Lidar:
         return math.tau / self.beams
 
     def scan(self, solid: Solid, pose: Pose2D, random: np.random.Generator) -> Floats:
-        """Return the ranges seen from *pose* (frame `map`), metres, shape (beams,); inf where nothing is in reach."""
+        """Return the ranges seen from *pose* (frame `map`), metres, shape (beams,); inf where nothing is in range."""
         ranges = cast(solid, pose.x, pose.y, self.angles + pose.yaw)
         ranges = ranges + random.normal(0.0, self.noise, self.beams)
         seen = np.where(ranges > self.range_max, np.inf, ranges)
@@ -53,7 +53,7 @@ def cast(solid: Solid, x: float, y: float, angles: Floats) -> Floats:
         angles: Directions in frame `map`, radians, shape (n,).
 
     Returns:
-        Metres, shape (n,); inf where a ray meets nothing.
+        Metres, shape (n,); inf where a ray hits nothing.
     """
     along = np.stack((np.cos(angles), np.sin(angles)), axis=1)
     return np.minimum(_cast_segments(solid, x, y, along), _cast_discs(solid, x, y, along))

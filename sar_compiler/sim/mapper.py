@@ -1,4 +1,4 @@
-"""From laser scans to an occupancy map: log-odds of every cell, free along a ray, occupied at its end."""
+"""Occupancy mapping from laser scans: log-odds per cell, free along a ray, occupied at its end."""
 
 import math
 
@@ -10,13 +10,13 @@ from sar_compiler.sim.lidar import Lidar
 from sar_compiler.sim.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from sar_compiler.sim.world import Floats
 
-# What one scan adds to the log-odds of a cell that it ends in, or passes through.
+# The change of a cell's log-odds by a ray that ends in it, or passes through it.
 _HIT, _MISS = 0.85, -0.4
 # Bounds, so that a cell can still change its mind.
 _LEAST, _MOST = -4.0, 4.0
-# Log-odds of 65 % and 25 %: what map_saver takes for occupied and for free.
+# Log-odds of 65 % and 25 %: the thresholds of map_saver for occupied and free.
 _SURELY_OCCUPIED, _SURELY_FREE = math.log(0.65 / 0.35), math.log(0.25 / 0.75)
-# Unknown cells left around what was seen.
+# Unknown cells left around the area seen.
 _MARGIN = 6
 
 
@@ -24,10 +24,10 @@ class Mapper:
     """Integrates scans taken at known poses.
 
     Args:
-        lidar: The scanner they come from.
-        centre: The middle of the ground that can be mapped, metres, frame `map`.
+        lidar: The scanner that took them.
+        centre: The centre of the area that can be mapped, metres, frame `map`.
         resolution: Edge of a cell, metres.
-        reach: Half the edge of the square that can be mapped, metres; what is seen beyond is ignored.
+        reach: Half the edge of the square that can be mapped, metres; scan points beyond it are ignored.
     """
 
     def __init__(
@@ -48,8 +48,8 @@ class Mapper:
         """Add one scan.
 
         Args:
-            pose: Where the scanner was, frame `map`.
-            ranges: What it saw, metres, shape (beams,), inf for nothing.
+            pose: The scanner's pose, frame `map`.
+            ranges: The measured ranges, metres, shape (beams,), inf for nothing.
         """
         angles = self._lidar.angles + pose.yaw
         along = np.stack((np.cos(angles), np.sin(angles)), axis=1)
@@ -63,7 +63,7 @@ class Mapper:
             seen[cells] = True
 
     def result(self) -> OccupancyMap:
-        """Return the map of what was seen so far, cut to it with a margin of unknown cells."""
+        """Return the map of the area seen so far, cropped to it with a margin of unknown cells."""
         rows, columns = np.nonzero(self._seen)
         if not rows.size:
             rows = columns = np.array([self._size // 2])
@@ -81,7 +81,7 @@ class Mapper:
         )
 
     def _passed(self, pose: Pose2D, along: Floats, lengths: Floats) -> NDArray[np.int64]:
-        """Return the cells that the rays cross before their ends, each once."""
+        """Return the cells that the rays cross before their ends, without duplicates."""
         spacing = self._resolution / 2
         steps = np.arange(0.0, float(lengths.max(initial=0.0)), spacing)
         points = along[:, None, :] * steps[None, :, None]
@@ -89,7 +89,7 @@ class Mapper:
         return self._cells(pose, points[before_end])
 
     def _cells(self, pose: Pose2D, offsets: Floats) -> NDArray[np.int64]:
-        """Return the flat indices of the cells at *offsets* (metres, shape (n, 2)) from *pose*, each once."""
+        """Return the flat indices of the cells at *offsets* (metres, shape (n, 2)) from *pose*, without duplicates."""
         columns = np.floor((pose.x + offsets[:, 0] - self._corner[0]) / self._resolution).astype(np.int64)
         rows = np.floor((pose.y + offsets[:, 1] - self._corner[1]) / self._resolution).astype(np.int64)
         inside = (rows >= 0) & (rows < self._size) & (columns >= 0) & (columns < self._size)

@@ -1,4 +1,4 @@
-"""Between the simulator's dataclasses and ROS messages."""
+"""Conversion between the simulator's dataclasses and ROS messages."""
 
 import math
 from typing import Any
@@ -25,7 +25,7 @@ def to_duration(seconds: float) -> Duration:
 
 
 def to_quaternion(yaw: float) -> Quaternion:
-    """Return a turn of *yaw* radians about z."""
+    """Return a rotation of *yaw* radians about z."""
     return Quaternion(z=math.sin(yaw / 2), w=math.cos(yaw / 2))
 
 
@@ -46,7 +46,7 @@ def to_transform(parent: str, child: str, pose: Pose2D, stamp: Time) -> Transfor
 
 
 def from_pose(message: Any) -> Pose2D | None:
-    """Return a pose message as a planar pose, or None where it is not finite or its quaternion no rotation."""
+    """Return a pose message as a planar pose, or None if it is not finite or its quaternion is not a rotation."""
     turn = message.orientation
     length = math.sqrt(turn.x**2 + turn.y**2 + turn.z**2 + turn.w**2)
     if not abs(length - 1.0) < _UNIT_TOLERANCE:

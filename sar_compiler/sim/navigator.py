@@ -1,4 +1,4 @@
-"""What Nav2 does with one goal, without ROS: plan, drive, watch the progress, brake."""
+"""The execution of one goal like Nav2's, without ROS: plan, drive, check the progress, brake."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -17,7 +17,7 @@ _CRUISE = 0.4
 
 
 class DriveEnd(Enum):
-    """How a goal ends."""
+    """The end of a goal."""
 
     SUCCEEDED = "succeeded"
     CANCELED = "canceled"
@@ -26,10 +26,10 @@ class DriveEnd(Enum):
 
 @dataclass(frozen=True)
 class DriveOutcome:
-    """The end of a goal.
+    """The end of a goal with its reason.
 
     Attributes:
-        ending: How.
+        ending: The kind of end.
         code: Nav2's error code.
         text: The reason in words, or "".
     """
@@ -41,14 +41,14 @@ class DriveOutcome:
 
 @dataclass(frozen=True)
 class DriveProgress:
-    """One look at a drive.
+    """The state of a drive after a step.
 
     Attributes:
-        command: What the robot shall do next.
-        elapsed_sec: Simulated seconds since the goal was taken up.
-        distance_remaining: Way left, metres.
+        command: The next velocity command.
+        elapsed_sec: Simulated seconds since the start of the goal.
+        distance_remaining: Remaining distance, metres.
         time_remaining_sec: Estimate, simulated seconds.
-        outcome: The end, once it has come.
+        outcome: The end of the goal; None until then.
     """
 
     command: Twist2D
@@ -62,14 +62,14 @@ class Drive:
     """One drive to a goal.
 
     Args:
-        planner: Finds the way.
-        limits: What the robot can do.
-        goal: Where to, frame `map`.
-        start: Where the robot is, frame `map`.
+        planner: Plans the path.
+        limits: The limits of the robot's drive.
+        goal: The goal pose, frame `map`.
+        start: The robot's pose, frame `map`.
         now: Simulated time, seconds.
 
     Raises:
-        PlanningError: If there is no way.
+        PlanningError: If there is no path.
     """
 
     def __init__(self, planner: Planner, limits: Limits, goal: Pose2D, start: Pose2D, now: float) -> None:
@@ -84,10 +84,10 @@ class Drive:
         self._braking = True
 
     def step(self, state: RobotState, now: float) -> DriveProgress:
-        """Look at the robot and say what it shall do next.
+        """Return the progress and the next command for the robot's state.
 
         Args:
-            state: The robot as it is.
+            state: The robot's current state.
             now: Simulated time, seconds.
         """
         command = STAND if self._braking else self._follower.command(state)

@@ -1,4 +1,4 @@
-"""The one thread that serves all nodes of a simulation, and the making and unmaking of them."""
+"""The single thread that serves all nodes of a simulation, and their creation and destruction."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -15,16 +15,16 @@ from rclpy.executors import (
 )
 from rclpy.node import Node
 
-# QoS events, which only warn, are half of all that is waited for: looked at once in so many rounds.
+# QoS events, which only warn, are half of all entities in the wait set: checked only once in this many rounds.
 _ROUNDS_PER_EVENT = 20
 
 
 class PacedExecutor(SingleThreadedExecutor):
-    """An executor that serves callbacks until a moment of the monotonic clock.
+    """An executor that serves callbacks until a time of the monotonic clock.
 
-    `spin_once` with a time-out that differs from call to call starts afresh each time, and a coroutine that
-    waits (an action goal being executed) is looked at first: nothing else would ever be served. The same
-    time-out object, changed in place, keeps the round going.
+    `spin_once` with a time-out that differs from call to call starts a new round each time, and a waiting
+    coroutine (an action goal being executed) comes first in it: nothing else would ever be served. The same
+    time-out object, changed in place, continues the round.
     """
 
     def __init__(self, *, context: Context, interrupted: Callable[[], bool]) -> None:
@@ -34,17 +34,17 @@ class PacedExecutor(SingleThreadedExecutor):
         self._rounds = 0
 
     def can_execute(self, entity: Any) -> bool:
-        """Return whether something of a node can be served in this round."""
+        """Return whether a callback of a node can be served in this round."""
         if isinstance(entity, EventHandler) and self._rounds % _ROUNDS_PER_EVENT:
             return False
         return bool(super().can_execute(entity))
 
     def serve_until(self, deadline: float, *, to_the_end: bool = False) -> None:
-        """Serve what arrives until *deadline*, and at least one round of what is there.
+        """Serve callbacks until *deadline*, and at least one round of those that are ready.
 
         Args:
             deadline: On the clock of `time.monotonic()`, seconds.
-            to_the_end: Do not let yourself be interrupted.
+            to_the_end: Whether to continue despite an interruption.
         """
         self._rounds += 1
         interrupted = _never if to_the_end else self._interrupted
@@ -63,13 +63,13 @@ def _never() -> bool:
 
 
 class NodeHost:
-    """Makes nodes in one context and namespace and has them served by one executor.
+    """Creates nodes in one context and namespace, all served by one executor.
 
     Args:
         executor: Serves them.
         context: Their context.
         namespace: Their namespace, or None for the one of the command line.
-        cli_args: ROS arguments of their own; they win over those of the command line.
+        cli_args: ROS arguments of their own; they override those of the command line.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class NodeHost:
 
     def create(self, name: str) -> Node:
         """Return a new node."""
-        # Nobody sets parameters of these; their services would be waited for in every round.
+        # Parameters of these nodes are never set; their services would be waited for in every round.
         node = Node(
             name,
             context=self._context,
@@ -98,17 +98,17 @@ class NodeHost:
         return node
 
     def adopt(self, nodes: Sequence[Node]) -> None:
-        """Have nodes of somebody else served too; they stay his to destroy."""
+        """Serve nodes of the caller, too, which the caller destroys."""
         for node in nodes:
             self._executor.add_node(node)
 
     def destroy(self, node: Node) -> None:
-        """Destroy a node made here."""
+        """Destroy a node created here."""
         self._nodes.remove(node)
         self._executor.remove_node(node)
         node.destroy_node()
 
     def destroy_all(self) -> None:
-        """Destroy all nodes made here that are left."""
+        """Destroy all remaining nodes created here."""
         while self._nodes:
             self.destroy(self._nodes[-1])

@@ -1,4 +1,4 @@
-"""An occupancy map, and reading and writing it as `nav2_map_server` does."""
+"""Occupancy maps, read and written like `nav2_map_server` does."""
 
 import math
 from dataclasses import dataclass
@@ -25,13 +25,13 @@ class MapError(SarError):
 
 @dataclass(frozen=True)
 class OccupancyMap:
-    """What is known of the ground, cell by cell.
+    """The occupancy of the ground, cell by cell.
 
     Attributes:
         cells: -1 unknown, 0 free, 100 occupied; shape (height, width), int8, row 0 at the lowest y.
         resolution: Edge of a cell, metres.
-        origin_x: The lower left corner of cell (0, 0), metres, frame `map`.
-        origin_y: The same corner's y.
+        origin_x: The x of the lower left corner of cell (0, 0), metres, frame `map`.
+        origin_y: The y of the same corner.
     """
 
     cells: NDArray[np.int8]
@@ -43,7 +43,7 @@ class OccupancyMap:
         self.cells.setflags(write=False)
 
     def cell_at(self, x: float, y: float) -> tuple[int, int] | None:
-        """Return (row, column) of the cell that holds (x, y) in metres, or None outside the map."""
+        """Return (row, column) of the cell that contains (x, y) in metres, or None outside the map."""
         row = math.floor((y - self.origin_y) / self.resolution)
         column = math.floor((x - self.origin_x) / self.resolution)
         inside = 0 <= row < self.cells.shape[0] and 0 <= column < self.cells.shape[1]
@@ -57,15 +57,15 @@ class OccupancyMap:
 
 
 def read_map(path: Path) -> OccupancyMap:
-    """Read a map's description and its image, with `nav2_map_server`'s rules.
+    """Read a map's description and its image, by `nav2_map_server`'s rules.
 
     Args:
-        path: The `.yaml` file; its `image` is looked for beside it.
+        path: The `.yaml` file; its `image` is looked up in the same folder.
 
     Raises:
-        UnreadableFileError: If the description is not there or cannot be read.
-        TreeError: If the description has mistakes, or asks for what is not supported; carries all findings.
-        MapError: If its image is not there, or is none.
+        UnreadableFileError: If the description does not exist or cannot be read.
+        TreeError: If the description has mistakes, or requires unsupported features; carries all findings.
+        MapError: If its image does not exist or is not a valid image.
     """
     document = read_yaml(path, "write what nav2_map_server reads: image, resolution, origin, ...")
     said = document.hold("map").data
@@ -83,7 +83,7 @@ def write_map(occupancy: OccupancyMap, prefix: Path) -> tuple[Path, Path]:
     """Write a map as `nav2_map_server` does.
 
     Args:
-        occupancy: What to write.
+        occupancy: The map to write.
         prefix: The files' path without suffix; `.pgm` and `.yaml` are added.
 
     Returns:

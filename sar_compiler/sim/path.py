@@ -1,4 +1,4 @@
-"""A way through the plane, and what is left of it."""
+"""Paths in the plane, and the remaining distance along them."""
 
 import itertools
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ class Path2D:
 
     @staticmethod
     def through(corners: Floats, spacing: float = 0.05) -> "Path2D":
-        """Return the straight way from corner to corner, with a point at least every *spacing* metres."""
+        """Return the straight path from corner to corner, with a point at least every *spacing* metres."""
         pieces = []
         for start, end in itertools.pairwise(corners):
             count = max(1, int(np.ceil(np.hypot(*(end - start)) / spacing)))

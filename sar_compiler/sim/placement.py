@@ -1,4 +1,4 @@
-"""Which robots there are in a world, and where they start; as the command line writes it."""
+"""The robots of a world and their start poses, as given on the command line."""
 
 import math
 import re
@@ -8,15 +8,15 @@ from sar_compiler.errors import SarError
 from sar_compiler.sim.geometry import Pose2D
 
 _FORM = "NAME, NAME:X,Y or NAME:X,Y,YAW (metres and radians, frame map)"
-# What ROS takes as one part of a namespace; rmw allows some 240 characters for all of it.
+# The valid parts of a ROS namespace; rmw allows some 240 characters for all of it.
 _NAME = re.compile(r"(?!.*__)[A-Za-z_][A-Za-z0-9_]{0,99}")
 
 
 class PlacementError(SarError):
-    """Robots cannot be placed as asked.
+    """Robots cannot be placed as requested.
 
     Attributes:
-        robot: The name of the robot at fault, or the text that should have described it; "" for the one
+        robot: The name of the robot concerned, or the invalid text; "" for the robot
             without a name.
     """
 
@@ -30,7 +30,7 @@ class Placement:
     """One robot in a world.
 
     Attributes:
-        name: Its name; the robot's nodes live in the namespace `/name`. Without a name ("") they live in the
+        name: Its name; the robot's nodes are in the namespace `/name`. Without a name ("") they are in the
             namespace of the simulation, with the global `/tf`.
         start: Its pose at time zero, frame `map`; the world's start if None.
     """
@@ -45,7 +45,7 @@ class Placement:
 
     @property
     def ros_arguments(self) -> list[str]:
-        """The ROS arguments that move the robot's nodes, with its transforms, into its namespace."""
+        """The ROS arguments that put the robot's nodes and transforms into its namespace."""
         if not self.name:
             return []
         return ["--ros-args", "-r", f"__ns:=/{self.name}", "-r", "/tf:=tf", "-r", "/tf_static:=tf_static"]
@@ -55,7 +55,7 @@ def parse_placement(text: str) -> Placement:
     """Read `NAME[:X,Y[,YAW]]`.
 
     Raises:
-        PlacementError: If it has another form, a name that ROS refuses or a number that is not finite.
+        PlacementError: If the form is wrong, ROS refuses the name, or a number is not finite.
     """
     name, colon, pose = text.partition(":")
     if not name:

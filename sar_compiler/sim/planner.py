@@ -19,7 +19,7 @@ from sar_compiler.sim.world import Floats
 _NEAR_COST = 8.0
 # … and the surcharge falls to 1/e over this many metres.
 _FALL_OFF = 0.25
-# How far from ground where the body fits a start may be, metres: a robot that leans on a wall may leave it.
+# How far a start may be from ground where the body fits, metres: a robot that leans on a wall may leave it.
 _START_SLACK = 0.15
 # Metres of path that are averaged to round its corners.
 _SMOOTHING = 0.45
@@ -39,10 +39,10 @@ class NavCode(IntEnum):
 
 
 class PlanningError(SarError):
-    """There is no way.
+    """There is no path.
 
     Attributes:
-        code: Why, as Nav2 numbers it.
+        code: The reason, by Nav2's error codes.
     """
 
     def __init__(self, code: NavCode, message: str) -> None:
@@ -51,9 +51,9 @@ class PlanningError(SarError):
 
 
 class Planner:
-    """Finds ways for a round robot.
+    """Plans paths for a round robot.
 
-    The body has to stand on ground known to be free: unknown cells keep it off like occupied ones.
+    The body must be on ground known to be free: unknown cells count as occupied.
 
     Args:
         occupancy: The map.
@@ -70,10 +70,10 @@ class Planner:
         self._cells = np.argwhere(self.fits)
 
     def plan(self, start: Pose2D, goal: Pose2D) -> Path2D:
-        """Return a way between two positions, frame `map`.
+        """Return a path between two positions, frame `map`.
 
         Raises:
-            PlanningError: If there is none; its code says why.
+            PlanningError: If there is none; its code is the reason.
         """
         goal_node = self._goal_node(goal)
         start_node = self._start_node(start)
@@ -112,7 +112,7 @@ class Planner:
         return int(np.argmin(distance))
 
     def _smoothed(self, points: Floats, goal: Pose2D) -> Floats:
-        """Return the path with rounded corners, where the rounding leaves room, ending at the very goal."""
+        """Return the path with rounded corners, where the clearance allows it, ending exactly at the goal."""
         width = 2 * round(_SMOOTHING / self._map.resolution / 2) + 1
         smooth = uniform_filter1d(points, width, axis=0, mode="nearest")
         cells = [self._map.cell_at(float(x), float(y)) for x, y in smooth]
@@ -123,9 +123,9 @@ class Planner:
 
 
 def clearance(occupancy: OccupancyMap) -> Floats:
-    """Return the distance in metres from each cell's middle to the nearest cell not known to be free.
+    """Return the distance in metres from each cell's centre to the nearest cell not known to be free.
 
-    What lies outside the map counts as not known. The shape is that of the map's cells.
+    The area outside the map counts as unknown. The shape is that of the map's cells.
     """
     free = np.pad(occupancy.cells == FREE, 1)
     distance: Floats = distance_transform_edt(free)[1:-1, 1:-1] * occupancy.resolution
@@ -137,10 +137,10 @@ def _grid_graph(passable: NDArray[np.bool_], cost: Floats) -> tuple[csr_array, N
 
     Args:
         passable: Shape (height, width).
-        cost: Price of a cell for each edge length walked on it, same shape.
+        cost: Cost of a cell per edge length travelled in it, same shape.
 
     Returns:
-        Adjacency with prices in cell edges, and the node's number of each cell (-1: none).
+        The adjacency matrix with costs in cell edges, and the node number of each cell (-1: none).
     """
     node_of = np.full(passable.shape, -1, dtype=np.int32)
     node_of[passable] = np.arange(np.count_nonzero(passable), dtype=np.int32)

@@ -12,13 +12,13 @@ from sar_compiler.sim.world import Solid, World
 
 @dataclass(frozen=True)
 class Limits:
-    """What the drive can do; the figures are those of a ROSbot.
+    """The limits of the drive; the defaults are those of a ROSbot.
 
     Attributes:
-        speed: Greatest speed ahead and astern, m/s.
-        turn: Greatest turning speed, rad/s.
-        acceleration: Greatest change of speed, m/s².
-        turn_acceleration: Greatest change of turning speed, rad/s².
+        speed: Maximum speed forward and backward, m/s.
+        turn: Maximum angular speed, rad/s.
+        acceleration: Maximum acceleration, m/s².
+        turn_acceleration: Maximum angular acceleration, rad/s².
     """
 
     speed: float = 0.6
@@ -32,7 +32,7 @@ class Twist2D:
     """A planar velocity.
 
     Attributes:
-        v: Ahead, m/s.
+        v: Forward, m/s.
         w: Counter-clockwise, rad/s.
     """
 
@@ -45,13 +45,13 @@ STAND = Twist2D()
 
 @dataclass(frozen=True)
 class RobotState:
-    """All that changes about a robot.
+    """The state of a robot.
 
     Attributes:
         pose: True pose of `base_link`, frame `map`.
         velocity: True velocity, frame `base_link`.
-        odometry: Pose of `base_link` as the wheels tell it, frame `odom` (the pose at the start).
-        touching: Whether the last step ended at an obstacle, or at another robot.
+        odometry: Pose of `base_link` by wheel odometry, frame `odom` (the pose at the start).
+        touching: Whether the last step ended in contact with an obstacle or another robot.
     """
 
     pose: Pose2D
@@ -61,15 +61,15 @@ class RobotState:
 
 
 class Robot:
-    """A disc that obeys commands as well as it can, and never enters an obstacle or another robot.
+    """A disc that follows commands within its limits, and never enters an obstacle or another robot.
 
     Args:
-        world: Where it drives.
+        world: Its world.
         start: Its pose at time zero, frame `map`; the world's start if None.
         seed: Seed of the odometry's noise.
-        limits: What its drive can do.
-        odometry_noise: Standard deviation of each step's odometry, as a part of the way driven.
-        command_timeout: A command older than this stops the robot, seconds of simulated time.
+        limits: The limits of its drive.
+        odometry_noise: Standard deviation of each step's odometry, as a fraction of the distance driven.
+        command_timeout: Age of a command after which the robot stops, seconds of simulated time.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class Robot:
         self._others = tuple(others)
 
     def surroundings(self) -> Solid:
-        """Return all that this robot can touch and see: the world's obstacles, and the others where they are."""
+        """Return all that this robot can touch and see: the world's obstacles, and the other robots."""
         if not self._others:
             return self._world.solid
         poses = (other.state.pose for other in self._others)
@@ -106,14 +106,14 @@ class Robot:
         )
 
     def command(self, twist: Twist2D) -> None:
-        """Ask for a velocity; what is not finite counts as zero, what is too fast is clipped."""
+        """Set the commanded velocity; values that are not finite count as zero, too large ones are clipped."""
         self._command = Twist2D(_clip(twist.v, self.limits.speed), _clip(twist.w, self.limits.turn))
         self._command_age = 0.0
 
     def step(self, duration: float) -> RobotState:
-        """Let *duration* seconds pass and return the new state.
+        """Advance by *duration* seconds and return the new state.
 
-        Other robots stand still meanwhile: those of one world take their steps one after the other.
+        Other robots do not move meanwhile: the robots of a world take their steps one after the other.
         """
         wanted = self._command if self._command_age < self._timeout else STAND
         self._command_age += duration

@@ -1,4 +1,4 @@
-"""One robot's face to ROS: what a rosbot stack publishes and listens to."""
+"""One robot's ROS interface: the topics of a rosbot stack."""
 
 from array import array
 from typing import Any
@@ -21,12 +21,12 @@ _BASE, _ODOM = "base_link", "odom"
 
 
 class RobotInterface:
-    """Joins a robot to its topics: `cmd_vel` in; `odometry/filtered`, `scan` and `/tf` out.
+    """Connects a robot to its topics: `cmd_vel` in; `odometry/filtered`, `scan` and `/tf` out.
 
     Args:
-        host: Makes the node.
-        robot: The robot; its command is whatever was asked for last.
-        lidar: Its scanner.
+        host: Creates the node.
+        robot: The robot, which is sent the latest command.
+        lidar: The robot's scanner.
         seed: Seed of the scanner's noise.
     """
 
@@ -45,10 +45,10 @@ class RobotInterface:
         self._scan_message = self._empty_scan()
 
     def publish(self, step: int, now_ns: int) -> None:
-        """Publish what the robot's sensors say at the end of a step.
+        """Publish the robot's sensor data at the end of a step.
 
         Args:
-            step: Its number.
+            step: The step's number.
             now_ns: The simulated time at its end, nanoseconds.
         """
         state = self.robot.state
@@ -60,7 +60,7 @@ class RobotInterface:
         message.twist.twist.angular.z = state.velocity.w
         self._odometry.publish(message)
         self._tf.publish(TFMessage(transforms=[to_transform(_ODOM, _BASE, state.odometry, stamp)]))
-        # The noise depends on the step alone, so whether anybody listens changes nothing.
+        # The noise depends on the step alone, not on subscribers.
         if step % _SCAN_EVERY == 0 and self._scan.get_subscription_count():
             random = np.random.default_rng([self._seed, 3, step])
             ranges = self._lidar.scan(self.robot.surroundings(), state.pose, random)

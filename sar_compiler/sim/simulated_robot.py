@@ -16,13 +16,13 @@ from sar_compiler.sim.robot_interface import RobotInterface
 
 @dataclass(frozen=True)
 class NavigationSetup:
-    """What every robot's stand-in for Nav2 is made from.
+    """The data shared by all robots' stand-ins for Nav2.
 
     Attributes:
         occupancy: The map.
-        planner: Finds the ways on it.
+        planner: Plans the paths on it.
         zones: Zone positions, metres, frame `map`, for faults.
-        faults: What goes wrong with `navigate_to_pose`, for each robot alike.
+        faults: The faults of `navigate_to_pose`, the same for each robot.
     """
 
     occupancy: OccupancyMap
@@ -32,13 +32,13 @@ class NavigationSetup:
 
 
 class SimulatedRobot:
-    """A robot with its node `rosbot` and, where there is a map, `amcl` and `bt_navigator`.
+    """A robot with its node `rosbot` and, if there is a map, `amcl` and `bt_navigator`.
 
     Args:
-        host: Makes the nodes, in the robot's namespace.
+        host: Creates the nodes, in the robot's namespace.
         robot: The robot.
         seed: Seed of its scanner's noise.
-        navigation: What its stand-in for Nav2 is made from; None for none.
+        navigation: The data of its stand-in for Nav2; None for no navigation.
     """
 
     def __init__(
@@ -65,22 +65,22 @@ class SimulatedRobot:
         return self._robot.state.pose
 
     def move(self, duration: float) -> None:
-        """Let *duration* seconds pass."""
+        """Move for *duration* seconds."""
         self._robot.step(duration)
 
     def sense(self, step: int, now_ns: int) -> None:
-        """Publish what the sensors say at the end of step number *step*, at *now_ns* nanoseconds."""
+        """Publish the sensor data at the end of step number *step*, at *now_ns* nanoseconds."""
         self._interface.publish(step, now_ns)
 
     def navigate(self, step: int, now_ns: int) -> None:
-        """Localise, and go on with the goal under way."""
+        """Localise, and continue with the current goal."""
         if self._amcl is not None:
             self._amcl.step(step, now_ns)
         if self._navigator is not None:
             self._navigator.step(step, now_ns)
 
     def stop(self) -> bool:
-        """End the goal under way; return whether there was one, whose client has yet to be told."""
+        """End the current goal; return whether there was one, whose client is still to be notified."""
         return self._navigator is not None and self._navigator.stop()
 
     def close(self) -> None:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 STEP_NS = 50_000_000
 STEP_SEC = STEP_NS / 1e9
-# What was lost by a hiccup of the machine is made up for as far as this, seconds of wall time.
+# The longest delay of the machine that is caught up with, seconds of wall time.
 _CATCH_UP_SEC = 0.05
 # How long the end of a goal gets to reach its client when the simulation stops, seconds of wall time.
 _FAREWELL_SEC = 0.05
@@ -43,23 +43,23 @@ _log = logging.getLogger(__name__)
 
 
 class SimulationError(SarError):
-    """The simulation cannot run as asked."""
+    """The simulation cannot run as requested."""
 
 
 class Simulation:
     """Runs a world in a thread of its own, until stopped.
 
-    Simulated time goes on in steps of 0.05 s, none of which is ever left out: *speed* is an upper bound, and
-    where the machine cannot keep up, time slows.
+    Simulated time advances in steps of 0.05 s, none of which is ever skipped: *speed* is an upper bound, and
+    simulated time slows down if the machine cannot keep up.
 
     Args:
-        world: The world. Where it names no map there is no stand-in for Nav2: only the robots' own topics.
-        robots: The robots in it, in the order of their steps, each in the namespace of its name, `/tf` and
-            `/tf_static` with it. By default one without a name at the world's start.
+        world: The world. If it names no map there is no stand-in for Nav2, only the robots' own topics.
+        robots: The robots in it, in the order of their steps, each in the namespace of its name, including `/tf`
+            and `/tf_static`. By default one without a name at the world's start.
         speed: Simulated seconds per second.
-        faults: What goes wrong with navigation, for every robot alike; each has an account of its own.
+        faults: The faults of navigation, the same for every robot; each robot consumes its own copy.
         seed: Seed of all noise. The same seed and commands give the same states, bit for bit.
-        context: The nodes' context; the default context if None. It is initialised already.
+        context: The nodes' context, which is initialised already; the default context if None.
         namespace: The namespace of the other nodes; that of the command line if None. `/clock` stays global.
         extra_nodes: Nodes of the caller that the same thread serves; the caller destroys them.
 
@@ -68,8 +68,8 @@ class Simulation:
 
     Raises:
         SimulationError: If the speed is not above 0.
-        PlacementError: If the robots cannot be placed as asked.
-        FaultError: If a fault names a zone that there is not.
+        PlacementError: If the robots cannot be placed as requested.
+        FaultError: If a fault names an unknown zone.
         MapError: If the world's map cannot be read.
     """
 
@@ -119,11 +119,11 @@ class Simulation:
         return self._robots[name].pose
 
     def start(self) -> None:
-        """Let time run. Once only."""
+        """Start simulated time; may be called only once."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Stop the time, end a goal under way as aborted, destroy the nodes. Further calls do nothing."""
+        """Stop simulated time, abort current goals, and destroy the nodes. Further calls do nothing."""
         if self._stopping.is_set():
             return
         self._stopping.set()
@@ -162,12 +162,12 @@ class Simulation:
                     refuse_rivals(self._clock_node, self._actions)
             self._farewell()
         except ExternalShutdownException:
-            pass  # the context was shut down: whoever did it wants us to end
+            pass  # the context was shut down, in order to end this thread
         except Exception as error:  # noqa: BLE001 - told to whoever asks for `failure`
             self.failure = error
 
     def _step(self) -> None:
-        """Let one step of time pass."""
+        """Advance by one time step."""
         self._step_count += 1
         now_ns = self._step_count * STEP_NS
         robots = self._robots.values()
@@ -181,13 +181,13 @@ class Simulation:
             robot.navigate(self._step_count, now_ns)
 
     def _farewell(self) -> None:
-        """Tell the clients of goals under way that these have ended."""
+        """Notify the clients of current goals that these have ended."""
         if any([robot.stop() for robot in self._robots.values()]):  # noqa: C419 - all have to stop
             self._executor.serve_until(time.monotonic() + _FAREWELL_SEC, to_the_end=True)
 
 
 def _navigation(world: World, faults: FaultPlan) -> NavigationSetup | None:
-    """Return what the stand-ins for Nav2 are made from, or None where the world has no map."""
+    """Return the data of the stand-ins for Nav2, or None if the world has no map."""
     zones = world.zones if faults.zones is None else faults.zones
     faults.navigation.check_zones(zones)
     if world.map_path is None:

@@ -23,7 +23,7 @@ class SurveyError(SarError):
 
 
 def survey(world: World, *, seed: int = 0, lidar: Lidar | None = None) -> OccupancyMap:
-    """Drive the world's survey way and return the map that the scans make.
+    """Drive the world's survey route and return the map made of the scans.
 
     Args:
         world: The world to map.
@@ -31,7 +31,7 @@ def survey(world: World, *, seed: int = 0, lidar: Lidar | None = None) -> Occupa
         lidar: The scanner.
 
     Raises:
-        SurveyError: If the world names no way, or the robot gets stuck on it.
+        SurveyError: If the world has no survey route, or the robot gets stuck on it.
     """
     if not world.survey:
         message = f"world '{world.name}' has no 'survey' way to drive for a map"

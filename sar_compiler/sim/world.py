@@ -1,4 +1,4 @@
-"""The true world: what stands in it, and how far a disc can move before it touches something."""
+"""The true world: its obstacles, and how far a disc can move before it touches one."""
 
 import copy
 import functools
@@ -18,23 +18,23 @@ Floats = NDArray[np.float64]
 # Closer than this a moving disc counts as touching, metres. Far below what matters, far above rounding.
 _TOUCH = 1e-6
 _GRAIN = 1e-12
-# The march below converges like Newton's method, in a handful of passes; what needs more counts as contact.
+# The march below converges like Newton's method, in a few passes; more of them count as contact.
 _MAX_MARCH = 64
 
 
 @dataclass(frozen=True)
 class World:
-    """Everything that does not move, and where the robot starts. Metres and radians, frame `map`.
+    """All static objects, and the robot's start pose. Metres and radians, frame `map`.
 
     Attributes:
-        name: For messages.
+        name: Its name in messages.
         start: The robot's pose at time zero.
         robot_radius: Radius of the robot's body.
         boxes: Walls and debris.
         cylinders: Round debris.
         zones: Zone markers, id to position; nothing collides with them.
-        survey: Way-points of the drive that maps the world; empty where it is not mapped.
-        map_path: The description (`.yaml`) of the world's occupancy map, or None where it has none.
+        survey: Way-points of the route for mapping the world; empty if it is not mapped.
+        map_path: The description (`.yaml`) of the world's occupancy map, or None if it has none.
     """
 
     name: str
@@ -53,7 +53,7 @@ class World:
 
 
 class Solid:
-    """The obstacles of a world. All of them are convex, which is what makes the motion test exact."""
+    """The obstacles of a world. All of them are convex, which makes the motion test exact."""
 
     def __init__(self, boxes: Sequence[Box], cylinders: Sequence[Cylinder]) -> None:
         self._centre = np.array([(b.x, b.y) for b in boxes], dtype=np.float64).reshape(-1, 2)
@@ -64,7 +64,7 @@ class Solid:
         self.segments = _segments(boxes)
 
     def with_cylinders(self, cylinders: Iterable[Cylinder]) -> "Solid":
-        """Return these obstacles and further round ones."""
+        """Return these obstacles with further round ones."""
         more = copy.copy(self)
         more.discs = np.concatenate((self.discs, _discs(cylinders)))
         return more
@@ -97,16 +97,16 @@ class Solid:
         return float(np.min(self.offsets(x, y)[1], initial=math.inf))
 
     def free_travel(self, start: tuple[float, float], heading: float, length: float, radius: float) -> float:
-        """Return how far a disc may slide along a straight line before it touches an obstacle.
+        """Return how far a disc can move along a straight line before it touches an obstacle.
 
-        The distance to a convex shape is a convex function of the way along a line, so it never falls
-        faster than at the beginning. It is always safe to move on until the nearest obstacle would be
-        reached at that rate, however long the line is: nothing can be stepped over.
+        The distance to a convex shape is a convex function of the position on a line, so it never falls
+        faster than at the beginning. It is always safe to move until the nearest obstacle would be
+        reached at that rate, however long the line is: no obstacle can be stepped over.
 
         Args:
             start: The disc's centre, metres; the disc is free there.
             heading: Direction of the line, radians.
-            length: How far it would like to go, metres, not negative.
+            length: The length of the line, metres, not negative.
             radius: The disc's radius, metres.
 
         Returns:

@@ -19,7 +19,7 @@ class WorldError(SarError):
 
 
 def find_world(name: str) -> World:
-    """Return the world that a user means.
+    """Return a world by its name or path.
 
     Args:
         name: The path of a world file, or the name of a shipped world (`disaster_zone`).
@@ -41,7 +41,7 @@ def load_world(path: Path) -> World:
         path: The file.
 
     Raises:
-        UnreadableFileError: If the file is not there or cannot be read.
+        UnreadableFileError: If the file does not exist or cannot be read.
         TreeError: If the file has mistakes, or the robot starts inside an obstacle; carries all findings.
     """
     document = read_yaml(path, _EMPTY_HINT)

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
 _COMMANDS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "notice"}
-# What would end a message, and what would end a property as well.
+# The characters that would end a message, and those that would end a property as well.
 _IN_MESSAGES = {"%": "%25", "\r": "%0D", "\n": "%0A"}
 _IN_PROPERTIES = {**_IN_MESSAGES, ":": "%3A", ",": "%2C"}
 

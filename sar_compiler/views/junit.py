@@ -10,19 +10,19 @@ from sar_compiler.checks.simulate.judging import Failure
 from sar_compiler.checks.simulate.running import Run
 from sar_compiler.views.trace import failure_line, trace
 
-# What XML 1.0 cannot have, not even escaped.
+# The characters that are not allowed in XML 1.0, not even escaped.
 _UNSPEAKABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
 
 @dataclass(frozen=True)
 class PlayedScenario:
-    """A scenario that was played, or could not be.
+    """A scenario that was played, or is invalid.
 
     Attributes:
-        name: What it is called.
-        run: Its run; None if it could not be understood.
-        failures: What does not hold.
-        problem: Why it could not be understood.
+        name: Its name.
+        run: Its run; None if it is invalid.
+        failures: The expectations that were not met.
+        problem: The reason why it is invalid.
     """
 
     name: str
@@ -36,7 +36,7 @@ def junit(tree: str, scenarios: Sequence[PlayedScenario]) -> str:
 
     Args:
         tree: The tree file.
-        scenarios: What was played.
+        scenarios: The scenarios that were played.
     """
     stream = io.StringIO()
     xml = XMLGenerator(stream, "UTF-8", short_empty_elements=True)

@@ -11,7 +11,7 @@ from sar_compiler.views.plain import plain, value_as_script
 
 
 def nodes_as_text(specs: Sequence[NodeSpec]) -> str:
-    """Return a list of tags; a single one with its attributes, in every meaning that it has."""
+    """Return a list of tags; a single tag with its attributes, in all its meanings."""
     if len({spec.tag for spec in specs}) == 1:
         return "\n\nor\n\n".join(_in_full(spec) for spec in specs)
     width = max(len(spec.tag) for spec in specs)
@@ -42,7 +42,7 @@ def _in_full(spec: NodeSpec) -> str:
 
 
 def _answers(spec: NodeSpec) -> list[str]:
-    """Return the possible outcomes of a node; one answer a line where more is known than their statuses."""
+    """Return the possible outcomes of a node; one answer per line if more than their statuses is known."""
     if not any(answer.label or answer.when or answer.then for answer in spec.answers):
         return [f"answers: {', '.join(sorted(spec.outcomes))}"] if spec.outcomes else []
     return [

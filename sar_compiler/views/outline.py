@@ -7,7 +7,7 @@ from py_trees.behaviour import Behaviour
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.views.plain import plain
 
-# These stand on their own in the outline, because that is where readers look for them.
+# These are keys of their own in the outline, where readers expect them.
 _OWN_KEYS = ("memory", "policy")
 
 
@@ -15,7 +15,7 @@ def outline(tree: CompiledTree) -> dict[str, Any]:
     """Return a compiled tree as nested dictionaries of JSON values.
 
     Each node has its `class`, `name`, `attributes` (values and references as resolved), `children`, and
-    the `file` and `line` it comes from; `memory` only where its class has it, `policy` likewise.
+    its `file` and `line`; `memory` and `policy` only if its class has them.
     """
     return _outline(tree, tree.root)
 

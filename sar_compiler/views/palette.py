@@ -10,9 +10,9 @@ from sar_compiler.tree.xml_writer import write_xml
 
 
 def palette(specs: Iterable[NodeSpec]) -> str:
-    """Return a file with the `TreeNodesModel` of everything that BehaviorTree.CPP does not have itself.
+    """Return a file with the `TreeNodesModel` of all nodes that are not built into BehaviorTree.CPP.
 
     Args:
-        specs: What there is; all meanings of a tag.
+        specs: The nodes, with all meanings of each tag.
     """
     return write_xml(synthetic_file(synthetic_element(ROOT_TAG, {"BTCPP_format": "4"}, [describe(specs)])))

@@ -1,17 +1,17 @@
-"""Values as JSON can hold them, and as scripts have them."""
+"""Values in the notations of JSON and of scripts."""
 
 from enum import Enum
 
 
 def plain(value: object) -> object:
-    """Return a value that JSON can hold: an enum's name, numbers and texts as they are."""
+    """Return a value for JSON: an enum's name, numbers and texts unchanged."""
     if isinstance(value, Enum):
         return value.name
     return value if isinstance(value, (bool, int, float, str, type(None))) else str(value)
 
 
 def value_as_script(value: object) -> str:
-    """Write a value as a script would; None is a key that holds nothing."""
+    """Write a value in a script's notation; None is an empty key."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):

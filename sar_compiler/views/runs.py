@@ -10,12 +10,12 @@ from sar_compiler.views.plain import plain
 
 
 def runs_as_json(tree: str, scenarios: Sequence[PlayedScenario], coverage: Coverage | None = None) -> str:
-    """Return what was played as a JSON object; times are simulated seconds.
+    """Return the played scenarios as a JSON object; times are simulated seconds.
 
     Args:
         tree: The tree file.
-        scenarios: What was played.
-        coverage: What they have shown, if that is of interest.
+        scenarios: The scenarios that were played.
+        coverage: Their coverage, if requested.
     """
     result: dict[str, object] = {"file": tree, "scenarios": [_scenario(each) for each in scenarios]}
     if coverage is not None:

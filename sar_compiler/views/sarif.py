@@ -15,7 +15,7 @@ _LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: 
 
 
 def findings_as_sarif(findings: Sequence[Diagnostic]) -> str:
-    """Return findings as a SARIF log with one run; columns count units of UTF-16, as the standard's default is."""
+    """Return findings as a SARIF log with one run; columns count units of UTF-16, the standard's default."""
     codes = sorted({finding.code for finding in findings})
     driver = {
         "name": "sar-compile",

@@ -14,13 +14,13 @@ def unicode_tree(root: Behaviour, *, statuses: bool = False) -> str:
 
     Args:
         root: Its root.
-        statuses: Whether to show each node's status as of now, and what it says about it.
+        statuses: Whether to show each node's current status and feedback message.
     """
     return _drawn(py_trees.display.unicode_tree, root, statuses=statuses)
 
 
 def ascii_tree(root: Behaviour, *, statuses: bool = False) -> str:
-    """Draw a tree with nothing but ASCII characters; see `unicode_tree`."""
+    """Draw a tree with ASCII characters only; see `unicode_tree`."""
     return _drawn(py_trees.display.ascii_tree, root, statuses=statuses)
 
 

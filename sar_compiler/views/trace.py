@@ -11,7 +11,7 @@ from sar_compiler.views.plain import value_as_script
 
 
 def trace(run: Run) -> str:
-    """Return the ticks of a run in which something new happened, and how it ended."""
+    """Return the ticks of a run with new events, and its end."""
     writer = _Writer(run)
     lines: list[str] = []
     quiet: list[TickRecord] = []
@@ -25,7 +25,7 @@ def trace(run: Run) -> str:
 
 
 def leaf_labels(leaves: Sequence[StubLeaf]) -> Mapping[StubLeaf, str]:
-    """Return what each leaf is called: its name, or as much of its path as tells it from its namesakes."""
+    """Return a label for each leaf: its name, or the part of its path that distinguishes it from others of the name."""
     return {leaf: _label(leaf, [other for other in leaves if other.name == leaf.name]) for leaf in leaves}
 
 
@@ -40,7 +40,7 @@ def _label(leaf: StubLeaf, namesakes: Sequence[StubLeaf]) -> str:
 
 
 def verdict(run: Run, failures: Sequence[Failure]) -> str:
-    """Return what does not hold of a scenario, or that all does; for a run without one, what ended it."""
+    """Return a scenario's unmet expectations, or that all are met; for a run without a scenario, the reason of its end."""
     scenario = run.scenario
     if not (scenario.path or failures):
         said = "Every leaf answered what is usual."
@@ -55,13 +55,13 @@ def verdict(run: Run, failures: Sequence[Failure]) -> str:
 
 
 def failure_line(run: Run, failure: Failure) -> str:
-    """Return what does not hold, with the place of the expectation."""
+    """Return an unmet expectation with its place."""
     place = f"{run.scenario.path}:{failure.line}: " if failure.line and run.scenario.path else ""
     return f"{place}{failure.expected}: {failure.message}"
 
 
 def coverage_text(coverage: Coverage) -> str:
-    """Return which nodes and which outcomes a set of runs has not shown."""
+    """Return the nodes and outcomes that did not occur in a set of runs."""
     nodes, missed = coverage.nodes, coverage.never_ticked
     possible = sum(len(node.outcomes) for node in nodes)
     unseen = sum(len(node.unseen) for node in nodes)
@@ -79,7 +79,7 @@ def _place(node: Covered) -> str:
 
 
 def _is_news(tick: TickRecord, before: TickRecord | None) -> bool:
-    """Return whether something happens in a tick that did not in the one before."""
+    """Return whether a tick has events that the previous one did not have."""
     if before is None or tick.facts or tick.keys or tick.root != before.root:
         return True
     known = _seen(before.events)
@@ -112,7 +112,7 @@ class _Writer:
             yield f"  keys: {_values(tick.keys)}"
 
     def left_out(self, quiet: Sequence[TickRecord]) -> list[str]:
-        """Return a line for ticks in which nothing new happened, with what was done once more in them."""
+        """Return a line for ticks without new events, with the repeated ones in them."""
         if not quiet:
             return []
         first, last = quiet[0], quiet[-1]
@@ -123,7 +123,7 @@ class _Writer:
         return [f"{which}, until {last.time_sec:g} s: {said}"]
 
     def _is_done(self, event: Event) -> bool:
-        """Return whether an event is more than going on with something, or looking."""
+        """Return whether an event is more than a leaf's continuation or the evaluation of a condition."""
         running = event.answer is not None and event.answer.status == "RUNNING"
         return not running and self._origins[event.leaf.id].bound.spec.kind is not Kind.CONDITION
 

@@ -14,11 +14,11 @@ _WIDTH = 110
 
 
 def verification_as_text(verification: Verification, seconds: float) -> str:
-    """Return what was found out: the runs that speak against it, and a line for each question.
+    """Return the results: the counterexamples, and a line for each property.
 
     Args:
-        verification: What was found out.
-        seconds: How long that took.
+        verification: The results.
+        seconds: The duration of the verification, in seconds.
     """
     labels = leaf_labels(verification.leaves)
     told = [
@@ -31,7 +31,7 @@ def verification_as_text(verification: Verification, seconds: float) -> str:
 
 
 def verification_as_json(verification: Verification, seconds: float) -> str:
-    """Return what was found out as a JSON object; see `verification_as_text`."""
+    """Return the results as a JSON object; see `verification_as_text`."""
     data = {
         "proved": verification.proved,
         "states": verification.states,

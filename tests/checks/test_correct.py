@@ -134,3 +134,25 @@ def test_a_key_that_is_misspelt_once_is_found_among_nodes_that_are_only_describe
     text = document(NAVIGATION.replace('<PathIsValid path="{path}"', '<PathIsValid path="{paht}"'))
     (finding,) = check(forest_of(text), load_registry(), [parse_xml(PALETTE, "palette.xml")])
     assert (finding.code, finding.suggestion) == ("unwritten-key", "{path}")
+
+
+@pytest.mark.parametrize(
+    "leaf",
+    [
+        '<Periodic n="3"/>',
+        '<StatusQueue queue="RUNNING;SUCCESS"/>',
+        "<ProbabilisticBehaviour/>",
+        '<BlackboardToStatus variable_name="{@status}"/>',
+        '<WaitForBlackboardVariable variable_name="@status"/>',
+        '<WaitForBlackboardVariableValue variable="@status" operator="eq" value="1"/>',
+    ],
+)
+def test_what_goes_on_where_it_was_may_come_before_what_takes_time(leaf):
+    text = document(f"<ReactiveSequence>\n{leaf}\n<Drive/>\n</ReactiveSequence>")
+    assert [finding.render() for finding in check(forest_of(text), REGISTRY)] == []
+
+
+@pytest.mark.parametrize("inner", ["<PassThrough><Ready/></PassThrough>", "<Inverter><Ready/></Inverter>"])
+def test_what_passes_every_answer_on_takes_nothing_back(inner):
+    text = document(f"<Count>{inner}</Count>")
+    assert [finding.render() for finding in check(forest_of(text), REGISTRY)] == []

@@ -47,6 +47,9 @@ LEFT = {
     "a reference": '<Sequence><DetectSurvivor/><NotifyBase detect_node="DetectSurvivr"/></Sequence>',
     "a word that binds differently": '<ScriptCondition code="not @a == 1"/>',
     "an operator that has two readings": '<Script code="@a =+ 1"/>',
+    "a product that has two readings": '<Script code="@a =* 2"/>',
+    "a quotient that has two readings": '<Script code="@a =/ 2"/>',
+    "a comparison that is an arrow elsewhere": '<ScriptCondition code="@a => 1"/>',
 }
 
 

@@ -1,11 +1,16 @@
 """What the records of the nodes say that a tick can come to, held against all runs of small trees."""
 
+import functools
 import itertools
+from collections.abc import Callable
 
 import pytest
 
-from tests.checks.outcome_oracle import SUBSETS, RandomTrees, answers_of, leaf
+from sar_compiler.compiler import bind_main
+from sar_compiler.nodes.outcome_sets import ALL, ALLOWED, SURE, F, K, R, S, bits
+from tests.checks.outcome_oracle import REGISTRY, SUBSETS, RandomTrees, answers_of, leaf
 from tests.node_forms import Form, forms
+from tests.trees import forest
 
 FORMS = forms()
 # One in so many combinations of what the children answer is tried where several have to be told apart; the
@@ -66,3 +71,44 @@ def test_nodes_in_nodes_answer_what_their_records_say_together():
             known += len(answers.known)
     assert trees > RANDOM_TREES / 4
     assert known >= 0.97 * seen
+
+
+def possible_of(form: Form) -> Callable[[list[int], bool], int]:
+    """Return what a node makes of the outcome sets of its children."""
+    bound = bind_main(forest(tree(form, [SUBSETS[0]] * form.count(2))), REGISTRY).main.root
+    possible = form.spec.semantics.possible
+    assert bound is not None
+    assert possible is not None
+    return functools.partial(possible, bound)
+
+
+@pytest.mark.parametrize("form", FORMS, ids=str)
+def test_what_is_known_is_allowed_and_what_is_known_of_nothing_is_allowed_for_everything(form):
+    count = form.count(2)
+    possible = possible_of(form)
+    known_of_nothing = possible([0] * count, SURE)
+    for children in itertools.product(range(1, ALL + 1), repeat=min(count, 2)):
+        sets = [*children, *[children[-1]] * (count - len(children))]
+        may = possible(sets, ALLOWED)
+        assert known_of_nothing & ~may == 0, sets
+        assert possible(sets, SURE) & ~may == 0, sets
+
+
+def test_what_is_interrupted_in_every_other_tick_is_not_known_to_end():
+    first = f"<AsyncSequence>{leaf(['SUCCESS'], 'a')}{leaf(['SUCCESS'], 'b')}</AsyncSequence>"
+    second = f"<AsyncFallback>{leaf(['FAILURE'], 'c')}{leaf(['SUCCESS'], 'd')}</AsyncFallback>"
+    answers = answers_of(f"<ReactiveSequence>{first}{second}</ReactiveSequence>")
+    assert answers is not None
+    assert answers.seen == answers.known == {"RUNNING"}
+
+
+@pytest.mark.parametrize(
+    ("tag", "variant"), dict.fromkeys((form.spec.tag, form.spec.variant) for form in FORMS)
+)
+def test_a_node_says_that_it_can_answer_what_its_record_allows(tag, variant):
+    own = [form for form in FORMS if (form.spec.tag, form.spec.variant) == (tag, variant)]
+    allowed = 0
+    for form in own:
+        count = form.count(2)
+        allowed |= possible_of(form)([S | F | R] * count, ALLOWED)
+    assert bits(own[0].spec.outcomes) == allowed & ~K

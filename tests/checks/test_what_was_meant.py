@@ -199,3 +199,18 @@ def test_notes_of_an_editor_are_taken_wherever_it_writes_them():
     notes = '_description="the way" _uid="1" _fullpath="Main"'
     text = document(f"<Sequence {notes}><LogNoDetection/><NavigateToBase/></Sequence>")
     assert found(text.replace('ID="Main"', f'ID="Main" {notes}')) == []
+
+
+@pytest.mark.parametrize(
+    ("former", "today"),
+    [
+        ("Chooser", "Selector"),
+        ("FallbackStar", "Fallback"),
+        ("ReactiveSelector", "ReactiveFallback"),
+        ("SequenceStar", "SequenceWithMemory"),
+        ("SubTreePlus", "SubTree"),
+        *((f"BlackboardCheck{kind}", "Precondition") for kind in ("Bool", "Double", "Int", "String")),
+    ],
+)
+def test_a_name_that_a_node_once_had_is_known(former, today):
+    assert found(document(f"<{former}><Success/></{former}>"))[0] == ("unknown-node", 3, 1, today)

@@ -213,6 +213,9 @@ RIGHT = {
     "a parameter of the mission": '<Say text="{@greeting}"/>',
     "a parameter in a script": '<Success _skipIf="@battery &lt; 20"/>',
     "a parameter that an attribute takes as well": '<Sequence><Timeout duration="{wait}"><Sleep msec="9"/></Timeout><Say text="{wait}"/></Sequence>',
+    "a variable that an attribute takes when the tree is made": (
+        '<Sequence><Script code="wait := 5"/><Timeout duration="{wait}"><Sleep msec="9"/></Timeout></Sequence>'
+    ),
     "a port that is both": '<CountUp times="{n}"/>',
     "a name of an enumeration": '<Sequence><Script code="s := 1"/><ScriptCondition code="s == RED"/></Sequence>',
     "a key that is asked for first": (
@@ -259,3 +262,58 @@ def test_a_tree_for_others_may_read_what_its_model_says_it_is_given():
         '<TreeNodesModel><SubTree ID="Main"><input_port name="greeting"/></SubTree></TreeNodesModel></root>',
     )
     assert found(text) == []
+
+
+def test_what_a_subtree_writes_for_nobody_is_found_in_it():
+    text = trees('<SubTree ID="B" p="{place}"/>', ("B", '<Script code="p := 1"/>'))
+    assert found(text) == [("unread-key", 3, 36, None)]
+
+
+def test_what_a_subtree_is_given_for_nothing_does_not_hide_what_another_node_writes_for_nobody():
+    text = trees(
+        '<Sequence><Script code="a := 1"/><SubTree ID="B" x="{@y}"/></Sequence>', ("B", "<Success/>")
+    )
+    assert [code for code, *_ in found(text)] == ["unread-key", "unused-argument"]
+
+
+@pytest.mark.parametrize("leaf", ['<UnsetBlackboard key="a"/>', '<UnsetBlackboardVariable key="a"/>'])
+def test_who_only_removes_a_key_reads_nothing_and_writes_nothing(leaf):
+    body = f'<Sequence>\n<Script code="a := 1"/>\n{leaf}\n</Sequence>'
+    assert found(document(body)) == [("unread-key", 4, 15, None)]
+    body = f'<Sequence>\n{leaf}\n<Say text="{{a}}"/>\n</Sequence>'
+    assert found(document(body)) == [("unwritten-key", 5, 12, None)]
+
+
+@pytest.mark.parametrize(
+    "node",
+    [
+        '<CheckBlackboardVariableExists variable_name="a"/>',
+        '<WaitForBlackboardVariable variable_name="a"/>',
+        '<CheckBlackboardVariableValue variable="a" operator="eq" value="1"/>',
+        '<WaitForBlackboardVariableValue variable="a" operator="eq" value="1"/>',
+        '<CheckBlackboardVariableValues checks="a eq 1;a eq 2" operator="or"/>',
+        '<CompareBlackboardVariables var1_key="a" var2_key="{@b}" operator="eq"/>',
+        '<CompareBlackboardVariables var1_key="{@b}" var2_key="a" operator="eq"/>',
+        '<WasEntryUpdated entry="a"/>',
+        '<WasEntryUpdated entry="{a}"/>',
+        '<SkipUnlessUpdated entry="a"><Success/></SkipUnlessUpdated>',
+        '<WaitValueUpdate entry="a"><Success/></WaitValueUpdate>',
+        *(f'<Loop{of} queue="{{a}}"><Success/></Loop{of}>' for of in ("Bool", "Double", "Int", "String")),
+    ],
+)
+def test_who_can_do_without_a_key_may_ask_for_it_before_it_is_written(node):
+    assert found(document(f'<Sequence>{node}<Script code="a := 1"/></Sequence>')) == []
+
+
+@pytest.mark.parametrize(
+    "node",
+    [
+        '<SetBlackboard output_key="a" value="1"/>',
+        '<SetBlackboardVariable variable_name="a" variable_value="1"/>',
+        '<StatusToBlackboard variable_name="a"><Success/></StatusToBlackboard>',
+        '<ForEach source_key="{@list}" target_key="a"><Success/></ForEach>',
+    ],
+)
+def test_who_writes_a_key_without_looking_at_it_overwrites_what_was_there(node):
+    text = document(f'<Sequence>\n{node}\n{node}\n<Say text="{{a}}"/></Sequence>')
+    assert [(code, line) for code, line, *_ in found(text)] == [("overwritten-key", 5)]

@@ -254,6 +254,45 @@ def test_work_at_the_root_that_begins_again_is_found_in_a_subtree():
     assert found(text) == [("repeated-effect", 4, 1)]
 
 
+@pytest.mark.parametrize(
+    "leaf",
+    [
+        '<Sleep msec="900"/>',
+        '<Timer duration="3"/>',
+        '<TickCounter duration="3" completion_status="SUCCESS"/>',
+    ],
+)
+def test_what_waits_from_its_beginning_never_lets_what_comes_after_it_end(leaf):
+    body = f"<ReactiveSequence>\n{leaf}\n<Drive/>\n</ReactiveSequence>"
+    assert found(document(body)) == [("endless-restart", 4, 1)]
+
+
+def test_a_sequence_that_keeps_its_place_loses_no_steps():
+    steps = "<Look/><Drive/>"
+    body = '<Selector memory="false">\n<Sequence><Ready/><Wait/></Sequence>\n<{0}>{1}</{0}>\n</Selector>'
+    assert found(document(body.format("Sequence", steps))) == [("lost-progress", 5, 1)]
+    assert found(document(body.format("SequenceWithMemory", steps))) == []
+
+
+def test_a_single_attempt_of_a_single_round_takes_nothing_back():
+    body = '<Retry num_failures="1">\n<Repeat num_cycles="1">\n<Drive/></Repeat></Retry>'
+    findings = check(forest_of(document(body)), REGISTRY)
+    assert [finding.span.line for finding in findings] == [3, 4]
+    assert all("a single time" in finding.message for finding in findings)
+
+
+def test_what_is_tried_after_what_cannot_succeed_is_never_ticked():
+    body = "<TryCatch>\n<Ready/>\n<ForceFailure><Ready/></ForceFailure>\n<Drive/>\n<Look/>\n</TryCatch>"
+    (finding,) = check(forest_of(document(body)), REGISTRY)
+    assert (finding.code, finding.span.line) == ("unreachable-node", 6)
+    assert "'ForceFailure' never succeeds" in finding.message
+
+
+def test_what_is_tried_after_what_is_skipped_is_ticked():
+    body = '<TryCatch>\n<Precondition if="false" else="SKIPPED"><Ready/></Precondition>\n<Drive/>\n<Look/>\n</TryCatch>'
+    assert found(document(body)) == []
+
+
 def test_a_control_of_somebody_s_own_that_says_it_is_a_sequence_is_looked_at_as_one():
     @register("Steps", kind=Kind.CONTROL, semantics=Semantics.sequence(reactive=True))
     class Steps(Composite):

@@ -216,6 +216,7 @@ def test_a_preview_needs_no_mission(registry):
     radio = leaf.given["radio"]
     assert isinstance(radio, Radio)
     assert radio.channel == "preview"
+    assert leaf.given["spare"] is None  # what a leaf can do without
     assert tree.origins[leaf.id].attributes["message"] == "{@m}"
     assert tree.origins[tree.root.id].attributes["duration"] == "{@t}"
 

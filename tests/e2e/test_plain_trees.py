@@ -45,7 +45,7 @@ def test_a_root_that_fails_again_and_again_is_said_each_time(start, tree):
         "sar-run", tree("<AlwaysFailure/>"), "--until", "success", "--ros-args", "-p", "tick_rate_hz:=50.0"
     )
     run.wait_for("Root FAILURE, starting again (3rd time).")
-    status, _ = run.stop()
+    status = run.stop()
     assert status == 130
     assert run.log[:3] == [
         f"Root FAILURE, starting again ({number} time)." for number in ("1st", "2nd", "3rd")
@@ -59,7 +59,7 @@ def test_a_run_without_end_goes_on_over_the_root_s_end(start, tree):
     before = run.output.count("[✕]")
     while run.output.count("[✕]") < before + 2:
         run.wait_for("[✕]")
-    status, _ = run.stop()
+    status = run.stop()
     assert status == 130
     assert run.log == []
 

@@ -115,7 +115,7 @@ class Flight:
 def flight():
     bystander = Bystander()
     run = Command(
-        "/bin/bash", FOLDER / "two_robots.sh", 10, env={"PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}"}
+        "/bin/bash", FOLDER / "two_robots.sh", 5, env={"PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}"}
     )
     try:
         yield Flight(run, bystander)

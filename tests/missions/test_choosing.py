@@ -6,7 +6,7 @@ import pytest
 
 from sar_compiler.compiler import bind_main
 from sar_compiler.missions.choosing import MissionError, choose_mission, load_missions, mission_named
-from sar_compiler.missions.search_and_rescue.mission import MISSION
+from sar_compiler.missions.search_and_rescue.plugin import MISSION
 from sar_compiler.nodes.registry import load_registry
 from sar_compiler.tree.diagnostic import TreeError
 from tests.trees import forest

@@ -5,7 +5,7 @@ from py_trees.common import Status
 
 from sar_compiler.missions.ending import EndCondition, Until
 from sar_compiler.missions.mission import MissionRun
-from sar_compiler.missions.search_and_rescue.mission import Search
+from sar_compiler.missions.search_and_rescue.plugin import Search
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 

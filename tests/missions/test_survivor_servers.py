@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from sar_compiler.missions.search_and_rescue.mission import MISSION
+from sar_compiler.missions.search_and_rescue.plugin import MISSION
 from sar_compiler.missions.survivor_servers import detect, report
 from tests.processes import BIN
 

@@ -9,6 +9,7 @@ from sar_compiler.nodes.answers import Identifiers, filled, mistake_in, nominal,
 from sar_compiler.nodes.constructors import RegistrationError
 from sar_compiler.nodes.register import MARK
 from sar_compiler.nodes.registry import Registry, default_registry
+from sar_compiler.runtime.ports import Input
 from tests.nodes.leaves import Say
 
 ANY = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
@@ -155,3 +156,22 @@ def test_what_is_usual_is_the_first_answer_that_is_an_end():
 )
 def test_every_outcome_of_a_registered_leaf_is_among_its_answers(spec):
     assert {answer.status for answer in spec.answers} == (spec.outcomes or {"SUCCESS", "FAILURE", "RUNNING"})
+
+
+def test_a_port_that_has_another_value_in_every_tick_stands_for_nothing():
+    class Watching(Behaviour):
+        """A leaf.
+
+        Args:
+            name: The node's name.
+            tries: How often.
+        """
+
+        def __init__(self, name: str, tries: Input[int]) -> None:
+            super().__init__(name)
+
+    cls = register(
+        "Watching", kind=Kind.ACTION, outcomes=ANY, answers=[Answer("SUCCESS", when="{tries} > 1")]
+    )
+    with pytest.raises(RegistrationError, match=r"nothing stands for \{tries\}; there is \{self\}"):
+        used(cls(Watching))

@@ -451,3 +451,62 @@ def run(tree_file):
 def test_a_tree_does_the_same_when_it_is_read_again(body):
     tree_file = parse_xml(document(body))
     assert run(parse_xml(convert_to_btcpp(tree_file, REGISTRY).text)) == run(tree_file)
+
+
+def test_a_node_is_left_to_behaviortree_cpp_if_it_has_one_of_that_name_and_no_other():
+    assert {
+        *(
+            "AlwaysFailure",
+            "AlwaysSuccess",
+            "AsyncFallback",
+            "AsyncSequence",
+            "Delay",
+            "Fallback",
+            "ForceFailure",
+        ),
+        *(
+            "ForceSuccess",
+            "IfThenElse",
+            "Inverter",
+            "KeepRunningUntilFailure",
+            "LoopBool",
+            "LoopDouble",
+            "LoopInt",
+        ),
+        *(
+            "LoopString",
+            "Parallel",
+            "ParallelAll",
+            "Precondition",
+            "ReactiveFallback",
+            "ReactiveSequence",
+            "Repeat",
+        ),
+        *("RetryUntilSuccessful", "RunOnce", "Script", "ScriptCondition", "Sequence", "SequenceWithMemory"),
+        *(
+            "SetBlackboard",
+            "SkipUnlessUpdated",
+            "Sleep",
+            "SubTree",
+            "Switch2",
+            "Switch3",
+            "Switch4",
+            "Switch5",
+        ),
+        *(
+            "Switch6",
+            "Timeout",
+            "TryCatch",
+            "UnsetBlackboard",
+            "WaitValueUpdate",
+            "WasEntryUpdated",
+            "WhileDoElse",
+        ),
+    } == BUILT_IN
+
+
+def test_every_meaning_of_a_tag_says_whether_behaviortree_cpp_has_the_tag():
+    specs = default_registry().specs()
+    assert [
+        spec.tag for spec in specs if spec.semantics.counterpart.built_in is not (spec.tag in BUILT_IN)
+    ] == []

@@ -55,3 +55,18 @@ MISTAKES = {
 def test_a_mistake_in_the_explicit_form_is_found_where_it_stands(name):
     body, code, column, suggestion = MISTAKES[name]
     assert found(body) == [(code, 3, column, suggestion)]
+
+
+@pytest.mark.parametrize(
+    "attributes",
+    [
+        'ID="ScriptCondition" code="true"',
+        'ID="CheckBlackboardVariableExists" variable_name="@a"',
+        'ID="CheckBlackboardVariableValue" variable="@a" operator="eq" value="1"',
+        'ID="CheckBlackboardVariableValues" checks="a eq 1;b eq 2" operator="and"',
+        'ID="CompareBlackboardVariables" var1_key="@a" var2_key="@b" operator="eq"',
+    ],
+)
+def test_a_leaf_that_only_asks_the_blackboard_is_a_condition(attributes):
+    assert found(f"<Condition {attributes}/>") == []
+    assert found(f"<Action {attributes}/>") == [("wrong-kind", 3, 1, "Condition")]

@@ -118,6 +118,10 @@ CONTRADICTIONS = {
         "num_cycles",
     ),
     "another direction": ('<Action ID="Sleep"><output_port name="msec"/></Action>', "input_port"),
+    "an input where the node writes": (
+        '<Decorator ID="LoopString"><input_port name="value"/></Decorator>',
+        "output_port",
+    ),
     "another type": ('<Action ID="Sleep"><input_port name="msec" type="double"/></Action>', "unsigned int"),
     "a type in place of a list": (
         '<Action ID="ProbabilisticBehaviour"><input_port name="weights" type="double"/></Action>',

@@ -286,3 +286,10 @@ def test_a_reference_that_is_ambiguous_in_another_file_names_that_file(tmp_path)
     (finding,) = check(load_forest(tmp_path / "main.xml", read_tree_file), REGISTRY)
     assert finding.source.path.endswith("part.xml")
     assert re.search(r"\(lines 3, 3 of .*main\.xml\)", finding.message)
+
+
+def test_a_tree_may_have_as_many_nodes_as_is_said(monkeypatch):
+    monkeypatch.setattr(nesting, "MAX_NODES", 3)
+    trees = [tree("Main", '<Sequence><Success name="a"/><Success name="b"/></Sequence>')]
+    assert not bind_main(forest_of(file(*trees)), REGISTRY).findings
+    assert found(*trees) == []

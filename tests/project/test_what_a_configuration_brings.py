@@ -315,14 +315,14 @@ class TestAForeignConfiguration:
     def test_counts_for_a_tree_of_the_same_owner(self, checkout):
         for path in (checkout.configure("x = 1\n"), checkout.folder / "tree.xml"):
             os.chown(path, 1234, 1234)
-        assert "unknown-setting" in checkout.validate()
+        assert "unknown-key" in checkout.validate()
 
     def test_lets_the_next_one_above_it_count(self, checkout):
         checkout.configure("x = 1\n")
         checkout.write("trees/tree.xml", document("<NavigateToBase/>"))
         os.chown(checkout.write("trees/pyproject.toml", "[tool.sar]\ny = 1\n"), 1234, 1234)
         done = checkout.command("validate", "trees/tree.xml")
-        assert done.stdout.startswith("sar.toml:1:1: error[unknown-setting]")
+        assert done.stdout.startswith("sar.toml:1:1: error[unknown-key]")
         assert f"{checkout.folder}/trees/pyproject.toml is passed over" in done.stderr
 
     @pytest.mark.parametrize("owner", [0, 1235])

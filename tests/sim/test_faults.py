@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from sar_compiler.missions.search_and_rescue.mission import MISSION
+from sar_compiler.missions.search_and_rescue.plugin import MISSION
 from sar_compiler.ros.faults import (
     NAVIGATION_FAULTS,
     CallFate,

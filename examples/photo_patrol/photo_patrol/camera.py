@@ -12,7 +12,7 @@ class Camera(Node):
     """Answers each call of `take_photo` with the name of a photo.
 
     Args:
-        faults: What goes wrong on purpose.
+        faults: The faults to inject.
         options: Keyword arguments of `rclpy.node.Node`.
     """
 

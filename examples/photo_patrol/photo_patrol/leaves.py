@@ -27,7 +27,7 @@ class PointsLeft(Behaviour):
         self._patrol = patrol
 
     def update(self) -> Status:
-        """Look whether there is one."""
+        """Check whether there is one."""
         return Status.SUCCESS if self._patrol.point is not None else Status.FAILURE
 
 
@@ -39,7 +39,7 @@ class PointsLeft(Behaviour):
     uses=[Use.action("navigate_to_pose"), Use.nav2()],
 )
 class DriveToPoint(ActionLeaf):
-    """Drive to the point that is to be visited now.
+    """Drive to the current point.
 
     Args:
         name: The node's name.
@@ -94,7 +94,7 @@ class TakePhoto(ServiceLeaf):
         return self.interface.Request()
 
     def on_response(self, response: Any) -> Status:
-        """Note the photo; FAILURE where the camera says that there is none."""
+        """Note the photo; FAILURE if the camera has taken none."""
         if response.success:
             self._patrol.photographed(response.message)
         return super().on_response(response)
@@ -102,7 +102,7 @@ class TakePhoto(ServiceLeaf):
 
 @register("LeavePoint", kind=Kind.ACTION, outcomes={Status.SUCCESS}, effects="goes on to the next point")
 class LeavePoint(Behaviour):
-    """Go on to the next point.
+    """Advance to the next point.
 
     Args:
         name: The node's name.
@@ -114,6 +114,6 @@ class LeavePoint(Behaviour):
         self._patrol = patrol
 
     def update(self) -> Status:
-        """Go on."""
+        """Advance to the next point."""
         self._patrol.leave()
         return Status.SUCCESS

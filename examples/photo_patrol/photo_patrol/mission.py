@@ -1,4 +1,4 @@
-"""The patrol as `sar-run` knows it."""
+"""The patrol as a mission for `sar-run`."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,7 +29,7 @@ class PhotoPatrol(Mission):
         return _HERE / "points.yaml"
 
     def begin(self, reader: ParameterReader) -> "PatrolRun":
-        """Begin a patrol of the points that the parameters name."""
+        """Begin a patrol of the points in the parameters."""
         return PatrolRun(Patrol(reader.places("point")))
 
 
@@ -45,21 +45,21 @@ class PatrolRun(MissionRun):
         self.context = {Patrol: patrol}
 
     def greeting(self) -> list[str]:
-        """Return how many points there are."""
+        """Return the number of points."""
         return [f"{len(self._patrol.points)} points to photograph."]
 
     def places(self) -> dict[str, tuple[float, float]]:
-        """Return where the points are, for faults such as `navigate_to_pose:abort=yard`."""
+        """Return the positions of the points, for faults such as `navigate_to_pose:abort=yard`."""
         return {point["id"]: (point["x"], point["y"]) for point in self._patrol.points}
 
     def servers(self, faults: "FaultPlan", **options: Any) -> "list[Node]":
-        """Make the camera, which the simulated world does not have."""
+        """Create the camera, which the simulated world does not have."""
         from .camera import Camera
 
         return [Camera(faults.for_service("take_photo"), **options)]
 
     def shortfalls(self) -> list[str]:
-        """Return the points without a photo; with none of them the patrol is complete."""
+        """Return the points without a photo; the patrol is complete if there are none."""
         return [f"There is no photo of {name}." for name in self._patrol.without_photo()]
 
     def nothing_left(self) -> str:
@@ -67,7 +67,7 @@ class PatrolRun(MissionRun):
         return "Every point was visited" if self._patrol.point is None else ""
 
     def summary(self, elapsed_sec: float, ticks: int) -> str:
-        """Return the photo of each point, and how long it took."""
+        """Return the photo of each point, and the duration."""
         photos = self._patrol.photos
         lines = [f"  {point['id']}: {photos.get(point['id'], 'no photo')}" for point in self._patrol.points]
         title = f"Patrol: {len(photos)} of {len(lines)} photos"

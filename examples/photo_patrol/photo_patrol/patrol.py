@@ -1,4 +1,4 @@
-"""What the leaves of the patrol share: its points, and the photos that were taken."""
+"""The shared state of the patrol's leaves: its points, and the photos that were taken."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -29,18 +29,18 @@ class Patrol:
 
     @property
     def point(self) -> Mapping[str, Any] | None:
-        """The point to visit now; None once all were."""
+        """The current point; None once all were visited."""
         return self._left[0] if self._left else None
 
     def photographed(self, photo: str) -> None:
-        """Note the photo of the point to visit now."""
+        """Note the photo of the current point."""
         if self.point is not None:
             self.photos[self.point["id"]] = photo
 
     def leave(self) -> None:
-        """Go on to the next point, whether or not there is a photo of this one."""
+        """Advance to the next point, with or without a photo of this one."""
         self._left = self._left[1:]
 
     def without_photo(self) -> list[str]:
-        """Return the ids of the points of which there is no photo."""
+        """Return the ids of the points without a photo."""
         return [point["id"] for point in self.points if point["id"] not in self.photos]

@@ -1,1 +1,1 @@
-"""Rules that find mistakes in trees whose every part is right by itself; one module for each family."""
+"""Rules for mistakes in trees whose parts are each valid by themselves; one module per family."""

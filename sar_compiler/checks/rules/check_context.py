@@ -1,4 +1,4 @@
-"""What the rules look at: a file with everything that it includes, bound once."""
+"""The context of the rules: a file with all that it includes, bound once."""
 
 import bisect
 import functools
@@ -17,11 +17,11 @@ from sar_compiler.tree.model import SECTIONS, TreeFile
 
 @dataclass(frozen=True)
 class CheckContext:
-    """A forest and what is known of it; whatever takes time to find out is found out once.
+    """A forest with the results of its analysis, each computed at most once.
 
     Attributes:
         forest: The file and what it includes.
-        registry: What tags mean.
+        registry: The registered nodes.
         palettes: Files whose `TreeNodesModel` describes nodes that are not installed.
     """
 
@@ -36,7 +36,7 @@ class CheckContext:
 
     @functools.cached_property
     def is_whole(self) -> bool:
-        """Whether every tree is there: each include was read, and nothing beside the trees may have been meant for one."""
+        """Whether all trees are known: each include was read, and no other element may have been meant as a tree."""
         roots = (tree_file.root for tree_file in self.forest.files)
         return not self.forest.findings and all(
             child.tag in SECTIONS for root in roots for child in root.children
@@ -44,33 +44,33 @@ class CheckContext:
 
     @functools.cached_property
     def trees(self) -> tuple[BoundTree, ...]:
-        """The trees that are neither too large nor too deep, the inner ones first."""
+        """The trees within the limits of size and depth, the inner ones first."""
         return tuple({tree: None for top in self.bound.tops for tree in trees_in(top.tree)})
 
     @functools.cached_property
     def is_foreign(self) -> bool:
-        """Whether some node is only described: the trees are flown by another program."""
+        """Whether a node is only described: another program executes the trees."""
         return any(bound.spec.cls is None for tree in self.trees for bound in tree.demanding)
 
     @functools.cached_property
     def outcomes(self) -> PossibleOutcomes:
-        """What every node can answer."""
+        """The possible outcomes of every node."""
         return PossibleOutcomes(self.trees, self.broken)
 
     @functools.cached_property
     def is_telling(self) -> bool:
-        """Whether anything can be concluded from what the nodes answer."""
+        """Whether the nodes' outcomes allow any conclusions."""
         return any(is_telling(spec) for spec in self.bound.specs)
 
     @functools.cached_property
     def sound(self) -> bool:
-        """Whether everything could be read and means something."""
+        """Whether all files could be read and all elements bound."""
         found = (*self.forest.findings, *self.bound.findings)
         return all(finding.severity is not Severity.ERROR for finding in found)
 
     @functools.cached_property
     def broken(self) -> frozenset[BoundNode]:
-        """The nodes with a mistake in their tags or attributes, of which nothing is to be concluded."""
+        """The nodes with a mistake in their tags or attributes, from which no conclusions are drawn."""
         return frozenset(self._broken()) if self.bound.findings else frozenset()
 
     def _broken(self) -> Iterator[BoundNode]:
@@ -97,6 +97,6 @@ def warning(code: str, message: str, bound: BoundNode, *, hint: str | None = Non
 
 
 def information(code: str, message: str, bound: BoundNode, *, hint: str | None = None) -> Diagnostic:
-    """Return what is worth knowing about a node as a whole."""
+    """Return an information about a node as a whole."""
     element = bound.element
     return Diagnostic(code, message, element.source, element.tag_span(), hint=hint, severity=Severity.INFO)

@@ -1,4 +1,4 @@
-"""Who does what with each entry of the blackboard, once all subtrees are in their places."""
+"""The accesses to each blackboard entry, with all subtrees expanded."""
 
 import functools
 import itertools
@@ -23,7 +23,7 @@ _READS = (AccessKind.READ, AccessKind.PEEK, AccessKind.BOTH, AccessKind.FIXED)
 
 @dataclass(eq=False)
 class EntryAccess:
-    """What a node of one instance of a tree does with an entry."""
+    """An access to an entry by a node in one instance of a tree."""
 
     instance: Instance
     access: KeyAccess
@@ -31,7 +31,7 @@ class EntryAccess:
 
     @functools.cached_property
     def path(self) -> tuple[Step, ...]:
-        """The nodes around it and itself, from the root of the main tree."""
+        """The nodes from the root of the main tree down to this one."""
         return self.way.to(self.instance, self.access.bound)
 
     @property
@@ -42,14 +42,14 @@ class EntryAccess:
 
 @dataclass(eq=False)
 class EntryAccesses:
-    """Everything that is done with an entry, in the order of the tree.
+    """All accesses to an entry, in the order of the tree.
 
     Attributes:
-        scope: Whose key it is.
+        scope: The scope that its key belongs to.
         key: The key there.
-        uses: What nodes do with it.
-        given: The `SubTree` nodes that give a constant for it.
-        is_parameter: Whether somebody takes it for a parameter of the mission.
+        uses: The nodes' accesses to it.
+        given: The `SubTree` nodes that pass a constant for it.
+        is_parameter: Whether it is read as a parameter of the mission.
     """
 
     scope: Scope
@@ -59,35 +59,35 @@ class EntryAccesses:
     is_parameter: bool = False
 
     def of(self, *kinds: AccessKind) -> list[EntryAccess]:
-        """Return those uses that do one of some things."""
+        """Return the uses of given kinds."""
         return [use for use in self.uses if use.access.kind in kinds]
 
     # An entry may have as many uses as its tree has nodes, so these are put together once, when all uses are there.
     @functools.cached_property
     def writers(self) -> list[EntryAccess]:
-        """Whoever may write it first; a script's `=` may do so where a port has the key."""
+        """The uses that may write it first; a script's `=` may do so if a port has the key."""
         has_port = any(use.access.place is None for use in self.uses)
         return self.of(AccessKind.WRITE, AccessKind.BOTH, *((AccessKind.CHANGE,) if has_port else ()))
 
     @property
     def is_made(self) -> bool:
-        """Whether anybody may write it."""
+        """Whether any node may write it."""
         return bool(self.given or self.writers)
 
     @functools.cached_property
     def readers(self) -> list[EntryAccess]:
-        """Whoever may read it."""
+        """The uses that may read it."""
         return self.of(*_READS)
 
 
 class PathFinder:
-    """The way from the root to each node of a tree with its subtrees in place."""
+    """The path from the root to each node of a tree with its subtrees expanded."""
 
     def __init__(self) -> None:
         self._parents: dict[BoundTree, dict[BoundNode, BoundNode]] = {}
 
     def to(self, instance: Instance, bound: BoundNode) -> tuple[Step, ...]:
-        """Return the nodes around a node and itself, each with its instance, from the outside in."""
+        """Return a node after its ancestors, each with its instance, from the outside in."""
         steps: list[Step] = []
         here: Instance | None = instance
         node: BoundNode | None = bound
@@ -107,13 +107,13 @@ class PathFinder:
 
 @dataclass(frozen=True)
 class EntryTable:
-    """All entries of a tree with its subtrees in place.
+    """All entries of a tree with its subtrees expanded.
 
     Attributes:
         top: The tree.
         entries: The entries, in the order in which the tree names them.
-        is_open: Whether some node may do with any key what the file does not say.
-        is_foreign: Whether some node is only described: it runs elsewhere, where others may write as well.
+        is_open: Whether a node may access any key in ways that the file does not show.
+        is_foreign: Whether a node is only described: the tree runs elsewhere, where other programs may write as well.
     """
 
     top: Instance
@@ -123,11 +123,11 @@ class EntryTable:
 
 
 def entry_table_of(top: Instance, known: dict[BoundTree, KeyAccesses]) -> EntryTable:
-    """Gather what is done with each entry.
+    """Collect the accesses to each entry.
 
     Args:
-        top: A tree with its subtrees in place.
-        known: What is known of trees already; is added to.
+        top: A tree with its subtrees expanded.
+        known: The key accesses of trees analysed so far; is added to.
     """
     entries: dict[tuple[Scope, str], EntryAccesses] = {}
     paths, is_open, is_foreign = PathFinder(), False, False
@@ -159,9 +159,9 @@ def _entry(entries: dict[tuple[Scope, str], EntryAccesses], scope: Scope, key: s
 
 
 def argument_of(use: EntryAccess, entry: EntryAccesses) -> tuple[BoundNode, str] | None:
-    """Return the outermost `SubTree` that gives an entry to the tree of a use, and the attribute by which it does.
+    """Return the outermost `SubTree` that passes an entry to the tree of a use, and its attribute for this.
 
-    None if the use stands in the tree that the entry belongs to, or no attribute is written for it.
+    None if the use is in the tree that the entry belongs to, or no attribute is written for it.
     """
     found = None
     instance, key = use.instance, use.access.key
@@ -174,7 +174,7 @@ def argument_of(use: EntryAccess, entry: EntryAccesses) -> tuple[BoundNode, str]
 
 
 def parting(first: EntryAccess, second: EntryAccess) -> int:
-    """Return how many steps from the root two uses have in common."""
+    """Return the number of steps from the root that two uses have in common."""
     together = 0
     for mine, theirs in zip(first.path, second.path, strict=False):
         if mine != theirs:
@@ -184,7 +184,7 @@ def parting(first: EntryAccess, second: EntryAccess) -> int:
 
 
 def comes_first(first: EntryAccess, second: EntryAccess) -> bool:
-    """Say whether, when second is done for the first time, first has certainly been done."""
+    """Return whether the first use has certainly happened when the second happens for the first time."""
     if not first.access.is_certain:
         return False
     if first.path == second.path:
@@ -203,7 +203,7 @@ def comes_first(first: EntryAccess, second: EntryAccess) -> bool:
 
 def _comes_first_in_node(first: KeyAccess, second: KeyAccess) -> bool:
     if first.attribute == second.attribute and first.place and second.place:
-        # `x := x + 1` writes last what stands first.
+        # `x := x + 1` writes its target last, although it comes first in the text.
         return first.kind is AccessKind.READ and (
             first.place[0] > second.place[0] or second.kind is not AccessKind.WRITE
         )
@@ -211,7 +211,7 @@ def _comes_first_in_node(first: KeyAccess, second: KeyAccess) -> bool:
 
 
 def _precedes(first: EntryAccess, second: EntryAccess, together: int) -> bool:
-    """Say whether a use comes before another in a node around both."""
+    """Return whether a use comes before another in their common ancestor."""
     around = first.path[together - 1][1]
     if _place(first, together, around) >= _place(second, together, around):
         return False
@@ -227,7 +227,7 @@ def _place(use: EntryAccess, together: int, around: BoundNode) -> int:
 
 
 def _is_straight(use: EntryAccess, together: int) -> bool:
-    """Say whether what is around a use, below a common node, goes on only after it has been done."""
+    """Return whether the nodes between a use and a common ancestor continue only after the use has happened."""
     inner = [bound for _, bound in use.path[together:]]
     for number, bound in enumerate(inner):
         if bound.oneshot is not None or (bound.conditions and not (bound is inner[-1] and _asks(use))):
@@ -235,7 +235,7 @@ def _is_straight(use: EntryAccess, together: int) -> bool:
         means = bound.spec.semantics
         if bound is inner[-1] or means.is_sequence or means.always_ends_with_child(bound):
             continue
-        # Of a selector, only what comes first in its first child is certain.
+        # In a selector, only the first access of its first child is certain.
         return (
             means.is_selector
             and _is_first(use, together + number)
@@ -245,12 +245,12 @@ def _is_straight(use: EntryAccess, together: int) -> bool:
 
 
 def _asks(use: EntryAccess) -> bool:
-    """Say whether a use stands in the first script that its node runs."""
+    """Return whether a use is in the first script that its node runs."""
     return use.access.attribute == next(iter(use.bound.conditions), None)
 
 
 def _is_first(use: EntryAccess, together: int) -> bool:
-    """Say whether a use is the first thing done in what is around it, below a common node."""
+    """Return whether a use happens first in all the nodes around it, below a common ancestor."""
     steps = use.path[together:]
     return all(
         not outer.children or outer.children[0] is inner
@@ -259,7 +259,7 @@ def _is_first(use: EntryAccess, together: int) -> bool:
 
 
 def between(first: EntryAccess, second: EntryAccess) -> Iterator[BoundNode]:
-    """Yield the nodes that stand between two uses in the same sequence, that of the first use with them."""
+    """Yield the nodes between two uses in the same sequence, including that of the first use."""
     together = parting(first, second)
     around = first.path[together - 1][1]
     start, end = _place(first, together, around), _place(second, together, around)

@@ -1,4 +1,4 @@
-"""What the nodes of a tree do with keys of the blackboard: ports, names of keys, scripts, subtrees."""
+"""The accesses of a tree's nodes to blackboard keys: by ports, names of keys, scripts and subtrees."""
 
 import enum
 from collections.abc import Iterable, Iterator
@@ -14,7 +14,7 @@ from sar_compiler.tree.source import Span
 
 
 class AccessTime(enum.IntEnum):
-    """When a node does it, seen from the nodes in it."""
+    """The time of an access relative to the ticks of the node's children."""
 
     BEFORE = 0
     AFTER = 1
@@ -22,16 +22,16 @@ class AccessTime(enum.IntEnum):
 
 @dataclass(frozen=True)
 class KeyAccess:
-    """A node's use of a key.
+    """An access of a node to a key.
 
     Attributes:
         bound: The node.
-        attribute: The attribute that has it.
-        key: The key, as the node's tree calls it.
-        kind: What is done with it.
-        time: Whether that is before or after the nodes in it are ticked.
-        place: Where it stands in the attribute's value; None for all of it.
-        is_certain: Whether it is done whenever the node is ticked.
+        attribute: The attribute that contains it.
+        key: The key, by its name in the node's tree.
+        kind: The kind of access.
+        time: Whether it happens before or after the children are ticked.
+        place: Its place in the attribute's value; None for all of it.
+        is_certain: Whether it happens whenever the node is ticked.
     """
 
     bound: BoundNode
@@ -43,7 +43,7 @@ class KeyAccess:
     is_certain: bool = True
 
     def span(self) -> Span:
-        """Return where it stands in the file."""
+        """Return its place in the file."""
         element = self.bound.element
         if self.place is None:
             return element.value_span(self.attribute)
@@ -52,11 +52,11 @@ class KeyAccess:
 
 @dataclass(frozen=True)
 class KeyAccesses:
-    """All that the nodes of a tree do with keys, without its subtrees.
+    """All accesses of a tree's nodes to keys, without its subtrees.
 
     Attributes:
-        accesses: In the order of the file.
-        is_open: Whether some node may do with any key what the file does not say.
+        accesses: The accesses, in the order of the file.
+        is_open: Whether a node may access any key in ways that the file does not show.
     """
 
     accesses: tuple[KeyAccess, ...]
@@ -79,7 +79,7 @@ _OUR_OWN = ("sar_compiler.", "py_trees.")
 
 
 def key_accesses_of(tree: BoundTree) -> KeyAccesses:
-    """Return what the nodes of a tree do with keys."""
+    """Return the accesses of a tree's nodes to keys."""
     involved = dict.fromkeys([*tree.keyed, *tree.demanding])
     if tree.wrappers:
         involved.update(dict.fromkeys(node for node in tree.nodes if node.conditions))
@@ -121,7 +121,7 @@ def _role(bound: BoundNode, parameter: Parameter) -> KeyRole:
 
 
 def _keys_in(bound: BoundNode, name: str, value: object) -> Iterable[str]:
-    """Return the keys that a value names which is no key in braces."""
+    """Return the keys named by a value that is not a key in braces."""
     parameter = bound.spec.parameters[name]
     value_type = parameter.value_type
     if value_type is not None and value_type.keys_in is not None:
@@ -140,12 +140,12 @@ def _of_script(bound: BoundNode, attribute: str, script: Script, time: AccessTim
 
 
 def _is_open(bound: BoundNode) -> bool:
-    """Return whether a node may do with keys what its attributes do not say."""
+    """Return whether a node may access keys that its attributes do not name."""
     return any(_is_told_by(bound, name) for name in bound.keys) or _has_scope(bound.spec)
 
 
 def _is_told_by(bound: BoundNode, name: str) -> bool:
-    """Return whether a key holds the script that a node runs, or the name of the key that it works with."""
+    """Return whether a key holds the script that a node runs, or the name of the key that it uses."""
     parameter = bound.spec.parameters.get(name)
     if parameter is None:
         return False
@@ -160,5 +160,5 @@ def _has_scope(spec: NodeSpec) -> bool:
 
 
 def is_of_root(key: str) -> bool:
-    """Say whether a key is written as one of the main tree: `@key`."""
+    """Return whether a key is written as a key of the main tree: `@key`."""
     return key.startswith(ROOT_SIGN)

@@ -1,4 +1,4 @@
-"""Keys of the blackboard that are read and never written, read too early, written for nothing."""
+"""Blackboard keys that are read but never written, read too early, or written but never read."""
 
 import difflib
 import itertools
@@ -28,13 +28,13 @@ from sar_compiler.nodes.values import nearest
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
 _LIKE, _CLOSE = 0.7, 0.75
-"""How much two keys must be alike so that one may be meant by the other, and so that nothing else can be."""
+"""The similarity of two keys from which one may be, and from which it must be, a misspelling of the other."""
 
 
 def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield what goes wrong between those who write keys and those who read them."""
+    """Yield findings about keys whose reads and writes do not fit each other."""
     if not context.sound:
-        return  # a mistake elsewhere may be what keeps a key from being written
+        return  # a mistake elsewhere may be the reason why a key is not written
     main = context.forest.main_tree()
     known: dict[BoundTree, KeyAccesses] = {}
     reported: set[tuple[str, int, int]] = set()
@@ -43,7 +43,7 @@ def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
         model = context.bound.models.subtrees.get(top.tree.name)
         ports = model.ports if model is not None else {}
         for entry in board.entries if ports else ():
-            # Whoever uses the tree gives it what its model says.
+            # Users of the tree pass it the keys that its model declares.
             entry.is_parameter = entry.is_parameter or (entry.scope is top.scope and entry.key in ports)
         for finding in _of_board(board, context, is_main=top.tree.element is main):
             place = (finding.source.path, finding.span.line, finding.span.column)
@@ -106,7 +106,7 @@ def _unwritten_finding(use: EntryAccess, entry: EntryAccesses, near: str | None)
 def _unwritten_argument(
     place: BoundNode, attribute: str, entry: EntryAccesses, near: str | None
 ) -> Diagnostic:
-    """Say of a key that a subtree is given and reads, where it is given to it."""
+    """Return the finding about an unwritten key at the `SubTree` that passes it to the reading tree."""
     message = f"{attribute}: '{entry.key}' is read in '{place.name}', and nothing ever writes it"
     suggestion = f"{{{near}}}" if near is not None else None
     hint = f"let a node before it write it; a parameter of the mission is {{@{entry.key}}}"
@@ -124,7 +124,7 @@ def _how_to_give(use: EntryAccess, key: str) -> str:
 
 
 def _is_slip(entry: EntryAccesses, near: str) -> bool:
-    """Say whether a key is written only once, and so much like another one that it can be nothing else."""
+    """Return whether a key is used only once, and so similar to another one that it must be a misspelling."""
     plural = {entry.key, near} in ({entry.key, f"{entry.key}s"}, {near, f"{near}s"})
     numbered = entry.key.rstrip("0123456789") == near.rstrip("0123456789")
     close = _likeness(entry.key, near) >= _CLOSE
@@ -132,7 +132,7 @@ def _is_slip(entry: EntryAccesses, near: str) -> bool:
 
 
 def _is_given_another(use: EntryAccess) -> bool:
-    """Say whether the tree of a use is given a key that it does nothing with."""
+    """Return whether the tree of a use is passed a key that it does not use."""
     place = use.instance.place
     if place is None:
         return False
@@ -141,7 +141,7 @@ def _is_given_another(use: EntryAccess) -> bool:
 
 
 def _is_name_of_key(use: EntryAccess) -> bool:
-    """Say whether a port takes the name of a key, which with braces is that of a key that holds the name."""
+    """Return whether a port takes the name of a key, so that a key in braces holds the name."""
     role = use.bound.spec.semantics.keys.get(use.access.attribute)
     return role is not None and role.indirect
 
@@ -156,7 +156,7 @@ def _likeness(word: str, other: str) -> float:
 
 
 def _may_be_enumeration(use: EntryAccess) -> bool:
-    """Say whether a name of a script may be that of an enumeration, which only the program knows."""
+    """Return whether a name in a script may be an enumeration's, which only the executing program knows."""
     return use.access.place is not None and use.access.key[0].isupper() and use.access.kind is AccessKind.READ
 
 
@@ -197,7 +197,7 @@ def _side_by_side(entry: EntryAccesses) -> Iterator[Diagnostic]:
         together = parting(first, second)
         if 0 < together < min(len(first.path), len(second.path)):
             around = first.path[together - 1][1]
-            # What is read in there as well is a signal from one to the other.
+            # A key that is also read there is a signal from one branch to the other.
             is_signal = any(parting(use, first) >= together for use in entry.readers)
             if around.spec.semantics.order is Order.TOGETHER and not is_signal:
                 message = (
@@ -223,12 +223,12 @@ def _follow_each_other(first: EntryAccess, second: EntryAccess) -> bool:
 
 
 def _only_read_after(entry: EntryAccesses, second: EntryAccess) -> bool:
-    """Say whether everybody who reads an entry comes after a write, in the same sequence."""
+    """Return whether all reads of an entry come after a write in the same sequence."""
     return bool(entry.readers) and all(comes_first(second, use) for use in entry.readers)
 
 
 def _lies_between(use: EntryAccess, first: EntryAccess, second: EntryAccess) -> bool:
-    """Say whether a use may come between two writes that follow each other in a sequence."""
+    """Return whether a use may come between two successive writes in a sequence."""
     together = parting(first, second)
     if use.bound is second.bound:
         return True
@@ -273,7 +273,7 @@ def _unread(entry: EntryAccesses, board: EntryTable) -> Iterator[Diagnostic]:
 
 
 def _is_given_for_nothing(entry: EntryAccesses, board: EntryTable) -> bool:
-    """Say whether a subtree is given an entry by a key with which it does nothing."""
+    """Return whether a subtree is passed an entry by a key that it does not use."""
     owner = (entry.scope, entry.key)
     return any(
         instance.scope.owner(key) == owner
@@ -285,7 +285,7 @@ def _is_given_for_nothing(entry: EntryAccesses, board: EntryTable) -> bool:
 
 
 def _is_meant_elsewhere(use: EntryAccess) -> bool:
-    """Say whether a text in the same tree is the key of a use but for a brace."""
+    """Return whether a text in the same tree is the key of a use without one brace."""
     meant = f"{{{use.access.key}}}"
     texts = (text for bound in use.instance.tree.nodes for text in bound.element.attributes.values())
     return any(closed(text) == meant for text in texts)

@@ -1,4 +1,4 @@
-"""Names that do not tell nodes apart, or that stand for something else."""
+"""Names that do not distinguish nodes, or that read as something else."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -16,7 +16,7 @@ _SEPARATES = {
 
 
 def check_names(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield nodes beside each other to which their author has given one name, and names that read as a path."""
+    """Yield siblings that were explicitly given the same name, and names that read as a path."""
     for tree in context.trees if context.sound and not context.is_foreign else ():
         yield from _separated(tree.nodes)
         for bound in tree.parents:

@@ -1,4 +1,4 @@
-"""Nodes that do nothing, or not what they are for."""
+"""Nodes without an effect, or without their intended one."""
 
 import math
 from collections.abc import Iterator
@@ -13,13 +13,13 @@ from sar_compiler.nodes.semantics import Order
 from sar_compiler.tree.diagnostic import Diagnostic
 
 DEFAULT_PERIOD = 0.5
-"""Seconds between two ticks, where the mission says nothing."""
+"""Seconds between two ticks, if the mission does not define them."""
 _NEVER = {F: "never fails", S: "never succeeds", R: "always ends in its first tick"}
-"""Of a child that cannot answer what its decorator is there for."""
+"""Texts for a child that never has the result that its decorator acts on."""
 
 
 def check_needless(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield nodes that could as well not be there, or that spoil what is in them."""
+    """Yield nodes that could be left out, or that defeat the nodes in them."""
     # Of trees that are flown by another program, or with mistakes still in them, nothing is said in passing.
     is_own = context.sound and not context.is_foreign
     for tree in context.trees:
@@ -62,12 +62,11 @@ def _needless(bound: BoundNode, child: BoundNode) -> Diagnostic | None:
 
 def _takes_back(bound: BoundNode, child: BoundNode) -> bool:
     """Return whether a decorator turns back every answer that the one in it has turned."""
-    outer, inner = bound.spec.semantics, child.spec.semantics
-    turns = outer.steady and inner.steady and outer.changes and inner.changes
-    if not turns or outer.possible is None or inner.possible is None or len(child.children) != 1:
+    once, twice = child.spec.semantics.possible, bound.spec.semantics.possible
+    if once is None or twice is None or len(child.children) != 1:
         return False
-    once, twice = inner.possible, outer.possible
-    return all(twice(bound, [once(child, [answer], ALLOWED)], ALLOWED) == answer for answer in ANSWERS)
+    turned = tuple(once(child, [answer], ALLOWED) for answer in ANSWERS)
+    return turned != ANSWERS and tuple(twice(bound, [answer], ALLOWED) for answer in turned) == ANSWERS
 
 
 def _interrupting(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
@@ -82,7 +81,7 @@ def _interrupting(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes
 
 
 def _spent(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    """Yield rounds around something that is done only once."""
+    """Yield loops around a node that is executed only once."""
     retries = bound.spec.semantics.repeats == F
     once, within = _done_once(child)
     if once is None or (retries and not outcomes.may_return(within) & F):

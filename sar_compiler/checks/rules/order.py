@@ -1,4 +1,4 @@
-"""Leaves that come before what they need has been done, by the facts that their registrations declare."""
+"""Leaves that come before the ones they depend on, by the facts that their registrations declare."""
 
 import functools
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,7 +24,7 @@ _DOING_AND_UNDOING = 2
 
 
 def check_order(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield leaves that can only fail where they stand, and those that work with what was undone before them."""
+    """Yield leaves that can only fail at their place, and those that depend on an effect undone before them."""
     if not context.sound:
         return
     reported: set[BoundNode] = set()
@@ -42,11 +42,11 @@ def check_order(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 class _Words:
-    """What the registration of a leaf says about facts, with names in the place of placeholders.
+    """The declarations of a leaf's registration about facts, with placeholders replaced.
 
     Args:
-        spec: What the leaf is.
-        names: What stands for each placeholder.
+        spec: The spec of the leaf.
+        names: The replacement of each placeholder.
     """
 
     def __init__(self, spec: NodeSpec, names: Mapping[str, str]) -> None:
@@ -65,7 +65,7 @@ class _Words:
         self.changes = self.writes | {use.name for use in uses if use.access is not Access.READ}
 
     def enables(self, other: "_Words") -> bool:
-        """Say whether something that the leaf does lets another leaf do anything but fail, as things are at first."""
+        """Return whether an effect of this leaf, on the initial facts, allows another leaf a result other than failure."""
         for script in self.results:
             facts = _variables({**self.facts, **other.facts})
             if _run(script, facts) and any(_holds(condition, facts) for condition in other.conditions):
@@ -109,10 +109,10 @@ def _leaves(top: Instance) -> Iterator[_Leaf]:
 
 
 def _numbers(bound: BoundNode) -> dict[str, str]:
-    """Return what stands for the whole numbers that are written for a leaf, by their attributes' names."""
+    """Return the replacements of a leaf's whole numbers, by their attributes' names."""
     numbers = (parameter for parameter in bound.spec.plain if parameter.is_whole_number)
     return {
-        # What a key holds is not known here: that is a name that no script can work out.
+        # The value of a key is unknown here: it becomes a name that no script can evaluate.
         each.name: _UNKNOWN
         if each.name in bound.keys
         else number_text(bound.values.get(each.name, each.default))
@@ -132,7 +132,7 @@ def _parsed(script: str) -> Script:
 
 
 def _holds(script: str, facts: PlainVariables) -> bool:
-    """Say whether a script over facts is true, or cannot be worked out."""
+    """Return whether a script over facts is true or cannot be evaluated."""
     try:
         return Program(_parsed(script)).holds(facts)
     except EvaluationError:
@@ -140,7 +140,7 @@ def _holds(script: str, facts: PlainVariables) -> bool:
 
 
 def _run(script: str, facts: PlainVariables) -> bool:
-    """Let a script change facts; return whether it could be worked out."""
+    """Apply a script to facts; return whether it could be evaluated."""
     try:
         Program(_parsed(script)).run(facts)
     except EvaluationError:
@@ -162,7 +162,7 @@ def _too_early(leaf: _Leaf, changing: Mapping[str, list[_Leaf]]) -> Diagnostic |
 
 
 def _undone(leaf: _Leaf, changing: Mapping[str, list[_Leaf]], leaves: Sequence[_Leaf]) -> Diagnostic | None:
-    """Return a finding about a leaf in a sequence that works with what one before it did and another one undid."""
+    """Return a finding about a leaf in a sequence that depends on an effect of an earlier leaf that another one undid."""
     others = {other: None for fact in leaf.words.reads for other in changing.get(fact, ())}
     before = [other for other in others if _leads_to(other, leaf)]
     if len(before) < _DOING_AND_UNDOING:
@@ -181,7 +181,7 @@ def _undone(leaf: _Leaf, changing: Mapping[str, list[_Leaf]], leaves: Sequence[_
 
 
 def _leads_to(first: _Leaf, second: _Leaf) -> bool:
-    """Say whether two leaves stand in one sequence, the first before the second."""
+    """Return whether two leaves are in one sequence, the first before the second."""
     together = parting(first.use, second.use)
     inside = 0 < together < min(len(first.use.path), len(second.use.path))
     if not inside or not first.use.path[together - 1][1].spec.semantics.is_sequence:

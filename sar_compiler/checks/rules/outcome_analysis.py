@@ -1,8 +1,8 @@
-"""What each bound node can answer, whether that can take time, and what is done again when it is ticked anew.
+"""The possible results of each bound node, whether it can take time, and what a restart repeats.
 
-Worked out once for all rules, from the inside out: what leaves declare, and what controls and decorators make of it
-(`nodes.semantics`). Of a node that only a model describes, or that declares nothing, nothing is concluded: it may answer
-anything, and is known to be able to answer nothing.
+Computed once for all rules, from the inside out: from the declarations of leaves and the semantics of controls and
+decorators (`nodes.semantics`). A node that only a model describes, or that declares nothing, allows no conclusions: it
+may return anything, and no result of it is known to occur.
 """
 
 from collections.abc import Callable, Collection, Iterable, Sequence
@@ -18,19 +18,19 @@ _YES_OR_NO: tuple[frozenset[str], ...] = (frozenset(), frozenset({"SUCCESS", "FA
 _SHIFT = 4
 _UNKNOWN = ALL
 _POSSIBLE = {"_failureIf": F, "_successIf": S, "_skipIf": K, "_while": K}
-"""What conditions add."""
+"""The results that conditions add."""
 
 OutcomeSets = int
-"""What a node may answer, in the lower bits, and what it is known to be able to answer, above them."""
+"""The results that a node may have, in the lower bits, and those known to occur in some run, above them."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """A leaf that was looked for.
+    """A leaf found by a search.
 
     Attributes:
         leaf: The leaf.
-        place: Where it stands in the tree that was searched: the leaf itself, or the `SubTree` that has it.
+        place: Its place in the searched tree: the leaf itself, or the `SubTree` that contains it.
     """
 
     leaf: BoundNode
@@ -38,7 +38,7 @@ class Found:
 
     @property
     def name(self) -> str:
-        """What to call it: the leaf's name, with the subtree where that is another tree."""
+        """Its name in messages: the leaf's, with that of the subtree if it is in another tree."""
         inside = (
             "" if self.leaf is self.place else f" in the tree '{self.place.element.attributes.get('ID')}'"
         )
@@ -46,15 +46,15 @@ class Found:
 
 
 class PossibleOutcomes:
-    """The outcomes of all nodes of some trees.
+    """The possible outcomes of all nodes of a set of trees.
 
     Args:
         trees: The trees, the inner ones first.
-        broken: Nodes of which nothing is to be concluded.
+        broken: Nodes from which no conclusions are drawn.
 
     Attributes:
-        blocked: The sequences and selectors in which no tick comes to the end.
-        running: Those in which something is known to take time.
+        blocked: The sequences and selectors whose end is reached by no tick.
+        running: Those with a node that is known to take time.
     """
 
     def __init__(self, trees: Iterable[BoundTree], broken: Collection[BoundNode] = ()) -> None:
@@ -68,22 +68,22 @@ class PossibleOutcomes:
             self._look_at(tree)
 
     def may_return(self, bound: BoundNode) -> int:
-        """Return everything that a tick of a node could answer."""
+        """Return all results that a tick of a node may have."""
         return self._of(bound) & ALL
 
     def known_to_return(self, bound: BoundNode) -> int:
-        """Return what a tick of a node is known to be able to answer."""
+        """Return the results that a tick of a node is known to have in some run."""
         return self._of(bound) >> _SHIFT
 
     def takes_time(self, bound: BoundNode) -> bool:
-        """Say whether a node is known to run for more than a tick."""
+        """Return whether a node is known to run for more than a tick."""
         return bool(self.known_to_return(bound) & R)
 
     def begun_again(self, bound: BoundNode, wanted: Callable[[BoundNode], bool]) -> Found | None:
-        """Return the first leaf that is begun again whenever a node is, if one is as wanted.
+        """Return the first leaf that is restarted whenever a node is, and that meets a condition.
 
-        What depends on an answer is passed over: what stands behind the first child of a selector, in a branch, or
-        under a condition. So is what is done once.
+        Nodes that depend on a result are left out: those after the first child of a selector, in a branch, or
+        under a condition. So are nodes that are executed only once.
         """
         if bound.oneshot is not None or bound.conditions or bound in self._broken:
             return None
@@ -99,7 +99,7 @@ class PossibleOutcomes:
         return next((found for child in first if (found := self.begun_again(child, wanted))), None)
 
     def anywhere(self, bound: BoundNode, wanted: Callable[[BoundNode], bool]) -> Found | None:
-        """Return the first leaf in a node that is as wanted."""
+        """Return the first leaf in a node that meets a condition."""
         if bound.subtree is not None:
             inner = self.anywhere(bound.subtree.root, wanted) if bound.subtree.root else None
             return None if inner is None else Found(inner.leaf, bound)
@@ -108,15 +108,15 @@ class PossibleOutcomes:
         return next((found for child in bound.children if (found := self.anywhere(child, wanted))), None)
 
     def acts_at_once(self, leaf: BoundNode) -> bool:
-        """Say whether a leaf does something to the world, and is done with it in the same tick."""
+        """Return whether a leaf has an effect on the world that is complete in the same tick."""
         return acts(leaf) and not self.takes_time(leaf)
 
     def works(self, leaf: BoundNode) -> bool:
-        """Say whether a leaf takes time from its beginning whenever it is started."""
+        """Return whether a leaf takes time after every start."""
         return self.takes_time(leaf) and leaf.spec.kind is Kind.ACTION and not leaf.spec.semantics.resumes
 
     def is_work(self, leaf: BoundNode) -> bool:
-        """Say whether a leaf does something to the world, and takes time for it."""
+        """Return whether a leaf has an effect on the world that takes time."""
         return acts(leaf) and self.works(leaf)
 
     def _of(self, bound: BoundNode) -> OutcomeSets:
@@ -148,7 +148,7 @@ class PossibleOutcomes:
             self._known[parent] = outcome_sets
 
     def _ordered(self, bound: BoundNode, children: tuple[OutcomeSets, ...]) -> OutcomeSets:
-        """Return the outcome_sets of a sequence or selector, which depends on its children alone."""
+        """Return the outcome sets of a sequence or selector, which depend on its children alone."""
         # Of a reactive one it matters which children are leaves.
         leaves = bound.is_reactive and tuple(child.spec.kind.is_leaf for child in bound.children)
         key = (id(bound.spec), children, leaves)
@@ -168,7 +168,7 @@ class PossibleOutcomes:
         return outcome_sets
 
     def _leaf(self, bound: BoundNode) -> OutcomeSets:
-        """Return the outcome_sets of a leaf without conditions; nodes without the children that they need are unknown."""
+        """Return the outcome sets of a leaf without conditions; nodes without the children that they need are unknown."""
         spec = bound.spec
         if not spec.kind.is_leaf:
             return _UNKNOWN
@@ -186,7 +186,7 @@ class PossibleOutcomes:
 
 
 def is_telling(spec: NodeSpec) -> bool:
-    """Say whether anything may follow from a node: of one that says yes or no at once, or nothing, nothing does."""
+    """Return whether a node allows conclusions: one that returns at once, or whose outcomes are unknown, does not."""
     if not spec.kind.is_leaf:
         return spec.semantics.order is not Order.IN_ORDER
     outcomes = spec.outcomes if spec.cls is not None else frozenset()
@@ -194,7 +194,7 @@ def is_telling(spec: NodeSpec) -> bool:
 
 
 def acts(leaf: BoundNode) -> bool:
-    """Say whether a leaf is known to do something to the world; the blackboard is none of it."""
+    """Return whether a leaf is known to have an effect on the world, apart from the blackboard."""
     spec = leaf.spec
     if spec.cls is None:
         return False
@@ -202,12 +202,12 @@ def acts(leaf: BoundNode) -> bool:
 
 
 def is_question(leaf: BoundNode) -> bool:
-    """Say whether a leaf only asks something."""
+    """Return whether a leaf only evaluates a condition."""
     return leaf.spec.kind is Kind.CONDITION and leaf.spec.cls is not None
 
 
 def consequence(leaf: BoundNode) -> str:
-    """Return what it would mean to begin a leaf again in every tick: "would be sent a new goal in every tick"."""
+    """Return the consequence of a leaf's restart in every tick: "would be sent a new goal in every tick"."""
     if _drives(leaf.spec):
         return "would be sent a new goal in every tick"
     verb, _, rest = leaf.spec.effects.partition(" ")
@@ -217,7 +217,7 @@ def consequence(leaf: BoundNode) -> str:
 
 
 def _infinitive(verb: str) -> str:
-    """Return the first word of what a leaf does as it stands behind "would": drive, search, carry."""
+    """Return the first word of a leaf's effect as an infinitive, to follow "would": drive, search, carry."""
     if verb.endswith("ies"):
         return f"{verb[:-3]}y"
     return verb[:-2] if verb.endswith(("ches", "shes", "sses", "xes", "oes")) else verb[:-1]
@@ -228,10 +228,10 @@ def _drives(spec: NodeSpec) -> bool:
 
 
 def _made_of(bound: BoundNode, children: Sequence[OutcomeSets]) -> OutcomeSets:
-    """Return the outcome_sets of a node without conditions."""
+    """Return the outcome sets of a node without conditions."""
     spec, possible = bound.spec, bound.spec.semantics.possible
     if possible is None:
-        # Somebody's own: it may do anything with its children.
+        # A custom node: it may do anything with its children.
         known = bits(spec.outcomes)
         return known | known << _SHIFT if known and spec.cls is not None else _UNKNOWN
     least, most = spec.child_count

@@ -1,4 +1,4 @@
-"""Children of a Parallel that stand in each other's way."""
+"""Children of a Parallel that interfere with each other."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,11 +12,10 @@ from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
 
 def check_parallels(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield what one child of a Parallel does to another."""
+    """Yield findings about children of a Parallel that interfere with each other."""
     for tree in context.trees:
         for bound in tree.parents:
-            is_parallel = bound.spec.semantics.order is Order.TOGETHER
-            if is_parallel and len(bound.children) > 1 and bound not in context.broken:
+            if bound.spec.semantics.order is Order.TOGETHER and bound not in context.broken:
                 yield from _cancelled(bound, context.outcomes)
                 yield from _out_of_step(bound, context.outcomes)
                 yield from _shared_actions(bound)
@@ -63,7 +62,7 @@ class _Action:
 
 
 def _shared_actions(bound: BoundNode) -> Iterator[Diagnostic]:
-    """Yield the second child that drives by the same action server as another one."""
+    """Yield each child that uses the same action server as an earlier one."""
     first: dict[str, _Action] = {}
     for child in bound.children:
         actions = list(_actions(child, None))
@@ -93,7 +92,7 @@ def _actions(bound: BoundNode, place: BoundNode | None) -> Iterator[_Action]:
 
 
 def _name(use: Use, bound: BoundNode) -> str:
-    """Return the name of what a leaf uses; empty where a key has a part of it."""
+    """Return the name of a resource that a leaf uses; empty if part of it comes from a key."""
     name = use.name
     for parameter in bound.spec.parameters.values():
         placeholder = f"{{{parameter.name}}}"

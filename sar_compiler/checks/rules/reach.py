@@ -1,4 +1,4 @@
-"""What can never be ticked, and what can never end."""
+"""Nodes that can never be ticked, and nodes that can never end."""
 
 import itertools
 from collections.abc import Iterator, Sequence
@@ -14,7 +14,7 @@ _VERBS = {S: "succeeds", F: "fails", R: "runs"}
 
 
 def check_reach(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield nodes that no tick comes to, and nodes that run for ever."""
+    """Yield nodes that no tick reaches, and nodes that never end."""
     if not context.is_telling:
         return
     outcomes = context.outcomes
@@ -52,7 +52,7 @@ def _opens(gate: Gate, children: Sequence[BoundNode], outcomes: PossibleOutcomes
 
 
 def _shut(gate: Gate, children: Sequence[BoundNode]) -> str:
-    """Return why a child is never ticked that is ticked only after certain answers."""
+    """Return why a child is never ticked, if it is ticked only after certain results of others."""
     verb = _VERBS[gate.answers & ~K]
     if len(gate.children) > 1:
         return f"what is tried before it never {verb}"
@@ -60,12 +60,12 @@ def _shut(gate: Gate, children: Sequence[BoundNode]) -> str:
 
 
 def _after_the_last(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    """Yield the first child after one that never answers so that a tick goes on to the next."""
+    """Yield the first child after one whose results never let a tick continue to the next."""
     goes_on = bound.spec.semantics.goes_on
     for before, child in itertools.pairwise(bound.children):
         answers = outcomes.may_return(before)
         if not answers & (goes_on | K):
-            # Of what runs for ever by a mistake, `_endless` speaks.
+            # `_endless` reports nodes that never end by mistake.
             if answers != R or not before.children:
                 yield _unreachable(child, f"'{before.name}' before it never {_VERBS[goes_on]}")
             return

@@ -1,4 +1,4 @@
-"""What goes wrong where a control looks at every child again in every tick."""
+"""Mistakes with controls that re-evaluate all their children in every tick."""
 
 from collections.abc import Iterator
 
@@ -16,7 +16,7 @@ from sar_compiler.tree.diagnostic import Diagnostic
 
 
 def check_reactive(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield what is done, or interrupted, in every tick because of a control without memory."""
+    """Yield nodes that are repeated, or interrupted, in every tick because of a control without memory."""
     if not context.is_telling:
         return
     outcomes = context.outcomes
@@ -31,11 +31,11 @@ def check_reactive(context: CheckContext) -> Iterator[Diagnostic]:
 
 def _sequence(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     running = [index for index, child in enumerate(bound.children) if outcomes.takes_time(child)]
-    for index in range(running[-1] if running else 0):
+    for index in range(running[-1]):
         child = bound.children[index]
         later = next(bound.children[number] for number in running if number > index)
         if not outcomes.may_return(child) & S:
-            return  # what stands behind it is never reached
+            return  # the nodes after it are never reached
         found = outcomes.begun_again(child, outcomes.works)
         if found is not None and outcomes.known_to_return(child) & S:
             yield _restarted(found, later, bound, f"while '{later.name}' runs")
@@ -67,7 +67,7 @@ def _selector(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnost
 
 
 def _beginning(bound: BoundNode) -> BoundNode:
-    """Return the first node in sequences, in which what comes later may depend on it."""
+    """Return the first node of nested sequences, on which the later ones may depend."""
     while (
         bound.children and bound.spec.semantics.is_sequence and not bound.conditions and bound.oneshot is None
     ):
@@ -99,13 +99,13 @@ def _lost_progress(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Dia
 
 
 def _starts_over(bound: BoundNode) -> bool:
-    """Return whether a node is a sequence that remembers where it was, but begins again after an interruption."""
+    """Return whether a node is a sequence with memory that starts over after an interruption."""
     means = bound.spec.semantics
     return means.is_sequence and not means.resumes and not bound.is_reactive and bound.oneshot is None
 
 
 def _finished(root: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    """Yield work under the root that is started again once it is done, since nothing before it has changed."""
+    """Yield work below the root that is restarted once it is done, since nothing before it has changed."""
     waiting = [root]
     while waiting:
         bound = waiting.pop()
@@ -122,7 +122,7 @@ def _finished(root: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnosti
 
 def _done_again(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     for index, child in enumerate(bound.children):
-        # What begins with a question asks for itself whether there is anything to do.
+        # A branch that begins with a condition checks by itself whether there is anything to do.
         if not outcomes.known_to_return(child) & S or is_question(_beginning(child)):
             continue
         # A question before it may be whether it is done; a plan that gives up at once is none.
@@ -144,7 +144,7 @@ def _once(child: BoundNode, found: Found) -> str:
 
 
 def _gives_up(bound: BoundNode, outcomes: PossibleOutcomes) -> bool:
-    """Say whether a node does something, and is known to fail in its first tick by a question that it begins with."""
+    """Return whether a node has an effect, and is known to fail in its first tick by a condition at its beginning."""
     first = _beginning(bound)
     asks = is_question(first) and outcomes.known_to_return(first) & F and first is not bound
     return bool(asks) and outcomes.anywhere(bound, acts) is not None

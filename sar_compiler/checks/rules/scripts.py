@@ -1,4 +1,4 @@
-"""Scripts that can be read, and say something else than is meant."""
+"""Valid scripts that differ from what was meant."""
 
 from collections.abc import Iterator
 
@@ -12,7 +12,7 @@ _CONDITIONS = frozenset({"_failureIf", "_successIf", "_skipIf", "_while"})
 
 
 def check_scripts(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield conditions that give a variable a value instead of comparing it."""
+    """Yield conditions that assign a variable instead of comparing it."""
     for tree in context.trees:
         scripted = tree.nodes if tree.wrappers else tree.demanding
         for bound in scripted:
@@ -22,7 +22,7 @@ def check_scripts(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def is_condition(bound: BoundNode, attribute: str) -> bool:
-    """Say whether an attribute's script is asked for being true."""
+    """Return whether an attribute's script is a condition."""
     parameter = bound.spec.parameters.get(attribute)
     return attribute in _CONDITIONS or (parameter is not None and parameter.value_type is CONDITION)
 

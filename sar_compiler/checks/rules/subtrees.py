@@ -1,4 +1,4 @@
-"""Trees that nobody uses, and what subtrees are given and never look at."""
+"""Unused trees, and keys that are passed to subtrees but not used there."""
 
 from collections.abc import Iterator
 
@@ -12,9 +12,9 @@ from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
 
 def check_subtrees(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield trees that are in no other, and attributes of `SubTree` that mean nothing in the tree."""
+    """Yield trees that are used by no other, and attributes of `SubTree` that the tree does not use."""
     if not context.sound:
-        return  # a mistake in a tree may be what keeps it from using a key, or another tree
+        return  # a mistake in a tree may be the reason why it does not use a key, or another tree
     yield from _unused_trees(context)
     wanted = _Wanted()
     for tree in context.trees:
@@ -28,7 +28,7 @@ def _unused_trees(context: CheckContext) -> Iterator[Diagnostic]:
     if not mains or context.forest.main.main_tree_name is None:
         return
     used = set(trees_in(mains[0]))
-    # Others may use them: what stands in each other is one finding, that of the outermost one.
+    # Unused trees may use each other: only the outermost one is reported.
     inner = {node.subtree for tree in context.bound.trees for node in tree.subtrees()}
     for tree in context.bound.trees:
         element = tree.element
@@ -48,13 +48,13 @@ def _unused_trees(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 class _Wanted:
-    """The keys that each tree does something with."""
+    """The keys that each tree uses."""
 
     def __init__(self) -> None:
         self._known: dict[BoundTree, frozenset[str] | None] = {}
 
     def by(self, tree: BoundTree) -> frozenset[str] | None:
-        """Return the keys; None where a node may do something with any."""
+        """Return the keys; None if a node may access any key."""
         if tree not in self._known:
             self._known[tree] = self._keys(tree)
         return self._known[tree]

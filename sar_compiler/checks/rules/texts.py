@@ -1,4 +1,4 @@
-"""Texts that were meant as keys."""
+"""Texts that were probably meant as keys."""
 
 from collections.abc import Iterator
 
@@ -10,7 +10,7 @@ from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
 
 def check_texts(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield texts that begin or end as a key does."""
+    """Yield texts that begin or end like a key."""
     texts = {id(spec): names for spec in context.bound.specs if (names := _texts(spec))}
     for tree in context.trees:
         for bound in tree.nodes if texts else ():

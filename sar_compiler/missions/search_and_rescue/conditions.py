@@ -1,4 +1,4 @@
-"""What the mission asks before it acts; answered at once, never RUNNING."""
+"""The mission's conditions; they return at once, never RUNNING."""
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -35,7 +35,7 @@ class ZonesRemaining(Behaviour):
         self._zones = zone_manager
 
     def update(self) -> Status:
-        """Look at the mission's zones."""
+        """Check the mission's zones."""
         remaining = self._zones.has_remaining()
         self.feedback_message = f"{self._zones.current_index()} of {self._zones.total_zones()} zones visited"
         return Status.SUCCESS if remaining else Status.FAILURE
@@ -64,7 +64,7 @@ class IsSurvivorDetected(Behaviour):
         self._detect_node = detect_node
 
     def update(self) -> Status:
-        """Look at the answer of the last search."""
+        """Check the answer of the last search."""
         return Status.SUCCESS if self._detect_node.was_found() else Status.FAILURE
 
 
@@ -93,7 +93,7 @@ class MissionComplete(Behaviour):
         self._zones = zone_manager
 
     def update(self) -> Status:
-        """Look at what is missing."""
+        """Check what is missing."""
         shortfalls = self._record.shortfalls(self._zones)
         self.feedback_message = " ".join(shortfalls)
         return Status.FAILURE if shortfalls else Status.SUCCESS

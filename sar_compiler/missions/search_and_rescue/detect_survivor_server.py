@@ -1,4 +1,4 @@
-"""The service `detect_survivor`: says whether, and where, there is a survivor in a zone."""
+"""The service `detect_survivor`: returns whether, and where, there is a survivor in a zone."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from sar_compiler.ros.parameter_reader import lookalikes
 from sar_compiler.ros.parameters import DataNode, flat_parameters
 
 SURVIVORS = {"zone_a": (-2.5, 3.2), "zone_c": (4.1, -2.5)}
-"""Where survivors are by default: x and y in metres in the frame `map`, by zone."""
+"""The survivors' default positions: x and y in metres in the frame `map`, by zone."""
 
 
 class DetectSurvivorServer(DataNode):
@@ -19,13 +19,13 @@ class DetectSurvivorServer(DataNode):
 
     Args:
         context: The context of the node; by default the process's own.
-        faults: What goes wrong on purpose.
+        faults: The faults to inject.
         cli_args: ROS arguments of its own.
         options: Further keyword arguments of `rclpy.node.Node`.
 
     Raises:
-        ParameterError: If the table in the parameters is not one.
-        RosArgumentError: If a name or a value in its arguments is one that a node cannot have.
+        ParameterError: If the table in the parameters is invalid.
+        RosArgumentError: If a name or a value in its arguments is not allowed for a node.
     """
 
     def __init__(

@@ -8,7 +8,7 @@ from sar_compiler.runtime.context import mission_context
 
 @dataclass(frozen=True)
 class SurvivorReport:
-    """What the base station is told of a survivor.
+    """The report of a survivor to the base station.
 
     Attributes:
         survivor_id: The survivor's name, which is also the name of the TF frame.
@@ -37,7 +37,7 @@ class KeptReports:
         return len(self._reports)
 
     def __iter__(self) -> Iterator[SurvivorReport]:
-        """Yield the reports as they were kept when this began."""
+        """Yield the reports, from a snapshot taken at the start of the iteration."""
         return iter(list(self._reports.values()))
 
     def keep(self, report: SurvivorReport) -> None:
@@ -45,5 +45,5 @@ class KeptReports:
         self._reports[report.survivor_id] = report
 
     def delivered(self, survivor_id: str) -> None:
-        """Let go of the report of a survivor, if there is one."""
+        """Remove the report of a survivor, if there is one."""
         self._reports.pop(survivor_id, None)

@@ -1,4 +1,4 @@
-"""What the detection server is told by its parameters, read without ROS."""
+"""The parameters of the detection server, read without ROS."""
 
 from collections.abc import Mapping
 
@@ -10,17 +10,17 @@ _POINT = ("x", "y")
 def read_survivors(
     parameters: Mapping[str, object], default: Mapping[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
-    """Read where survivors are, by zone, from `survivors.<zone>.{x,y}`.
+    """Read the survivors' positions by zone from `survivors.<zone>.{x,y}`.
 
     Args:
         parameters: A node's parameters by flat name.
-        default: The table that counts where no such parameter is given.
+        default: The table to use if no such parameter is given.
 
     Returns:
-        Positions in metres in the frame `map`.
+        The positions in metres in the frame `map`.
 
     Raises:
-        ParameterError: With every mistake there is, if there is any.
+        ParameterError: If there are mistakes; has all of them.
     """
     reader = ParameterReader(parameters)
     points = {

@@ -1,4 +1,4 @@
-"""What has happened in a mission so far, for its summary and its exit status."""
+"""The record of a mission's events, for its summary and its exit status."""
 
 from dataclasses import dataclass, replace
 
@@ -11,7 +11,7 @@ class FoundSurvivor:
     """A survivor that was found.
 
     Attributes:
-        zone_id: The zone in which the survivor was found; empty if nobody said.
+        zone_id: The zone in which the survivor was found; empty if unknown.
         x: Position in the frame `map`, metres.
         y: Position in the frame `map`, metres.
         survivor_id: The survivor's name once there is one, which is also the name of the TF frame.
@@ -40,7 +40,7 @@ def _preview() -> "MissionRecord":
 class MissionRecord:
     """The events of one mission as its leaves report them.
 
-    It decides nothing while the mission runs. A survivor who is found again, in the same zone and at the same
+    It has no influence on the running mission. A survivor who is found again, in the same zone and at the same
     place, is the same survivor.
     """
 
@@ -52,12 +52,12 @@ class MissionRecord:
 
     @property
     def zones_visited(self) -> tuple[str, ...]:
-        """The zones that are done, in the order of the visits."""
+        """The visited zones, in the order of the visits."""
         return tuple(self._zones_visited)
 
     @property
     def zones_abandoned(self) -> tuple[str, ...]:
-        """The zones that were taken out of the plan unvisited, in the order in which that happened."""
+        """The abandoned zones, in the order in which they were abandoned."""
         return tuple(self._attempts_on_abandoned)
 
     @property
@@ -72,7 +72,7 @@ class MissionRecord:
 
     @property
     def home(self) -> bool:
-        """Whether the robot has come back to the base station and not left it for a zone since."""
+        """Whether the robot has returned to the base station and not left it for a zone since."""
         return self._home
 
     def zone_started(self, zone_id: str) -> None:  # noqa: ARG002 - the zone is part of the event
@@ -80,11 +80,11 @@ class MissionRecord:
         self._home = False
 
     def zone_visited(self, zone_id: str) -> None:
-        """Note that a zone is done."""
+        """Note that a zone was visited."""
         self._zones_visited.append(zone_id)
 
     def zone_abandoned(self, zone_id: str, attempts: int) -> None:
-        """Note that a zone was taken out of the plan unvisited, after so many attempts."""
+        """Note that a zone was abandoned after a number of attempts."""
         self._attempts_on_abandoned[zone_id] = attempts
 
     def survivor_found(self, zone_id: str, x: float, y: float) -> None:
@@ -94,7 +94,7 @@ class MissionRecord:
             self._survivors.append(found)
 
     def survivor_named(self, survivor_id: str, x: float, y: float) -> None:
-        """Note the name that the survivor at a position was given (in place of an earlier one)."""
+        """Note the assigned name of the survivor at a position (replaces an earlier one)."""
         for index in reversed(range(len(self._survivors))):
             known = self._survivors[index]
             if (known.x, known.y) == (x, y):
@@ -103,7 +103,7 @@ class MissionRecord:
         self._survivors.append(FoundSurvivor("", x, y, survivor_id))
 
     def survivor_acknowledged(self, survivor_id: str) -> None:
-        """Note that the base station has confirmed the report of a survivor, which need not be kept then."""
+        """Note that the base station has confirmed the report of a survivor, which need no longer be kept."""
         self._set(survivor_id, acknowledged=True, kept=False)
 
     def report_kept(self, survivor_id: str) -> None:
@@ -115,11 +115,11 @@ class MissionRecord:
         self._home = True
 
     def complete(self, zones: ZoneManager) -> bool:
-        """Say whether the mission is done: no zone left, every survivor acknowledged, the robot home."""
+        """Return whether the mission is done: no zone left, every survivor acknowledged, the robot home."""
         return not self.shortfalls(zones)
 
     def shortfalls(self, zones: ZoneManager) -> list[str]:
-        """Say in sentences what a complete mission still lacks; none if it is complete."""
+        """Return in sentences what is missing for a complete mission; empty if it is complete."""
         lacking = [f"{zone['id']} was not visited." for zone in zones.remaining_zones()]
         lacking += [
             f"{zone_id} was abandoned after attempt {attempts}."

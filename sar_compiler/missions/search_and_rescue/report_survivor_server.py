@@ -1,4 +1,4 @@
-"""The service `report_survivor`: the base, which acknowledges a survivor that was found."""
+"""The service `report_survivor`: the base station, which acknowledges reports of survivors."""
 
 from typing import Any
 
@@ -15,12 +15,12 @@ class ReportSurvivorServer(DataNode):
 
     Args:
         context: The context of the node; by default the process's own.
-        faults: What goes wrong on purpose.
+        faults: The faults to inject.
         cli_args: ROS arguments of its own.
         options: Further keyword arguments of `rclpy.node.Node`.
 
     Raises:
-        RosArgumentError: If a name or a value in its arguments is one that a node cannot have.
+        RosArgumentError: If a name or a value in its arguments is not allowed for a node.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
-"""Frames that stand still, published so that a late listener learns all of them.
+"""Static frames, published so that a late subscriber receives all of them.
 
-`/tf_static` keeps one message for late listeners, so that message must hold every frame published so far,
-and a frame that is sent again must replace its earlier self. (tf2_ros for Python ignores the second sending.)
+`/tf_static` keeps one message for late subscribers, so that message must contain every frame published so far,
+and a frame that is sent again must replace its earlier version. (tf2_ros for Python ignores the second sending.)
 """
 
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,7 @@ TOPIC = "/tf_static"
 class StaticTransforms:
     """The static frames of one node.
 
-    Use `static_transforms_of`: two publishers on one node would each tell late listeners only their half.
+    Use `static_transforms_of`: of two publishers on one node each would send late subscribers only its own frames.
 
     Args:
         node: The rclpy node that publishes.
@@ -44,9 +44,9 @@ _of_node: "WeakKeyDictionary[Any, StaticTransforms]" = WeakKeyDictionary()
 
 
 def static_transforms_of(node: "Node") -> StaticTransforms:
-    """Return the static frames of a node, the same object every time it is asked for.
+    """Return the static frames of a node, the same object in every call.
 
-    They live as long as the node: frames of a mission that is over stay known.
+    They exist as long as the node: frames of a finished mission remain known.
     """
     transforms = _of_node.get(node)
     if transforms is None:

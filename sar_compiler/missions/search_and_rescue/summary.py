@@ -1,4 +1,4 @@
-"""What a mission came to, in a few lines."""
+"""The summary of a mission, in a few lines."""
 
 from collections.abc import Sequence
 
@@ -10,10 +10,10 @@ def mission_summary(record: MissionRecord, zones: ZoneManager, elapsed_sec: floa
     """Return the summary of a mission.
 
     Args:
-        record: What has happened.
+        record: The record of its events.
         zones: The mission's zones.
-        elapsed_sec: How long it took, in seconds of the mission's clock.
-        ticks: How often the tree was ticked.
+        elapsed_sec: Its duration, in seconds of the mission's clock.
+        ticks: The number of ticks.
     """
     shortfalls = record.shortfalls(zones)
     visited = record.zones_visited

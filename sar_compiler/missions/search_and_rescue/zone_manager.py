@@ -1,4 +1,4 @@
-"""Where the mission stands: which zone is next, where home is, how many survivors have a name."""
+"""The state of the mission: the remaining zones, the base station, the names assigned to survivors."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -9,7 +9,7 @@ from sar_compiler.runtime.context import mission_context
 
 
 class Pose(TypedDict):
-    """A place in the frame `map`: metres, and radians counterclockwise from the x axis."""
+    """A pose in the frame `map`: metres, and radians counterclockwise from the x axis."""
 
     x: float
     y: float
@@ -30,11 +30,11 @@ def _preview() -> "ZoneManager":
 class ZoneManager:
     """The zones of one mission in the order of their visits, shared by all of its leaves.
 
-    It keeps copies of what it is given and hands out copies, so nobody changes the plan by accident.
+    It stores and returns copies, so that callers cannot change the plan by accident.
 
     Args:
         zones: The zones, each with `id`, `x`, `y` (metres) and `yaw` (radians) in the frame `map`.
-        base_station: Where to drive when every zone is visited: `x`, `y`, `yaw`.
+        base_station: The pose to return to: `x`, `y` (metres), `yaw` (radians).
     """
 
     def __init__(self, zones: Sequence[Mapping[str, Any]], base_station: Mapping[str, Any]) -> None:
@@ -57,7 +57,7 @@ class ZoneManager:
         return deepcopy(self._zones[self._index])
 
     def has_remaining(self) -> bool:
-        """Say whether a zone is left to be visited (the current one counts)."""
+        """Return whether a zone is left to be visited (the current one counts)."""
         return self._index < len(self._zones)
 
     def remaining_zones(self) -> list[Zone]:
@@ -65,19 +65,19 @@ class ZoneManager:
         return deepcopy(self._zones[self._index :])
 
     def advance(self) -> None:
-        """Move on to the next zone; past the last one, nothing happens."""
+        """Advance to the next zone; past the last one, nothing happens."""
         if self.has_remaining():
             self._index += 1
 
     def postpone(self) -> None:
-        """Put the current zone behind all others that are left; past the last one, nothing happens."""
+        """Put the current zone after all other remaining ones; past the last one, nothing happens."""
         if self.has_remaining():
             zone = self._zones.pop(self._index)
             self._zones.append(zone)
             self._postponed[zone["id"]] += 1
 
     def times_postponed(self) -> int:
-        """Return how often the current zone was postponed.
+        """Return the number of times that the current zone was postponed.
 
         Raises:
             IndexError: If every zone is visited.
@@ -85,12 +85,12 @@ class ZoneManager:
         return self._postponed[self.current_zone()["id"]]
 
     def abandon(self) -> None:
-        """Take the current zone out of the plan, unvisited; past the last one, nothing happens."""
+        """Remove the current zone from the plan, unvisited; past the last one, nothing happens."""
         if self.has_remaining():
             self._abandoned.append(self._zones.pop(self._index))
 
     def abandoned_zones(self) -> list[Zone]:
-        """Return the zones that were taken out of the plan, in the order in which that happened."""
+        """Return the abandoned zones, in the order in which they were abandoned."""
         return deepcopy(self._abandoned)
 
     def base_pose(self) -> Pose:
@@ -98,14 +98,14 @@ class ZoneManager:
         return deepcopy(self._base_station)
 
     def next_survivor_id(self) -> str:
-        """Return a name that no survivor of this mission has yet (`survivor_1`, `survivor_2`, …)."""
+        """Return a new name for a survivor, unique in this mission (`survivor_1`, `survivor_2`, …)."""
         self._survivors += 1
         return f"survivor_{self._survivors}"
 
     def current_index(self) -> int:
-        """Return how many zones are visited, which is the current zone's place counted from 0."""
+        """Return the number of visited zones, which is the current zone's index."""
         return self._index
 
     def total_zones(self) -> int:
-        """Return how many zones the mission has, those that were taken out of the plan included."""
+        """Return the number of the mission's zones, including abandoned ones."""
         return len(self._zones) + len(self._abandoned)

@@ -1,1 +1,1 @@
-"""From the elements of a file to nodes, values, keys and references."""
+"""Binding of a file's elements to nodes, values, keys and references."""

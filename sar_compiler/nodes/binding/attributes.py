@@ -1,4 +1,4 @@
-"""What the attributes of an element mean: values, blackboard keys, conditions."""
+"""Binding of an element's attributes: values, blackboard keys, conditions."""
 
 import re
 from collections.abc import Sequence
@@ -53,7 +53,7 @@ class AttributeBinder:
     """Binds the attributes of one element after the other.
 
     Args:
-        collector: Is told what is wrong.
+        collector: Collects the findings.
     """
 
     def __init__(self, collector: Collector) -> None:
@@ -64,7 +64,7 @@ class AttributeBinder:
 
         Args:
             bound: The node; its values, keys and conditions are filled in.
-            other_variants: What else its tag could have meant.
+            other_variants: The other possible meanings of its tag.
         """
         parameters = bound.spec.parameters
         meant: set[str | None] = set()
@@ -89,7 +89,7 @@ class AttributeBinder:
                 self._require(bound, parameter, other_variants)
 
     def common(self, bound: BoundNode, name: str) -> bool:
-        """Bind an attribute that any node may have; return whether it is one."""
+        """Bind an attribute that every node may have; return whether it is one."""
         if name == ONESHOT:
             bound.oneshot = self.convert(bound.element, name, ONESHOT_TYPE)
         elif name in CONDITIONS:
@@ -101,15 +101,15 @@ class AttributeBinder:
         return True
 
     def report_empty_name(self, element: Element) -> None:
-        """Report a name that nodes cannot have."""
+        """Report an invalid name of a node."""
         self._collector.value(element, "name", "wrong-value", "a node's name must not be empty")
 
     def flag(self, element: Element, name: str) -> bool:
-        """Return the value of an attribute that is true or false; false where it is not written or wrong."""
+        """Return the value of a Boolean attribute; False if it is missing or invalid."""
         return bool(name in element.attributes and self.convert(element, name, _BOOL_TYPE))
 
     def _is_unclosed(self, element: Element, name: str) -> bool:
-        """Report a key with only one of its braces where a text cannot be meant; return whether it is one."""
+        """Report a key with only one of its braces where no text can be meant; return whether it is one."""
         suggestion = closed(element.attributes[name])
         if suggestion is not None:
             message = f"{name}: a key stands between two braces, and '{element.attributes[name]}' has one"
@@ -131,7 +131,7 @@ class AttributeBinder:
             return None
 
     def _name_of_key(self, element: Element, name: str, value_type: ValueType, key: str) -> None:
-        """Report a key in braces that the node cannot work with."""
+        """Report a key in braces that the node cannot use."""
         try:
             value_type.convert(key)
         except ConversionError as error:
@@ -210,12 +210,12 @@ class AttributeBinder:
 
 
 def underscored(name: str) -> str | None:
-    """Return the condition that was written without its underscore; None if a name is none."""
+    """Return the condition whose name was written without its underscore; None for any other name."""
     return next((known for known in CONDITIONS if known[1:].lower() == name.lower()), None)
 
 
 def closed(text: str) -> str | None:
-    """Return a key that was written with only one of its braces as it should be; None if a text is none."""
+    """Return the corrected form of a key with only one of its braces; None for any other text."""
     if text[:1] not in "{ " and text[-1:] not in "} ":
         return None
     match = _UNCLOSED.fullmatch(text)

@@ -1,8 +1,8 @@
-"""What each element of a tree means, and everything that keeps one from meaning something.
+"""Binding of a tree's elements to their meanings, with a finding for each that has none.
 
 Binding joins the elements of a file with the registry: tags become specs, texts become values, names
-become references, subtrees the trees that they stand for. The checks report what it finds; the compiler
-builds from what it made.
+become references, subtrees the trees that they refer to. The checks report its findings; the compiler
+builds from its result.
 """
 
 from collections.abc import Iterable, Sequence
@@ -29,7 +29,7 @@ from sar_compiler.tree.model import SUBTREE_TAG, TREE_TAG, Element, TreeFile
 _KIND_TAGS = frozenset(kind.value for kind in Kind)
 _MOST_TREES = 8
 _MOST_GUESSES = 1000
-"""For more unknown tags than these, nobody wants to know what was probably meant."""
+"""The largest number of unknown tags for which the probably meant one is suggested."""
 
 
 @dataclass(frozen=True)
@@ -38,10 +38,10 @@ class BoundForest:
 
     Attributes:
         trees: The trees, in the order of the files.
-        tops: The main tree and those that stand in no other, as far as they fit, with their subtrees in place.
-        models: What is said of nodes that are not registered, and of subtrees.
-        specs: Everything that the tags in them can mean.
-        findings: What keeps them from meaning something.
+        tops: The main tree and the trees used by no other, unless they are too large, with their subtrees expanded.
+        models: The models of nodes that are not registered, and of subtrees.
+        specs: All possible meanings of the tags in them.
+        findings: The errors found while binding.
     """
 
     trees: Sequence[BoundTree]
@@ -56,12 +56,12 @@ def bind(forest: Forest, registry: Registry, tree: Element, palettes: Iterable[T
 
     Args:
         forest: The file and what it includes.
-        registry: What tags mean.
+        registry: The registered nodes.
         tree: The `BehaviorTree` element.
         palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
 
     Returns:
-        The bound tree and everything that is wrong with it, in the order of the file.
+        The bound tree and its findings, in the order of the file.
     """
     collector = Collector()
     binder = Binder(forest, registry, read_models([*palettes, *forest.files], Collector()), collector)
@@ -79,11 +79,11 @@ def bind_all(forest: Forest, registry: Registry, palettes: Iterable[TreeFile] = 
 
     Args:
         forest: The file and what it includes.
-        registry: What tags mean.
+        registry: The registered nodes.
         palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
 
     Returns:
-        The bound trees and everything that is wrong with them, in the order of the files.
+        The bound trees and their findings, in the order of the files.
     """
     collector = Collector()
     models = read_models([*palettes, *forest.files], collector)
@@ -93,7 +93,7 @@ def bind_all(forest: Forest, registry: Registry, palettes: Iterable[TreeFile] = 
         trees = [binder.tree(tree) for tree in forest.iterate()]
     cut_circles(trees, collector)
     used = {node.subtree for tree in trees for node in tree.subtrees()}
-    # What a tree takes from those around it can be seen only there; the main tree must do without.
+    # References into enclosing trees can be resolved only there; the main tree must not have any.
     main, count = forest.main_tree(), 0
     tops: list[Instance] = []
     for tree in trees:
@@ -112,7 +112,7 @@ def _characters(forest: Forest) -> int:
 
 
 def _in_order(forest: Forest, findings: list[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Sort findings by file, line and column, each once; what is wrong with palettes is no business of the forest."""
+    """Return the distinct findings by file, line and column, without those about palettes."""
     order = {id(tree_file.source): number for number, tree_file in enumerate(forest.files)}
     unique = [finding for finding in dict.fromkeys(findings) if id(finding.source) in order]
     return tuple(sorted(unique, key=lambda f: (order[id(f.source)], f.span.line, f.span.column)))
@@ -122,10 +122,10 @@ class Binder:
     """Binds trees, each once.
 
     Args:
-        forest: Where trees are found by their IDs.
-        registry: What tags mean.
-        models: What is said of tags that are not registered, and of subtrees.
-        collector: Is told what is wrong.
+        forest: The forest in which trees are looked up by ID.
+        registry: The registered nodes.
+        models: The models of tags that are not registered, and of subtrees.
+        collector: Collects the findings.
     """
 
     def __init__(self, forest: Forest, registry: Registry, models: Models, collector: Collector) -> None:
@@ -142,7 +142,7 @@ class Binder:
 
     @property
     def specs(self) -> list[NodeSpec]:
-        """Everything that the tags met so far can mean."""
+        """All possible meanings of the tags bound so far."""
         return [spec for specs in self._meanings.values() for spec in specs]
 
     def tree(self, element: Element) -> BoundTree:
@@ -155,7 +155,7 @@ class Binder:
         return tree
 
     def _known(self, element: Element) -> BoundTree:
-        """Return what a `BehaviorTree` element becomes; it is bound when those before it are."""
+        """Return the bound tree of a `BehaviorTree` element; it is bound after those before it."""
         tree = self._trees.get(id(element))
         if tree is None:
             name = element.attributes.get("ID", f"{TREE_TAG}_{len(self._trees) + 1}")
@@ -207,7 +207,7 @@ class Binder:
         return variants
 
     def _take_in(self, bound: BoundNode) -> None:
-        """Add a node to the tree that is being bound, and the nodes in it to the node."""
+        """Add a node to the tree that is being bound, and its children to the node."""
         tree = self._current
         tree.nodes.append(bound)
         if bound.spec.skips_by_itself:
@@ -221,7 +221,7 @@ class Binder:
             self._level -= 1
 
     def _file_away(self, bound: BoundNode) -> None:
-        """Note what few nodes have, so that nobody needs to look through all of them for it."""
+        """Index the nodes with rare features, so that these are found without a search of all nodes."""
         tree, spec = self._current, bound.spec
         if bound.keys:
             tree.keyed.append(bound)
@@ -241,7 +241,7 @@ class Binder:
             self._collector.tag(element, "wrong-kind", message, suggestion=kind)
 
     def _unknown(self, element: Element, tag: str) -> BoundNode | None:
-        """Report a tag that means nothing, and go on with what was probably meant."""
+        """Report an unknown tag, and continue with the one that was probably meant."""
         self._current.unknown_names.add(element.attributes.get("name", tag))
         near = self._meant_by(element, tag)
         if element.tag == TREE_TAG:
@@ -260,15 +260,15 @@ class Binder:
             for child in element.children:
                 self._node(child)
             return None
-        # Taken for what was probably meant, so that one slip does not bring a finding for every reference
-        # to the node as well.
+        # Bound as the tag that was probably meant, so that one slip does not cause a finding for every
+        # reference to the node as well.
         name = element.attributes.get("name", variants[0].tag)
         bound = BoundNode(element, variants[0], name)
         self._take_in(bound)
         return bound
 
     def _without_id(self, element: Element, message: str, what: str) -> None:
-        """Report an element that must name something and does not; in the wrong case it is no ID."""
+        """Report an element without its required ID; `id` in another case does not count."""
         written = [name for name in element.attributes if name.upper() == "ID"]
         if written and written != ["ID"]:
             message = f"<{element.tag}> has no attribute '{written[0]}'; {what} stands in its ID"
@@ -278,7 +278,7 @@ class Binder:
         self._collector.at(element, span, "missing-attribute", message, hint=f'write {what}: ID="..."')
 
     def _meant_by(self, element: Element, tag: str) -> str | None:
-        """Return what an unknown tag was probably meant to be."""
+        """Return the tag that was probably meant by an unknown one."""
         if "ID" in element.attributes and tag == element.tag and tag not in _KIND_TAGS:
             explicit = nearest(tag, sorted(_KIND_TAGS))
             if explicit is not None:
@@ -379,9 +379,9 @@ class Binder:
 
 
 def _best(variants: list[NodeSpec], element: Element) -> NodeSpec:
-    """Return the meaning of a tag that knows the most of the attributes written, or names the most like them.
+    """Return the meaning of a tag that has the most of the written attributes, or the most similar ones.
 
-    Where two know as many, the attribute that was written first counts.
+    If two have equally many, the attribute that was written first decides.
     """
     written = list(element.attributes)
 

@@ -1,4 +1,4 @@
-"""What a tree means once its tags, texts and names are understood; plain data."""
+"""Bound trees: tags, texts and names resolved to their meanings, as plain data."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,12 +14,12 @@ from sar_compiler.tree.model import Element
 
 @dataclass(frozen=True)
 class Remapping:
-    """What the attributes of a `SubTree` say about the keys in it.
+    """The key remapping that the attributes of a `SubTree` declare.
 
     Attributes:
-        keys: Which key around the subtree each of these keys in it stands for.
-        constants: The texts of keys that are constants.
-        autoremap: Whether every other key stands for the one of the same name.
+        keys: The outer key for each remapped key of the subtree.
+        constants: The texts of the keys that are constants.
+        autoremap: Whether every other key is remapped to the outer key of the same name.
     """
 
     keys: Mapping[str, str] = field(default_factory=dict)
@@ -33,22 +33,22 @@ _APART = Remapping()
 
 @dataclass(eq=False, slots=True, init=False)
 class BoundNode:
-    """An element and what it means.
+    """An element with its meaning.
 
-    Its mappings are replaced, not written to: most nodes have nothing in most of them, and share that.
+    Its mappings are replaced, never modified: most of them are empty, and these are shared.
 
     Attributes:
         element: The element.
-        spec: What its tag means.
+        spec: The meaning of its tag.
         name: The node's name.
         values: The values written for constructor parameters.
         keys: The blackboard keys written for constructor parameters (`{key}`).
-        references: The nodes that constructor parameters refer to, as far as they stand in the same tree.
-        children: The nodes in it.
+        references: The nodes that constructor parameters refer to, if they are in the same tree.
+        children: Its children.
         conditions: The scripts of its pre- and post-conditions, by their attributes' names.
         oneshot: The policy of the OneShot to wrap it in.
-        subtree: The tree that it stands for, if it is a `SubTree`.
-        remapping: What it says about that tree's keys.
+        subtree: The tree that it refers to, if it is a `SubTree`.
+        remapping: The remapping of that tree's keys.
     """
 
     element: Element
@@ -63,7 +63,7 @@ class BoundNode:
     subtree: "BoundTree | None"
     remapping: Remapping
 
-    # What @dataclass would write calls a factory for each mapping, which takes three times as long.
+    # The __init__ of @dataclass would call a factory for each mapping, which takes three times as long.
     def __init__(self, element: Element, spec: NodeSpec, name: str) -> None:
         self.element = element
         self.spec = spec
@@ -76,11 +76,11 @@ class BoundNode:
 
     @property
     def is_reactive(self) -> bool:
-        """Whether it looks at every child again in every tick."""
+        """Whether it re-evaluates all its children in every tick."""
         return self.spec.semantics.reactive or self.value("memory") is False
 
     def value(self, name: str) -> object:
-        """Return the value of an attribute, the default where it is not written; None where that is not known yet."""
+        """Return the value of an attribute, or its default; None if the value is known only at runtime."""
         if name in self.values:
             return self.values[name]
         if name in self.element.attributes:  # a key, or a mistake
@@ -95,20 +95,20 @@ class BoundTree:
 
     Attributes:
         element: The `BehaviorTree` element.
-        name: Its ID; a made-up one for a tree without.
-        root: The bound tree; None where there is nothing to bind.
-        nodes: Everything in it, in the order of the file.
-        uses: Those of its nodes that stand for subtrees.
-        parents: Those with nodes in them, the inner ones first.
-        keyed: Those that have keys of the blackboard.
-        referring: Those that refer to others.
-        demanding: Those that are more than their tag and values: that have keys or stand for subtrees, refer to
-            others, need something of the mission, or are only described.
-        skips: Whether one of them can be skipped by itself.
+        name: Its ID; a generated one for a tree without an ID.
+        root: The bound root node; None if there is nothing to bind.
+        nodes: All its nodes, in the order of the file.
+        uses: Its `SubTree` nodes.
+        parents: The nodes with children, the inner ones first.
+        keyed: The nodes with blackboard keys.
+        referring: The nodes that refer to others.
+        demanding: The nodes that are more than their tag and values: those with keys, subtrees or references,
+            those that need an object of the mission, and those that are only described.
+        skips: Whether one of the nodes can be skipped by itself.
         nesting: How deep its elements are nested.
         wrappers: How many conditions and OneShots are wrapped around its nodes.
-        open_references: References to nodes that are not in this tree, but may be in one around it.
-        unknown_names: Names of nodes whose tags are not known; nothing more is said of references to them.
+        open_references: References to nodes that are not in this tree, but may be in an enclosing one.
+        unknown_names: Names of nodes with unknown tags; references to them are not reported again.
     """
 
     element: Element
@@ -133,11 +133,11 @@ class BoundTree:
 
 @dataclass(frozen=True)
 class Binding:
-    """A whole tree, with everything that it consists of.
+    """A main tree with all its subtrees.
 
     Attributes:
         main: The tree to execute.
-        findings: What is wrong; the tree can be compiled only if there is nothing.
+        findings: The errors; the tree can be compiled only if there are none.
     """
 
     main: BoundTree

@@ -1,4 +1,4 @@
-"""A tree with its subtrees in place: which keys and which nodes each instance of a tree can see."""
+"""A tree with its subtrees expanded: the keys and nodes that are visible in each instance of a tree."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -13,15 +13,15 @@ from sar_compiler.runtime.blackboard import STROKE, Board, Scope
 
 @dataclass(eq=False)
 class Instance:
-    """One place where a tree stands.
+    """One use of a tree.
 
     Attributes:
         tree: The tree.
         scope: Its keys.
-        around: The instance that it stands in; None for the main tree.
-        place: The `SubTree` node there that stands for it.
-        inner: The instances in it, by the `SubTree` nodes that stand for them.
-        references: The nodes that references mean which its tree leaves open, with their instances.
+        around: The enclosing instance; None for the main tree.
+        place: The `SubTree` node there that refers to it.
+        inner: The instances in it, by their `SubTree` nodes.
+        references: The nodes that its tree's open references resolve to, with their instances.
     """
 
     tree: BoundTree
@@ -32,30 +32,30 @@ class Instance:
     references: "dict[tuple[BoundNode, str], tuple[Instance, BoundNode]]" = field(default_factory=dict)
 
     def referred(self, bound: BoundNode, name: str) -> "tuple[Instance, BoundNode] | None":
-        """Return the node that a reference means, with its instance; None if it means none."""
+        """Return the node that a reference resolves to, with its instance; None if there is none."""
         target = bound.references.get(name)
         return (self, target) if target is not None else self.references.get((bound, name))
 
     def chain(self) -> "Iterator[Instance]":
-        """Yield it and those around it, from the inside out."""
+        """Yield this instance and the enclosing ones, from the inside out."""
         instance: Instance | None = self
         while instance is not None:
             yield instance
             instance = instance.around
 
     def iterate(self) -> "Iterator[Instance]":
-        """Yield it and all instances in it."""
+        """Yield this instance and all instances in it."""
         yield self
         for instance in self.inner.values():
             yield from instance.iterate()
 
 
 def expand(main: BoundTree, collector: Collector) -> Instance:
-    """Put every subtree in its place.
+    """Expand every subtree.
 
     Args:
-        main: The tree to execute; it must fit (`nesting.fits`).
-        collector: Is told what is wrong with the whole: references that lead nowhere, two subtrees of one name.
+        main: The tree to execute; it must be within the limits (`nesting.fits`).
+        collector: Collects the findings about the whole: unresolved references, two subtrees of one name.
 
     Returns:
         The main tree's instance.
@@ -74,7 +74,7 @@ class _Expansion:
         self._count = 0
 
     def fill(self, instance: Instance) -> None:
-        """Make the instances that stand in one; nodes are numbered in the order of the file on the way."""
+        """Create the instances within one, and number the nodes in the order of the file."""
         names: set[str] = set()
         for bound in instance.tree.nodes:
             self._count += 1
@@ -94,7 +94,7 @@ class _Expansion:
             self.fill(inner)
 
     def resolve(self, top: Instance) -> None:
-        """Find the nodes that open references mean in the trees around."""
+        """Resolve open references to nodes of the enclosing trees."""
         reported: set[tuple[BoundNode, str]] = set()
         for instance in top.iterate():
             for bound, parameter in instance.tree.open_references:
@@ -118,7 +118,7 @@ class _Expansion:
             report_missing(bound, parameter, within, self._collector)
 
     def _report_circle(self, instance: Instance, bound: BoundNode, found: BoundNode, outer: Instance) -> None:
-        """Report a reference to a node that can only be made after the instance in which the reference stands."""
+        """Report a reference to a node that can only be created after the instance with the reference."""
         places = {each.place for each in instance.chain() if each.around is outer}
         passed, waiting = set(), [found]
         while waiting:
@@ -146,7 +146,7 @@ def _scope(around: Scope, name: str, bound: BoundNode) -> Scope:
 
 
 def report_shared_keys(top: Instance, collector: Collector) -> None:
-    """Report keys that ports of different types share, in a tree with its subtrees in place."""
+    """Report keys shared by ports of different types, in a tree with its subtrees expanded."""
     first: dict[tuple[Scope, str], tuple[BoundNode, Parameter]] = {}
     numbers = dict(_numbers(top))
     for instance in top.iterate():
@@ -165,7 +165,7 @@ def report_shared_keys(top: Instance, collector: Collector) -> None:
 
 
 def _numbers(top: Instance) -> Iterator[tuple[tuple[Scope, str], str]]:
-    """Yield the keys to which subtrees are given numbers, with these as they are written."""
+    """Yield the keys that subtrees are given as constant numbers, with the numbers as written."""
     for instance in top.iterate():
         for bound, inner in instance.inner.items():
             for key, text in bound.remapping.constants.items():
@@ -185,7 +185,7 @@ def _report_number(
 
 
 def _agree(first: Parameter, second: Parameter) -> bool:
-    """Say whether two ports can share a key: texts serve all, since every type can be read from one."""
+    """Return whether two ports can share a key: a text fits all, since every type can be read from one."""
     return _python_type(first) in (_python_type(second), str)
 
 

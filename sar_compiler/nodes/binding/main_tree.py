@@ -1,4 +1,4 @@
-"""Which tree of a file is executed."""
+"""Choice of the tree to execute."""
 
 from sar_compiler.nodes.values import nearest
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
@@ -11,10 +11,10 @@ def find_main_tree(forest: Forest, tree_id: str | None = None) -> Element:
 
     Args:
         forest: The file and what it includes.
-        tree_id: The ID asked for; None leaves the choice to the file.
+        tree_id: The requested ID; None leaves the choice to the file.
 
     Raises:
-        TreeError: If there is no such tree, or the file does not say which of several it is.
+        TreeError: If there is no such tree, or the file does not name one of several.
     """
     tree = forest.main_tree(tree_id)
     if tree is not None:

@@ -1,4 +1,4 @@
-"""How trees stand in each other: in no circle, not too deep and not too often."""
+"""Limits of nesting: no tree contains itself, no tree is nested too deeply or too often."""
 
 from collections.abc import Iterable, Iterator
 
@@ -6,20 +6,20 @@ from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.collector import Collector
 
 MAX_NODES = 300_000
-"""A tree with its subtrees in place has at most so many nodes."""
+"""The largest number of nodes in a tree with its subtrees expanded."""
 
 MAX_LEVELS = 150
-"""A tree with its subtrees in place is at most so many levels deep; conditions and `oneshot` are one each.
+"""The largest depth of a tree with its subtrees expanded, in levels; conditions and `oneshot` count as one each.
 
-To halt a tree takes up to five of Python's thousand frames for each level, and the program around it some more.
+To halt a tree takes up to five of Python's thousand frames per level, and the calling program some more.
 """
 
 _LONGEST_CIRCLE = 8
-"""Of a longer circle only the ends are named."""
+"""The largest circle that is named in full; of a longer one only the ends are."""
 
 
 def cut_circles(trees: Iterable[BoundTree], collector: Collector) -> None:
-    """Report every `SubTree` that stands somewhere in the tree that it names, and take its tree from it."""
+    """Report every `SubTree` that is within the tree it names, and remove its tree."""
     done: set[BoundTree] = set()
     for tree in trees:
         if tree not in done:
@@ -27,12 +27,12 @@ def cut_circles(trees: Iterable[BoundTree], collector: Collector) -> None:
 
 
 def fits(main: BoundTree, collector: Collector, others: int = 0) -> int | None:
-    """See that a tree with its subtrees in place is neither too large nor too deep.
+    """Check that a tree with its subtrees expanded is neither too large nor too deep.
 
     Args:
         main: The tree.
-        collector: Is told if it is.
-        others: How many nodes other trees of the file have together, which count as well.
+        collector: Collects the findings.
+        others: The total number of nodes in other trees of the file, which count as well.
 
     Returns:
         Its number of nodes; None if there is a finding.
@@ -61,7 +61,7 @@ def fits(main: BoundTree, collector: Collector, others: int = 0) -> int | None:
 
 
 def _heights(trees: Iterable[BoundTree]) -> dict[BoundTree, int]:
-    """Return how many levels deep each of some trees is, the inner ones before those around them."""
+    """Return the depth of each tree in levels; inner trees come before enclosing ones."""
     heights: dict[BoundTree, int] = {}
     for tree in trees:
         heights[tree] = max((level + _below(node, heights) for node, level in _levels(tree, 0)), default=0)
@@ -93,7 +93,7 @@ def _cut(node: BoundNode, path: list[BoundTree], collector: Collector) -> None:
 
 
 def trees_in(main: BoundTree) -> list[BoundTree]:
-    """Return a tree and those that it uses, each after the ones in it."""
+    """Return a tree and those that it uses, each after its subtrees."""
     order: dict[BoundTree, None] = {}
     waiting = [main]
     while waiting:
@@ -107,7 +107,7 @@ def trees_in(main: BoundTree) -> list[BoundTree]:
 
 
 def _levels(tree: BoundTree, above: int) -> Iterator[tuple[BoundNode, int]]:
-    """Yield the nodes of a tree in the order of the file, with the level that each reaches down to."""
+    """Yield the nodes of a tree in the order of the file, with the deepest level that each reaches."""
     waiting = [(tree.root, above)] if tree.root is not None else []
     while waiting:
         node, above = waiting.pop()

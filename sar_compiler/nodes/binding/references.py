@@ -1,4 +1,4 @@
-"""Which node a reference by name means, within one tree."""
+"""Resolution of references by name, within one tree."""
 
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.collector import Collector, file_of
@@ -10,7 +10,7 @@ _MOST_PLACES = 10
 
 
 class Candidates:
-    """The nodes of a tree, by what a reference asks for.
+    """The nodes of a tree, indexed by class and name.
 
     Args:
         nodes: The nodes, in the order of the file.
@@ -34,7 +34,7 @@ class Candidates:
 
 
 def resolve_references(tree: BoundTree, collector: Collector) -> None:
-    """Find the node that each reference of a tree means; those it does not have are left open."""
+    """Resolve the references of a tree; those to nodes outside it are left open."""
     referring = tree.referring
     if not referring:
         return
@@ -48,7 +48,7 @@ def resolve_references(tree: BoundTree, collector: Collector) -> None:
 def choose(
     bound: BoundNode, parameter: Parameter, candidates: Candidates, collector: Collector
 ) -> BoundNode | bool | None:
-    """Return the node that a reference means among some candidates.
+    """Return the node among the candidates that a reference refers to.
 
     Returns:
         The node; None if there is none of that name and class; False if there is a finding about it.
@@ -78,13 +78,13 @@ def choose(
 def report_missing(
     bound: BoundNode, parameter: Parameter, within: list[Candidates], collector: Collector
 ) -> None:
-    """Report a reference to a node that is in none of the trees in reach.
+    """Report a reference to a node that is not in any of the visible trees.
 
     Args:
         bound: The node that refers.
         parameter: The reference.
-        within: The nodes of its own tree, and of those around it.
-        collector: Is told.
+        within: The nodes of its own tree and of the enclosing ones.
+        collector: Collects the findings.
     """
     assert parameter.target is not None  # noqa: S101 - every reference has one
     element, what = bound.element, parameter.target.__name__
@@ -140,7 +140,7 @@ def _report_circles(nodes: list[BoundNode], collector: Collector) -> None:
 
 
 def _places(nodes: list[BoundNode], seen_from: Element) -> str:
-    """Say where some nodes of one tree stand; of many only the first."""
+    """Describe the places of nodes of one tree; of many only the first ones."""
     lines = ", ".join(str(node.element.line) for node in nodes[:_MOST_PLACES])
     more = f" and {len(nodes) - _MOST_PLACES} more" if len(nodes) > _MOST_PLACES else ""
     return f"lines {lines}{more}{file_of(nodes[0].element, seen_from)}"

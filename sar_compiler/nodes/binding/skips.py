@@ -1,4 +1,4 @@
-"""Which nodes of a bound tree can be skipped."""
+"""Analysis of which nodes of a bound tree can be skipped."""
 
 from collections.abc import Iterable, Sequence
 
@@ -11,7 +11,7 @@ _CONDITIONS = ("_skipIf", "_while")
 
 
 class SkipAnalysis:
-    """Answers for the nodes of one tree and its subtrees, each looked at once.
+    """Skip analysis of one tree and its subtrees, with each node analysed once.
 
     Args:
         trees: The tree and its subtrees.
@@ -22,11 +22,11 @@ class SkipAnalysis:
 
     def __init__(self, trees: Iterable[BoundTree]) -> None:
         self._known: dict[BoundNode, bool] = {}
-        # In most trees nothing can be skipped, and nothing has to be looked at.
+        # In most trees no node can be skipped, and no analysis is needed.
         self.possible = any(tree.skips for tree in trees)
 
     def among_children(self, bound: BoundNode) -> bool:
-        """Say whether a child of a node can be skipped."""
+        """Return whether a child of a node can be skipped."""
         if not self.possible:
             return False
         if bound.subtree is not None:
@@ -35,7 +35,7 @@ class SkipAnalysis:
         return any(self.of(child) for child in bound.children)
 
     def of(self, bound: BoundNode) -> bool:
-        """Say whether a node can be skipped."""
+        """Return whether a node can be skipped."""
         if bound not in self._known:
             self._known[bound] = by_itself(bound) or (
                 bound.spec.skipping.possible is not Skips.NEVER and self.among_children(bound)
@@ -44,14 +44,14 @@ class SkipAnalysis:
 
 
 def by_itself(bound: BoundNode) -> bool:
-    """Say whether a node can be skipped whatever its children do."""
+    """Return whether a node can be skipped independently of its children."""
     if bound.spec.skips_by_itself and _as_it_is_written(bound):
         return True
     return bool(bound.conditions) and any(condition in bound.conditions for condition in _CONDITIONS)
 
 
 def _as_it_is_written(bound: BoundNode) -> bool:
-    """Say whether the attribute on which skipping depends can have the value that it takes."""
+    """Return whether the attribute on which skipping depends can have the value required for it."""
     if bound.spec.skipping.only_if is None:
         return True
     name, value = bound.spec.skipping.only_if
@@ -61,7 +61,7 @@ def _as_it_is_written(bound: BoundNode) -> bool:
 
 
 def report_misread(trees: Sequence[BoundTree], collector: Collector) -> None:
-    """Report children that can be skipped where the node around them would take that for an interruption."""
+    """Report children that can be skipped below a node that would take this for an interruption."""
     skipping = SkipAnalysis(trees)
     if not skipping.possible:
         return
@@ -75,7 +75,7 @@ def report_misread(trees: Sequence[BoundTree], collector: Collector) -> None:
 
 
 def _misreads(spec: NodeSpec) -> bool:
-    """Say whether a node knows nothing of skipped children, and no class of the project's can take its place."""
+    """Return whether a node does not support skipped children, and this project has no class to replace it."""
     known = spec.cls is None or spec.skipping.cls is not None or issubclass(spec.cls, Parent)
     return not spec.kind.is_leaf and not known
 

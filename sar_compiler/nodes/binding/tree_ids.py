@@ -1,4 +1,4 @@
-"""What can be the ID of a tree, by BehaviorTree.CPP's rules."""
+"""Valid IDs of trees, by BehaviorTree.CPP's rules."""
 
 import re
 
@@ -9,7 +9,7 @@ _TAKEN = "root"
 
 
 def refused_in(name: str) -> str | None:
-    """Return what cannot be in the ID of a tree or of a node, in words; None where all can."""
+    """Describe the part of a tree's or node's ID that is not allowed; None if the ID is valid."""
     found = _REFUSED.search(name)
     if found is None:
         return None
@@ -18,11 +18,11 @@ def refused_in(name: str) -> str | None:
 
 
 def fault_of(tree_id: str, registry: Registry) -> tuple[str, str] | None:
-    """Return why an ID cannot be that of a tree, and what to do; None where it can.
+    """Return why an ID is not allowed for a tree, and the remedy; None if it is allowed.
 
     Args:
         tree_id: The ID.
-        registry: What tags mean: a tree is not called as a node.
+        registry: The registered nodes, whose tags are not allowed as IDs.
     """
     refused = refused_in(tree_id)
     if refused is not None:

@@ -1,1 +1,1 @@
-"""Trees in the words of BehaviorTree.CPP."""
+"""Conversion of trees to BehaviorTree.CPP."""

@@ -1,4 +1,4 @@
-"""What there is to say about a tree that was rewritten for BehaviorTree.CPP."""
+"""Notes about a tree that was rewritten for BehaviorTree.CPP."""
 
 from sar_compiler.nodes.spec import Parameter
 from sar_compiler.nodes.values import ConversionError
@@ -19,35 +19,35 @@ class Notes:
         return sorted(self._notes, key=lambda note: (note.span.line, note.span.column))
 
     def no_counterpart(self, element: Element, message: str, hint: str) -> None:
-        """Say that BehaviorTree.CPP has nothing like an element."""
+        """Note that BehaviorTree.CPP has no counterpart of an element."""
         self._add("no-counterpart", element, element.tag_span(), message, hint, Severity.WARNING)
 
     def no_counterpart_of_value(self, element: Element, attribute: str, message: str, hint: str) -> None:
-        """Say that BehaviorTree.CPP has nothing like the value of an attribute."""
+        """Note that BehaviorTree.CPP has no counterpart of an attribute's value."""
         span = element.value_span(attribute)
         self._add("no-counterpart", element, span, message, hint, Severity.WARNING)
 
     def wrong_value(self, element: Element, attribute: str, error: ConversionError) -> None:
-        """Say that a value means nothing, so that it was left as it is."""
+        """Note that a value is invalid and was left unchanged."""
         message = f"{attribute}: {error.message}"
         span = element.value_span(attribute)
         self._add("wrong-value", element, span, message, error.hint, Severity.ERROR, error.suggestion)
 
     def differs(self, element: Element, message: str) -> None:
-        """Say what is a little different in BehaviorTree.CPP."""
+        """Note a slight difference in BehaviorTree.CPP."""
         self._add("differs", element, element.tag_span(), message)
 
     def include(self, element: Element) -> None:
-        """Say that a file which is included stays as it is."""
+        """Note that an included file is not converted."""
         message, hint = "the included file stays as it is", "convert it too, and include what that makes"
         self._add("not-converted", element, element.tag_span(), message, hint)
 
     def left_out(self, element: Element, attribute: str, message: str) -> None:
-        """Say that an attribute is not in the result."""
+        """Note that an attribute was left out of the result."""
         self._add("left-out", element, element.name_span(attribute), f"{message}; it is left out")
 
     def reference(self, element: Element, tag: str, parameter: Parameter) -> None:
-        """Say, once for each kind of node, that a reference is only a text to BehaviorTree.CPP."""
+        """Note, once for each kind of node, that BehaviorTree.CPP treats a reference as a plain text."""
         if (tag, parameter.name) in self._referring:
             return
         self._referring.add((tag, parameter.name))

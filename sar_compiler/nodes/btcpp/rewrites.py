@@ -1,4 +1,4 @@
-"""Which node of BehaviorTree.CPP does what a node of this project or of py_trees does."""
+"""Rewriting of nodes of this project and of py_trees as nodes of BehaviorTree.CPP."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -21,15 +21,15 @@ NO_FAILURE_IS_RUNNING = "an Inverter, a KeepRunningUntilFailure and an Inverter 
 
 @dataclass
 class Draft:
-    """What a node is going to be.
+    """The node that an element is rewritten as.
 
     Attributes:
-        element: The element that it is made of.
-        tag: Which node it is.
+        element: The original element.
+        tag: The tag of the new node.
         attributes: Its attributes, without the `ID` of the explicit form.
-        explicit: Whether it is written in the explicit form.
-        kept: Whether it stays as it is, because there is nothing like it or nothing to say about it.
-        children: What is put into a leaf that becomes more than one node.
+        explicit: Whether it is written in explicit form.
+        kept: Whether it is kept as it is, because it has no counterpart or needs no note.
+        children: The elements added to a leaf that becomes several nodes.
     """
 
     element: Element
@@ -40,7 +40,7 @@ class Draft:
     children: list[Element] = field(default_factory=list)
 
     def literal(self, name: str, wanted: type[T], notes: Notes) -> T | None:
-        """Return the value of an attribute; None after a note, and then the node stays as it is."""
+        """Return the value of an attribute; None, with a note, if the node must be kept as it is."""
         text = self.attributes[name]
         try:
             if blackboard_key(text, name) is None:
@@ -60,7 +60,7 @@ Rewrite = Callable[[Draft, Notes], None]
 
 
 def renamed(tag: str) -> Rewrite:
-    """Return a rewriting that only changes the tag."""
+    """Return a rewrite that only changes the tag."""
 
     def rule(draft: Draft, _notes: Notes) -> None:
         draft.tag = tag
@@ -69,7 +69,7 @@ def renamed(tag: str) -> Rewrite:
 
 
 def by_memory(with_memory: str, without: str) -> Rewrite:
-    """Return a rewriting that chooses the tag by the attribute `memory`."""
+    """Return a rewrite that chooses the tag by the attribute `memory`."""
 
     def rule(draft: Draft, notes: Notes) -> None:
         memory = draft.literal("memory", bool, notes) if "memory" in draft.attributes else True
@@ -81,7 +81,7 @@ def by_memory(with_memory: str, without: str) -> Rewrite:
 
 
 def reactive(draft: Draft, notes: Notes) -> None:
-    """Drop what the tag says already."""
+    """Drop the attribute that the tag implies."""
     if "memory" in draft.attributes and draft.literal("memory", bool, notes) is False:
         del draft.attributes["memory"]
 
@@ -116,7 +116,7 @@ def retry(draft: Draft, notes: Notes) -> None:
 
 
 def repeat(draft: Draft, notes: Notes) -> None:
-    """Write a number of successes as one of cycles."""
+    """Write a number of successes as a number of cycles."""
     # py_trees compares the number of successes with it, so that no success is the last one below 1.
     if "num_success" in draft.attributes and _times(draft, "num_success", "num_cycles", ENDLESS, notes):
         message = (
@@ -126,7 +126,7 @@ def repeat(draft: Draft, notes: Notes) -> None:
 
 
 def _times(draft: Draft, name: str, other: str, below_1: int, notes: Notes) -> bool:
-    """Say a number of times in the other library's words; return whether it could be done."""
+    """Convert a number of times; return whether this was possible."""
     if name not in draft.attributes:
         return False
     text = draft.attributes[name]
@@ -190,7 +190,7 @@ def parallel(draft: Draft, notes: Notes) -> None:
 
 
 def _replace(draft: Draft, name: str, other: str, text: str) -> None:
-    """Put another attribute in the place of one."""
+    """Replace one attribute by another."""
     draft.attributes = {
         (other if each == name else each): (text if each == name else value)
         for each, value in draft.attributes.items()

@@ -1,7 +1,7 @@
-"""A tree in the words of BehaviorTree.CPP 4, so that it and Groot2 open it.
+"""Conversion of a tree file to BehaviorTree.CPP 4, so that it and Groot2 can open it.
 
-It refuses attributes that its nodes do not have, so what this project and py_trees say by `memory`,
-`oneshot` and decorators of their own is said by its nodes. What it cannot say is kept and told.
+BehaviorTree.CPP refuses attributes that its nodes do not have, so `memory`, `oneshot` and the decorators of
+this project and py_trees are replaced by its own nodes. Anything without a counterpart is kept and noted.
 """
 
 import dataclasses
@@ -28,7 +28,7 @@ from sar_compiler.tree.synthetic import synthetic_element
 
 _KIND_TAGS = frozenset(kind.value for kind in Kind)
 _DROPS_EXPLICIT = "ReactiveSequence"
-"""BehaviorTree.CPP (4.10) does not find nodes in the explicit form directly in it."""
+"""BehaviorTree.CPP (4.10) does not find nodes in explicit form that are its direct children."""
 
 
 def to_btcpp(
@@ -37,13 +37,13 @@ def to_btcpp(
     """Rewrite a tree file for BehaviorTree.CPP 4 and Groot2.
 
     Args:
-        tree_file: The file; nodes in it that nobody knows are kept.
-        registry: What tags mean.
+        tree_file: The file; unknown nodes in it are kept.
+        registry: The registered nodes.
         palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
 
     Returns:
-        The file, and what there is to say about it, in its order: as warnings what BehaviorTree.CPP cannot do
-        without help, as information what is a little different there.
+        The converted file and the notes about it, in its order: warnings for content that BehaviorTree.CPP does
+        not support by itself, information for slight differences.
     """
     conversion = _Conversion(registry)
     root = conversion.root(tree_file, palettes)
@@ -54,7 +54,7 @@ def convert_to_btcpp(tree_file: TreeFile, registry: Registry, palettes: Iterable
     """Write a tree file for BehaviorTree.CPP 4 and Groot2; see `to_btcpp`.
 
     Raises:
-        TreeError: If the file has what is no part of a tree and would be lost.
+        TreeError: If the file has content outside the trees that would be lost.
     """
     losses = convert(tree_file, Form.XML).losses
     rewritten, notes = to_btcpp(tree_file, registry, palettes)
@@ -63,14 +63,14 @@ def convert_to_btcpp(tree_file: TreeFile, registry: Registry, palettes: Iterable
 
 @dataclasses.dataclass
 class _Usage:
-    """How a tree uses a node."""
+    """The use of a node in a tree."""
 
     children: int = 0
     ports: dict[str, None] = dataclasses.field(default_factory=dict)
 
     @property
     def kind(self) -> Kind:
-        """What a node that is used so is taken for."""
+        """The kind of node that this use implies."""
         if not self.children:
             return Kind.ACTION
         return Kind.DECORATOR if self.children == 1 else Kind.CONTROL
@@ -99,7 +99,7 @@ class _Conversion:
             ]
             children = _with_models(children, models)
         if len(children) > 1:
-            # BehaviorTree.CPP takes a tree without an ID only where there is nothing else.
+            # BehaviorTree.CPP accepts a tree without an ID only if it is the only one.
             children = list(_with_ids(children))
         attributes = dict(root.attributes)
         if "BTCPP_format" not in attributes:
@@ -142,14 +142,14 @@ class _Conversion:
         converted = self._element(draft)
         if policy is None:
             return converted
-        # The OneShot that the attribute stands for has this name, too.
+        # The OneShot made for the attribute has this name, too.
         return self._once(element, converted, f"{name}OneShot", policy)
 
     def _is_built_in(self, tag: str) -> bool:
         return is_built_in([SUBTREE] if tag == SUBTREE_TAG else self._registry.variants(tag))
 
     def _rewrites(self, tag: str) -> Iterator[Rewrite]:
-        """Yield what turns a node of this tag into one of BehaviorTree.CPP's; all that it can mean is tried."""
+        """Yield the rewrites of a tag's nodes for BehaviorTree.CPP; all meanings of the tag are tried."""
         for spec in self._registry.variants(tag):
             if spec.semantics.counterpart.rewrite is not None:
                 yield spec.semantics.counterpart.rewrite
@@ -187,7 +187,7 @@ class _Conversion:
         return Element(tag, attributes, (child,), element.source, element.line, element.column)
 
     def _complain(self, draft: Draft) -> None:
-        """Say what BehaviorTree.CPP does not have, and drop the attributes that it would refuse."""
+        """Note missing counterparts, and drop the attributes that BehaviorTree.CPP would refuse."""
         specs = self._registry.variants(draft.tag)
         refused = refused_in(draft.tag)
         if refused:
@@ -211,7 +211,7 @@ class _Conversion:
                 self.notes.left_out(draft.element, name, f"BehaviorTree.CPP's <{draft.tag}> has no '{name}'")
 
     def _explicit(self, draft: Draft, parent: str) -> bool:
-        """Say whether a node is to be written in the explicit form."""
+        """Return whether a node is written in explicit form."""
         if draft.tag in _KIND_TAGS and draft.tag in self._registry:
             return True  # its own name would be taken for the explicit form
         if draft.explicit and parent == _DROPS_EXPLICIT:
@@ -255,7 +255,7 @@ def _ports(spec: NodeSpec, *, built_in: bool) -> Iterator[str]:
 
 
 def _with_models(sections: list[Element], models: list[Element]) -> list[Element]:
-    """Add models to the file's own `TreeNodesModel`, or behind everything else."""
+    """Add models to the file's own `TreeNodesModel`, or to a new one at the end."""
     for number, section in enumerate(sections):
         if section.tag == MODEL_TAG:
             extended = dataclasses.replace(section, children=(*section.children, *models))
@@ -264,7 +264,7 @@ def _with_models(sections: list[Element], models: list[Element]) -> list[Element
 
 
 def _with_ids(sections: Iterable[Element]) -> Iterator[Element]:
-    """Give trees without an ID the one they are known by."""
+    """Give trees without an ID their generated one."""
     number = 0
     for section in sections:
         number += section.tag == TREE_TAG
@@ -276,5 +276,5 @@ def _with_ids(sections: Iterable[Element]) -> Iterator[Element]:
 
 
 def _copied(element: Element) -> Element:
-    """Return an element of another file as one of none."""
+    """Return a copy of another file's element that belongs to no file."""
     return synthetic_element(element.tag, element.attributes, map(_copied, element.children), element.text)

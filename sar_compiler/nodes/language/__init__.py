@@ -1,1 +1,1 @@
-"""The nodes of BehaviorTree.CPP and of py_trees: what each tag means."""
+"""The registered nodes of BehaviorTree.CPP and of py_trees."""

@@ -1,4 +1,4 @@
-"""Comparisons of keys of the blackboard with values, as py_trees' nodes make them."""
+"""Comparisons of blackboard keys with values, for py_trees' nodes."""
 
 import operator as operators
 from collections.abc import Callable
@@ -12,9 +12,9 @@ from sar_compiler.runtime.blackboard import entry_of
 from sar_compiler.runtime.ports import Input
 
 Comparison = Literal["eq", "ne", "lt", "le", "gt", "ge"]
-"""A comparison, by the name that it has in Python's `operator`."""
+"""A comparison, by its name in Python's `operator`."""
 Junction = Literal["and", "or", "xor"]
-"""What joins the results of several comparisons."""
+"""The operator that joins the results of several comparisons."""
 
 COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {
     "eq": operators.eq,
@@ -34,7 +34,7 @@ _LEAST_CHECKS = 2
 
 
 class Check(NamedTuple):
-    """A comparison as a file has it: `battery gt 20`."""
+    """A comparison as written in a file: `battery gt 20`."""
 
     variable: str
     comparison: str
@@ -45,7 +45,7 @@ def read_check(text: str) -> Check:
     """Read one comparison.
 
     Raises:
-        ConversionError: If it is none.
+        ConversionError: If the text is invalid.
     """
     parts = text.split(maxsplit=2)
     if len(parts) < len(Check._fields) or "{" in text:
@@ -62,12 +62,12 @@ def read_check(text: str) -> Check:
 
 
 def expression(variable: str, operator: str, value: Input[object]) -> ComparisonExpression:
-    """Return what py_trees compares.
+    """Return py_trees' expression for a comparison.
 
     Args:
-        variable: The key, by py_trees' name of it.
+        variable: The key, by its py_trees name.
         operator: How to compare.
-        value: What to compare with; a key is looked at whenever the comparison is made.
+        value: What to compare with; a key is read at each comparison.
     """
     compare = COMPARISONS[operator]
     if value.entry is None:
@@ -77,7 +77,7 @@ def expression(variable: str, operator: str, value: Input[object]) -> Comparison
 
 
 def constant(port: Input[object]) -> object:
-    """Return what a constant says: texts from a file are numbers and truth values where all of them is one."""
+    """Return the value of a constant: a text from a file is a number or a Boolean if all of it is one."""
     value = port.get()
     if not isinstance(value, str):
         return value
@@ -85,7 +85,7 @@ def constant(port: Input[object]) -> object:
 
 
 class _Held:
-    """What a key holds whenever it is looked at, for a comparison that py_trees makes once and for all."""
+    """The current value of a key, for a comparison expression that py_trees builds only once."""
 
     def __init__(self, port: Input[object]) -> None:
         self._port = port

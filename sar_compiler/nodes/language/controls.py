@@ -38,7 +38,7 @@ _PARAMETER_DOCS = {
 def _ordered(
     tag: str, counterpart: Counterpart, *former_tags: str, is_sequence: bool, memory: bool | None
 ) -> NodeSpec:
-    """Return a sequence or selector; *memory* is what its tag says, None where it is an attribute."""
+    """Return a sequence or selector; *memory* is implied by its tag, or None if it is an attribute."""
     doc = _SEQUENCE if is_sequence else _SELECTOR
     return NodeSpec(
         tag,
@@ -70,9 +70,9 @@ def _by_memory(with_memory: str, without: str, *, built_in: bool = True) -> Coun
 
 
 def report_interruptions(bound: BoundNode, collector: Collector) -> None:
-    """Report the second AsyncSequence in a sequence that looks at every child again in every tick.
+    """Report the second AsyncSequence in a reactive sequence.
 
-    The first one starts over whenever the second one pauses, and interrupts it: neither comes to its end.
+    The first one starts over whenever the second one pauses, and interrupts it: neither ends.
     """
     if bound.value("memory") is not False:
         return
@@ -86,7 +86,7 @@ def report_interruptions(bound: BoundNode, collector: Collector) -> None:
 
 
 def _own(tag: str, cls: type, semantics: Semantics, *former_tags: str, **more: object) -> NodeSpec:
-    """Return a control of BehaviorTree.CPP's that py_trees does not have."""
+    """Return a BehaviorTree.CPP control that py_trees does not have."""
     return NodeSpec(
         tag,
         cls,
@@ -100,7 +100,7 @@ def _own(tag: str, cls: type, semantics: Semantics, *former_tags: str, **more: o
 
 
 BUILT_IN = Counterpart(built_in=True)
-"""What BehaviorTree.CPP has by the same tag."""
+"""The counterpart of the same tag in BehaviorTree.CPP."""
 
 
 def _switch(cases: int) -> NodeSpec:
@@ -115,19 +115,19 @@ def _switch(cases: int) -> NodeSpec:
 
 
 def _after_the_first(_bound: BoundNode) -> Mapping[int, Gate]:
-    """Return when a branch is ticked: the second child if the first succeeds, the third if it fails."""
+    """Return the gates of the branches: the second child is ticked if the first succeeds, the third if it fails."""
     return {1: Gate((0,), S), 2: Gate((0,), F)}
 
 
 def _one_after_the_other(bound: BoundNode) -> Mapping[int, Gate]:
-    """Return when what is tried, and last what catches its failure, is ticked."""
+    """Return the gates of a try-catch: its children in order, and last the one that handles a failure."""
     *tried, last = range(len(bound.children))
     catches = {last: Gate(tuple(tried), F)} if bound.value("catch_on_halt") is False else {}
     return {**{number: Gate((number - 1,), S | K) for number in tried[1:]}, **catches}
 
 
 Policy = Literal["SuccessOnAll", "SuccessOnOne", "SuccessOnSelected"]
-"""Which children of a Parallel have to succeed, in py_trees' words."""
+"""The children of a Parallel that have to succeed, by py_trees' names."""
 
 _HOW_TO_SELECT = 'write the names of the children that have to succeed: selected="left;right"'
 
@@ -169,7 +169,7 @@ def stock_parallel(
 
 
 def report_policy(bound: BoundNode, collector: Collector) -> None:
-    """Report attributes that do not go with the policy of a Parallel, and selected children that are not there."""
+    """Report attributes that do not fit the policy of a Parallel, and selected children that do not exist."""
     element, policy = bound.element, bound.values.get("policy")
     if policy is None:  # a key, or a mistake
         return
@@ -201,7 +201,7 @@ def _report_names(bound: BoundNode, written: str, collector: Collector) -> None:
 
 
 def _clash(policy: object, synchronise: object, *, is_selected: bool) -> tuple[str, str] | None:
-    """Return which attribute does not go with a policy, and why; None if all do."""
+    """Return the attribute that does not fit a policy, and the reason; None if all fit."""
     if is_selected and policy != "SuccessOnSelected":
         return "selected", f"goes with the policy SuccessOnSelected, not with {policy}"
     if synchronise and policy == "SuccessOnOne":
@@ -210,10 +210,10 @@ def _clash(policy: object, synchronise: object, *, is_selected: bool) -> tuple[s
 
 
 def _place_of(name: str, names: list[str]) -> int:
-    """Return which child is called by a name.
+    """Return the index of the child of a name.
 
     Raises:
-        ConversionError: If none is, or several are.
+        ConversionError: If no child, or more than one, has the name.
     """
     count = names.count(name)
     if count == 1:
@@ -226,7 +226,7 @@ def _place_of(name: str, names: list[str]) -> int:
 
 
 def _bound_name(child: BoundNode) -> str:
-    """Return what `_written_name` makes of a child."""
+    """Return the result of `_written_name` for a bound child."""
     if child.spec.cls is OneShot and child.children:
         inner = _bound_name(child.children[0])
         return inner if child.name == f"{inner}OneShot" else child.name
@@ -234,7 +234,7 @@ def _bound_name(child: BoundNode) -> str:
 
 
 def _written_name(child: Behaviour) -> str:
-    """Return a child's name as the file has it: without what `oneshot` and conditions have wrapped around it."""
+    """Return a child's name as written in the file, without the wrappers of `oneshot` and conditions."""
     if isinstance(child, Conditions):
         return child.decorated.name
     if isinstance(child, OneShot):

@@ -28,11 +28,11 @@ from sar_compiler.runtime.scripting import NodeScript
 
 
 def condition(name: str, child: Behaviour, status: StatusName) -> decorators.Condition:
-    """Succeeds once its child answers a status, and runs until then.
+    """Runs until its child returns a given status, then succeeds.
 
     Args:
         name: The node's name.
-        child: The child; it is started again whenever it ends with another status.
+        child: The child; it is restarted whenever it ends with another status.
         status: The status to wait for.
     """
     return decorators.Condition(name, child, Status[status])
@@ -46,7 +46,7 @@ def eternal_guard(
     Args:
         name: The node's name.
         child: The child.
-        condition: The condition, a script; it is asked before every tick of the child.
+        condition: The condition, a script; it is evaluated before every tick of the child.
         scope: Where the script's variables are.
         enums: The names that stand for numbers.
     """
@@ -57,7 +57,7 @@ def eternal_guard(
 def status_to_blackboard(
     name: str, child: Behaviour, variable_name: InOut[object], scope: Scope
 ) -> decorators.StatusToBlackboard:
-    """Writes its child's status to the blackboard in every tick, and answers it.
+    """Writes its child's status to the blackboard in every tick, and returns it.
 
     Args:
         name: The node's name.
@@ -73,11 +73,11 @@ def status_to_blackboard(
 def for_each(
     name: str, child: Behaviour, source_key: Input[object], target_key: InOut[object], scope: Scope
 ) -> Behaviour:
-    """Ticks its child for one item of a list after the other, until the child fails; from py_trees 2.4 on.
+    """Ticks its child for each item of a list in turn, until the child fails; needs py_trees 2.4.
 
     Args:
         name: The node's name.
-        child: The child; it is ticked once even if the list is empty, and never for what comes after a None.
+        child: The child; it is ticked once even if the list is empty, and never for the items after a None.
         source_key: The key of the list.
         target_key: The key to which each item is written.
         scope: Where the keys are looked up.
@@ -95,7 +95,6 @@ _ENDS = frozenset({"SUCCESS", "FAILURE"})
 _ALL = _ENDS | {"RUNNING"}
 _MILLISECONDS = 1000.0
 _NAME = {"name": "The node's name."}
-_BUILT_IN = Counterpart(built_in=True)
 _PASSING = Semantics(outcome_sets.passing, steady=True)
 
 
@@ -127,73 +126,45 @@ def _duration(bound: BoundNode) -> float | None:
     return number(bound, "duration")
 
 
-def _again(rounds: Number, end: int, rewrite: "rewrites.Rewrite | None", *, built_in: bool) -> Semantics:
+def _again(
+    rounds: Number, end: int, rewrite: "rewrites.Rewrite | None" = None, *, built_in: bool = True
+) -> Semantics:
     """Return the semantics of a decorator that ticks its child again after one end of it."""
-    return Semantics(
-        outcome_sets.rounds(rounds, end),
-        steady=True,
-        changes=end,
-        repeats=end,
-        rounds=rounds,
-        counterpart=Counterpart(built_in, rewrite),
-    )
+    counterpart = Counterpart(built_in, rewrite)
+    possible = outcome_sets.rounds(rounds, end)
+    return Semantics(possible, steady=True, changes=end, repeats=end, rounds=rounds, counterpart=counterpart)
 
 
 def _limit(limit_sec: Number) -> Semantics:
-    return Semantics(
-        outcome_sets.time_limit(limit_sec),
-        steady=True,
-        changes=R,
-        limit_sec=limit_sec,
-        counterpart=Counterpart(built_in=True, rewrite=rewrites.timeout),
-    )
+    counterpart = Counterpart(built_in=True, rewrite=rewrites.timeout)
+    possible = outcome_sets.time_limit(limit_sec)
+    return Semantics(possible, steady=True, changes=R, limit_sec=limit_sec, counterpart=counterpart)
 
 
 def _turning(
-    turns: dict[Status, Status],
-    rewrite: "rewrites.Rewrite | None" = None,
-    *,
-    built_in: bool = False,
-    hint: str = Counterpart.hint,
+    turns: dict[Status, Status], rewrite: "rewrites.Rewrite | None" = None, hint: str = Counterpart.hint
 ) -> Semantics:
-    return replace(Semantics.turning(turns), counterpart=Counterpart(built_in, rewrite, hint))
-
-
-def _shared(
-    tag: str,
-    cls: type,
-    skip_cls: type,
-    doc: str,
-    semantics: Semantics,
-    outcomes: frozenset[str] = _ALL,
-    skips: Skips = Skips.FROM_CHILD,
-) -> NodeSpec:
-    """Return a decorator of BehaviorTree.CPP's that is py_trees' own unless its child can skip."""
-    return NodeSpec(
-        tag,
-        cls,
-        Kind.DECORATOR,
-        outcomes,
-        semantics=semantics,
-        skipping=Skipping(skips, skip_cls),
-        signature=Signature(doc=doc, parameter_docs=_NAME),
-    )
+    return replace(Semantics.turning(turns), counterpart=Counterpart(rewrite=rewrite, hint=hint))
 
 
 def _own(
-    tag: str, cls: type, semantics: Semantics, skipping: Skipping | None = None, **more: object
+    tag: str,
+    cls: type,
+    semantics: Semantics,
+    skipping: Skipping = Skipping(Skips.FROM_CHILD),  # noqa: B008 - frozen
+    outcomes: frozenset[str] = _ALL,
+    **more: object,
 ) -> NodeSpec:
-    """Return a decorator of BehaviorTree.CPP's that py_trees does not have."""
-    counterpart = replace(semantics.counterpart, built_in=True)
-    return NodeSpec(
-        tag,
-        cls,
-        Kind.DECORATOR,
-        _ALL,
-        semantics=replace(semantics, counterpart=counterpart),
-        skipping=skipping or Skipping(Skips.FROM_CHILD),
-        **more,  # type: ignore[arg-type]
-    )
+    """Return a decorator of BehaviorTree.CPP's, of a class that py_trees does not have."""
+    means = replace(semantics, counterpart=replace(semantics.counterpart, built_in=True))
+    return NodeSpec(tag, cls, Kind.DECORATOR, outcomes, semantics=means, skipping=skipping, **more)  # type: ignore[arg-type]
+
+
+def _shared(
+    tag: str, cls: type, skipping: Skipping, doc: str, semantics: Semantics, outcomes: frozenset[str] = _ALL
+) -> NodeSpec:
+    """Return a decorator of BehaviorTree.CPP's that is py_trees' own unless its child can skip."""
+    return _own(tag, cls, semantics, skipping, outcomes, signature=Signature(doc=doc, parameter_docs=_NAME))
 
 
 def _stock(
@@ -204,7 +175,7 @@ def _stock(
     instead: str = "",
     **parameter_docs: str,
 ) -> NodeSpec:
-    """Return a decorator of py_trees' whose constructor can be written as it is."""
+    """Return a py_trees decorator whose constructor can be used as it is."""
     return NodeSpec(
         cls.__name__,
         cls,
@@ -217,11 +188,10 @@ def _stock(
 
 
 def _unless_updated(own: int) -> Semantics:
-    """Return the semantics of a decorator that answers something itself until an entry was written."""
+    """Return the semantics of a decorator that returns a status of its own until an entry is written."""
     return Semantics(
         outcome_sets.adding(own),
         keys={"entry": KeyRole(AccessKind.PEEK, by_name=True)},
-        counterpart=_BUILT_IN,
     )
 
 
@@ -232,40 +202,39 @@ BEHAVIORTREE_CPP = [
     _shared(
         "Inverter",
         decorators.Inverter,
-        own.Inverter,
+        Skipping(Skips.FROM_CHILD, own.Inverter),
         "Turns success into failure and failure into success.",
-        _turning({Status.SUCCESS: Status.FAILURE, Status.FAILURE: Status.SUCCESS}, built_in=True),
+        _turning({Status.SUCCESS: Status.FAILURE, Status.FAILURE: Status.SUCCESS}),
     ),
     _shared(
         "ForceSuccess",
         decorators.FailureIsSuccess,
-        own.ForceSuccess,
+        Skipping(Skips.FROM_CHILD, own.ForceSuccess),
         "Succeeds whenever its child ends.",
-        _turning({Status.FAILURE: Status.SUCCESS}, built_in=True),
+        _turning({Status.FAILURE: Status.SUCCESS}),
         frozenset({"SUCCESS", "RUNNING"}),
     ),
     _shared(
         "ForceFailure",
         decorators.SuccessIsFailure,
-        own.ForceFailure,
+        Skipping(Skips.FROM_CHILD, own.ForceFailure),
         "Fails whenever its child ends.",
-        _turning({Status.SUCCESS: Status.FAILURE}, built_in=True),
+        _turning({Status.SUCCESS: Status.FAILURE}),
         frozenset({"FAILURE", "RUNNING"}),
     ),
     _shared(
         "KeepRunningUntilFailure",
         decorators.SuccessIsRunning,
-        own.KeepRunningUntilFailure,
+        Skipping(Skips.NEVER, own.KeepRunningUntilFailure),
         "Starts its child again after every success, until it fails.",
         replace(
-            _turning({Status.SUCCESS: Status.RUNNING, Status.INVALID: Status.RUNNING}, built_in=True),
+            _turning({Status.SUCCESS: Status.RUNNING, Status.INVALID: Status.RUNNING}),
             repeats=S,
         ),
         frozenset({"FAILURE", "RUNNING"}),
-        skips=Skips.NEVER,
     ),
-    _own("Repeat", repetition.Repeat, _again(_cycles, S, rewrites.repeat, built_in=True)),
-    _own("RetryUntilSuccessful", repetition.RetryUntilSuccessful, _again(_attempts, F, None, built_in=True)),
+    _own("Repeat", repetition.Repeat, _again(_cycles, S, rewrites.repeat)),
+    _own("RetryUntilSuccessful", repetition.RetryUntilSuccessful, _again(_attempts, F)),
     _own(
         "RunOnce",
         own.RunOnce,
@@ -334,7 +303,7 @@ PY_TREES = [
         _stock(
             decorators.Repeat,
             "Ticks its child again after a success, until it has succeeded often enough.",
-            _again(_successes, S, rewrites.repeat, built_in=True),
+            _again(_successes, S, rewrites.repeat),
             instead='num_cycles="..."',
             num_success="With how many successes to succeed; 0 or less: never.",
         ),

@@ -1,4 +1,4 @@
-"""Leaves that every tree may use, whatever its mission."""
+"""Leaves that are available in every mission's trees."""
 
 from collections.abc import Mapping
 
@@ -32,15 +32,15 @@ from sar_compiler.runtime.py_trees_timers import Timer
 
 
 def status_queue(name: str, queue: list[str], eventually: StatusName | None = None) -> behaviours.StatusQueue:
-    """Answers one status of a list after the other; it goes on where it was, however often it is started.
+    """Returns the statuses of a list one after the other; continues where it was, however often it is started.
 
     Args:
         name: The node's name.
         queue: The statuses: `RUNNING;RUNNING;SUCCESS`.
-        eventually: What to answer when the list is at its end; where it is not written, the list begins again.
+        eventually: The status to return after the end of the list; by default the list starts over.
 
     Raises:
-        ValueError: If there is nothing to answer.
+        ValueError: If there are no statuses.
     """
     if not queue and eventually is None:
         raise ValueError(_NO_ANSWER)
@@ -52,7 +52,7 @@ _NO_ANSWER = "queue: there is no status in it; write some: RUNNING;SUCCESS"
 
 
 def report_no_answer(bound: BoundNode, collector: Collector) -> None:
-    """Report a queue that has nothing to answer."""
+    """Report a queue without statuses."""
     written = bound.element.attributes
     if bound.values.get("queue") == [] and "eventually" not in written:
         collector.value(bound.element, "queue", "wrong-value", _NO_ANSWER)
@@ -63,18 +63,18 @@ def success_every_n(name: str, n: int) -> behaviours.SuccessEveryN:
 
     Args:
         name: The node's name.
-        n: In which tick to succeed: 1 for every one, 2 for every other; a negative number is as good.
+        n: The period of the successes in ticks: 1 for every tick, 2 for every other; the sign is ignored.
     """
     return behaviours.SuccessEveryN(name, n)
 
 
 def tick_counter(name: str, duration: int, completion_status: StatusName) -> behaviours.TickCounter:
-    """Runs for a number of ticks, then ends; it counts from the beginning whenever it is started.
+    """Runs for a number of ticks, then ends; the count starts over whenever it is started.
 
     Args:
         name: The node's name.
-        duration: For how many ticks to run; 0 or less: end at once.
-        completion_status: What to answer then.
+        duration: The number of ticks to run; 0 or less to end at once.
+        completion_status: The status to return then.
     """
     return behaviours.TickCounter(name, duration, Status[completion_status])
 
@@ -82,12 +82,11 @@ def tick_counter(name: str, duration: int, completion_status: StatusName) -> beh
 def probabilistic_behaviour(
     name: str, weights: list[float] | None = None
 ) -> behaviours.ProbabilisticBehaviour:
-    """Answers by chance.
+    """Returns a random status.
 
     Args:
         name: The node's name.
-        weights: How often to succeed, to fail and to run, in proportion: `2;1;1`; where it is not written, all
-            the same.
+        weights: The weights of success, failure and running: `2;1;1`; equal by default.
     """
     return behaviours.ProbabilisticBehaviour(name, weights)
 
@@ -95,7 +94,7 @@ def probabilistic_behaviour(
 def blackboard_to_status(
     name: str, variable_name: Input[object], scope: Scope
 ) -> behaviours.BlackboardToStatus:
-    """Answers the status that a key holds, as StatusToBlackboard writes it.
+    """Returns the status that a key holds, as written by StatusToBlackboard.
 
     Args:
         name: The node's name.
@@ -157,9 +156,9 @@ def set_variable(
     Args:
         name: The node's name.
         variable_name: The key, or `key.attribute` of an object that is there already.
-        variable_value: What to write: a number, `true`, `false`, any other text, a list or an object after `json:`, or what
-            another `{key}` holds when the node is ticked.
-        overwrite: Whether to replace a value; if not, the node fails where there is one.
+        variable_value: The value: a number, `true`, `false`, any other text, a list or an object after `json:`, or the
+            value of another `{key}` at the time of the tick.
+        overwrite: Whether to replace an existing value; if not, the node fails if there is one.
         scope: Where the keys are looked up.
     """
     keys = Keys(scope)
@@ -171,15 +170,15 @@ def set_variable(
 def check_value(
     name: str, variable: Input[object], operator: Comparison, value: Input[object], scope: Scope
 ) -> behaviours.CheckBlackboardVariableValue:
-    """Succeeds if a key compares with a value as wanted; fails if not, and if nothing was written to the key.
+    """Succeeds if the comparison of a key with a value is true; fails if it is false or nothing was written to the key.
 
     Args:
         name: The node's name.
         variable: The key, or `key.attribute`.
         operator: How to compare: equal, not equal, less, less or equal, greater, greater or equal. A text is
             never equal to a number, and none can be less than the other.
-        value: What to compare with: a number, `true`, `false`, any other text, a list or an object after `json:`, or what
-            another `{key}` holds when the node is ticked.
+        value: The value to compare with: a number, `true`, `false`, any other text, a list or an object after `json:`,
+            or the value of another `{key}` at the time of the tick.
         scope: Where the keys are looked up.
     """
     keys = Keys(scope)
@@ -190,15 +189,15 @@ def check_value(
 def wait_for_value(
     name: str, variable: Input[object], operator: Comparison, value: Input[object], scope: Scope
 ) -> behaviours.WaitForBlackboardVariableValue:
-    """Runs until a key compares with a value as wanted, then succeeds.
+    """Runs until the comparison of a key with a value is true, then succeeds.
 
     Args:
         name: The node's name.
         variable: The key, or `key.attribute`.
         operator: How to compare: equal, not equal, less, less or equal, greater, greater or equal. A text is
             never equal to a number, and none can be less than the other.
-        value: What to compare with: a number, `true`, `false`, any other text, a list or an object after `json:`, or what
-            another `{key}` holds when the node is ticked.
+        value: The value to compare with: a number, `true`, `false`, any other text, a list or an object after `json:`,
+            or the value of another `{key}` at the time of the tick.
         scope: Where the keys are looked up.
     """
     keys = Keys(scope)
@@ -213,13 +212,13 @@ def check_values(
     scope: Scope,
     namespace: InOut[object] | None = None,
 ) -> behaviours.CheckBlackboardVariableValues:
-    """Compares several keys with values, and succeeds if the results together are true.
+    """Compares several keys with values, and succeeds if the joined results are true.
 
     Args:
         name: The node's name.
-        checks: The comparisons, each a key, how to compare and a value: `battery gt 20;speed lt 1.5`. If nothing
+        checks: The comparisons, each a key, an operator and a value: `battery gt 20;speed lt 1.5`. If nothing
             was written to one of the keys, the node fails.
-        operator: How to join the results, from left to right.
+        operator: The operator that joins the results, from left to right.
         namespace: A key `results` has each result written to `results/1`, `results/2` and so on.
         scope: Where the keys are looked up.
     """
@@ -237,7 +236,7 @@ def check_values(
 def compare_variables(
     name: str, var1_key: Input[object], var2_key: Input[object], operator: Comparison, scope: Scope
 ) -> Behaviour:
-    """Succeeds if two keys compare as wanted; fails if not, and if one was not written; from py_trees 2.4 on.
+    """Succeeds if the comparison of two keys is true; fails if it is false or one was not written; needs py_trees 2.4.
 
     Args:
         name: The node's name.
@@ -266,12 +265,12 @@ _REMOVED = KeyRole(AccessKind.NONE)
 
 
 def _peeking(*ports: str, resumes: bool = False) -> Semantics:
-    """Return the semantics of a leaf that can do without what it asks for."""
+    """Return the semantics of a leaf whose key need not exist."""
     return Semantics(keys=dict.fromkeys(ports, _PEEKS), resumes=resumes)
 
 
 def _renamed(tag: str, cls: type, doc: str, *outcomes: str) -> NodeSpec:
-    """Return a leaf of py_trees' under BehaviorTree.CPP's name."""
+    """Return a py_trees leaf under BehaviorTree.CPP's name."""
     semantics, signature = Semantics(counterpart=_BUILT_IN), Signature(doc=doc)
     return NodeSpec(tag, cls, Kind.ACTION, frozenset(outcomes), semantics=semantics, signature=signature)
 
@@ -285,7 +284,7 @@ def _own(
     keys: Mapping[str, KeyRole] | None = None,
     **types: ValueType,
 ) -> NodeSpec:
-    """Return a leaf of BehaviorTree.CPP's that py_trees does not have."""
+    """Return a BehaviorTree.CPP leaf that py_trees does not have."""
     semantics = Semantics(keys=keys or {}, counterpart=_BUILT_IN)
     signature = Signature(types=types)
     return NodeSpec(tag, cls, kind, frozenset(outcomes), effects, semantics=semantics, signature=signature)
@@ -299,7 +298,7 @@ def _stock(
     rewrite: rewrites.Rewrite | None = None,
     **parameter_docs: str,
 ) -> NodeSpec:
-    """Return a leaf of py_trees' whose constructor can be written as it is."""
+    """Return a py_trees leaf whose constructor can be used as it is."""
     return NodeSpec(
         cls.__name__,
         cls,

@@ -1,4 +1,4 @@
-"""Types of attributes that take less than the annotation of a constructor's parameter says."""
+"""Types of attributes that are narrower than the annotation of the constructor's parameter."""
 
 import math
 from typing import Literal
@@ -16,7 +16,7 @@ from sar_compiler.runtime.blackboard import ROOT_SIGN
 from sar_compiler.runtime.loops import Loop, QueueError
 
 StatusName = Literal["SUCCESS", "FAILURE", "RUNNING"]
-"""What a tick can answer; py_trees' INVALID is none."""
+"""The statuses that a tick can return; py_trees' INVALID is none of them."""
 
 _STATUS_NAME = type_of(StatusName)
 _CHANCES = "write how often to succeed, to fail and to run: 2;1;1"
@@ -80,7 +80,7 @@ def _chances(text: str) -> list[float]:
 
 
 def queue_of(loop: type[Loop]) -> ValueType:
-    """Return the type of what a loop goes through: a literal queue, or whatever an entry holds."""
+    """Return the type of a loop's queue: a literal, or any value of an entry."""
 
     def convert(text: str) -> object:
         try:
@@ -97,7 +97,7 @@ VARIABLE = ValueType("variable", "a key, or key.attribute", _variable, names_key
 KEY = ValueType("key.name", "a key", _key, names_key=True)
 """A key of the blackboard by its name."""
 NTH = ValueType("nth", "a whole number other than 0", _nth, python=int, cpp="int", example="1")
-"""In which ticks something happens."""
+"""The ticks in which something happens."""
 CHANCES = ValueType(
     "chances",
     "three numbers with ; between them",
@@ -106,7 +106,7 @@ CHANCES = ValueType(
     cpp="std::vector<double>",
     example="1;1;1",
 )
-"""How often to succeed, to fail and to run."""
+"""The weights of success, failure and running."""
 NAMES = ValueType("names", "names with ; between them", _names, python=list, cpp="std::vector<std::string>")
 """Names of nodes."""
 STATUS_NAMES = ValueType(
@@ -117,4 +117,4 @@ STATUS_NAMES = ValueType(
     cpp="std::vector<std::string>",
     example="SUCCESS",
 )
-"""What to answer in one tick after the other."""
+"""The statuses to return in successive ticks."""

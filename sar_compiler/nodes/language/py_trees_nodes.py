@@ -1,8 +1,8 @@
-"""What py_trees' own nodes need to stand in a tree file.
+"""Adapters that make py_trees' own nodes usable in a tree file.
 
-They keep their names, their arguments, and what they make of odd values (a count of 0, a negative one), which the
-documentation of each attribute says. Only what py_trees would stumble over in the middle of a run is refused.
-What is different here: their keys are the tree's, and a child of theirs cannot be one that can be skipped.
+The nodes keep their names, their arguments, and their treatment of unusual values (a count of 0 or below), as
+documented for each attribute. Only values that would raise an error in the middle of a run are refused.
+The differences: their keys are the tree's, and none of their children may be one that can be skipped.
 """
 
 from collections.abc import Callable
@@ -24,7 +24,7 @@ from sar_compiler.runtime.ports import Input
 B = TypeVar("B", bound=Behaviour)
 
 WRITES, REMOVES = "writes to the blackboard", "removes from the blackboard"
-"""Effects that do nothing to the world."""
+"""Effects that do not change the world."""
 
 
 class TooOldError(SarError):
@@ -34,12 +34,12 @@ class TooOldError(SarError):
 class ScopedClient(Client):
     """A client of py_trees' blackboard that works on the entries of a tree.
 
-    It takes the place of a stock node's own client, which would write past the tree: into a folder of
-    py_trees' that every tree shares, and without the board counting the writes.
+    It replaces a stock node's own client, which would bypass the tree: it would write to a py_trees namespace
+    that all trees share, and the board would not count the writes.
 
     Args:
         stock: The client to replace; it is signed off.
-        entries: The entry behind each name that the client has registered.
+        entries: The entry for each name that the client has registered.
     """
 
     entries: dict[str, Entry]
@@ -57,7 +57,7 @@ class ScopedClient(Client):
         stock.unregister(clear=False)
 
     def set(self, name: str, value: Any, overwrite: bool = True) -> bool:
-        """Write an entry, or an attribute of the object in it; either counts as one write of the entry."""
+        """Write an entry or an attribute of its object; either counts as one write of the entry."""
         written = bool(super().set(name, value, overwrite))
         if written:
             entry = self._entry(name)
@@ -76,10 +76,10 @@ class ScopedClient(Client):
 
 
 class Keys:
-    """The keys that one stock node works with.
+    """The keys that one stock node uses.
 
     Args:
-        scope: Where they are looked up.
+        scope: The scope in which they are looked up.
     """
 
     def __init__(self, scope: Scope) -> None:
@@ -96,11 +96,11 @@ class Keys:
         return f"{self._name(key)}{dot}{inner}"
 
     def key(self, port: Input[object]) -> str:
-        """Return py_trees' name for a key, where it does not look into objects; see `variable`."""
+        """Return py_trees' name for a key without an attribute; see `variable`."""
         return self._name(_text(port))
 
     def numbered(self, port: Input[object], count: int) -> str:
-        """Return py_trees' name for a folder with the keys `1`, `2` and so on in it; see `variable`."""
+        """Return py_trees' name for a namespace with the keys `1`, `2` and so on; see `variable`."""
         folder = _text(port)
         for number in range(1, count + 1):
             key = f"{folder}/{number}"
@@ -108,7 +108,7 @@ class Keys:
         return f"/{folder}"
 
     def given_to(self, behaviour: B) -> B:
-        """Let a stock node that was made with these names work on the tree's keys."""
+        """Connect a stock node that was created with these names to the tree's keys."""
         for attribute, client in list(vars(behaviour).items()):
             if isinstance(client, Client):
                 scoped = ScopedClient(client, self._entries)
@@ -120,7 +120,7 @@ class Keys:
 
     def _name(self, key: str) -> str:
         entry = self._scope.resolve(key)
-        # To py_trees a dot is an attribute of the object, also if it stands in the name of a tree.
+        # To py_trees a dot precedes an attribute of the object, even within the name of a tree.
         name = entry.name.replace(".", "_")
         self._entries[name] = entry
         return name
@@ -136,10 +136,10 @@ def made_by(
     semantics: Semantics | None = None,
     **types: ValueType,
 ) -> NodeSpec:
-    """Return a node of py_trees' whose arguments cannot be written as they are: a function makes it.
+    """Return a py_trees node whose arguments cannot be written in a file as they are: a factory creates it.
 
-    One that the installed py_trees lacks is registered all the same: whether a file is correct does not depend
-    on the machine. The function refuses to make it.
+    A node that the installed py_trees lacks is registered nevertheless: whether a file is correct does not depend
+    on the machine. The factory refuses to create it.
     """
     is_decorator = kind is Kind.DECORATOR
     module, base = (decorators, decorators.Decorator) if is_decorator else (behaviours, Behaviour)
@@ -169,5 +169,5 @@ def since_2_4(module: object, name: str) -> Callable[..., Any]:
 
 
 def _text(port: Input[object]) -> str:
-    """Return the key that an attribute says, with braces or without."""
+    """Return the key that an attribute names, with or without braces."""
     return str(port.get()) if port.entry is None else port.entry.key

@@ -1,4 +1,4 @@
-"""`SubTree`: another tree of the file in this place."""
+"""`SubTree`: a use of another tree."""
 
 from py_trees.decorators import PassThrough
 
@@ -26,6 +26,6 @@ SUBTREE = NodeSpec(
     child_count=(0, 0),
     former_tags=("SubTreePlus",),
 )
-"""What a `SubTree` is compiled to; its attributes are the business of binding."""
+"""The node that a `SubTree` is compiled to; its attributes are handled by binding."""
 FORMER_ATTRIBUTES = {"__autoremap": "_autoremap", "__shared_blackboard": "_autoremap"}
-"""What attributes of a `SubTree` were called in BehaviorTree.CPP 3."""
+"""The names of a `SubTree`'s attributes in BehaviorTree.CPP 3."""

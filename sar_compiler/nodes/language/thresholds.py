@@ -1,4 +1,4 @@
-"""Counts of a Parallel that its children cannot reach."""
+"""Check of a Parallel's counts against its number of children."""
 
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.collector import Collector
@@ -6,9 +6,9 @@ from sar_compiler.nodes.spec import Rule
 
 
 def within_reach(*names: str) -> Rule:
-    """Return a rule: what these attributes count must not be more than there are children.
+    """Return a rule: these attributes must not exceed the number of children.
 
-    Negative counts are from the end, and fit always.
+    Negative counts are relative to the number of children, and always valid.
     """
 
     def rule(bound: BoundNode, collector: Collector) -> None:

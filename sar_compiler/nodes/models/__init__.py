@@ -1,1 +1,1 @@
-"""Nodes that are only described: what a `TreeNodesModel` says, and how one is written."""
+"""Nodes that are only described: reading and writing of a `TreeNodesModel`."""

@@ -1,4 +1,4 @@
-"""What a `TreeNodesModel` says of nodes, compared with the registry and with itself."""
+"""Comparison of a `TreeNodesModel` with the registry and with itself."""
 
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.models.models import Model, Models, Port
@@ -15,12 +15,12 @@ from sar_compiler.nodes.values import (
 )
 
 _TEXT = type_of(str)
-# What is compared: C++ has types of its own for durations, enumerations and whatever else is written as a text.
+# The comparable types: C++ has types of its own for durations, enumerations and other values written as texts.
 _COMPARED = (bool, int, float, str, list)
 
 
 def compare(models: Models, registry: Registry, collector: Collector) -> None:
-    """Report where the models of nodes contradict the registry, and defaults that their ports do not take."""
+    """Report models that contradict the registry, and defaults that their ports do not accept."""
     for model in models.nodes.values():
         specs = registry.variants(model.tag)
         if specs:
@@ -60,14 +60,14 @@ def _compare_port(model: Model, port: Port, parameter: Parameter, collector: Col
 
 
 def _agree(said: ValueType, real: ValueType) -> bool:
-    """Say whether a type in a model is that of a port; how large a whole number can be does not count."""
+    """Return whether a model's type fits a port, regardless of the size of whole numbers."""
     if real.python not in _COMPARED:
         return True
     return said.cpp == real.cpp if list in (said.python, real.python) else said.python is real.python
 
 
 def _check_default(port: Port, value_type: ValueType, collector: Collector) -> None:
-    """Report a default that is no value of the port; an empty one is none."""
+    """Report a default that is not a valid value of the port; an empty one does not count."""
     text = port.default
     if not text or blackboard_key(text, port.name) is not None:
         return

@@ -1,4 +1,4 @@
-"""What a `TreeNodesModel` says about nodes: in a tree file, or in a palette beside it."""
+"""Models of nodes, read from the `TreeNodesModel` of a tree file or a palette."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ from sar_compiler.tree.xml_names import is_name
 _KINDS = {kind.value: kind for kind in Kind}
 _DIRECTIONS = {direction.value: direction for direction in Direction}
 _IGNORED = ("MetadataFields",)
-# What a leaf is taken to answer that is only described.
+# The assumed outcomes of a leaf that is only described.
 _ANSWERS = {Kind.ACTION: ("SUCCESS", "FAILURE", "RUNNING"), Kind.CONDITION: ("SUCCESS", "FAILURE")}
 _TAGS = (SUBTREE_TAG, TREE_TAG)
 _NAMES = ("name", "ID", "_autoremap", "children", ONESHOT)
@@ -26,11 +26,11 @@ class Port:
     """A port as a model describes it.
 
     Attributes:
-        element: Where it is described.
+        element: The element that describes it.
         name: Its name.
-        direction: Which way its values go.
-        type_name: The type it is said to have, in BehaviorTree.CPP's words; empty if none is said.
-        default: The text that it has where nothing is written; None if there is no default.
+        direction: The direction of its values.
+        type_name: Its declared type, by BehaviorTree.CPP's name; empty if none is declared.
+        default: The text of its default; None if there is no default.
     """
 
     element: Element
@@ -45,9 +45,9 @@ class Model:
     """A node or a subtree as a model describes it.
 
     Attributes:
-        element: Where it is described.
+        element: The element that describes it.
         tag: The tag, or the subtree's ID.
-        kind: What it is; None for a subtree.
+        kind: The kind of node; None for a subtree.
         ports: Its ports by name.
     """
 
@@ -58,12 +58,12 @@ class Model:
 
     @property
     def says(self) -> object:
-        """All that it says, to be compared with another."""
+        """Its content, for comparison with another model."""
         ports = self.ports.values()
         return self.kind, {(port.name, port.direction, port.type_name, port.default) for port in ports}
 
     def spec(self) -> NodeSpec:
-        """Return what is known of a node that is only described."""
+        """Return the spec of a node that is only described."""
         kind = self.kind or Kind.ACTION
         name = Parameter("name", Role.NAME, required=False, value_type=value_type_of(str))
         parameters = {"name": name, **{port.name: _parameter(port) for port in self.ports.values()}}
@@ -79,11 +79,11 @@ class Model:
 
 @dataclass(frozen=True)
 class Models:
-    """All models that count for a tree.
+    """All models that apply to a tree.
 
     Attributes:
-        nodes: Those of nodes, by tag.
-        subtrees: Those of subtrees, by ID.
+        nodes: The models of nodes, by tag.
+        subtrees: The models of subtrees, by ID.
     """
 
     nodes: Mapping[str, Model] = field(default_factory=dict)
@@ -111,7 +111,7 @@ def _descriptions(files: Iterable[TreeFile]) -> Iterator[Element]:
 
 
 def _compare_twice(first: Model, second: Model, collector: Collector) -> None:
-    """Report a second description that says something else, or a second one of a subtree in the same file."""
+    """Report a second description that differs, or a second one of a subtree in the same file."""
     element = second.element
     same_file = element.source is first.element.source
     if first.says == second.says and not (second.kind is None and same_file):
@@ -123,7 +123,7 @@ def _compare_twice(first: Model, second: Model, collector: Collector) -> None:
 
 
 def described_specs(files: Iterable[TreeFile], registry: Registry) -> list[NodeSpec]:
-    """Return the nodes that some files describe and nobody has registered."""
+    """Return the nodes that files describe and that are not registered."""
     models = read_models(files, Collector())
     return [model.spec() for tag, model in models.nodes.items() if tag not in registry]
 
@@ -174,7 +174,7 @@ def _port(element: Element, collector: Collector) -> Port | None:
 def _can_be_written(
     element: Element, attribute: str, what: str, taken: Iterable[str], collector: Collector
 ) -> bool:
-    """Say whether a name can be that of a tag or an attribute; report it if not."""
+    """Return whether a name is valid for a tag or an attribute; report it if not."""
     name = element.attributes[attribute]
     if name not in taken and is_name(name) and ":" not in name:
         return True

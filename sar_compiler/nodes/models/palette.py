@@ -1,6 +1,6 @@
-"""Nodes as BehaviorTree.CPP and Groot2 read of them: the `TreeNodesModel`.
+"""Writing of the `TreeNodesModel` that BehaviorTree.CPP and Groot2 read.
 
-What `nodes.models.models` reads is written here.
+`nodes.models.models` reads the same format.
 """
 
 from collections.abc import Iterable, Sequence
@@ -14,10 +14,10 @@ from sar_compiler.tree.synthetic import synthetic_element
 
 
 def describe(specs: Iterable[NodeSpec]) -> Element:
-    """Return the `TreeNodesModel` of nodes, without those that BehaviorTree.CPP has itself.
+    """Return the `TreeNodesModel` of nodes, without those that are built into BehaviorTree.CPP.
 
     Args:
-        specs: What there is; all meanings of a tag.
+        specs: The nodes, with all meanings of each tag.
     """
     by_tag: dict[str, list[NodeSpec]] = {}
     for spec in specs:
@@ -29,12 +29,12 @@ def describe(specs: Iterable[NodeSpec]) -> Element:
 
 
 def is_built_in(specs: Sequence[NodeSpec]) -> bool:
-    """Return whether BehaviorTree.CPP has a node itself, so that Groot2 knows it without being told."""
+    """Return whether a node is built into BehaviorTree.CPP, so that Groot2 needs no model of it."""
     return any(spec.semantics.counterpart.built_in for spec in specs)
 
 
 def description(specs: Sequence[NodeSpec]) -> Element:
-    """Return the model of one tag, with the ports of everything that it can mean."""
+    """Return the model of one tag, with the ports of all its meanings."""
     ports = {
         parameter.name: _port(parameter, spec)
         for spec in specs
@@ -45,7 +45,7 @@ def description(specs: Sequence[NodeSpec]) -> Element:
 
 
 def described_by_use(kind: str, tag: str, ports: Iterable[str]) -> Element:
-    """Return the model of a node of which nothing is known but how a tree uses it."""
+    """Return the model of an unknown node, derived from its use in a tree."""
     inputs = [synthetic_element(Direction.INPUT.value, {"name": port}) for port in ports]
     return synthetic_element(kind, {"ID": tag, "editable": "true"}, inputs)
 
@@ -68,7 +68,7 @@ def _doc(parameter: Parameter) -> str:
 
 
 def as_written(value: object) -> str:
-    """Return a value as a file has it."""
+    """Return a value as written in a file."""
     if isinstance(value, Enum):
         return value.name
     if isinstance(value, timedelta):

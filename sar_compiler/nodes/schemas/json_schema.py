@@ -1,7 +1,7 @@
 """The JSON schema of tree files in YAML, made from the registry.
 
 Editors complete with it and other tools validate with it. A node is a mapping with one key, its tag, so
-`properties` and `maxProperties` say what can stand there; alternatives (`oneOf`) between nodes would make every
+`properties` and `maxProperties` define what is allowed; alternatives (`oneOf`) between nodes would make every
 message "is not valid under any of the given schemas".
 """
 
@@ -37,7 +37,7 @@ def json_schema(registry: Registry, described: Iterable[NodeSpec] = ()) -> Schem
     """Return the schema (draft 2020-12) of the YAML files that may be written with a registry.
 
     Args:
-        registry: What tags mean.
+        registry: The registered nodes.
         described: Nodes that only a model describes.
     """
     tags = registry.by_tag()
@@ -116,7 +116,7 @@ def _definition(tag: str) -> str:
 
 
 def _nodes(least: int, most: int | None) -> Schema:
-    """A list of so many nodes."""
+    """A list of nodes with limits of its length."""
     schema: Schema = {"type": "array", "items": {"$ref": "#/$defs/node"}}
     if least:
         schema["minItems"] = least
@@ -124,7 +124,7 @@ def _nodes(least: int, most: int | None) -> Schema:
 
 
 def _explicit_form(least: int, most: int | None) -> Schema:
-    """A tag that says by its ID what it is, or which tree; its other attributes are those of what it names."""
+    """A tag whose ID names a node or a tree; its other attributes are those of that node or tree."""
     needed = ["ID", CHILDREN_KEY] if least else [] if most is None else ["ID"]
     properties = {"ID": _NAME, CHILDREN_KEY: _nodes(least, most)}
     return {"type": "object", "properties": properties, **({"required": needed} if needed else {})}
@@ -192,7 +192,7 @@ def _value(value_type: ValueType) -> Schema:
 
 
 def _number(value_type: ValueType) -> Schema:
-    """What YAML itself reads as such a value."""
+    """The schema of YAML's own scalars for such a value."""
     schema: Schema = {"type": "integer" if value_type.python is int else "number"}
     if value_type.least is not None:
         schema["minimum"] = value_type.least
@@ -200,7 +200,7 @@ def _number(value_type: ValueType) -> Schema:
 
 
 def _both_ways(texts: Iterable[str]) -> list[object]:
-    """Return texts, and beside `true` and `false` what YAML makes of them."""
+    """Return texts, with `true` and `false` also as YAML's own Booleans."""
     own: dict[str, object] = {"true": True, "false": False}
     texts = list(texts)
     return [*(own[text] for text in texts if text in own), *texts]
@@ -211,7 +211,7 @@ def _notes() -> Schema:
 
 
 def _with_children(attributes: Schema, children: Schema, required: Iterable[str] = ()) -> Schema:
-    """A tag's value that cannot do without children."""
+    """The value of a tag that requires children."""
     return _mapping({**attributes, CHILDREN_KEY: children}, [*required, CHILDREN_KEY])
 
 

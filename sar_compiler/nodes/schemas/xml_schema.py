@@ -73,9 +73,9 @@ def xml_schema(
     """Return the schema (XSD 1.0) of the files that may be written with a registry.
 
     Args:
-        registry: What tags mean.
+        registry: The registered nodes.
         described: Nodes that only a model describes.
-        only: The tags to leave it at, for a file in which no others are; None for all.
+        only: The tags to include, for a file that has no others; None for all.
     """
     tags = (
         registry.by_tag()
@@ -151,7 +151,7 @@ def _node_type(tag: str, specs: list[NodeSpec]) -> list[str]:
 
 
 def _either_form(tag: str, spec: NodeSpec) -> list[str]:
-    """A tag that is also the explicit form of others (py_trees' Condition): its ID decides, which XSD cannot say."""
+    """A tag that is also the explicit form of others (py_trees' Condition): its ID decides, which XSD cannot express."""
     return [
         f'  <xs:complexType name="{tag}.node">',
         *_documentation(spec.doc, "    "),

@@ -1,1 +1,1 @@
-"""What leaves that work with ROS 2 derive from; it can be imported without ROS."""
+"""Base classes of leaves that use ROS 2; they can be imported without ROS."""

@@ -1,4 +1,4 @@
-"""The leaf to derive from for what a ROS action does."""
+"""The base class of leaves that call a ROS action."""
 
 from abc import abstractmethod
 from typing import Any, cast
@@ -16,11 +16,11 @@ _NAV2 = "nav2_msgs."
 class ActionLeaf(ClientLeaf[ActionGoal]):
     """A leaf that sends one goal of an action in each activation; RUNNING until the goal has ended.
 
-    When the leaf is interrupted the goal is cancelled, also one that the server has not accepted yet. The answers to
-    an old goal never touch a new one.
+    When the leaf is interrupted the goal is cancelled, even if the server has not accepted it yet. The answers to an
+    old goal never affect a new one.
 
     A subclass has the attributes `action_type` and `action_name`, of the class or set by its constructor, and the
-    method `goal`; where more than success or not is to be told from the end, also `on_result`.
+    method `goal`; also `on_result`, if the result matters beyond success or failure.
 
     Args:
         name: The leaf's name in the tree.
@@ -31,8 +31,8 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         server_timeout_sec: How long a server may be missing, before the goal is sent and while it is under way; this
             and the following in seconds of the steady clock.
         acceptance_timeout_sec: How long to wait for the goal to be accepted.
-        feedback_timeout_sec: How long the server may be silent or gone, once it has sent feedback; None for a server
-            that is silent for as long as it likes.
+        feedback_timeout_sec: How long the server may be silent or gone, once it has sent feedback; None for no
+            limit.
         interface: The Python class of the action, once the leaf is set up.
 
     Example:
@@ -64,20 +64,20 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
     def goal(self) -> Any:
         """Return the goal, an `interface.Goal`.
 
-        Or a `Status`, to send nothing: SUCCESS and FAILURE end the leaf, with RUNNING this is called again at the
-        next tick.
+        Or a `Status`, to send nothing: SUCCESS and FAILURE end the leaf, with RUNNING this method is called again at
+        the next tick.
         """
 
     def on_feedback(self, feedback: Any) -> Status | None:  # noqa: ARG002 - for subclasses
-        """Heed the latest feedback; called in the tick after it came.
+        """Handle the latest feedback; called in the tick after its arrival.
 
         Returns:
-            SUCCESS or FAILURE to end the leaf now, which cancels the goal; None or RUNNING to go on.
+            SUCCESS or FAILURE to end the leaf now, which cancels the goal; None or RUNNING to continue.
         """
         return None
 
     def on_result(self, status: int, result: Any) -> Status:  # noqa: ARG002 - for subclasses
-        """Return what the end of the goal means; with RUNNING the next `goal` is sent.
+        """Return the leaf's status after the end of the goal; with RUNNING the next `goal` is sent.
 
         By default SUCCESS if the status is `STATUS_SUCCEEDED`, else FAILURE.
 
@@ -88,10 +88,10 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         return Status.SUCCESS if status == SUCCEEDED else self.on_failure(describe_status(status))
 
     def shutdown(self) -> None:
-        """Cancel what is still under way, and release the clients.
+        """Cancel a goal in flight, and release the clients.
 
-        While a cancel is unanswered they are left to the node: a goal that is accepted only now must still
-        be cancelled.
+        While a cancel request is unanswered, the clients are left to the node: a goal that is accepted only now
+        must still be cancelled.
         """
         self._drop()
         if self._port is not None and self.settled():
@@ -100,7 +100,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         super().shutdown()
 
     def settled(self) -> bool:
-        """Return whether the server has answered every cancel; one that is gone will not."""
+        """Return whether every cancel request is answered, or its server is gone."""
         self._goals_given_up = [goal for goal in self._goals_given_up if not goal.settled]
         under_way = bool(self._goals_given_up) or not (self._exchange is None or self._exchange.settled)
         return not (under_way and self._port is not None and self._port.server_is_ready)

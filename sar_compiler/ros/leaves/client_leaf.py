@@ -1,4 +1,4 @@
-"""What the leaves that ask a server for something have in common, be it an action or a service."""
+"""The common base of leaves that call an action or a service."""
 
 from abc import abstractmethod
 from typing import Any, Generic, Protocol, TypeVar
@@ -11,12 +11,12 @@ from sar_compiler.ros.leaves.leaf import RosLeaf
 
 
 class Exchange(Protocol):
-    """A goal or a call: asked of a server at most once, and answered at most once.
+    """A goal or a call: sent to a server at most once, and answered at most once.
 
     Attributes:
-        sent: Whether the server was asked.
-        answer: What it answered in the end; None until then.
-        trouble: Why there will be no answer; empty if there may be one.
+        sent: Whether it was sent.
+        answer: The server's final answer; None until then.
+        trouble: The reason why there will be no answer; empty if there may be one.
     """
 
     sent: bool
@@ -24,19 +24,19 @@ class Exchange(Protocol):
     trouble: str
 
     def advance(self) -> None:
-        """Do what can be done now: ask, or see whether a deadline has passed."""
+        """Do what is possible now: send the message, or check the deadlines."""
 
     def abandon(self) -> None:
-        """Give it up: what the server still answers is ignored."""
+        """Give it up: later answers of the server are ignored."""
 
 
 E = TypeVar("E", bound=Exchange)
 
 
 class ClientLeaf(RosLeaf, Generic[E]):
-    """A leaf that asks a server once in each activation, without ever waiting.
+    """A leaf that calls a server once in each activation, and never blocks.
 
-    Its verdict, once reached, stays until the next activation.
+    Its final status is kept until the next activation.
 
     Args:
         name: The leaf's name in the tree.
@@ -65,13 +65,13 @@ class ClientLeaf(RosLeaf, Generic[E]):
         return self._interface
 
     def setup(self, **kwargs: Any) -> None:
-        """Make the client; does not wait for a server.
+        """Create the client; does not wait for a server.
 
         Args:
             **kwargs: `node` and optionally `wake`, see `RosLeaf`.
 
         Raises:
-            LeafDefinitionError: If the class does not say whom to ask, or the type is not installed.
+            LeafDefinitionError: If the class does not name the server, or the type is not installed.
         """
         self.shutdown()
         super().setup(**kwargs)
@@ -79,23 +79,23 @@ class ClientLeaf(RosLeaf, Generic[E]):
         self._connect()
 
     def initialise(self) -> None:
-        """Ask once; what the last activation asked is given up."""
+        """Start a new exchange; that of the last activation is given up."""
         self._drop()
         self._verdict = self._begin()
 
     def update(self) -> Status:
-        """Return how it stands: RUNNING until there is an answer or a failure."""
+        """Return the leaf's status: RUNNING until there is an answer or a failure."""
         if self._verdict is Status.RUNNING:
             self._verdict = self._begin() if self._exchange is None else self._progress(self._exchange)
         return self._verdict
 
     def terminate(self, new_status: Status) -> None:
-        """Give up what is under way if the leaf was interrupted."""
+        """Give up the current exchange if the leaf was interrupted."""
         if new_status is Status.INVALID:
             self._drop()
 
     def shutdown(self) -> None:
-        """Give up what is under way, and let go of the node."""
+        """Give up the current exchange, and release the node."""
         self._drop()
         self._interface = None
         super().shutdown()
@@ -103,7 +103,7 @@ class ClientLeaf(RosLeaf, Generic[E]):
     def complain(self, text: str) -> None:
         """Log a warning, and keep it as the feedback message.
 
-        A tree may try again at every tick: the same warning is logged once until the server has answered.
+        A tree may retry in every tick: the same warning is logged only once until the server has answered.
         """
         self.feedback_message = text
         if text not in self._complaints:
@@ -111,13 +111,13 @@ class ClientLeaf(RosLeaf, Generic[E]):
             super().complain(text)
 
     def on_send(self) -> None:
-        """Do something just before the server is asked, such as writing a line of the log."""
+        """Hook called just before the message is sent, for instance to write to the log."""
 
     def on_failure(self, reason: str) -> Status:
-        """Return the verdict where there is no answer, or a bad one: FAILURE, with a warning in the log.
+        """Return the status without an answer, or with a bad one: FAILURE, with a warning in the log.
 
         Args:
-            reason: Why: no server, no answer in time, a goal that was rejected or aborted.
+            reason: The cause: no server, no answer in time, a goal that was rejected or aborted.
         """
         self.complain(f"'{self.name}' failed: {reason}")
         return Status.FAILURE
@@ -128,11 +128,11 @@ class ClientLeaf(RosLeaf, Generic[E]):
 
     @abstractmethod
     def _connect(self) -> None:
-        """Make the client."""
+        """Create the client."""
 
     @abstractmethod
     def _message(self) -> Any:
-        """Return what to send, or a status to send nothing and have that verdict."""
+        """Return the message to send, or a status to return without sending."""
 
     @abstractmethod
     def _open(self, message: Any) -> E:
@@ -140,7 +140,7 @@ class ClientLeaf(RosLeaf, Generic[E]):
 
     @abstractmethod
     def _conclude(self, answer: Any) -> Status:
-        """Return what an answer means; RUNNING to ask once more."""
+        """Return the status for an answer; RUNNING to send again."""
 
     def _require_setup(self) -> None:
         if self._interface is None:

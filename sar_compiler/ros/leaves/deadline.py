@@ -1,13 +1,13 @@
-"""Time limits on the machinery: steady seconds, since ROS time may stand still or jump."""
+"""Time limits for servers: on the steady clock, since ROS time may stop or jump."""
 
 import time
 
 
 class Deadline:
-    """A moment that will have passed.
+    """A time limit on the steady clock.
 
     Args:
-        seconds: How far it lies in the future.
+        seconds: The time until it passes, in seconds.
     """
 
     def __init__(self, seconds: float) -> None:
@@ -15,5 +15,5 @@ class Deadline:
 
     @property
     def passed(self) -> bool:
-        """Whether the moment is over."""
+        """Whether it has passed."""
         return time.monotonic() >= self._at

@@ -1,4 +1,4 @@
-"""What leaves that work with ROS raise."""
+"""Errors of leaves that use ROS."""
 
 from sar_compiler.errors import SarError
 
@@ -26,4 +26,4 @@ class MissingNodeError(SarError, KeyError):
 
 
 class LeafDefinitionError(SarError):
-    """The class of a leaf lacks something that its base needs, or names something that is not there."""
+    """The class of a leaf lacks an attribute that its base needs, or names a type that is not installed."""

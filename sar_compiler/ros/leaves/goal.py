@@ -1,7 +1,7 @@
-"""One goal of a ROS action, from the wish to its end, without ever waiting.
+"""One goal of a ROS action, from the request to its end, without blocking.
 
-The leaf that wants the goal calls `advance` at every tick and looks at `answer` and `trouble`. What comes from the
-server comes through callbacks, each bound to its own goal: the answer to an old goal cannot touch a new one.
+The leaf calls `advance` in every tick and reads `answer` and `trouble`. The server's messages arrive in callbacks,
+each bound to its own goal: the answer to an old goal cannot affect a new one.
 """
 
 import uuid
@@ -24,7 +24,7 @@ _ENDS = {0: "unknown to the server (was it restarted?)", 5: "canceled by somebod
 
 
 def describe_status(status: int) -> str:
-    """Return the status with which a goal ended, other than with success, in words and as a number."""
+    """Return a goal's final status other than success, in words and as a number."""
     return f"{_ENDS.get(status, 'not finished')} (status {status})"
 
 
@@ -49,7 +49,7 @@ class ActionPort:
 
     @property
     def server_is_ready(self) -> bool:
-        """Whether a server is there; no while ROS is shut down."""
+        """Whether a server is available; False while ROS is shut down."""
         return self.usable and self.client.server_is_ready()
 
     @property
@@ -62,7 +62,7 @@ class ActionPort:
         self._node.get_logger().warning(text)
 
     def release(self) -> None:
-        """Destroy the clients; does nothing where the node, which owned them, is gone."""
+        """Destroy the clients; does nothing if the node, which owned them, is gone."""
         if alive(self._node):
             self.client.destroy()
             self._node.destroy_client(self.canceller)
@@ -70,12 +70,12 @@ class ActionPort:
 
 @dataclass(frozen=True)
 class GoalDeadlines:
-    """How long a goal may take over what, in seconds of the machine's steady clock.
+    """The time limits of a goal, in seconds of the steady clock.
 
     Attributes:
         server_sec: Until there is a server.
         acceptance_sec: From sending to acceptance or rejection.
-        feedback_sec: Between two feedback messages, once there was one; None: as long as it likes.
+        feedback_sec: Between two feedback messages, once there was one; None for no limit.
     """
 
     server_sec: float
@@ -84,7 +84,7 @@ class GoalDeadlines:
 
     @property
     def absence_sec(self) -> float:
-        """How long the graph may be without a server while the goal is under way."""
+        """How long the server may be missing from the graph while the goal is in flight."""
         return self.server_sec if self.feedback_sec is None else self.feedback_sec
 
 
@@ -99,8 +99,8 @@ class ActionGoal:
         on_news: Called when the goal is accepted and when it has succeeded.
 
     Attributes:
-        sent, trouble: As of every `client_leaf.Exchange`.
-        answer: What the server said at the end, with `status` (a constant of `action_msgs/msg/GoalStatus`) and
+        sent, trouble: As in every `client_leaf.Exchange`.
+        answer: The server's final answer, with `status` (a constant of `action_msgs/msg/GoalStatus`) and
             `result`; None until then.
         rejected: Whether the server refused the goal.
     """
@@ -138,21 +138,21 @@ class ActionGoal:
 
     @property
     def over(self) -> bool:
-        """Whether it has ended, one way or the other."""
+        """Whether it has ended, with or without success."""
         return self.answer is not None or bool(self.trouble)
 
     @property
     def in_flight(self) -> bool:
-        """Whether the server has the goal, or may have it, and nobody has given it up."""
+        """Whether the server has or may have the goal, and it has not been given up."""
         return self.sent and not self.over and not self._abandoned
 
     @property
     def settled(self) -> bool:
-        """Whether no cancel is unanswered, nor an acceptance that would have to be cancelled."""
+        """Whether all cancel requests are answered, and no acceptance is pending that would have to be cancelled."""
         return self._cancels_under_way == 0 and not (self._abandoned and self.sent and not self._answered)
 
     def advance(self) -> None:
-        """Do what can be done now: send the goal, or see whether a deadline has passed."""
+        """Do what is possible now: send the goal, or check the deadlines."""
         if self.over or self._abandoned:
             return
         if not self.sent:
@@ -177,13 +177,13 @@ class ActionGoal:
             self._cancel_unaccepted()
 
     def take_feedback(self) -> Any:
-        """Return the latest feedback message, once; None if none came since."""
+        """Return the latest feedback message, once; None if there is no new one."""
         feedback, self._feedback = self._feedback, None
         return feedback
 
     def _send_or_wait(self) -> None:
         if self._port.server_is_ready:
-            # Sent to nobody, a goal would be lost: it is not delivered to a server that appears later.
+            # Without a server a goal would be lost: it is not delivered to one that appears later.
             self._on_sending()
             self.sent = True
             self._deadline = Deadline(self._deadlines.acceptance_sec)
@@ -201,7 +201,7 @@ class ActionGoal:
         if self._silence is not None and self._silence.passed:
             self._give_up(f"the server has sent no feedback for {self._deadlines.feedback_sec:g} s")
         elif self._silence is None and self._doubt is not None and self._doubt.passed:
-            # It may never send any, or have been replaced before anybody saw it go: ask who is there.
+            # It may never send any, or have been replaced unnoticed: ask the server that is there now.
             self._doubt = Deadline(self._deadlines.absence_sec)
             self._request_result()
         elif self._port.server_is_ready:

@@ -1,4 +1,4 @@
-"""The names, types and quality of service by which a leaf's class says what it talks to."""
+"""Names, types and quality of service of the interfaces that a leaf's class declares."""
 
 import difflib
 from importlib import import_module
@@ -23,8 +23,8 @@ def find_interface(owner: str, kind: str, name: str, written: Any) -> Any:
     Args:
         owner: The class of the leaf, for messages.
         kind: `action`, `srv` or `msg`.
-        name: The name of what has the type: it must be there too.
-        written: The type: a text such as `nav2_msgs/action/NavigateToPose`, which needs no ROS until now, or
+        name: The name of the server or topic, which must not be missing either.
+        written: The type: a text such as `nav2_msgs/action/NavigateToPose`, which is resolved only here, or
             the Python class itself.
 
     Raises:
@@ -45,14 +45,14 @@ def find_interface(owner: str, kind: str, name: str, written: Any) -> Any:
 
 
 def qos_profile(owner: str, written: Any) -> "QoSProfile":
-    """Return the quality of service of a subscription of which the latest message counts.
+    """Return the quality of service of a subscription that keeps only the latest message.
 
     Args:
         owner: The class of the leaf, for messages.
         written: `sensor_data`, `reliable`, `transient_local`, or an rclpy `QoSProfile`.
 
     Raises:
-        LeafDefinitionError: If it is another text.
+        LeafDefinitionError: If it is any other text.
     """
     from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 

@@ -1,4 +1,4 @@
-"""What all leaves that work with ROS 2 have in common."""
+"""The common base of leaves that use ROS 2."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +23,7 @@ def alive(node: "Node") -> bool:
 
 
 class RosLeaf(Behaviour):
-    """A leaf that has a node, and may wake whoever ticks its tree.
+    """A leaf that has a node, and may wake its tree's engine.
 
     Args:
         name: The leaf's name in the tree.
@@ -35,10 +35,10 @@ class RosLeaf(Behaviour):
         self._wake: Wake = stay_asleep
 
     def setup(self, **kwargs: Any) -> None:
-        """Take the node to work with; waits for nothing.
+        """Take the node to use, without blocking.
 
         Args:
-            **kwargs: `node`, the rclpy node; and optionally `wake`, to be called on good news.
+            **kwargs: `node`, the rclpy node; and optionally `wake`, which requests a tick.
 
         Raises:
             MissingNodeError: If there is no `node`.
@@ -49,7 +49,7 @@ class RosLeaf(Behaviour):
         self._wake = kwargs.get("wake", stay_asleep)
 
     def shutdown(self) -> None:
-        """Let go of the node."""
+        """Release the node."""
         self._node = None
 
     @property
@@ -64,10 +64,10 @@ class RosLeaf(Behaviour):
         return self._node
 
     def say(self, text: str) -> None:
-        """Write a line of the mission's log."""
+        """Write a line to the mission's log."""
         self.node.get_logger().info(text)
 
     def complain(self, text: str) -> None:
-        """Log a warning about something that went wrong, and keep it as the leaf's feedback message."""
+        """Log a warning, and keep it as the leaf's feedback message."""
         self.feedback_message = text
         self.node.get_logger().warning(text)

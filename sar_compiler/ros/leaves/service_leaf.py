@@ -1,4 +1,4 @@
-"""A call of a ROS service: the leaf to derive from, and one call, without ever waiting."""
+"""Calls of a ROS service: the base class of leaves, and a single call, without blocking."""
 
 from abc import abstractmethod
 from collections.abc import Callable
@@ -24,10 +24,10 @@ class ServiceCall:
         server_sec: How long to wait for a server, seconds of the steady clock.
         answer_sec: How long to wait for the answer, from the request on.
         on_sending: Called just before the request is sent.
-        on_answer: Called with the answer when it arrives; not any more once the call was given up.
+        on_answer: Called with the answer when it arrives, unless the call has been given up.
 
     Attributes:
-        sent, answer, trouble: As of every `client_leaf.Exchange`.
+        sent, answer, trouble: As in every `client_leaf.Exchange`.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class ServiceCall:
         self._abandoned = False
 
     def advance(self) -> None:
-        """Do what can be done now: send the request, or see whether a deadline has passed."""
+        """Do what is possible now: send the request, or check the deadlines."""
         if self._abandoned or self.answer is not None:
             return
         if self._future is None:
@@ -65,7 +65,7 @@ class ServiceCall:
             )
 
     def abandon(self) -> None:
-        """Give the call up: an answer that is still to come is ignored."""
+        """Give the call up: a later answer is ignored."""
         self._abandoned = True
         if self._future is not None:
             # Without this the client would wait for the answer, and keep the request, for good.
@@ -73,7 +73,7 @@ class ServiceCall:
 
     def _send_or_wait(self) -> None:
         if self._client.context.ok() and self._client.service_is_ready():
-            # Sent to nobody, a request would be lost: it is not delivered to a server that appears later.
+            # Without a server a request would be lost: it is not delivered to one that appears later.
             self._on_sending()
             self.sent = True
             self._deadline = Deadline(self._answer_sec)
@@ -100,7 +100,7 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
     """A leaf that makes one call of a service in each activation; RUNNING until the answer comes.
 
     A subclass has the attributes `service_type` and `service_name`, of the class or set by its constructor, and
-    the methods `request` and, where the answer says more than that it came, `on_response`.
+    the methods `request` and, if the content of the answer matters, `on_response`.
 
     Args:
         name: The leaf's name in the tree.
@@ -135,28 +135,28 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
     def request(self) -> Any:
         """Return the request, an `interface.Request`.
 
-        Or a `Status`, to ask nothing: SUCCESS and FAILURE end the leaf, with RUNNING this is called again at the
-        next tick.
+        Or a `Status`, to send nothing: SUCCESS and FAILURE end the leaf, with RUNNING this method is called again at
+        the next tick.
         """
 
     def on_response(self, response: Any) -> Status:
-        """Return what the answer means; with RUNNING the service is called again, with a new `request`.
+        """Return the leaf's status for the answer; with RUNNING the service is called again, with a new `request`.
 
-        By default SUCCESS, and FAILURE where a field `success` of the response, as std_srvs has it, is false.
+        By default SUCCESS, or FAILURE if the response has a field `success`, as in std_srvs, that is false.
         """
         if getattr(response, "success", True):
             return Status.SUCCESS
         return self.on_failure(getattr(response, "message", "") or "the server says that it did not succeed")
 
     def is_good_news(self, response: Any) -> bool:
-        """Return whether the tree is ticked at once because of an answer, instead of at the next period.
+        """Return whether the tree is ticked at once after an answer, instead of at the next period.
 
-        A tree may ask again as soon as it has got a bad one, and would do so as fast as the machine can.
+        After a bad answer a tree may call again at once, which would repeat as fast as the machine allows.
         """
         return bool(getattr(response, "success", True))
 
     def shutdown(self) -> None:
-        """Give the call up and release the client; where the node is gone, so is the client."""
+        """Give the call up and release the client, which is gone already if the node is."""
         self._drop()
         if self._client is not None:
             if alive(self.node):

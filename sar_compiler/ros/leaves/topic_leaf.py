@@ -1,4 +1,4 @@
-"""The leaf to derive from for what a ROS topic says."""
+"""The base class of leaves that read a ROS topic."""
 
 import math
 from typing import TYPE_CHECKING, Any
@@ -15,13 +15,13 @@ _NANOSECONDS = 1_000_000_000
 
 
 class TopicLeaf(RosLeaf):
-    """A leaf that looks at the latest message of a topic.
+    """A leaf that evaluates the latest message of a topic.
 
-    A condition answers at once, and a leaf that `waits` is RUNNING until there is a message. It listens from the
-    setup on, so a message may be older than the activation; `max_age_sec` and `clearing_policy` say how old.
+    A condition returns at once, and a leaf that `waits` is RUNNING until there is a message. It is subscribed from
+    the setup on, so a message may be older than the activation; `max_age_sec` and `clearing_policy` limit its age.
 
-    A subclass has the attributes `topic_type` and `topic_name`, of the class or set by its constructor, and, where
-    it matters what a message says, the method `on_message`.
+    A subclass has the attributes `topic_type` and `topic_name`, of the class or set by its constructor, and, if
+    the content of a message matters, the method `on_message`.
 
     Args:
         name: The leaf's name in the tree.
@@ -29,15 +29,15 @@ class TopicLeaf(RosLeaf):
     Attributes:
         topic_type: `"package/msg/Name"`, or the Python class.
         topic_name: The topic's (relative) name.
-        qos: `"sensor_data"` (best effort, which goes with every publisher), `"reliable"`, `"transient_local"`
-            (reliable, and the last message from before the setup counts too), or an rclpy `QoSProfile`.
-        max_age_sec: How long ago a message may have come, seconds of the node's clock; None for ever.
-        waits: Whether the leaf is RUNNING while there is no message, and not FAILURE.
-        clearing_policy: When the message is forgotten: `ClearingPolicy.NEVER`, `ON_INITIALISE` to look only at those
-            that come after the leaf was entered, `ON_SUCCESS` to look at each once.
+        qos: `"sensor_data"` (best effort, compatible with every publisher), `"reliable"`, `"transient_local"`
+            (reliable, including the last message from before the setup), or an rclpy `QoSProfile`.
+        max_age_sec: The maximum age of a message, seconds of the node's clock; None for no limit.
+        waits: Whether the leaf is RUNNING, instead of FAILURE, while there is no message.
+        clearing_policy: When the message is forgotten: `ClearingPolicy.NEVER`, `ON_INITIALISE` to use only those
+            that arrive after the leaf was entered, `ON_SUCCESS` to use each only once.
 
     Example:
-        A condition on a sensor, FAILURE also while nobody knows::
+        A condition on a sensor, FAILURE also while there is no message::
 
             class BatteryOk(TopicLeaf):
                 topic_type = "sensor_msgs/msg/BatteryState"
@@ -63,7 +63,7 @@ class TopicLeaf(RosLeaf):
 
     @property
     def message(self) -> Any:
-        """The latest message; None if there is none, or none that is young enough."""
+        """The latest message; None if there is none, or it is too old."""
         if self._message is None or self.max_age_sec is None:
             return self._message
         # A clock that jumps back, as that of a simulator which starts anew, makes every message too old.
@@ -77,7 +77,7 @@ class TopicLeaf(RosLeaf):
             **kwargs: `node` and optionally `wake`, see `RosLeaf`.
 
         Raises:
-            LeafDefinitionError: If the class does not say what to listen to, or the type is not installed.
+            LeafDefinitionError: If the class does not name the topic, or the type is not installed.
         """
         self.shutdown()
         super().setup(**kwargs)
@@ -87,12 +87,12 @@ class TopicLeaf(RosLeaf):
         self._subscription = self.node.create_subscription(interface, self.topic_name, self._take, qos)
 
     def initialise(self) -> None:
-        """Forget the message from before, where the clearing policy says so."""
+        """Forget the earlier message, if the clearing policy requires it."""
         if self.clearing_policy is ClearingPolicy.ON_INITIALISE:
             self._message = None
 
     def update(self) -> Status:
-        """Return what the latest message means, or its absence."""
+        """Return the status for the latest message, or for its absence."""
         message = self.message
         self.feedback_message = ""
         status = self.on_silence() if message is None else self.on_message(message)
@@ -101,7 +101,7 @@ class TopicLeaf(RosLeaf):
         return status
 
     def shutdown(self) -> None:
-        """Forget the message and end the subscription; where the node is gone, so is that."""
+        """Forget the message and end the subscription, which is gone already if the node is."""
         self._message = None
         if self._subscription is not None:
             if alive(self.node):
@@ -110,11 +110,11 @@ class TopicLeaf(RosLeaf):
         super().shutdown()
 
     def on_message(self, message: Any) -> Status:  # noqa: ARG002 - for subclasses
-        """Return what a message means; by default SUCCESS, whatever is in it. Called in every tick."""
+        """Return the status for a message; by default SUCCESS, regardless of its content. Called in every tick."""
         return Status.SUCCESS
 
     def on_silence(self) -> Status:
-        """Return what it means that there is no message: RUNNING for a leaf that `waits`, else FAILURE."""
+        """Return the status while there is no message: RUNNING for a leaf that `waits`, else FAILURE."""
         old = "" if self._message is None else f" within {self.max_age_sec:g} s"
         self.feedback_message = f"no message on '{self.topic_name}'{old}"
         return Status.RUNNING if self.waits else Status.FAILURE

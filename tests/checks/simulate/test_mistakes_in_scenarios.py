@@ -166,3 +166,10 @@ def test_a_scalar_is_taken_as_it_is_written():
     assert play.simulated.fact_values()["at"] == "no"
     scope = play.simulated.compiled.instance.scope
     assert [scope.resolve(key).read() for key in "abcd"] == [1.5, True, "1", "12:30"]
+
+
+def test_a_script_that_cannot_be_read_comes_with_what_to_write():
+    with pytest.raises(TreeError) as error:
+        read("until: root == 0x")
+    (finding,) = error.value.findings
+    assert (finding.code, finding.hint) == ("script-error", "such as 0xFF")

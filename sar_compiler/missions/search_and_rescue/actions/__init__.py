@@ -1,4 +1,4 @@
-"""What the mission does: drive, search, publish, report."""
+"""The mission's actions: drive, search, publish, report."""
 
 from sar_compiler.missions.search_and_rescue.actions.keeping import DeliverReports, KeepReport
 from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase, NavigateToZone

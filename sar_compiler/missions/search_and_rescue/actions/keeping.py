@@ -1,4 +1,4 @@
-"""Reports that did not get through: kept, and delivered when the base station answers again."""
+"""Reports that could not be delivered: kept, and delivered when the base station answers again."""
 
 from typing import Any
 
@@ -49,7 +49,7 @@ class KeepReport(RosLeaf):
         self._record = record or MissionRecord()
 
     def update(self) -> Status:
-        """Keep it; to keep it again changes nothing."""
+        """Keep the report; to keep it again changes nothing."""
         survivor_id, pose = self._detect_node.survivor_id(), self._detect_node.survivor_pose()
         if survivor_id is None or pose is None:
             missing = "nobody was found" if pose is None else "the survivor has no name yet"
@@ -110,14 +110,14 @@ class DeliverReports(ReportLeaf):
         super().initialise()
 
     def request(self) -> Any:
-        """Return the request for the oldest report that was not tried; SUCCESS if none is kept."""
+        """Return the request for the oldest report not tried yet; SUCCESS if none is kept."""
         if self._untried:
             return self._request_for(self._untried.pop(0))
         self.feedback_message = "no report is kept"
         return Status.SUCCESS
 
     def on_response(self, response: Any) -> Status:
-        """Go on to the next report: one that is refused must not hold up the others."""
+        """Continue with the next report: a refused one must not block the others."""
         if super().on_response(response) is Status.SUCCESS:
             self._kept.delivered(self._survivor_id)
         if self._untried:

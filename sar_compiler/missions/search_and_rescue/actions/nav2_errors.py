@@ -1,6 +1,6 @@
 """Nav2's status and error codes in words.
 
-Source: the action definitions of nav2_msgs. Each server has a hundred of its own; `NavigateToPose` passes on
+Source: the action definitions of nav2_msgs. Each server has a range of a hundred codes; `NavigateToPose` passes on
 the code of the server that failed.
 """
 
@@ -47,11 +47,11 @@ _RANGES = (
 
 
 def describe_end(status: int, result: Any) -> str:
-    """Return how and why a drive failed.
+    """Return the description of a failed drive.
 
     Args:
         status: The goal's status, a constant of `action_msgs/msg/GoalStatus` other than success.
-        result: The result of `nav2_msgs/action/NavigateToPose`; that of older versions has no error code.
+        result: The result of `nav2_msgs/action/NavigateToPose`, which has no error code in older versions.
 
     Returns:
         Status and error code, each as a number and in words.
@@ -63,7 +63,7 @@ def describe_end(status: int, result: Any) -> str:
 
 def _describe_code(code: int, *, aborted: bool) -> str:
     if code == 0:
-        # What Nav2 leaves without a code, though it aborts.
+        # The aborts that Nav2 reports without a code.
         return "a pose cannot be transformed, or another client's goal took over" if aborted else "none"
     if code in _CODES:
         return _CODES[code]

@@ -18,9 +18,9 @@ _USES = [Use.action("{action}"), Use.nav2()]
 
 
 class NavigateTo(ActionLeaf):
-    """What driving to a zone and driving home have in common: one goal for each activation.
+    """The common base of driving to a zone and driving home: one goal for each activation.
 
-    Subclasses say where to drive, and what arriving means.
+    Subclasses define the target, and the effect of the arrival.
 
     Args:
         name: The node's name.
@@ -56,12 +56,12 @@ class NavigateTo(ActionLeaf):
         self._headline = ""
 
     def on_send(self) -> None:
-        """Log where the robot sets out for."""
+        """Log the target of the drive."""
         self.feedback_message = f"navigating to {self._target}"
         self.say(f"Navigating to {self._target}...")
 
     def on_feedback(self, feedback: Any) -> None:
-        """Keep how far it is still."""
+        """Keep the remaining distance."""
         self.feedback_message = f"navigating to {self._target}, {feedback.distance_remaining:.2f} m left"
 
     def on_result(self, status: int, result: Any) -> Status:
@@ -74,20 +74,20 @@ class NavigateTo(ActionLeaf):
         return Status.SUCCESS
 
     def on_failure(self, reason: str) -> Status:
-        """Return FAILURE, and log where the robot did not get to."""
+        """Return FAILURE, and log the target that was not reached."""
         self.complain(f"Navigation to {self._target} failed: {reason}")
         return Status.FAILURE
 
     def _on_arrival(self) -> None:
-        """Do what arriving means."""
+        """Handle the arrival."""
 
     def _drive_to(self, target: str, pose: Pose, headline: str = "") -> Any:
         """Return the goal for a pose in the frame `map`.
 
         Args:
-            target: What the log calls the place.
+            target: The name of the place in the log.
             pose: The pose.
-            headline: What the log says above the drive; once for repeated drives to one target.
+            headline: The line logged before the drive, once for repeated drives to one target.
         """
         self._target = target
         if headline not in ("", self._headline):

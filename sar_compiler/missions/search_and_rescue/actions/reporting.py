@@ -1,4 +1,4 @@
-"""What reporting a survivor at once and delivering what was kept have in common: the call to the base station."""
+"""The common base of reporting a survivor and delivering kept reports: the call to the base station."""
 
 from typing import Any
 
@@ -11,9 +11,9 @@ from sar_compiler.ros.leaves.service_leaf import ServiceLeaf
 
 
 class ReportLeaf(ServiceLeaf):
-    """A leaf that reports a survivor to the base station, and heeds the acknowledgement.
+    """A leaf that reports a survivor to the base station, and handles the acknowledgement.
 
-    Subclasses say which survivor.
+    Subclasses choose the survivor.
 
     Args:
         name: The node's name.
@@ -41,7 +41,7 @@ class ReportLeaf(ServiceLeaf):
         self._survivor_id = ""
 
     def on_send(self) -> None:
-        """Log whom it is about."""
+        """Log the survivor's name."""
         self.say(f"Reporting {self._survivor_id} to base...")
 
     def on_response(self, response: Any) -> Status:

@@ -1,4 +1,4 @@
-"""Zones that cannot be searched now: put behind the others, and abandoned in the end."""
+"""Zones that cannot be searched now: postponed, and finally abandoned."""
 
 from typing import Annotated
 
@@ -12,9 +12,9 @@ from sar_compiler.ros.leaves.leaf import RosLeaf
 
 Attempts = Annotated[int, at_least(1)]
 
-# Zones are postponed in rounds: whoever is behind all others comes again when all others have been tried. So
-# how often the current zone was tried is the number of the round; a round is over when all zones that are left
-# have been postponed in it.
+# Zones are postponed in rounds: a postponed zone is next when all others have been tried. So the number of
+# attempts at the current zone is the number of the round; a round is over when all remaining zones have been
+# postponed in it.
 _FACTS = {"zones_left": 3, "round": 1, "postponed_in_round": 0}
 _ROUND_IS_OVER = "postponed_in_round >= zones_left"
 
@@ -41,12 +41,12 @@ _ROUND_IS_OVER = "postponed_in_round >= zones_left"
     facts=_FACTS,
 )
 class PostponeZone(RosLeaf):
-    """Put the current zone behind all others, to come back to it; FAILURE once it was tried often enough.
+    """Put the current zone after all others, to try it again later; FAILURE after its last attempt.
 
     Args:
         name: The node's name.
         zone_manager: The mission's zones.
-        attempts: How often a zone is tried, 1 or more; with the last attempt it is postponed no more.
+        attempts: The number of attempts at a zone, 1 or more; after the last one it is not postponed again.
     """
 
     def __init__(self, name: str, zone_manager: ZoneManager, *, attempts: Attempts = 3) -> None:
@@ -58,7 +58,7 @@ class PostponeZone(RosLeaf):
         self._attempts = attempts
 
     def update(self) -> Status:
-        """Postpone it, if it may be."""
+        """Postpone the zone, if attempts are left."""
         if not self._zones.has_remaining():
             self.complain(f"'{self.name}' has no zone to postpone: none is left.")
             return Status.FAILURE
@@ -97,7 +97,7 @@ class AbandonZone(RosLeaf):
         self._record = record or MissionRecord()
 
     def update(self) -> Status:
-        """Abandon it; past the last zone there is nothing to do."""
+        """Abandon the zone; past the last one there is nothing to do."""
         if self._zones.has_remaining():
             zone_id, attempts = self._zones.current_zone()["id"], self._zones.times_postponed() + 1
             self._zones.abandon()

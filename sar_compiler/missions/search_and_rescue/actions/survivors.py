@@ -15,7 +15,7 @@ from sar_compiler.ros.leaves.leaf import RosLeaf
 from sar_compiler.ros.leaves.service_leaf import ServiceLeaf
 
 _ANY_STATUS = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
-# What is known of the last search of a DetectSurvivor: a new one forgets it.
+# The result of the last search of a DetectSurvivor, which a new search resets.
 _FORGOTTEN = "found_by_{self} = false; named_by_{self} = false"
 
 
@@ -38,7 +38,7 @@ _FORGOTTEN = "found_by_{self} = false; named_by_{self} = false"
 class DetectSurvivor(ServiceLeaf):
     """Search the current zone, and keep the answer: SUCCESS whether or not a survivor was found.
 
-    FAILURE means that nobody answered.
+    FAILURE if the service does not answer.
 
     Args:
         name: The node's name.
@@ -80,11 +80,11 @@ class DetectSurvivor(ServiceLeaf):
         return self._pose
 
     def survivor_id(self) -> str | None:
-        """Return the name that the survivor was given, or None."""
+        """Return the survivor's assigned name, or None."""
         return self._survivor_id
 
     def set_survivor_id(self, survivor_id: str) -> None:
-        """Keep the name that the survivor was given."""
+        """Keep the survivor's assigned name."""
         self._survivor_id = survivor_id
 
     def request(self) -> Any:
@@ -102,7 +102,7 @@ class DetectSurvivor(ServiceLeaf):
         self.say(f"Calling {self.service_name} for {self._zone_id}...")
 
     def on_response(self, response: Any) -> Status:
-        """Keep the answer, whatever it is."""
+        """Keep the answer, with or without a survivor."""
         self.feedback_message = f"nobody in {self._zone_id}"
         if response.found:
             self._pose = (response.survivor_x, response.survivor_y)
@@ -151,7 +151,7 @@ class BroadcastSurvivorTF(RosLeaf):
         self._verdict = Status.INVALID
 
     def setup(self, **kwargs: Any) -> None:
-        """Make the publisher, or share the one that the node has already.
+        """Create the publisher, or share the one that the node has already.
 
         Args:
             **kwargs: `node` and optionally `wake`, see `RosLeaf`.
@@ -160,11 +160,11 @@ class BroadcastSurvivorTF(RosLeaf):
         self._transforms = static_transforms_of(self.node)
 
     def initialise(self) -> None:
-        """Forget the last activation's verdict."""
+        """Reset the status of the last activation."""
         self._verdict = Status.RUNNING
 
     def update(self) -> Status:
-        """Publish once in each activation, so that each takes one name."""
+        """Publish once in each activation, so that each uses one name."""
         if self._verdict is Status.RUNNING:
             self._verdict = self._broadcast()
         return self._verdict
@@ -251,11 +251,11 @@ class NotifyBase(ReportLeaf):
     "LogNoDetection", kind=Kind.ACTION, outcomes={Status.SUCCESS}, answers=[Answer("SUCCESS", "logged")]
 )
 class LogNoDetection(RosLeaf):
-    """Say in the log that nobody was found.
+    """Log that no survivor was found.
 
     Args:
         name: The node's name.
-        zone_manager: Tells the zone, if it is to be named.
+        zone_manager: Names the zone, if requested.
     """
 
     def __init__(self, name: str, zone_manager: ZoneManager | None = None) -> None:
@@ -263,7 +263,7 @@ class LogNoDetection(RosLeaf):
         self._zones = zone_manager
 
     def update(self) -> Status:
-        """Say it."""
+        """Log the message."""
         named = self._zones is not None and self._zones.has_remaining()
         place = f" at {self._zones.current_zone()['id']}" if self._zones is not None and named else ""
         self.feedback_message = f"nobody found{place}"

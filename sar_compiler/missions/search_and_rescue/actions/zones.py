@@ -39,11 +39,11 @@ class AdvanceZone(Behaviour):
         self._wake: Wake = stay_asleep
 
     def setup(self, **kwargs: Any) -> None:
-        """Take what there is to take: `wake`, so that the next zone is started at once."""
+        """Take `wake`, if given, so that the next zone is started at once."""
         self._wake = kwargs.get("wake", stay_asleep)
 
     def update(self) -> Status:
-        """Move on; past the last zone there is nothing to do and nobody is woken."""
+        """Advance to the next zone; past the last one there is nothing to do, and no tick is requested."""
         if self._zones.has_remaining():
             self._record.zone_visited(self._zones.current_zone()["id"])
             self._zones.advance()

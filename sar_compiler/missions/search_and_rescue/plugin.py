@@ -1,4 +1,4 @@
-"""Search and rescue as `sar-run` knows it: the plug-in of the entry point `sar_compiler.missions`."""
+"""Search and rescue as a mission: the plug-in of the entry point `sar_compiler.missions`."""
 
 from collections.abc import Collection
 from pathlib import Path
@@ -34,7 +34,7 @@ class SearchAndRescue(Mission):
         return shipped("config", "mission_params.yaml")
 
     def default_properties(self, leaves: Collection[type]) -> Path | None:
-        """Return the shipped file for a tree that goes from zone to zone, and home."""
+        """Return the shipped file for a tree that visits the zones and returns home."""
         return (
             shipped("config", "mission_properties.yaml")
             if {ZonesRemaining, NavigateToBase} <= set(leaves)
@@ -51,7 +51,7 @@ class Search(MissionRun):
 
     Args:
         zones: The zones in the order of their visit, each with `id`, `x`, `y` (m) and `yaw` (rad).
-        base_station: Where the robot returns to: `x`, `y` (m) and `yaw` (rad).
+        base_station: The pose to return to: `x`, `y` (m) and `yaw` (rad).
     """
 
     def __init__(self, zones: list[dict[str, Any]], base_station: dict[str, float]) -> None:
@@ -64,7 +64,7 @@ class Search(MissionRun):
         }
 
     def greeting(self) -> list[str]:
-        """Return how many zones there are, and where the base station is."""
+        """Return the number of zones and the pose of the base station."""
         base = self._zones.base_pose()
         return [
             f"Loaded {self._zones.total_zones()} search zones from parameters.",
@@ -72,11 +72,11 @@ class Search(MissionRun):
         ]
 
     def places(self) -> dict[str, tuple[float, float]]:
-        """Return where the zones are."""
+        """Return the positions of the zones."""
         return {zone["id"]: (zone["x"], zone["y"]) for zone in self._zones.remaining_zones()}
 
     def servers(self, faults: "FaultPlan", **options: Any) -> "list[Node]":
-        """Make the two servers."""
+        """Create the two servers."""
         from sar_compiler.missions.search_and_rescue.detect_survivor_server import DetectSurvivorServer
         from sar_compiler.missions.search_and_rescue.report_survivor_server import ReportSurvivorServer
 
@@ -86,7 +86,7 @@ class Search(MissionRun):
         ]
 
     def shortfalls(self) -> list[str]:
-        """Return what is not visited, not acknowledged, not home."""
+        """Return what is not yet visited, acknowledged, or home."""
         return self._record.shortfalls(self._zones)
 
     def nothing_left(self) -> str:
@@ -94,7 +94,7 @@ class Search(MissionRun):
         return "" if self._zones.has_remaining() else "No zone is left"
 
     def summary(self, elapsed_sec: float, ticks: int) -> str:
-        """Return zones, survivors, the way home, and what is missing."""
+        """Return the zones, the survivors, the return home, and what is missing."""
         return mission_summary(self._record, self._zones, elapsed_sec, ticks)
 
 

@@ -1,0 +1,66 @@
+"""Whether the tests notice mistakes: `python -m tests.mutants` makes some by chance, and says which no test finds.
+
+The mistakes (mutants) are drawn by a seed from all changes of `mutating`, and made one at a time in a copy of the
+checkout. Exit status 1 if there is a survivor that is not in `EQUIVALENT`.
+"""
+
+import argparse
+import random
+import sys
+from contextlib import closing
+from pathlib import Path
+
+from tests.mutants.equivalent import EQUIVALENT
+from tests.mutants.mutating import Mutant, mutants_of
+from tests.mutants.running import Bench
+
+PACKAGES = ("sar_compiler/checks", "sar_compiler/nodes", "sar_compiler/compiler")
+
+
+def all_mutants(root: Path, paths: list[str]) -> list[Mutant]:
+    """Return all mutants of some modules, and of those in some folders."""
+    found = [
+        file
+        for path in paths
+        for file in ([root / path] if path.endswith(".py") else (root / path).rglob("*.py"))
+    ]
+    return [m for file in sorted(found) for m in mutants_of(str(file.relative_to(root)), file.read_bytes())]
+
+
+def survivors_of(bench: Bench, mutants: list[Mutant]) -> list[Mutant]:
+    """Run the tests with each mutant, tell what became of it, and return those that no test finds."""
+    found = []
+    for number, mutant in enumerate(mutants, 1):
+        killer = bench.killer_of(mutant)
+        end = f"killed by {killer}" if killer else "SURVIVED"
+        _tell(f"{number}. {mutant.path}:{mutant.line}: {mutant.change}: {end}")
+        if not killer:
+            found.append(mutant)
+    return found
+
+
+def _tell(line: str) -> None:
+    sys.stdout.write(f"{line}\n")
+    sys.stdout.flush()
+
+
+def main() -> int:
+    """Draw mutants and run the tests with each; return the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m tests.mutants", description=__doc__.partition("\n")[0])
+    parser.add_argument("path", nargs="*", default=PACKAGES, help="modules or folders to change")
+    parser.add_argument("--seed", type=int, default=1, help="what the choice depends on")
+    parser.add_argument("--count", type=int, default=60, help="how many mutants; 0 for all")
+    options = parser.parse_args()
+    mutants = all_mutants(Path(), list(options.path))
+    count = min(options.count or len(mutants), len(mutants))
+    drawn = random.Random(options.seed).sample(mutants, count)  # noqa: S311 - the same for everybody
+    with closing(Bench(Path(), PACKAGES, Path("build/mutants"))) as bench:
+        survivors = survivors_of(bench, drawn)
+    known = {(path, text, change) for path, text, change, _why in EQUIVALENT}
+    new = [mutant for mutant in survivors if (mutant.path, mutant.text, mutant.change) not in known]
+    _tell(f"{count - len(survivors)} killed, {len(survivors)} survived, {len(new)} of them without a reason")
+    return 1 if new else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

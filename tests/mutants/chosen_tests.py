@@ -1,0 +1,34 @@
+"""A pytest plugin for the runs of `tests.mutants`: runs the tests that are asked for, and notes what became of each."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+CHOSEN, NOTED = "MUTANTS_CHOSEN", "MUTANTS_NOTED"
+"""The environment variables that name a file with what to run, and one for what came of it."""
+_seconds: dict[str, float | None] = {}
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Keep the chosen tests, in their order, and those that there are only with this mutant."""
+    if CHOSEN not in os.environ:
+        return
+    asked = json.loads(Path(os.environ[CHOSEN]).read_text(encoding="utf-8"))
+    by_id = {item.nodeid: item for item in items}
+    known = set(asked["known"])
+    new = [item for item in items if item.nodeid not in known]
+    items[:] = [*(by_id[each] for each in asked["chosen"] if each in by_id), *new]
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """Note how many seconds a test took; None if it failed."""
+    before = _seconds.get(report.nodeid, 0.0)
+    _seconds[report.nodeid] = None if before is None or report.failed else before + report.duration
+
+
+def pytest_sessionfinish() -> None:
+    """Write what was noted."""
+    Path(os.environ[NOTED]).write_text(json.dumps(_seconds), encoding="utf-8")

@@ -1,0 +1,23 @@
+"""Mutants that no test can find, because they change nothing that anybody sees."""
+
+EQUIVALENT: list[tuple[str, str, str, str]] = [
+    (
+        "sar_compiler/nodes/binding/binder.py",
+        "self._level += 1",
+        "1 -> 2",
+        "the level is only a bound: where it is too high, `nesting` counts how deep the tree really is",
+    ),
+    (
+        "sar_compiler/checks/rules/outcome_analysis.py",
+        '_YES_OR_NO: tuple[frozenset[str], ...] = (frozenset(), frozenset({"SUCCESS", "FAILURE"}))',
+        "\"SUCCESS\" -> 'SUCCESSx'",
+        "it only saves time: the rules find nothing in a tree of nothing but questions",
+    ),
+    (
+        "sar_compiler/nodes/outcome_sets.py",
+        "for child, known in zip(bound.children, children, strict=True)",
+        "True -> False",
+        "there is a set for each child; strict would only tell a programmer that there is not",
+    ),
+]
+"""Each with its module, the line's text, the change, and why it is no mistake."""

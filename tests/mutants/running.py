@@ -1,0 +1,180 @@
+"""Running the tests that reach a mutant, in a copy of the checkout."""
+
+import bisect
+import hashlib
+import itertools
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from coverage import CoverageData
+
+from tests.mutants.chosen_tests import CHOSEN, NOTED
+from tests.mutants.mutating import Mutant
+
+_NOT_COPIED = shutil.ignore_patterns(".git", ".venv*", ".*_cache", ".hypothesis", "__pycache__", "build")
+_PYTEST = ("-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "chosen_tests", "-m", "not ros and not slow")
+# The first round has the quickest tests, of so many seconds together; most mutants do not live longer.
+_FIRST_SEC = 3.0
+# The last round has tests that only seem to have nothing to do with the mutant.
+_LAST_SEC = 60.0
+# A test of another folder must be so much quicker to have its turn first.
+_ELSEWHERE = 3.0
+# Longer tests go through what shorter ones ask for one by one.
+_LONGEST_SEC = 5.0
+# Whoever takes so much longer than without the mutant hangs.
+_SLOWER, _START_SEC = 20.0, 120.0
+
+
+class Bench:
+    """A copy of a checkout, and what is known of its tests.
+
+    Args:
+        root: The checkout.
+        packages: The folders whose modules are mutated, from there.
+        cache: Where to keep which tests reach which lines.
+    """
+
+    def __init__(self, root: Path, packages: Sequence[str], cache: Path) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="mutants-")
+        self._copy = Path(self._folder.name) / "copy"
+        shutil.copytree(root, self._copy, ignore=_NOT_COPIED, symlinks=True)
+        # Compiled again when the text is another one, whatever the file's time says.
+        compiled = ("-m", "compileall", "-q", "--invalidation-mode", "checked-hash", *packages)
+        subprocess.run([sys.executable, *compiled], cwd=self._copy, check=True)
+        modules = sorted(path for package in packages for path in (self._copy / package).rglob("*.py"))
+        self._modules = {str(path.relative_to(self._copy)): _hash_of(path.read_bytes()) for path in modules}
+        self._cache = cache.absolute() / _hash_of("\n".join(self._modules).encode())
+        self._known = self._collect(packages)
+        # What fails without a mutant tells nothing.
+        self._seconds = {
+            test: sec for test, sec in self._known.items() if sec is not None and sec < _LONGEST_SEC
+        }
+        self._reach = CoverageData(str(self._cache / "reach"))
+        self._reach.read()
+        self._killers: Counter[str] = Counter()
+
+    def close(self) -> None:
+        """Delete the copy."""
+        self._folder.cleanup()
+
+    def killer_of(self, mutant: Mutant) -> str:
+        """Return which test fails with a mutant; empty if none does."""
+        path = self._copy / mutant.path
+        source = path.read_bytes()
+        path.write_bytes(mutant.applied(source))
+        try:
+            return next(filter(None, map(self._failing, self._rounds(mutant))), "")
+        finally:
+            path.write_bytes(source)
+
+    def _collect(self, packages: Sequence[str]) -> dict[str, float | None]:
+        """Return how many seconds each test takes, None if it fails; run those whose file is new, and note what they reach."""
+        self._cache.mkdir(parents=True, exist_ok=True)
+        notes, settings = self._cache / "notes.json", self._cache / "coverage.ini"
+        text = notes.read_text(encoding="utf-8") if notes.exists() else "[{}, {}]"
+        collected, found = json.loads(text)
+        self._collected: dict[str, str] = collected or self._modules
+        files = sorted((self._copy / "tests").rglob("test_*.py"))
+        hashes = {str(file.relative_to(self._copy)): _hash_of(file.read_bytes()) for file in files}
+        known: dict[str, Any] = {file: own for file, own in found.items() if hashes.get(file) == own[0]}
+        if new := [file for file in hashes if file not in known]:
+            source = "".join(f"\n  {package}" for package in packages)
+            run = f"[run]\nrelative_files = true\ndata_file = {self._cache / 'reach'}\nsource ={source}\n"
+            settings.write_text(run, encoding="utf-8")
+            coverage = (
+                "--cov",
+                "--cov-append",
+                "--cov-context=test",
+                "--cov-report=",
+                f"--cov-config={settings}",
+            )
+            seconds, _ = self._run([*coverage, *new], None)
+            for file in new:
+                own = {test: sec for test, sec in seconds.items() if test.partition("::")[0] == file}
+                known[file] = [hashes[file], own]
+            notes.write_text(json.dumps([self._collected, known]), encoding="utf-8")
+        return {test: sec for _, own in known.values() for test, sec in own.items()}
+
+    def _rounds(self, mutant: Mutant) -> list[list[str]]:
+        """Return which tests to run: the quickest that reach the lines, then the others that do, then some more.
+
+        The last round is for what is done but once in a process: only the first test seems to reach it.
+        """
+        near, rooms = self._reaching(mutant), Path(mutant.path).parts[1:-1]
+
+        def priority(test: str) -> tuple[int, float]:
+            is_near = any(f"/{room}/" in test for room in rooms)
+            return -self._killers[test], self._seconds[test] * (1.0 if is_near else _ELSEWHERE)
+
+        order = sorted(self._seconds, key=priority)
+        first, rest = self._within(_FIRST_SEC, [test for test in order if test in near])
+        last, _ = self._within(_LAST_SEC, [test for test in order if test not in near])
+        return [tests for tests in (first, rest, last) if tests]
+
+    def _within(self, seconds: float, tests: list[str]) -> tuple[list[str], list[str]]:
+        """Return the first tests that together take some seconds, and the others."""
+        ends = list(itertools.accumulate(self._seconds[test] for test in tests))
+        count = bisect.bisect_right(ends, seconds)
+        return tests[:count], tests[count:]
+
+    def _reaching(self, mutant: Mutant) -> set[str]:
+        contexts = self._reach.contexts_by_lineno(mutant.path)
+        is_as_it_was = self._collected[mutant.path] == self._modules[mutant.path]
+        lines = mutant.lines if is_as_it_was else ()
+        on_lines = {test for line in lines for test in contexts.get(line, []) if test}
+        # What is done when a module is imported is done for all who use the module.
+        found = on_lines or {test for tests in contexts.values() for test in tests if test}
+        return {context.rpartition("|")[0] for context in found} & self._seconds.keys()
+
+    def _failing(self, tests: list[str]) -> str:
+        asked = self._copy.parent / "asked.json"
+        asked.write_text(json.dumps({"chosen": tests, "known": list(self._known)}), encoding="utf-8")
+        files = list(dict.fromkeys(test.partition("::")[0] for test in tests))
+        limit = _START_SEC + _SLOWER * sum(self._seconds[test] for test in tests)
+        noted, status = self._run(["-x", *files], limit, {CHOSEN: str(asked)})
+        failed = [test for test, seconds in noted.items() if seconds is None]
+        self._killers.update(failed)
+        nothing_failed = status in (0, _NO_TESTS)
+        return "" if nothing_failed else failed[0] if failed else _NO_END if status is None else _NO_START
+
+    def _run(
+        self, arguments: Sequence[str], limit_sec: float | None, variables: dict[str, str] | None = None
+    ) -> tuple[dict[str, float | None], int | None]:
+        """Run pytest in the copy; return what its tests took, and its exit status, None if it did not end."""
+        notes = self._copy.parent / "noted.json"
+        notes.write_text("{}", encoding="utf-8")
+        path = os.pathsep.join([str(self._copy), str(Path(__file__).parent)])
+        process = subprocess.Popen(
+            [sys.executable, *_PYTEST, *arguments],
+            cwd=self._copy,
+            env={**os.environ, "PYTHONPATH": path, NOTED: str(notes), **(variables or {})},
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        try:
+            status: int | None = process.wait(limit_sec)
+        except subprocess.TimeoutExpired:
+            status = None
+        finally:
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+        return json.loads(notes.read_text(encoding="utf-8")), status
+
+
+_NO_TESTS = 5
+_NO_END, _NO_START = "tests that do not end", "tests that cannot be read"
+
+
+def _hash_of(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:16]

@@ -1,0 +1,117 @@
+"""The tool that makes mutants, with a module of a few lines and its test."""
+
+import ast
+from contextlib import closing
+
+import pytest
+
+from tests.mutants.__main__ import all_mutants, survivors_of
+from tests.mutants.mutating import mutants_of
+from tests.mutants.running import Bench
+
+MODULE = '''"""A module."""
+LIMIT = 3
+SPARE = 7
+
+def is_late(ticks):
+    """Return whether it is late."""
+    return ticks > LIMIT
+'''
+
+TEST = """
+from toy import is_late
+
+def test_the_fourth_tick_is_late():
+    assert is_late(4)
+    assert not is_late(3)
+"""
+
+
+def changes(source):
+    return [mutant.change for mutant in mutants_of("m.py", source.encode())]
+
+
+def checkout_of(root, module, test):
+    (root / "toy").mkdir(parents=True)
+    (root / "tests").mkdir()
+    (root / "toy" / "__init__.py").write_text(module)
+    (root / "tests" / "test_toy.py").write_text(test)
+    return root
+
+
+def test_a_mutant_that_a_test_finds_is_killed_and_one_that_none_finds_survives(tmp_path, capsys):
+    checkout = checkout_of(tmp_path / "checkout", MODULE, TEST)
+    with closing(Bench(checkout, ["toy"], tmp_path / "cache")) as bench:
+        (survivor,) = survivors_of(bench, all_mutants(checkout, ["toy"]))
+    assert survivor.change == "7 -> 8"
+    told = capsys.readouterr().out
+    assert "toy/__init__.py:2: 3 -> 4: killed by tests/test_toy.py::test_the_fourth_tick_is_late" in told
+    assert "toy/__init__.py:3: 7 -> 8: SURVIVED" in told
+    assert "toy/__init__.py:7: > -> >=: killed by" in told
+    # What is made is made in a copy.
+    assert (checkout / "toy" / "__init__.py").read_text() == MODULE
+    assert sorted(path.name for path in checkout.rglob("*")) == ["__init__.py", "test_toy.py", "tests", "toy"]
+
+
+def test_a_mutant_that_never_ends_is_killed(tmp_path, monkeypatch):
+    monkeypatch.setattr("tests.mutants.running._START_SEC", 5.0)
+    module = "def wait(n):\n    while n != 2:\n        n += 2\n"
+    checkout = checkout_of(
+        tmp_path / "checkout", module, "from toy import wait\ndef test_end():\n    wait(0)\n"
+    )
+    (endless, *_) = [mutant for mutant in all_mutants(checkout, ["toy"]) if mutant.change == "2 -> 3"]
+    with closing(Bench(checkout, ["toy"], tmp_path / "cache")) as bench:
+        assert bench.killer_of(endless)
+
+
+def test_every_mutant_of_a_module_is_python_and_another_text():
+    source = MODULE.encode()
+    for mutant in mutants_of("m.py", source):
+        assert mutant.applied(source) != source
+        ast.parse(mutant.applied(source))
+
+
+@pytest.mark.parametrize(
+    ("source", "expected"),
+    [
+        ("x = a < b", ["< -> <="]),
+        ("x = (a is\n not b)", ["is not -> is"]),
+        ("x = a and (b or c)", ["and -> or", "or -> and"]),
+        ("x = not a", ["not -> (nothing)"]),
+        ("x = a | b", ["| -> &"]),
+        ("x = True", ["True -> False"]),
+        ("x = 'warning'", ["'warning' -> 'warningx'"]),
+        ("x = {a, b}", ["a, -> (nothing)", ", b -> (nothing)"]),
+        ("x = (a, b)", ["a, b -> a,", "a, b -> b,"]),
+        ("x = {a: b}", ["a: b -> (nothing)"]),
+        ("x = f(g, h=i)", [", h=i -> (nothing)"]),
+        ("x = adding(R); y = S", ["R -> S", "S -> R"]),
+        ("x = Skips.ALWAYS; y = Skips.NEVER", ["Skips.ALWAYS -> Skips.NEVER", "Skips.NEVER -> Skips.ALWAYS"]),
+        ("x = f()\ndef f():\n    return g(h=i)", ["h=i -> (nothing)"]),
+    ],
+)
+def test_what_can_be_mistaken_is_changed(source, expected):
+    assert changes(source) == expected
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        '"""A docstring."""',
+        "def f():\n    '''doc'''",
+        "x = 'a message for people'",
+        "x = 'Succeeds.'",
+        "x = f'{a == 1} {b}'",
+        "x: 'Literal[1]'",
+        "def f(x: 'int' = a) -> 'int':\n    return x",
+        "X: TypeAlias = 'int | str'",
+        "x = cast('int', a)",
+        "__all__ = ['a']",
+        "class Way(Enum):\n    UP = 'up'",
+        "if TYPE_CHECKING:\n    x = 1",
+        "a, b = b, a",
+        "def f():\n    return g(h=i)",
+    ],
+)
+def test_what_only_people_and_type_checkers_read_is_left_alone(source):
+    assert changes(source) == []
