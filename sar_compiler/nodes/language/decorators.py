@@ -99,12 +99,9 @@ _NAME = {"name": "The node's name."}
 _PASSING = Semantics(outcome_sets.passing, steady=True)
 
 
-def _cycles(bound: BoundNode) -> float | None:
-    return endless(number(bound, "num_cycles"))
-
-
-def _attempts(bound: BoundNode) -> float | None:
-    return endless(number(bound, "num_attempts"))
+def _at_most(attribute: str) -> Number:
+    """Return the reader of a number of rounds in BehaviorTree.CPP's notation."""
+    return lambda bound: endless(number(bound, attribute))
 
 
 def _successes(bound: BoundNode) -> float | None:
@@ -121,10 +118,6 @@ def _failures(bound: BoundNode) -> float | None:
 def _within(bound: BoundNode) -> float | None:
     milliseconds = number(bound, "msec")
     return milliseconds and milliseconds / _MILLISECONDS if milliseconds != 0 else math.inf
-
-
-def _duration(bound: BoundNode) -> float | None:
-    return number(bound, "duration")
 
 
 def _again(
@@ -245,8 +238,8 @@ BEHAVIORTREE_CPP = [
         {Status.SUCCESS: Status.RUNNING, Status.INVALID: Status.RUNNING},
         repeats=S,
     ),
-    _own("Repeat", repetition.Repeat, _again(_cycles, S, rewrites.repeat)),
-    _own("RetryUntilSuccessful", repetition.RetryUntilSuccessful, _again(_attempts, F)),
+    _own("Repeat", repetition.Repeat, _again(_at_most("num_cycles"), S, rewrites.repeat)),
+    _own("RetryUntilSuccessful", repetition.RetryUntilSuccessful, _again(_at_most("num_attempts"), F)),
     _own(
         "RunOnce",
         own.RunOnce,
@@ -300,7 +293,7 @@ PY_TREES = [
         Timeout,
         Kind.DECORATOR,
         _ALL,
-        semantics=_limit(_duration),
+        semantics=_limit(lambda bound: number(bound, "duration")),
         skipping=Skipping(advice='msec="..."'),
         variant=True,
     ),
