@@ -6,6 +6,8 @@ import typing
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
+from py_trees.behaviour import Behaviour
+
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.answers import SELF, mistake_in, placeholders
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role
@@ -35,7 +37,7 @@ def parameters_of(spec: NodeSpec) -> Mapping[str, Parameter]:
     Raises:
         RegistrationError: If one cannot be written in a tree file, or the answers use unknown ones.
     """
-    made_by = _constructor(spec)
+    made_by: Callable[..., Any] = spec.signature.factory or spec.cls.__init__  # type: ignore[misc]
     try:
         hints = typing.get_type_hints(made_by, include_extras=True)
     except Exception as error:
@@ -56,11 +58,6 @@ def parameters_of(spec: NodeSpec) -> Mapping[str, Parameter]:
 def summary_of(maker: Callable[..., Any] | None) -> str:
     """Return the first paragraph of a docstring, as one line."""
     return _documentation(maker)[0]
-
-
-def _constructor(spec: NodeSpec) -> Callable[..., Any]:
-    made_by: Callable[..., Any] = spec.signature.factory or spec.cls.__init__  # type: ignore[misc]
-    return made_by
 
 
 def _written(spec: NodeSpec, made_by: Callable[..., Any]) -> Iterator[tuple[str, inspect.Parameter]]:
@@ -97,7 +94,7 @@ def _parameter(spec: NodeSpec, parameter: inspect.Parameter, annotation: object,
         return Parameter(name, Role.ATTRIBUTE, value_type=value_type, direction=direction, **common)
     if is_class(target) and is_mission_context(target):
         return Parameter(name, Role.CONTEXT, target=target, **common)
-    if is_class(target) and _is_behaviour(target):
+    if is_class(target) and issubclass(target, Behaviour):
         return Parameter(name, Role.REFERENCE, target=target, **common)
     message = (
         f"<{spec.tag}>: parameter '{keyword}' of {_name_of(spec)} is annotated with {annotation!r}, which is "
@@ -147,12 +144,6 @@ def _carried_type(port: object) -> ValueType | None:
     """Return the type of a port's values: `T` of `Input[T]`, any type for a bare `Input`."""
     carried = typing.get_args(port)[0] if typing.get_args(port) else object
     return ANYTHING if carried in (object, Any) else value_type_of(carried)
-
-
-def _is_behaviour(cls: type) -> bool:
-    from py_trees.behaviour import Behaviour
-
-    return issubclass(cls, Behaviour)
 
 
 def _name_of(spec: NodeSpec) -> str:

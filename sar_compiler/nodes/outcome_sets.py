@@ -10,7 +10,7 @@ the author expects both. A constant has a single result.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import reduce
 from operator import and_, or_
@@ -356,16 +356,10 @@ def ticks_counted(bound: "BoundNode", _children: Sequence[int], sure: bool) -> i
     return unknown(bound, (), sure) if end is None else R | end
 
 
-def number(bound: "BoundNode", *names: str) -> float | None:
-    """Return the first of some attributes that is a constant number."""
-    return next(_numbers(bound, names), None)
-
-
-def _numbers(bound: "BoundNode", names: Iterable[str]) -> Iterator[float]:
-    for name in names:
-        value = bound.values.get(name)
-        if isinstance(value, (int, float)):
-            yield value
+def number(bound: "BoundNode", name: str) -> float | None:
+    """Return the value of an attribute that is a constant number; None for any other."""
+    value = bound.values.get(name)
+    return value if isinstance(value, (int, float)) else None
 
 
 def _otherwise(bound: "BoundNode", attribute: str, default: int, sure: bool) -> int:

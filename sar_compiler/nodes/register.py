@@ -2,16 +2,15 @@
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
+
+from py_trees.common import Status
 
 from sar_compiler.nodes.answers import STATUSES, is_fact_name
 from sar_compiler.nodes.constructors import RegistrationError
 from sar_compiler.nodes.semantics import Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Use
 from sar_compiler.runtime.answers import Answer, Fact
-
-if TYPE_CHECKING:
-    import py_trees
 
 C = TypeVar("C", bound=type[Any])
 
@@ -25,7 +24,7 @@ def register(  # noqa: PLR0913 - all that there is to say of a node
     tag: str,
     *,
     kind: Kind,
-    outcomes: "Iterable[py_trees.common.Status]" = (),
+    outcomes: Iterable[Status] = (),
     effects: str = "",
     uses: Iterable[Use] = (),
     answers: Iterable[Answer] = (),
@@ -83,11 +82,6 @@ def register(  # noqa: PLR0913 - all that there is to say of a node
     return mark
 
 
-def _outcome(status: "py_trees.common.Status") -> str:
-    """Return the name of an outcome; INVALID is skipped (`runtime.skipping.SKIPPED`)."""
-    return "SKIPPED" if status.name == "INVALID" else status.name
-
-
 def _require_tag(tag: object) -> None:
     if isinstance(tag, str) and _TAG.fullmatch(tag):
         return
@@ -108,8 +102,6 @@ def _require_kind(tag: str, kind: object) -> None:
 
 
 def _status_names(tag: str, outcomes: object) -> frozenset[str]:
-    from py_trees.common import Status
-
     choices = "Status.SUCCESS, Status.FAILURE or Status.RUNNING"
     statuses = _members(tag, "outcomes", outcomes, "{Status.SUCCESS}")
     for outcome in statuses:
@@ -117,7 +109,8 @@ def _status_names(tag: str, outcomes: object) -> frozenset[str]:
             meant = f"Status.{outcome}" if outcome in Status.__members__ else choices
             message = f"<{tag}>: outcomes holds {_shown(outcome)}; write {meant}"
             raise RegistrationError(message)
-    return frozenset(_outcome(status) for status in statuses)
+    # INVALID is `runtime.skipping.SKIPPED`.
+    return frozenset("SKIPPED" if each is Status.INVALID else each.name for each in statuses)
 
 
 def _uses(tag: str, uses: object) -> tuple[Use, ...]:

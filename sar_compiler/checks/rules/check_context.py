@@ -3,7 +3,7 @@
 import bisect
 import functools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes, is_telling
 from sar_compiler.nodes.binding.binder import BoundForest, bind_all
@@ -13,6 +13,7 @@ from sar_compiler.nodes.registry import Registry
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.model import SECTIONS, TreeFile
+from sar_compiler.tree.source import Span
 
 
 @dataclass(frozen=True)
@@ -90,13 +91,23 @@ def _place(bound: BoundNode) -> tuple[int, int]:
     return bound.element.line, bound.element.column
 
 
-def warning(code: str, message: str, bound: BoundNode, *, hint: str | None = None) -> Diagnostic:
-    """Return a warning about a node as a whole."""
+def warning(
+    code: str,
+    message: str,
+    bound: BoundNode,
+    span: Span | None = None,
+    suggestion: str | None = None,
+    hint: str | None = None,
+) -> Diagnostic:
+    """Return a warning about a part of a node, or about the node as a whole."""
     element = bound.element
-    return Diagnostic(code, message, element.source, element.tag_span(), hint=hint, severity=Severity.WARNING)
+    return Diagnostic(
+        code, message, element.source, span or element.tag_span(), suggestion, hint, Severity.WARNING
+    )
 
 
-def information(code: str, message: str, bound: BoundNode, *, hint: str | None = None) -> Diagnostic:
-    """Return an information about a node as a whole."""
-    element = bound.element
-    return Diagnostic(code, message, element.source, element.tag_span(), hint=hint, severity=Severity.INFO)
+def information(
+    code: str, message: str, bound: BoundNode, span: Span | None = None, *, hint: str | None = None
+) -> Diagnostic:
+    """Return an information about a part of a node, or about the node as a whole."""
+    return replace(warning(code, message, bound, span, hint=hint), severity=Severity.INFO)

@@ -4,7 +4,7 @@ import difflib
 import itertools
 from collections.abc import Iterator
 
-from sar_compiler.checks.rules.check_context import CheckContext
+from sar_compiler.checks.rules.check_context import CheckContext, information, warning
 from sar_compiler.checks.rules.entry_accesses import (
     EntryAccess,
     EntryAccesses,
@@ -25,7 +25,7 @@ from sar_compiler.nodes.language.py_trees_nodes import WRITES
 from sar_compiler.nodes.outcome_sets import K, S
 from sar_compiler.nodes.semantics import AccessKind, Order
 from sar_compiler.nodes.values import nearest
-from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.diagnostic import Diagnostic
 
 _LIKE, _CLOSE = 0.7, 0.75
 """The similarity of two keys from which one may be, and from which it must be, a misspelling of the other."""
@@ -100,7 +100,7 @@ def _unwritten_finding(use: EntryAccess, entry: EntryAccesses, near: str | None)
         hint = f"write {key} := ... where it is to be made"
     else:
         message = f"{access.attribute}: '{key}' is read here, and nothing ever writes it"
-    return _warning("unwritten-key", message, use, suggestion=suggestion, hint=hint)
+    return warning("unwritten-key", message, use.bound, use.access.span(), suggestion=suggestion, hint=hint)
 
 
 def _unwritten_argument(
@@ -110,8 +110,7 @@ def _unwritten_argument(
     message = f"{attribute}: '{entry.key}' is read in '{place.name}', and nothing ever writes it"
     suggestion = f"{{{near}}}" if near is not None else None
     hint = f"let a node before it write it; a parameter of the mission is {{@{entry.key}}}"
-    source, span = place.element.source, place.element.value_span(attribute)
-    return Diagnostic("unwritten-key", message, source, span, suggestion, hint, Severity.WARNING)
+    return warning("unwritten-key", message, place, place.element.value_span(attribute), suggestion, hint)
 
 
 def _how_to_give(use: EntryAccess, key: str) -> str:
@@ -170,7 +169,7 @@ def _too_early(entry: EntryAccesses) -> Iterator[Diagnostic]:
                 f"{file_of(writer.bound.element, use.bound.element)}), which writes it, comes later"
             )
             hint = "write it before, or read it later"
-            yield _warning("read-before-write", message, use, hint=hint)
+            yield warning("read-before-write", message, use.bound, use.access.span(), hint=hint)
             return
 
 
@@ -189,7 +188,8 @@ def _overwritten(entry: EntryAccesses, context: CheckContext) -> Iterator[Diagno
                 f"{second.access.attribute}: '{second.access.key}' is written again here, before anybody can have "
                 f"read what '{first.bound.name}' (line {first.bound.element.line}) wrote"
             )
-            yield _warning("overwritten-key", message, second, hint="use two keys, or delete one of the two")
+            hint = "use two keys, or delete one of the two"
+            yield warning("overwritten-key", message, second.bound, second.access.span(), hint=hint)
 
 
 def _side_by_side(entry: EntryAccesses) -> Iterator[Diagnostic]:
@@ -205,7 +205,7 @@ def _side_by_side(entry: EntryAccesses) -> Iterator[Diagnostic]:
                     f"(line {first.bound.element.line}), side by side in '{around.name}': which one stays is left to "
                     "their timing"
                 )
-                yield _warning("shared-key", message, second, hint="use two keys")
+                yield warning("shared-key", message, second.bound, second.access.span(), hint="use two keys")
                 return
 
 
@@ -261,14 +261,8 @@ def _unread(entry: EntryAccesses, board: EntryTable) -> Iterator[Diagnostic]:
         only_writes = use.bound.spec.kind.is_leaf and use.bound.spec.effects == WRITES
         if only_writes and use.access.attribute not in use.bound.conditions:
             message = f"{use.access.attribute}: '{use.access.key}' is written here, and nothing ever reads it"
-            yield Diagnostic(
-                "unread-key",
-                message,
-                use.bound.element.source,
-                use.access.span(),
-                hint="delete it, unless somebody looks at the blackboard from outside",
-                severity=Severity.INFO,
-            )
+            hint = "delete it, unless somebody looks at the blackboard from outside"
+            yield information("unread-key", message, use.bound, use.access.span(), hint=hint)
             return
 
 
@@ -289,10 +283,3 @@ def _is_meant_elsewhere(use: EntryAccess) -> bool:
     meant = f"{{{use.access.key}}}"
     texts = (text for bound in use.instance.tree.nodes for text in bound.element.attributes.values())
     return any(closed(text) == meant for text in texts)
-
-
-def _warning(
-    code: str, message: str, use: EntryAccess, *, suggestion: str | None = None, hint: str | None = None
-) -> Diagnostic:
-    source, span = use.bound.element.source, use.access.span()
-    return Diagnostic(code, message, source, span, suggestion, hint, Severity.WARNING)

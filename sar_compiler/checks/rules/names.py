@@ -3,9 +3,9 @@
 import re
 from collections.abc import Iterator, Sequence
 
-from sar_compiler.checks.rules.check_context import CheckContext
+from sar_compiler.checks.rules.check_context import CheckContext, information
 from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.diagnostic import Diagnostic
 
 # One with a blank beside it is punctuation.
 _SEPARATOR = re.compile(r"(?<=\S)[/.](?=\S)")
@@ -32,9 +32,8 @@ def _separated(nodes: Sequence[BoundNode]) -> Iterator[Diagnostic]:
             continue
         sign = found[0]
         message = f"'{bound.name}' has a '{sign}', which {_SEPARATES[sign]}"
-        source, span = bound.element.source, bound.element.value_span("name")
-        hint = f"write '_' instead of '{sign}'"
-        yield Diagnostic("separator-in-name", message, source, span, hint=hint, severity=Severity.INFO)
+        span, hint = bound.element.value_span("name"), f"write '_' instead of '{sign}'"
+        yield information("separator-in-name", message, bound, span, hint=hint)
 
 
 def _same(children: Sequence[BoundNode]) -> Iterator[Diagnostic]:
@@ -48,6 +47,5 @@ def _same(children: Sequence[BoundNode]) -> Iterator[Diagnostic]:
                 f"'{child.name}' is also the name of the node in line {other.element.line} beside it: drawings, logs "
                 "and references cannot tell the two apart"
             )
-            source, span = child.element.source, child.element.value_span("name")
-            hint = "give each a name of its own"
-            yield Diagnostic("same-name", message, source, span, hint=hint, severity=Severity.INFO)
+            span, hint = child.element.value_span("name"), "give each a name of its own"
+            yield information("same-name", message, child, span, hint=hint)

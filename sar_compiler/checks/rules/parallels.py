@@ -8,7 +8,7 @@ from sar_compiler.checks.rules.outcome_analysis import Found, PossibleOutcomes, 
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.semantics import Order
 from sar_compiler.nodes.spec import Use
-from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.diagnostic import Diagnostic
 
 
 def check_parallels(context: CheckContext) -> Iterator[Diagnostic]:
@@ -33,9 +33,7 @@ def _cancelled(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnos
         attribute = "policy" if "policy" in bound.element.attributes else "success_count"
         span = bound.element.value_span(attribute)
         hint = "let all succeed, or put what only watches beside one that works"
-        yield Diagnostic(
-            "cancelled-branch", message, bound.element.source, span, hint=hint, severity=Severity.WARNING
-        )
+        yield warning("cancelled-branch", message, bound, span, hint=hint)
 
 
 def _out_of_step(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
@@ -50,8 +48,7 @@ def _out_of_step(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagn
                 f"'{bound.name}' succeeds only in a tick in which all its children do"
             )
             span = bound.element.value_span("synchronise")
-            source = bound.element.source
-            yield Diagnostic("out-of-step", message, source, span, "true", severity=Severity.WARNING)
+            yield warning("out-of-step", message, bound, span, "true")
             return
 
 

@@ -2,11 +2,11 @@
 
 from collections.abc import Iterator
 
-from sar_compiler.checks.rules.check_context import CheckContext
+from sar_compiler.checks.rules.check_context import CheckContext, warning
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.values import CONDITION
 from sar_compiler.runtime.expressions import Script
-from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.diagnostic import Diagnostic
 
 _CONDITIONS = frozenset({"_failureIf", "_successIf", "_skipIf", "_while"})
 
@@ -37,7 +37,4 @@ def _assigning(bound: BoundNode, attribute: str, script: Script) -> Iterator[Dia
     message = f"{attribute}: '{operator}' gives '{target.name}' a value, where a condition is wanted"
     suggestion = "==" if operator == "=" else None
     hint = "compare with ==, and change variables in _onSuccess, _onFailure or a <Script>"
-    source = bound.element.source
-    yield Diagnostic(
-        "assignment-as-condition", message, source, span, suggestion, hint, severity=Severity.WARNING
-    )
+    yield warning("assignment-as-condition", message, bound, span, suggestion, hint)

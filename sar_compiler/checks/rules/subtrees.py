@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from sar_compiler.checks.rules.check_context import CheckContext
+from sar_compiler.checks.rules.check_context import CheckContext, warning
 from sar_compiler.checks.rules.key_accesses import key_accesses_of
 from sar_compiler.nodes.binding.attributes import underscored
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
@@ -89,5 +89,4 @@ def _unused_arguments(use: BoundNode, context: CheckContext, wanted: _Wanted) ->
             message = f"{name}: the tree '{tree.name}' does nothing with this key"
             hint = f"it uses {', '.join(missing)}" if missing else "delete it"
             near = "_autoremap" if name == "autoremap" else underscored(name) or nearest(name, missing)
-            source, span = use.element.source, use.element.name_span(name)
-            yield Diagnostic("unused-argument", message, source, span, near, hint, severity=Severity.WARNING)
+            yield warning("unused-argument", message, use, use.element.name_span(name), near, hint)

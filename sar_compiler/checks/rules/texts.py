@@ -2,11 +2,11 @@
 
 from collections.abc import Iterator
 
-from sar_compiler.checks.rules.check_context import CheckContext
+from sar_compiler.checks.rules.check_context import CheckContext, warning
 from sar_compiler.nodes.binding.attributes import closed
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.spec import NodeSpec, Role
-from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.diagnostic import Diagnostic
 
 
 def check_texts(context: CheckContext) -> Iterator[Diagnostic]:
@@ -36,6 +36,4 @@ def _unclosed(bound: BoundNode, names: list[str]) -> Iterator[Diagnostic]:
         if suggestion is not None:
             message = f"{name}: '{element.attributes[name]}' is a text; a key of the blackboard stands between two braces"
             span = element.value_span(name)
-            yield Diagnostic(
-                "unclosed-key", message, element.source, span, suggestion, severity=Severity.WARNING
-            )
+            yield warning("unclosed-key", message, bound, span, suggestion)

@@ -61,20 +61,17 @@ def properties_of(file: PropertyFile, prepared: Prepared, tags: Collection[str])
     reading = _Reading(file.document, prepared, tags)
     for written in file.events:
         reading.take(written)
-    at_end = [
-        (each.name, reading.condition(each.condition, each.name, after_a_tick=True)) for each in file.ends
-    ]
+    at_end = [reading.condition(value, name, after_a_tick=True) for name, value in file.ends.items()]
     end = None if file.end is None else reading.condition(file.end, "end", after_a_tick=True)
     file.document.raise_findings()
     rules = Rules(
         Monitors(reading.monitors),
         reading.guarded,
         _root_is_over if end is None else end.after_tick,
-        [condition.after_tick for _, condition in at_end if condition is not None],
+        [condition.after_tick for condition in at_end if condition is not None],
     )
-    names = (*reading.names, *(name for name, _ in at_end))
     owing = tuple(number for number, monitor in enumerate(reading.monitors) if monitor.owes)
-    return Properties(rules, names, owing, tuple(reading.left_out))
+    return Properties(rules, (*reading.names, *file.ends), owing, tuple(reading.left_out))
 
 
 @dataclass

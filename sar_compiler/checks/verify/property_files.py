@@ -43,19 +43,6 @@ class EventProperty:
 
 
 @dataclass(frozen=True)
-class EndProperty:
-    """A property that speaks of the end of a run, as it is written.
-
-    Attributes:
-        name: What it is called.
-        condition: What must hold there.
-    """
-
-    name: str
-    condition: Value
-
-
-@dataclass(frozen=True)
 class PropertyFile:
     """What a file of properties says.
 
@@ -63,7 +50,7 @@ class PropertyFile:
         document: The file, with its findings.
         end: When a run is over; None for when the root has succeeded or failed.
         events: The properties that speak of events.
-        ends: The properties that speak of the end of a run.
+        ends: What must hold at the end of a run, by the names of these properties.
         facts: What it says of facts.
         answers: What it says of what leaves answer.
         parameters: The keys of the root blackboard.
@@ -72,7 +59,7 @@ class PropertyFile:
     document: Document
     end: Value | None = None
     events: tuple[EventProperty, ...] = ()
-    ends: tuple[EndProperty, ...] = ()
+    ends: Mapping[str, Value] = field(default_factory=dict)
     facts: Value | None = None
     answers: Value | None = None
     parameters: Mapping[str, Fact] = field(default_factory=dict)
@@ -102,11 +89,7 @@ def _understood(document: Document) -> PropertyFile:
         document,
         parts.get("end"),
         tuple(_events(name, value.mapping) for name, value in written.items() if "at_end" not in value.data),
-        tuple(
-            EndProperty(name, value.mapping["at_end"])
-            for name, value in written.items()
-            if "at_end" in value.data
-        ),
+        {name: value.mapping["at_end"] for name, value in written.items() if "at_end" in value.data},
         parts.get("facts"),
         parts.get("answers"),
         parameters(parts.get("parameters")),

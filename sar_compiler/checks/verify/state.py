@@ -218,8 +218,7 @@ class StateStore:
     def restore(self, state: State) -> None:
         """Make the tree what it was in a state."""
         self.cells[:] = state.cells
-        self._keys.restore(state.keys)
-        self._facts.number = state.facts
+        self.restore_boards(state)
 
     def restore_boards(self, state: State) -> None:
         """Make the keys and facts what they were in a state; enough for whatever only reads them."""

@@ -95,7 +95,7 @@ class Questions:
             return self._unbroken(NO_ERROR)
         assert error.error is not None  # noqa: S101 - that is what kind of breach it is
         reason = f"{error.error}{self._advice_on(error.error)}"
-        return Verdict(NO_ERROR, ProofStatus.BROKEN, reason, self._retracing.breach(error))
+        return _broken(NO_ERROR, reason, self._retracing.breach(error))
 
     def every_leaf(self, leaves: Sequence[FlatNode], ran: Collection[int]) -> Verdict:
         """Return the verdict on whether every leaf is ticked in some run."""
@@ -104,7 +104,7 @@ class Questions:
             return Verdict(EVERY_LEAF, ProofStatus.PROVED)
         names = ", ".join(never)
         if self._graph.complete:
-            return Verdict(EVERY_LEAF, ProofStatus.BROKEN, f"in no run is it the turn of {names}")
+            return _broken(EVERY_LEAF, f"in no run is it the turn of {names}")
         return Verdict(EVERY_LEAF, ProofStatus.UNDECIDED, f"so far it was not the turn of {names}")
 
     def endings(self) -> Iterator[Verdict]:
@@ -113,34 +113,24 @@ class Questions:
         if found.stuck is None:
             yield self._unbroken(AN_END)
         else:
-            yield Verdict(
-                AN_END,
-                ProofStatus.BROKEN,
-                "after this no end comes any more",
-                self._retracing.to(found.stuck),
-            )
+            yield _broken(AN_END, "after this no end comes any more", self._retracing.to(found.stuck))
         if found.circling is None:
             yield self._unbroken(NO_LIVELOCK)
         else:
-            yield Verdict(
-                NO_LIVELOCK, ProofStatus.BROKEN, "this run goes on for ever", self._round(found.circling)
-            )
+            yield _broken(NO_LIVELOCK, "this run goes on for ever", self._round(found.circling))
 
     def properties(self, properties: Properties) -> Iterator[Verdict]:
         """Yield a verdict for each property."""
         for rule, name in enumerate(properties.names):
             breach = self._graph.breaches.get(rule)
             if breach is not None:
-                yield Verdict(
-                    name, ProofStatus.BROKEN, "it is broken in the last tick", self._retracing.breach(breach)
-                )
+                yield _broken(name, "it is broken in the last tick", self._retracing.breach(breach))
                 continue
             circling = owing_for_ever(self._graph, 1 << rule) if rule in properties.owing else None
             if circling is None:
                 yield self._unbroken(name)
             else:
-                reason = "what must come never comes in this run"
-                yield Verdict(name, ProofStatus.BROKEN, reason, self._round(circling))
+                yield _broken(name, "what must come never comes in this run", self._round(circling))
 
     def _round(self, component: list[int]) -> Trace:
         return self._retracing.lasso(lasso(self._graph, component))
@@ -148,12 +138,15 @@ class Questions:
     def _unbroken(self, question: str) -> Verdict:
         graph = self._graph
         if graph.error is not None:
-            return Verdict(
-                question, ProofStatus.UNDECIDED, "a run that raises an error was not followed beyond it"
-            )
+            reason = "a run that raises an error was not followed beyond it"
+            return Verdict(question, ProofStatus.UNDECIDED, reason)
         if graph.complete:
             return Verdict(question, ProofStatus.PROVED)
         seen = {0: "what was seen of the first tick", 1: "the first tick of every run"}
         where = seen.get(graph.depth, f"the first {graph.depth:,} ticks of every run")
         reason = f"nothing speaks against it in {where}"
         return Verdict(question, ProofStatus.UNDECIDED, reason)
+
+
+def _broken(question: str, reason: str, trace: Trace | None = None) -> Verdict:
+    return Verdict(question, ProofStatus.BROKEN, reason, trace)

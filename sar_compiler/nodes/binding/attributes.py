@@ -121,13 +121,8 @@ class AttributeBinder:
         try:
             return value_type.convert(element.attributes[name])
         except ConversionError as error:
-            span = element.value_span(name)
-            if error.place is not None:
-                span = element.within_value(name, *error.place)
             code = "script-error" if value_type in (CONDITION, _SCRIPT_TYPE) else "wrong-value"
-            self._collector.at(
-                element, span, code, f"{name}: {error.message}", suggestion=error.suggestion, hint=error.hint
-            )
+            self._collector.wrong_value(element, name, error, code)
             return None
 
     def _name_of_key(self, element: Element, name: str, value_type: ValueType, key: str) -> None:
@@ -153,12 +148,7 @@ class AttributeBinder:
         if not may_be_text and self._is_unclosed(bound.element, name):
             return
         if parameter.direction is _OUTPUT:
-            message = f"{name}: an output is written to the blackboard, and '{text}' is no key of it"
-            suggestion = f"{{{text}}}" if text.isidentifier() else None
-            hint = f'write {name}="{{key}}"'
-            self._collector.value(
-                bound.element, name, "wrong-value", message, suggestion=suggestion, hint=hint
-            )
+            self._collector.text_of_output(bound.element, name, text)
             return
         value = self.convert(bound.element, name, parameter.value_type)
         fixed = bound.spec.fixed.get(name, value)

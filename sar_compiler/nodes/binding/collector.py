@@ -1,5 +1,6 @@
 """Collection of findings while a tree is bound."""
 
+from sar_compiler.nodes.values import ConversionError
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.model import Element
 from sar_compiler.tree.source import Span
@@ -31,6 +32,21 @@ class Collector:
     def value(self, element: Element, attribute: str, code: str, message: str, **advice: str | None) -> None:
         """Report a finding about the value of an attribute."""
         self.at(element, element.value_span(attribute), code, message, **advice)
+
+    def wrong_value(
+        self, element: Element, attribute: str, error: ConversionError, code: str = "wrong-value"
+    ) -> None:
+        """Report that an attribute's text is not a value of its type, at the wrong part of it if that is known."""
+        span = element.within_value(attribute, *error.place) if error.place else element.value_span(attribute)
+        advice = {"suggestion": error.suggestion, "hint": error.hint}
+        self.at(element, span, code, f"{attribute}: {error.message}", **advice)
+
+    def text_of_output(self, element: Element, attribute: str, text: str) -> None:
+        """Report a text in place of the key that an output is written to."""
+        message = f"{attribute}: an output is written to the blackboard, and '{text}' is no key of it"
+        suggestion = f"{{{text}}}" if text.isidentifier() else None
+        hint = f'write {attribute}="{{key}}"'
+        self.value(element, attribute, "wrong-value", message, suggestion=suggestion, hint=hint)
 
     def name(self, element: Element, attribute: str, code: str, message: str, **advice: str | None) -> None:
         """Report a finding about the name of an attribute."""

@@ -8,7 +8,7 @@ from py_trees.common import OneShotPolicy
 
 from sar_compiler.nodes.binding.attributes import ONESHOT_TYPE
 from sar_compiler.nodes.btcpp.notes import Notes
-from sar_compiler.nodes.values import ConversionError, ValueType, blackboard_key, value_type_of
+from sar_compiler.nodes.values import ConversionError, blackboard_key, type_of
 from sar_compiler.tree.model import Element
 
 T = TypeVar("T")
@@ -44,7 +44,7 @@ class Draft:
         text = self.attributes[name]
         try:
             if blackboard_key(text, name) is None:
-                value = _type(wanted).convert(text)
+                value = type_of(wanted).convert(text)
                 assert isinstance(value, wanted)  # noqa: S101 - of a type known here
                 return value
             message = f"{name}: '{text}' is known when the robot starts, and must be known now"
@@ -195,9 +195,3 @@ def _replace(draft: Draft, name: str, other: str, text: str) -> None:
         (other if each == name else each): (text if each == name else value)
         for each, value in draft.attributes.items()
     }
-
-
-def _type(python: type) -> ValueType:
-    value_type = value_type_of(python)
-    assert value_type is not None  # noqa: S101 - bool, int and float are known
-    return value_type

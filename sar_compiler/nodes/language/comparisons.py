@@ -2,7 +2,7 @@
 
 import operator as operators
 from collections.abc import Callable
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 from py_trees.common import ComparisonExpression
 
@@ -17,12 +17,7 @@ Junction = Literal["and", "or", "xor"]
 """The operator that joins the results of several comparisons."""
 
 COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {
-    "eq": operators.eq,
-    "ne": operators.ne,
-    "lt": operators.lt,
-    "le": operators.le,
-    "gt": operators.gt,
-    "ge": operators.ge,
+    name: getattr(operators, name) for name in get_args(Comparison)
 }
 JUNCTIONS: dict[str, Callable[[bool, bool], bool]] = {
     "and": operators.and_,

@@ -195,9 +195,7 @@ def _report_names(bound: BoundNode, written: str, collector: Collector) -> None:
     try:
         items_of(written, lambda text: _place_of(text, names), blanks=True)
     except ConversionError as error:
-        span = bound.element.within_value("selected", *(error.place or (0, len(written))))
-        advice = {"suggestion": error.suggestion, "hint": error.hint}
-        collector.at(bound.element, span, "wrong-value", f"selected: {error.message}", **advice)
+        collector.wrong_value(bound.element, "selected", error)
 
 
 def _clash(policy: object, synchronise: object, *, is_selected: bool) -> tuple[str, str] | None:

@@ -1,6 +1,7 @@
 """Decorators: nodes with one child."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 from py_trees import decorators
@@ -91,19 +92,16 @@ def for_each(
     return keys.given_to(made)
 
 
-_ENDS = frozenset({"SUCCESS", "FAILURE"})
-_ALL = _ENDS | {"RUNNING"}
+_ALL = frozenset({"SUCCESS", "FAILURE", "RUNNING"})
+_NOUNS = {Status.SUCCESS: "success", Status.FAILURE: "failure", Status.RUNNING: "running"}
 _MILLISECONDS = 1000.0
 _NAME = {"name": "The node's name."}
 _PASSING = Semantics(outcome_sets.passing, steady=True)
 
 
-def _cycles(bound: BoundNode) -> float | None:
-    return endless(number(bound, "num_cycles"))
-
-
-def _attempts(bound: BoundNode) -> float | None:
-    return endless(number(bound, "num_attempts"))
+def _at_most(attribute: str) -> Number:
+    """Return the reader of a number of rounds in BehaviorTree.CPP's notation."""
+    return lambda bound: endless(number(bound, attribute))
 
 
 def _successes(bound: BoundNode) -> float | None:
@@ -122,10 +120,6 @@ def _within(bound: BoundNode) -> float | None:
     return milliseconds and milliseconds / _MILLISECONDS if milliseconds != 0 else math.inf
 
 
-def _duration(bound: BoundNode) -> float | None:
-    return number(bound, "duration")
-
-
 def _again(
     rounds: Number, end: int, rewrite: "rewrites.Rewrite | None" = None, *, built_in: bool = True
 ) -> Semantics:
@@ -141,10 +135,9 @@ def _limit(limit_sec: Number) -> Semantics:
     return Semantics(possible, steady=True, changes=R, limit_sec=limit_sec, counterpart=counterpart)
 
 
-def _turning(
-    turns: dict[Status, Status], rewrite: "rewrites.Rewrite | None" = None, hint: str = Counterpart.hint
-) -> Semantics:
-    return replace(Semantics.turning(turns), counterpart=Counterpart(rewrite=rewrite, hint=hint))
+def _results_after(turns: Mapping[Status, Status]) -> frozenset[str]:
+    """Return the outcomes of a decorator that replaces some results of its child."""
+    return frozenset(turns.get(each, each).name for each in (Status.SUCCESS, Status.FAILURE, Status.RUNNING))
 
 
 def _own(
@@ -161,10 +154,12 @@ def _own(
 
 
 def _shared(
-    tag: str, cls: type, skipping: Skipping, doc: str, semantics: Semantics, outcomes: frozenset[str] = _ALL
+    tag: str, cls: type, skipping: Skipping, doc: str, turns: Mapping[Status, Status], repeats: int = 0
 ) -> NodeSpec:
     """Return a decorator of BehaviorTree.CPP's that is py_trees' own unless its child can skip."""
-    return _own(tag, cls, semantics, skipping, outcomes, signature=Signature(doc=doc, parameter_docs=_NAME))
+    semantics = replace(Semantics.turning(turns), repeats=repeats)
+    signature = Signature(doc=doc, parameter_docs=_NAME)
+    return _own(tag, cls, semantics, skipping, _results_after(turns), signature=signature)
 
 
 def _stock(
@@ -187,6 +182,21 @@ def _stock(
     )
 
 
+def _turning(
+    cls: type[decorators.Decorator],
+    old: Status,
+    new: Status,
+    instead: str = "",
+    hint: str = Counterpart.hint,
+) -> NodeSpec:
+    """Return a py_trees decorator that replaces one result of its child."""
+    turns = {old: new}
+    rewrite = rewrites.renamed(instead) if instead else None
+    semantics = replace(Semantics.turning(turns), counterpart=Counterpart(rewrite=rewrite, hint=hint))
+    doc = f"Turns {_NOUNS[old]} into {_NOUNS[new]}."
+    return _stock(cls, doc, semantics, _results_after(turns), instead)
+
+
 def _unless_updated(own: int) -> Semantics:
     """Return the semantics of a decorator that returns a status of its own until an entry is written."""
     return Semantics(
@@ -204,37 +214,32 @@ BEHAVIORTREE_CPP = [
         decorators.Inverter,
         Skipping(Skips.FROM_CHILD, own.Inverter),
         "Turns success into failure and failure into success.",
-        _turning({Status.SUCCESS: Status.FAILURE, Status.FAILURE: Status.SUCCESS}),
+        {Status.SUCCESS: Status.FAILURE, Status.FAILURE: Status.SUCCESS},
     ),
     _shared(
         "ForceSuccess",
         decorators.FailureIsSuccess,
         Skipping(Skips.FROM_CHILD, own.ForceSuccess),
         "Succeeds whenever its child ends.",
-        _turning({Status.FAILURE: Status.SUCCESS}),
-        frozenset({"SUCCESS", "RUNNING"}),
+        {Status.FAILURE: Status.SUCCESS},
     ),
     _shared(
         "ForceFailure",
         decorators.SuccessIsFailure,
         Skipping(Skips.FROM_CHILD, own.ForceFailure),
         "Fails whenever its child ends.",
-        _turning({Status.SUCCESS: Status.FAILURE}),
-        frozenset({"FAILURE", "RUNNING"}),
+        {Status.SUCCESS: Status.FAILURE},
     ),
     _shared(
         "KeepRunningUntilFailure",
         decorators.SuccessIsRunning,
         Skipping(Skips.NEVER, own.KeepRunningUntilFailure),
         "Starts its child again after every success, until it fails.",
-        replace(
-            _turning({Status.SUCCESS: Status.RUNNING, Status.INVALID: Status.RUNNING}),
-            repeats=S,
-        ),
-        frozenset({"FAILURE", "RUNNING"}),
+        {Status.SUCCESS: Status.RUNNING, Status.INVALID: Status.RUNNING},
+        repeats=S,
     ),
-    _own("Repeat", repetition.Repeat, _again(_cycles, S, rewrites.repeat)),
-    _own("RetryUntilSuccessful", repetition.RetryUntilSuccessful, _again(_attempts, F)),
+    _own("Repeat", repetition.Repeat, _again(_at_most("num_cycles"), S, rewrites.repeat)),
+    _own("RetryUntilSuccessful", repetition.RetryUntilSuccessful, _again(_at_most("num_attempts"), F)),
     _own(
         "RunOnce",
         own.RunOnce,
@@ -288,7 +293,7 @@ PY_TREES = [
         Timeout,
         Kind.DECORATOR,
         _ALL,
-        semantics=_limit(_duration),
+        semantics=_limit(lambda bound: number(bound, "duration")),
         skipping=Skipping(advice='msec="..."'),
         variant=True,
     ),
@@ -355,45 +360,14 @@ PY_TREES = [
         source_key=KEY,
         target_key=KEY,
     ),
-    _stock(
-        decorators.SuccessIsRunning,
-        "Turns success into running.",
-        _turning({Status.SUCCESS: Status.RUNNING}, rewrites.renamed("KeepRunningUntilFailure")),
-        frozenset({"FAILURE", "RUNNING"}),
-        instead="KeepRunningUntilFailure",
+    _turning(decorators.SuccessIsRunning, Status.SUCCESS, Status.RUNNING, instead="KeepRunningUntilFailure"),
+    _turning(decorators.SuccessIsFailure, Status.SUCCESS, Status.FAILURE, instead="ForceFailure"),
+    _turning(decorators.FailureIsSuccess, Status.FAILURE, Status.SUCCESS, instead="ForceSuccess"),
+    _turning(
+        decorators.FailureIsRunning, Status.FAILURE, Status.RUNNING, hint=rewrites.NO_FAILURE_IS_RUNNING
     ),
-    _stock(
-        decorators.SuccessIsFailure,
-        "Turns success into failure.",
-        _turning({Status.SUCCESS: Status.FAILURE}, rewrites.renamed("ForceFailure")),
-        frozenset({"FAILURE", "RUNNING"}),
-        instead="ForceFailure",
-    ),
-    _stock(
-        decorators.FailureIsSuccess,
-        "Turns failure into success.",
-        _turning({Status.FAILURE: Status.SUCCESS}, rewrites.renamed("ForceSuccess")),
-        frozenset({"SUCCESS", "RUNNING"}),
-        instead="ForceSuccess",
-    ),
-    _stock(
-        decorators.FailureIsRunning,
-        "Turns failure into running.",
-        _turning({Status.FAILURE: Status.RUNNING}, hint=rewrites.NO_FAILURE_IS_RUNNING),
-        frozenset({"SUCCESS", "RUNNING"}),
-    ),
-    _stock(
-        decorators.RunningIsSuccess,
-        "Turns running into success.",
-        _turning({Status.RUNNING: Status.SUCCESS}),
-        _ENDS,
-    ),
-    _stock(
-        decorators.RunningIsFailure,
-        "Turns running into failure.",
-        _turning({Status.RUNNING: Status.FAILURE}),
-        _ENDS,
-    ),
+    _turning(decorators.RunningIsSuccess, Status.RUNNING, Status.SUCCESS),
+    _turning(decorators.RunningIsFailure, Status.RUNNING, Status.FAILURE),
 ]
 
 SPECS = [*BEHAVIORTREE_CPP, *PY_TREES]

@@ -1,6 +1,7 @@
 """Leaves that are available in every mission's trees."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 from py_trees import behaviours
 from py_trees.behaviour import Behaviour
@@ -269,6 +270,12 @@ def _peeking(*ports: str, resumes: bool = False) -> Semantics:
     return Semantics(keys=dict.fromkeys(ports, _PEEKS), resumes=resumes)
 
 
+def _question(tag: str, factory: Callable[..., Behaviour], **types: ValueType) -> NodeSpec:
+    """Return a py_trees condition about keys that need not exist."""
+    made = made_by(tag, factory, _SUCCESS, _FAILURE, kind=Kind.CONDITION, **types)  # type: ignore[arg-type]
+    return replace(made, semantics=_peeking(*types))
+
+
 def _renamed(tag: str, cls: type, doc: str, *outcomes: str) -> NodeSpec:
     """Return a py_trees leaf under BehaviorTree.CPP's name."""
     semantics, signature = Semantics(counterpart=_BUILT_IN), Signature(doc=doc)
@@ -380,15 +387,7 @@ PY_TREES = [
         semantics=Semantics(resumes=True),
         variable_name=VARIABLE,
     ),
-    made_by(
-        "CheckBlackboardVariableExists",
-        check_exists,
-        _SUCCESS,
-        _FAILURE,
-        kind=Kind.CONDITION,
-        semantics=_peeking("variable_name"),
-        variable_name=VARIABLE,
-    ),
+    _question("CheckBlackboardVariableExists", check_exists, variable_name=VARIABLE),
     made_by(
         "WaitForBlackboardVariable",
         wait_for,
@@ -414,15 +413,7 @@ PY_TREES = [
         semantics=Semantics(keys={"key": _REMOVED}),
         key=KEY,
     ),
-    made_by(
-        "CheckBlackboardVariableValue",
-        check_value,
-        _SUCCESS,
-        _FAILURE,
-        kind=Kind.CONDITION,
-        semantics=_peeking("variable"),
-        variable=VARIABLE,
-    ),
+    _question("CheckBlackboardVariableValue", check_value, variable=VARIABLE),
     made_by(
         "WaitForBlackboardVariableValue",
         wait_for_value,
@@ -431,26 +422,11 @@ PY_TREES = [
         semantics=_peeking("variable", resumes=True),
         variable=VARIABLE,
     ),
-    made_by(
-        "CheckBlackboardVariableValues",
-        check_values,
-        _SUCCESS,
-        _FAILURE,
-        kind=Kind.CONDITION,
+    replace(
+        _question("CheckBlackboardVariableValues", check_values, checks=CHECKS, namespace=KEY),
         semantics=_peeking("checks"),
-        checks=CHECKS,
-        namespace=KEY,
     ),
-    made_by(
-        "CompareBlackboardVariables",
-        compare_variables,
-        _SUCCESS,
-        _FAILURE,
-        kind=Kind.CONDITION,
-        semantics=_peeking("var1_key", "var2_key"),
-        var1_key=KEY,
-        var2_key=KEY,
-    ),
+    _question("CompareBlackboardVariables", compare_variables, var1_key=KEY, var2_key=KEY),
 ]
 
 SPECS = [*BEHAVIORTREE_CPP, *PY_TREES]

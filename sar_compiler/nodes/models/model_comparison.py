@@ -72,20 +72,9 @@ def _check_default(port: Port, value_type: ValueType, collector: Collector) -> N
     if not text or blackboard_key(text, port.name) is not None:
         return
     if port.direction is Direction.OUTPUT:
-        message = f"default: an output is written to the blackboard, and '{text}' is no key of it"
-        suggestion = f"{{{text}}}" if text.isidentifier() else None
-        collector.value(
-            port.element,
-            "default",
-            "wrong-value",
-            message,
-            suggestion=suggestion,
-            hint='write default="{key}"',
-        )
+        collector.text_of_output(port.element, "default", text)
         return
     try:
         value_type.convert(text)
     except ConversionError as error:
-        message = f"default: {error.message}"
-        span = port.element.within_value("default", *(error.place or (0, len(text))))
-        collector.at(port.element, span, "wrong-value", message, suggestion=error.suggestion, hint=error.hint)
+        collector.wrong_value(port.element, "default", error)

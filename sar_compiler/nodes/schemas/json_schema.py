@@ -10,6 +10,7 @@ from typing import Any
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS, NOTES, ONESHOT, ONESHOT_TYPE
 from sar_compiler.nodes.registry import Registry
+from sar_compiler.nodes.schemas.written import attributes_by_name, value_types
 from sar_compiler.nodes.spec import CHILD_COUNTS, Kind, NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import CONDITION, ValueType
 from sar_compiler.runtime.expressions import Script
@@ -52,7 +53,7 @@ def json_schema(registry: Registry, described: Iterable[NodeSpec] = ()) -> Schem
             "root": _root(),
             "section": _section(),
             "tree": _with_children({"ID": _NAME, **_notes()}, _nodes(1, 1)),
-            **{f"{value_type.name} value": _value(value_type) for value_type in _value_types(tags)},
+            **{f"{value_type.name} value": _value(value_type) for value_type in value_types(tags)},
             "node": _node([*tags, SUBTREE_TAG, *_KINDS]),
             "model": {"type": ["object", "null"]},
             SUBTREE_TAG: _explicit_form(0, 0),
@@ -64,18 +65,6 @@ def json_schema(registry: Registry, described: Iterable[NodeSpec] = ()) -> Schem
             **{f"<{tag}>": _tag(specs) for tag, specs in tags.items() if tag not in _KINDS},
         },
     }
-
-
-def _value_types(tags: dict[str, list[NodeSpec]]) -> list[ValueType]:
-    types = {
-        parameter.value_type.name: parameter.value_type
-        for specs in tags.values()
-        for spec in specs
-        for parameter in spec.attributes
-        if parameter.value_type is not None
-    }
-    types[CONDITION.name] = CONDITION
-    return [types[name] for name in sorted(types)]
 
 
 def _root() -> Schema:
@@ -132,10 +121,7 @@ def _explicit_form(least: int, most: int | None) -> Schema:
 
 def _tag(specs: list[NodeSpec]) -> Schema:
     kind = specs[0].kind
-    written: dict[str, list[tuple[NodeSpec, Parameter]]] = {}
-    for spec in specs:
-        for parameter in spec.attributes:
-            written.setdefault(parameter.name, []).append((spec, parameter))
+    written = attributes_by_name(specs)
     attributes = {name: _attribute(*choices[0]) for name, choices in written.items()}
     required = [
         name

@@ -5,6 +5,7 @@ from html import escape
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS, NOTES, ONESHOT, ONESHOT_TYPE
 from sar_compiler.nodes.registry import Registry
+from sar_compiler.nodes.schemas.written import attributes_by_name, value_types
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import CONDITION, ValueType
 from sar_compiler.tree.model import SUBTREE_TAG
@@ -85,17 +86,9 @@ def xml_schema(
     for spec in described:
         if only is None or spec.tag in only:
             tags.setdefault(spec.tag, [spec])
-    types = {
-        parameter.value_type.name: parameter.value_type
-        for specs in tags.values()
-        for spec in specs
-        for parameter in spec.attributes
-        if parameter.value_type is not None
-    }
-    types[CONDITION.name] = CONDITION
     lines = [_HEAD.rstrip("\n"), *_tree_type(), *_group(tags), *_common()]
-    for name in sorted(types):
-        lines += _value_type(types[name])
+    for value_type in value_types(tags):
+        lines += _value_type(value_type)
     lines += _named_type(ONESHOT, _enumeration(ONESHOT_TYPE.choices))
     for tag, specs in tags.items():
         lines += _node_type(tag, specs)
@@ -140,11 +133,7 @@ def _node_type(tag: str, specs: list[NodeSpec]) -> list[str]:
         lines.append('    <xs:group ref="node" minOccurs="1" maxOccurs="unbounded"/>')
     elif kind is Kind.DECORATOR:
         lines.append('    <xs:group ref="node"/>')
-    written: dict[str, list[tuple[NodeSpec, Parameter]]] = {}
-    for spec in specs:
-        for parameter in spec.attributes:
-            written.setdefault(parameter.name, []).append((spec, parameter))
-    for choices in written.values():
+    for choices in attributes_by_name(specs).values():
         spec, parameter = choices[0]
         lines += _attribute(spec, parameter, always=len(choices) == len(specs))
     return [*lines, '    <xs:attributeGroup ref="common"/>', "  </xs:complexType>"]
