@@ -20,7 +20,7 @@ from sar_compiler.tree.xml_mistakes import mistake_at
 
 _DECLARED_ENCODING = re.compile(rb"""^<\?xml\b[^>]*?\bencoding\s*=\s*["']([A-Za-z0-9._\-]+)["']""")
 _NAME = re.compile(r"<[^\s/>]+")
-_ATTRIBUTE = re.compile(r"""\s*([^\s=/>]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+_ATTRIBUTE = re.compile(r"""\s*([^\s=/>]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)
 # What stands for one character of a value.
 _CHARACTER = re.compile(r"&[^;]*;|\r\n|.", re.DOTALL)
 
@@ -75,15 +75,13 @@ class _XmlSpans:
 
     def attribute_value(self, source: Source, element: Element, name: str) -> Span:
         match = self._attribute(source, element, name)
-        if match is None:
-            return self.tag(source, element)
-        return source.span(*match.span(2 if match.group(2) is not None else 3))
+        return source.span(*match.span(3)) if match else self.tag(source, element)
 
     def within_value(self, source: Source, element: Element, name: str, start: int, end: int) -> Span:
         match = self._attribute(source, element, name)
         if match is None:
             return self.tag(source, element)
-        first, last = match.span(2 if match.group(2) is not None else 3)
+        first, last = match.span(3)
         places = [found.start() for found in _CHARACTER.finditer(source.text, first, last)] + [last]
         return source.span(*(places[min(index, len(places) - 1)] for index in (start, end)))
 
@@ -204,14 +202,9 @@ class _XmlReader:
         hint = _HINTS.get(words)
         found = mistake_at(self._source.text, start, words)
         if found is not None:
-            where = self._source.span(found.start, found.end)
-            return Diagnostic(
-                "malformed-xml",
-                f"not well-formed XML: {found.message}",
-                self._source,
-                where,
-                found.suggestion,
-            )
+            message = f"not well-formed XML: {found.message}"
+            span = self._source.span(found.start, found.end)
+            return Diagnostic("malformed-xml", message, self._source, span, found.suggestion)
         if words == expat.errors.XML_ERROR_TAG_MISMATCH and self._open:
             start -= len("</")  # expat speaks of the name behind it
             tag, _, opened, *_ = self._open[-1]
