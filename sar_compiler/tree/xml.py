@@ -7,11 +7,10 @@ in the text only when somebody asks, which is when there is something to say abo
 import dataclasses
 import re
 from collections.abc import Callable
-from pathlib import Path
 from xml.parsers import expat
 
 from sar_compiler.tree.comments import text_of_xml
-from sar_compiler.tree.content import MAX_DEPTH, read_bytes, source_of
+from sar_compiler.tree.content import MAX_DEPTH, source_of
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import MODEL_TAG, Comment, Element, TreeFile
@@ -25,24 +24,8 @@ _ATTRIBUTE = re.compile(r"""\s*([^\s=/>]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)
 _CHARACTER = re.compile(r"&[^;]*;|\r\n|.", re.DOTALL)
 
 
-def read_xml(path: str | Path) -> TreeFile:
-    """Read a tree file.
-
-    Args:
-        path: The file.
-
-    Returns:
-        What it says, not yet checked.
-
-    Raises:
-        UnreadableFileError: If the file is not there or cannot be read.
-        TreeError: If it is not well-formed XML, too large, too deep, or has a DOCTYPE.
-    """
-    return parse_xml(read_bytes(path), str(path))
-
-
 def parse_xml(data: bytes | str, path: str = "<text>") -> TreeFile:
-    """Read a tree file from memory.
+    """Read a tree file's content.
 
     Args:
         data: Its content.
