@@ -5,7 +5,7 @@ import math
 
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, PIPE_CLOSED, USAGE, run
 
-__all__ = ["FINDINGS", "INTERRUPTED", "OK", "PIPE_CLOSED", "USAGE", "Parser", "run", "speed"]
+__all__ = ["FINDINGS", "INTERRUPTED", "OK", "PIPE_CLOSED", "USAGE", "Parser", "count", "run", "speed"]
 
 
 class Parser(argparse.ArgumentParser):
@@ -13,6 +13,15 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, prog: str, description: str, **settings: object) -> None:
         super().__init__(prog=prog, description=description, allow_abbrev=False, **settings)  # type: ignore[arg-type]
+
+
+def count(text: str) -> int:
+    """Read a whole number above 0, with `_` between its digits if one likes."""
+    digits = text.replace("_", "")
+    if not (digits.isdecimal() and int(digits) > 0):
+        message = f"'{text}' is not a whole number above 0"
+        raise argparse.ArgumentTypeError(message)
+    return int(digits)
 
 
 def speed(text: str) -> float:

@@ -11,7 +11,7 @@ from sar_compiler.cli.convert import convert_file
 from sar_compiler.cli.diff import diff_files
 from sar_compiler.cli.explain import add_explain
 from sar_compiler.cli.format import format_files
-from sar_compiler.cli.loading import FILE_HELP, add_project_options, workspace
+from sar_compiler.cli.loading import FILE_HELP, add_nodes, add_project_options, workspace
 from sar_compiler.cli.simulate import add_simulate
 from sar_compiler.cli.validate import add_validate
 from sar_compiler.cli.verify import add_verify
@@ -34,13 +34,7 @@ def _parser() -> Parser:
         dest="command", required=True, metavar="COMMAND", parser_class=argparse.ArgumentParser
     )
     shared = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
-    shared.add_argument(
-        "--nodes",
-        action="append",
-        default=[],
-        metavar="PKG.MOD",
-        help="load a module of leaves (installed, or in the current folder); may be repeated",
-    )
+    add_nodes(shared)
 
     def command(name: str, help_text: str) -> argparse.ArgumentParser:
         return commands.add_parser(

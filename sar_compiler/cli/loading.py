@@ -25,6 +25,17 @@ def add_project_options(parser: argparse.ArgumentParser) -> None:
     add_trust(parser)
 
 
+def add_nodes(parser: argparse.ArgumentParser) -> None:
+    """Add `--nodes`."""
+    parser.add_argument(
+        "--nodes",
+        action="append",
+        default=[],
+        metavar="PKG.MOD",
+        help="load a module of leaves (installed, or in the current folder); may be repeated",
+    )
+
+
 def add_include_path(parser: argparse.ArgumentParser) -> None:
     """Add `--include-path`."""
     parser.add_argument(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sar_compiler.cli.arguments import Parser, speed
-from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_trust
+from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_nodes, add_trust
 from sar_compiler.commands import USAGE, run
 from sar_compiler.missions.ending import Until
 from sar_compiler.resources import find
@@ -171,13 +171,7 @@ def _parser() -> Parser:
         metavar="SPEC",
         help="let the simulation misbehave, for instance report_survivor:drop=2; may be repeated",
     )
-    parser.add_argument(
-        "--nodes",
-        action="append",
-        default=[],
-        metavar="PKG.MOD",
-        help="load a module of leaves (installed, or in the current folder); may be repeated",
-    )
+    add_nodes(parser)
     add_include_path(parser)
     add_trust(parser)
     return parser

@@ -1,8 +1,9 @@
 """One run of `sar-run`, from the tree file to the exit status."""
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -62,9 +63,6 @@ _TURN_SEC = 0.05
 # A tree can swing between two things to do for ever; seconds of simulated time.
 _SIMULATED_TIME_LIMIT_SEC = 900.0
 
-Observer = Callable[[BehaviourTree], None]
-"""A handler that is called with a tree after every tick."""
-
 
 def run_mission(options: "Options", signals: StopSignals) -> int:
     """Check the tree, wait for its requirements, and tick it to the end.
@@ -92,7 +90,10 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
         if signals.came:
             return signals.exit_status
         name = mission.name if mission is not None else _PLAIN_NODE_NAME
-        node = stack.enter_context(_mission_node(options, context, name))
+        node = mission_node(
+            name, context, cli_args=node_arguments(options.ros), parameter_overrides=_simulated_time(options)
+        )
+        stack.callback(node.destroy_node)
         reader = ParameterReader(flat_parameters(node), _sections_elsewhere(options, node))
         begun = mission.begin(reader) if mission is not None else None
         parameters = read_run(reader)
@@ -164,17 +165,6 @@ def _parameter_file(options: "Options", mission: Mission | None) -> Path | None:
     return mission.default_parameters()
 
 
-@contextmanager
-def _mission_node(options: "Options", context: Context, name: str) -> Iterator[Node]:
-    node = mission_node(
-        name, context, cli_args=node_arguments(options.ros), parameter_overrides=_simulated_time(options)
-    )
-    try:
-        yield node
-    finally:
-        node.destroy_node()
-
-
 def _simulated_time(options: "Options") -> list[Parameter]:
     return [Parameter("use_sim_time", value=True)] if options.sim is not None else []
 
@@ -204,6 +194,7 @@ def _simulation(
             server.destroy_node()
 
 
+@dataclass
 class _Run:
     """A tree on its node, from the wait for its requirements to the summary.
 
@@ -212,35 +203,27 @@ class _Run:
         simulation: The simulation, if there is one.
     """
 
-    def __init__(
-        self,
-        options: "Options",
-        signals: StopSignals,
-        node: Node,
-        parameters: RunParameters,
-        mission: MissionRun | None,
-        make_engine: EngineFactory,
-    ) -> None:
-        self._options = options
-        self._signals = signals
-        self._node = node
-        self._parameters = parameters
-        self._mission = mission
-        self._make_engine = make_engine
-        self._clock = RosClock(node)
+    options: "Options"
+    signals: StopSignals
+    node: Node
+    parameters: RunParameters
+    mission: MissionRun | None
+    make_engine: EngineFactory
+    simulation: "Simulation | None" = None
+
+    def __post_init__(self) -> None:
+        self._clock = RosClock(self.node)
         self._end = self._end_condition()
         self._output = RunOutput()
         self._result: RunResult | None = None
         self._started = 0.0
-        self.context: dict[type, object] = {Clock: self._clock}
-        self.simulation: Simulation | None = None
-        if mission is not None:
-            self.context |= mission.context
+        own = self.mission.context if self.mission is not None else {}
+        self.context: dict[type, object] = {Clock: self._clock, **own}
 
     def _end_condition(self) -> EndCondition:
-        until = self._options.until
-        simulated = self._options.sim is not None
-        ends_itself = self._mission is not None and self._mission.shortfalls() is not None
+        until = self.options.until
+        simulated = self.options.sim is not None
+        ends_itself = self.mission is not None and self.mission.shortfalls() is not None
         if not ends_itself and until is Until.COMPLETE:
             message = (
                 "--until complete is for a mission with an end of its own; for this tree say end, success, "
@@ -249,10 +232,10 @@ class _Run:
             raise SarError(message)
         if until is None:
             until = Until.END if not ends_itself else Until.COMPLETE if simulated else Until.FOREVER
-        limit = self._parameters.time_limit_sec
+        limit = self.parameters.time_limit_sec
         if limit is None and simulated and until is not Until.FOREVER:
             limit = _SIMULATED_TIME_LIMIT_SEC
-        return EndCondition(until, self._mission, limit, self._node.get_logger().info)
+        return EndCondition(until, self.mission, limit, self.node.get_logger().info)
 
     def run(self, tree: CompiledTree) -> int:
         """Wait, tick, stop and sum up; returns the exit status.
@@ -260,15 +243,15 @@ class _Run:
         Raises:
             NotReadyError: If a requirement of the tree is not fulfilled in time.
         """
-        for line in self._mission.greeting() if self._mission is not None else []:
-            self._node.get_logger().info(line)
-        executor = SingleThreadedExecutor(context=self._node.context)
-        executor.add_node(self._node)
+        for line in self.mission.greeting() if self.mission is not None else []:
+            self.node.get_logger().info(line)
+        executor = SingleThreadedExecutor(context=self.node.context)
+        executor.add_node(self.node)
         try:
             self._wait(executor, tree)
             if self._over:
                 return self._interrupted()
-            if self._options.check:
+            if self.options.check:
                 self._output.say("Everything that the tree needs is there.")
                 return OK
             return self._tick(executor, tree)
@@ -277,28 +260,30 @@ class _Run:
 
     def _wait(self, executor: SingleThreadedExecutor, tree: CompiledTree) -> None:
         # A check changes nothing on an existing robot.
-        told = self._parameters.set_initial_pose and (not self._options.check or self.simulation is not None)
+        told = self.parameters.set_initial_pose and (not self.options.check or self.simulation is not None)
         with readable_ros_errors():
-            start = self._parameters.initial_pose if told else None
-            readiness = Readiness(self._node, tree.uses(), initial_pose=start)
-        wait_until_ready(executor, readiness, self._parameters.startup_timeout_sec, lambda: self._over)
+            start = self.parameters.initial_pose if told else None
+            readiness = Readiness(self.node, tree.uses(), initial_pose=start)
+        wait_until_ready(executor, readiness, self.parameters.startup_timeout_sec, lambda: self._over)
         if readiness.uses_nav2 and not self._over:
-            self._node.get_logger().info("Nav2 is active.")
+            self.node.get_logger().info("Nav2 is active.")
 
     def _tick(self, executor: SingleThreadedExecutor, tree: CompiledTree) -> int:
-        engine = self._make_engine(tree.root)
-        for observer in self._observers():
-            engine.add_post_tick_handler(observer)
+        engine = self.make_engine(tree.root)
+        if self.options.view == "text":
+            engine.add_post_tick_handler(self._show)
+        engine.add_post_tick_handler(self._look_for_end)
         try:
-            engine.setup(node=self._node)
+            engine.setup(node=self.node)
             self._started = self._clock.now()
-            engine.tick_tock(1000.0 / self._parameters.tick_rate_hz)
+            engine.tick_tock(1000.0 / self.parameters.tick_rate_hz)
             while self._result is None and engine.failure is None and not self._over:
                 _turn(executor)
             elapsed = self._clock.now() - self._started
-            self._say_what_is_left(engine.settle(executor))
+            for name in engine.settle(executor):
+                self.node.get_logger().warning(f"{name}: the cancel of its goal was not answered.")
         except SetupFailedError as error:
-            tell(self._node, str(error), error)
+            tell(self.node, str(error), error)
             return self._failed(
                 "the tree was not started, because one of its leaves failed in setup (see above)"
             )
@@ -310,12 +295,7 @@ class _Run:
     def _over(self) -> bool:
         """Whether the run is ended by something other than the tree."""
         failed = self.simulation is not None and self.simulation.failure is not None
-        return self._signals.came or failed or not self._node.context.ok()
-
-    def _observers(self) -> list[Observer]:
-        """Return the handlers to call after every tick: the requested views, and the end condition."""
-        views = {"text": self._show}
-        return [*(look for name, look in views.items() if name == self._options.view), self._look_for_end]
+        return self.signals.came or failed or not self.node.context.ok()
 
     def _show(self, tree: BehaviourTree) -> None:
         self._output.show(unicode_tree(tree.root, statuses=True))
@@ -324,12 +304,8 @@ class _Run:
         status = Status.INVALID if was_skipped(tree.root) else tree.root.status
         self._result = self._end.after_tick(status, self._clock.now() - self._started)
 
-    def _say_what_is_left(self, unsettled: list[str]) -> None:
-        for name in unsettled:
-            self._node.get_logger().warning(f"{name}: the cancel of its goal was not answered.")
-
     def _conclude(self, engine: Engine, elapsed_sec: float) -> int:
-        summary = self._mission.summary(elapsed_sec, engine.count) if self._mission is not None else ""
+        summary = self.mission.summary(elapsed_sec, engine.count) if self.mission is not None else ""
         if summary:
             self._output.say(summary)
         if engine.failure is not None:
@@ -348,8 +324,8 @@ class _Run:
         if failure is not None:
             words = str(failure) if isinstance(failure, SarError) else f"{type(failure).__name__}: {failure}"
             return self._failed(f"the simulation has ended: {words}")
-        if self._signals.came:
-            return self._signals.exit_status
+        if self.signals.came:
+            return self.signals.exit_status
         return self._failed("ROS was shut down")
 
     def _failed(self, reason: str) -> int:

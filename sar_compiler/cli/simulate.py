@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
+from sar_compiler.cli.arguments import FINDINGS, OK, USAGE, count
 from sar_compiler.cli.loading import FILE_HELP, add_project_options, workspace
 from sar_compiler.errors import SarError
 
@@ -36,7 +36,7 @@ def add_simulate(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--tree", metavar="ID", help="the tree to tick (default: the one the file executes)")
     parser.add_argument(
-        "--ticks", type=_ticks, metavar="N", help="break off after so many ticks; that is no failure then"
+        "--ticks", type=count, metavar="N", help="break off after so many ticks; that is no failure then"
     )
     parser.add_argument(
         "--until",
@@ -157,14 +157,6 @@ def _print(played: "list[PlayedScenario]", coverage: "Coverage", arguments: argp
         print(f"{held} of {len(played)} scenarios hold.")
     if shown is not None:
         print(coverage_text(shown))
-
-
-def _ticks(text: str) -> int:
-    """Read the argument of `--ticks`: a whole number above 0."""
-    if not text.isdecimal() or int(text) == 0:
-        message = f"'{text}' is not a whole number above 0"
-        raise argparse.ArgumentTypeError(message)
-    return int(text)
 
 
 def _script(text: str) -> "Script":

@@ -6,7 +6,7 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
+from sar_compiler.cli.arguments import FINDINGS, OK, USAGE, count
 from sar_compiler.cli.loading import FILE_HELP, add_project_options, workspace
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--max-states",
-        type=_count,
+        type=count,
         default=_MAX_STATES,
         metavar="N",
         help=f"go through so many states at most (default {_MAX_STATES})",
@@ -102,14 +102,6 @@ def _assignment(text: str) -> tuple[str, str]:
         message = f"'{text}' is not FACT=VALUE, such as zones_left=4"
         raise argparse.ArgumentTypeError(message)
     return name.strip(), value.strip()
-
-
-def _count(text: str) -> int:
-    digits = text.replace("_", "")
-    if not (digits.isdecimal() and int(digits) > 0):
-        message = f"'{text}' is not a whole number above 0"
-        raise argparse.ArgumentTypeError(message)
-    return int(digits)
 
 
 class _Shown:

@@ -16,7 +16,7 @@ from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.instances import Instance, expand
 from sar_compiler.nodes.binding.main_tree import find_main_tree
 from sar_compiler.nodes.registry import Registry
-from sar_compiler.nodes.spec import Role, Use
+from sar_compiler.nodes.spec import Use
 from sar_compiler.runtime.blackboard import Board
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
 from sar_compiler.tree.forest import Forest
@@ -29,7 +29,6 @@ __all__ = [
     "bind_main",
     "compile_tree",
     "compile_with",
-    "context_types",
     "preview_tree",
 ]
 
@@ -88,16 +87,6 @@ def bind_main(
     if _has_error(findings):
         raise TreeError(findings)
     return binding
-
-
-def context_types(binding: Binding) -> set[type]:
-    """Return the types of which a mission has to hand an object to a bound tree."""
-    return {
-        parameter.target
-        for bound in binding.nodes()
-        for parameter in bound.spec.parameters.values()
-        if parameter.role is Role.CONTEXT and parameter.target is not None
-    }
 
 
 def compile_tree(

@@ -6,7 +6,6 @@ other leaf, installed or only described, is a `StubLeaf`: an outcome policy choo
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Any
 
 from py_trees.behaviour import Behaviour
@@ -62,6 +61,7 @@ class Assumptions:
     answers: Mapping[str, tuple[Answer, ...]] = field(default_factory=dict)
 
 
+@dataclass(eq=False)
 class SimulatedTree:
     """A compiled tree whose leaves answer what an outcome policy chooses.
 
@@ -76,26 +76,18 @@ class SimulatedTree:
         outputs: The leaves that would write a key in a real run, by the key as it is written in the file.
     """
 
-    def __init__(
-        self,
-        compiled: CompiledTree,
-        facts: Scope,
-        leaves: tuple[StubLeaf, ...],
-        clock: ManualClock,
-        notes: tuple[Diagnostic, ...] = (),
-        disputes: Mapping[str, str] = MappingProxyType({}),
-        outputs: Mapping[str, str] = MappingProxyType({}),
-    ) -> None:
-        self.compiled = compiled
-        self.facts = facts
-        self.leaves = leaves
-        self.clock = clock
-        self.notes = notes
-        self.disputes = disputes
-        self._outputs = outputs
-        self.events: list[Event] = []
-        """What the leaves have done, in order, since the list was last cleared."""
-        for leaf in leaves:
+    compiled: CompiledTree
+    facts: Scope
+    leaves: tuple[StubLeaf, ...]
+    clock: ManualClock
+    notes: tuple[Diagnostic, ...] = ()
+    disputes: Mapping[str, str] = field(default_factory=dict)
+    outputs: Mapping[str, str] = field(default_factory=dict)
+    events: list[Event] = field(default_factory=list, init=False)
+    """What the leaves have done, in order, since the list was last cleared."""
+
+    def __post_init__(self) -> None:
+        for leaf in self.leaves:
             leaf.events = self.events
 
     @property
@@ -118,7 +110,7 @@ class SimulatedTree:
         cause: BaseException | None = error
         while cause is not None:
             key = getattr(cause, "name" if isinstance(cause, UnknownVariableError) else "key", None)
-            leaf = self._outputs.get(str(key).removeprefix(ROOT_SIGN))
+            leaf = self.outputs.get(str(key).removeprefix(ROOT_SIGN))
             if leaf is not None:
                 return (
                     f"; '{leaf}' writes '{key}' when it flies, and nothing says what it writes here: "

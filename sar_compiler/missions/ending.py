@@ -1,7 +1,7 @@
 """The end of a run and its result."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 from py_trees.common import Status
@@ -44,6 +44,7 @@ class RunResult:
     reason: str
 
 
+@dataclass
 class EndCondition:
     """Decides after every tick whether a run is over.
 
@@ -54,28 +55,21 @@ class EndCondition:
         say: Called with a message for every round of the tree after which the run continues, although the root has ended.
     """
 
-    def __init__(
-        self,
-        until: Until,
-        mission: MissionRun | None = None,
-        time_limit_sec: float | None = None,
-        say: Callable[[str], object] = lambda _: None,
-    ) -> None:
-        self._until = until
-        self._mission = mission
-        self._time_limit_sec = time_limit_sec
-        self._say = say
-        self._rounds = 0
-        self._idle_ticks = 0
+    until: Until
+    mission: MissionRun | None = None
+    time_limit_sec: float | None = None
+    say: Callable[[str], object] = lambda _: None
+    _rounds: int = field(default=0, init=False)
+    _idle_ticks: int = field(default=0, init=False)
 
     @property
     def complete(self) -> bool:
         """Whether there is a mission with an end of its own, and it is complete."""
-        return self._mission is not None and self._mission.shortfalls() == []
+        return self.mission is not None and self.mission.shortfalls() == []
 
     def shortfalls(self) -> list[str]:
         """Return in sentences what is missing for a complete mission; empty without a mission that has an end of its own."""
-        return (self._mission.shortfalls() if self._mission is not None else None) or []
+        return (self.mission.shortfalls() if self.mission is not None else None) or []
 
     def after_tick(self, status: Status, elapsed_sec: float) -> RunResult | None:
         """Return the result of the run, or None if it continues.
@@ -84,23 +78,23 @@ class EndCondition:
             status: The root's status after the tick; INVALID if it was skipped.
             elapsed_sec: Time since the first tick, in seconds of the node's clock.
         """
-        result = self._mission_result(status) if self._until is Until.COMPLETE else self._root_result(status)
-        late = self._time_limit_sec is not None and elapsed_sec > self._time_limit_sec
+        result = self._mission_result(status) if self.until is Until.COMPLETE else self._root_result(status)
+        late = self.time_limit_sec is not None and elapsed_sec > self.time_limit_sec
         if result is None and late:
             return RunResult(
-                achieved=False, reason=f"The time limit of {self._time_limit_sec:g} s was reached."
+                achieved=False, reason=f"The time limit of {self.time_limit_sec:g} s was reached."
             )
         return result
 
     def _root_result(self, status: Status) -> RunResult | None:
-        if self._until not in _ENDS or status == Status.RUNNING:
+        if self.until not in _ENDS or status == Status.RUNNING:
             return None
         name = "SKIPPED" if status == Status.INVALID else status.name
-        if status in _ENDS[self._until]:
-            achieved = self._until is not Until.END or status == Status.SUCCESS
+        if status in _ENDS[self.until]:
+            achieved = self.until is not Until.END or status == Status.SUCCESS
             return RunResult(achieved=achieved, reason=f"The root of the tree ended with {name}.")
         self._rounds += 1
-        self._say(f"Root {name}, starting again ({_ordinal(self._rounds)} time).")
+        self.say(f"Root {name}, starting again ({_ordinal(self._rounds)} time).")
         return None
 
     def _mission_result(self, status: Status) -> RunResult | None:
@@ -108,7 +102,7 @@ class EndCondition:
             return RunResult(achieved=True, reason="Mission complete.")
         # With nothing left to do, a tree that ends twice in a row is through. Once is not enough: the tick
         # that finishes the last piece of work succeeds before the way home was checked.
-        nothing_left = self._mission.nothing_left() if self._mission is not None else ""
+        nothing_left = self.mission.nothing_left() if self.mission is not None else ""
         over = nothing_left and status != Status.RUNNING
         self._idle_ticks = self._idle_ticks + 1 if over else 0
         if self._idle_ticks > 1:

@@ -75,17 +75,6 @@ def _untyped(name: str, context: Context | None, cli_args: list[str] | None) -> 
     return f"parameter {', '.join(names)}" if names else "a parameter"
 
 
-def declare_default(node: Node, name: str, value: object) -> Any:
-    """Declare a parameter unless it was given.
-
-    Returns:
-        Its value: the given one, or the default.
-    """
-    if not node.has_parameter(name):
-        node.declare_parameter(name, value)
-    return node.get_parameter(name).value
-
-
 def flat_parameters(node: Node) -> dict[str, object]:
     """Return the values of a node's parameters by their flat names; arrays as lists."""
     values = {name: parameter.value for name, parameter in node.get_parameters_by_prefix("").items()}

@@ -2,8 +2,9 @@
 
 import math
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from lifecycle_msgs.srv import GetState
@@ -22,19 +23,18 @@ _ANSWER_DEADLINE_SEC = 2.0
 _INITIAL_VARIANCES = {0: 0.25, 7: 0.25, 35: 0.068}
 
 
-class Requirement(Protocol):
+class Requirement(ABC):
     """A requirement that must be fulfilled before the first tick."""
 
+    @abstractmethod
     def missing(self) -> str | None:
         """Take the next step, and describe what is missing; None if nothing is."""
-        ...
 
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027 - most have created nothing
         """Destroy what was created on the node."""
-        ...
 
 
-class OneServer:
+class OneServer(Requirement):
     """An action or a service that must have exactly one server.
 
     Args:
@@ -64,11 +64,8 @@ class OneServer:
         number, which = ("two", "one") if servers == 2 else (servers, "all but one")  # noqa: PLR2004
         return f"{self._title}: {number} servers answer to {self._resolved}: stop {which}"
 
-    def close(self) -> None:
-        """Do nothing: the graph is queried without any entity on the node."""
 
-
-class Published:
+class Published(Requirement):
     """A topic that must have a publisher.
 
     Args:
@@ -85,11 +82,8 @@ class Published:
         """Describe a missing publisher; None if there is one."""
         return None if self._node.count_publishers(self._topic) else f"{self._title}: no publisher"
 
-    def close(self) -> None:
-        """Do nothing: the graph is queried without any entity on the node."""
 
-
-class ClockRuns:
+class ClockRuns(Requirement):
     """Simulated time that must have started.
 
     Args:
@@ -104,11 +98,8 @@ class ClockRuns:
         came = not self._clock.ros_time_is_active or self._clock.now().nanoseconds > 0
         return None if came else "use_sim_time is set and no /clock has come"
 
-    def close(self) -> None:
-        """Do nothing: the node itself subscribes to /clock."""
 
-
-class Localised:
+class Localised(Requirement):
     """A localisation that must have accepted the initial pose.
 
     The pose is published until an answer arrives. The subscription excludes earlier answers: an old pose,
@@ -167,7 +158,7 @@ class Localised:
         return message
 
 
-class NodeActive:
+class NodeActive(Requirement):
     """A lifecycle node that must be active.
 
     It is asked repeatedly, even after it was active: it may no longer be when the other requirements are fulfilled.

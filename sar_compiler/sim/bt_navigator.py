@@ -1,6 +1,5 @@
 """The stand-in for Nav2's navigator: the action `navigate_to_pose`, as served by Jazzy's bt_navigator."""
 
-import functools
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -248,10 +247,6 @@ class BtNavigator:
         """Return the zone that contains *goal*, if any."""
         if goal is None or not self._zones:
             return None
-        away = functools.partial(_distance, goal, self._zones)
-        nearest = min(self._zones, key=away)
-        return nearest if away(nearest) < _ZONE_REACH else None
-
-
-def _distance(goal: Pose2D, zones: Mapping[str, tuple[float, float]], zone: str) -> float:
-    return goal.distance_to(Pose2D(*zones[zone]))
+        away = {zone: goal.distance_to(Pose2D(*place)) for zone, place in self._zones.items()}
+        nearest = min(away, key=away.__getitem__)
+        return nearest if away[nearest] < _ZONE_REACH else None

@@ -9,6 +9,9 @@ import numpy as np
 from sar_compiler.sim.geometry import ORIGIN, Cylinder, Pose2D, normalise_angle
 from sar_compiler.sim.world import Solid, World
 
+# Standard deviation of each step's odometry, as a fraction of the distance driven.
+_ODOMETRY_NOISE = 0.01
+
 
 @dataclass(frozen=True)
 class Limits:
@@ -68,7 +71,6 @@ class Robot:
         start: Its pose at time zero, frame `map`; the world's start if None.
         seed: Seed of the odometry's noise.
         limits: The limits of its drive.
-        odometry_noise: Standard deviation of each step's odometry, as a fraction of the distance driven.
         command_timeout: Age of a command after which the robot stops, seconds of simulated time.
     """
 
@@ -79,14 +81,12 @@ class Robot:
         start: Pose2D | None = None,
         seed: int = 0,
         limits: Limits | None = None,
-        odometry_noise: float = 0.01,
         command_timeout: float = 0.5,
     ) -> None:
         self.limits = limits or Limits()
         self.state = RobotState(start or world.start)
         self._world = world
         self._others: tuple[Robot, ...] = ()
-        self._noise = odometry_noise
         self._random = np.random.default_rng([seed, 1])
         self._timeout = command_timeout
         self._command = STAND
@@ -143,8 +143,8 @@ class Robot:
     def _measure(self, odometry: Pose2D, moved: float, turned: float) -> Pose2D:
         """Return the odometry after a step of *moved* metres and *turned* radians."""
         slip, skid = self._random.standard_normal(2)
-        moved *= 1.0 + self._noise * float(slip)
-        turned *= 1.0 + self._noise * float(skid)
+        moved *= 1.0 + _ODOMETRY_NOISE * float(slip)
+        turned *= 1.0 + _ODOMETRY_NOISE * float(skid)
         heading = odometry.yaw + turned / 2
         return Pose2D(
             odometry.x + moved * math.cos(heading),

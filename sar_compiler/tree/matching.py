@@ -3,6 +3,7 @@
 from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass, field
+from operator import attrgetter
 
 from sar_compiler.tree.model import MODEL_TAG, ROOT_TAG, Element, TreeFile
 from sar_compiler.tree.subsequence import common_subsequence
@@ -160,12 +161,8 @@ def _pair_equal(old: Node, new: Node) -> None:
         _pair_equal(one, other)
 
 
-def _mark(node: Node) -> Hashable:
-    return node.mark
-
-
-def _identity(node: Node) -> Hashable:
-    return node.identity
+_mark: Key = attrgetter("mark")
+_identity: Key = attrgetter("identity")
 
 
 def _content(node: Node) -> Hashable | None:
@@ -175,16 +172,12 @@ def _content(node: Node) -> Hashable | None:
 def _align(old: Node, new: Node) -> None:
     """Pair what is in two nodes that are one, by what cannot be mistaken."""
     if not old.ordered:
-        _align_unordered(old, new)
+        for key in (_mark, _identity):
+            _pair_by(_free(old.children), _free(new.children), key)
         return
     gaps = [(_free(old.children), _free(new.children))]
     for key in (_mark, _identity, _content):
         gaps = [smaller for gap in gaps for smaller in _align_gap(*gap, key)]
-
-
-def _align_unordered(old: Node, new: Node) -> None:
-    for key in (_mark, _identity):
-        _pair_by(_free(old.children), _free(new.children), key)
 
 
 def _align_gap(

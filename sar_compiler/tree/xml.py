@@ -7,11 +7,10 @@ in the text only when somebody asks, which is when there is something to say abo
 import dataclasses
 import re
 from collections.abc import Callable
-from pathlib import Path
 from xml.parsers import expat
 
 from sar_compiler.tree.comments import text_of_xml
-from sar_compiler.tree.content import MAX_DEPTH, read_bytes, source_of
+from sar_compiler.tree.content import MAX_DEPTH, source_of
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import MODEL_TAG, Comment, Element, TreeFile
@@ -20,29 +19,13 @@ from sar_compiler.tree.xml_mistakes import mistake_at
 
 _DECLARED_ENCODING = re.compile(rb"""^<\?xml\b[^>]*?\bencoding\s*=\s*["']([A-Za-z0-9._\-]+)["']""")
 _NAME = re.compile(r"<[^\s/>]+")
-_ATTRIBUTE = re.compile(r"""\s*([^\s=/>]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+_ATTRIBUTE = re.compile(r"""\s*([^\s=/>]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)
 # What stands for one character of a value.
 _CHARACTER = re.compile(r"&[^;]*;|\r\n|.", re.DOTALL)
 
 
-def read_xml(path: str | Path) -> TreeFile:
-    """Read a tree file.
-
-    Args:
-        path: The file.
-
-    Returns:
-        What it says, not yet checked.
-
-    Raises:
-        UnreadableFileError: If the file is not there or cannot be read.
-        TreeError: If it is not well-formed XML, too large, too deep, or has a DOCTYPE.
-    """
-    return parse_xml(read_bytes(path), str(path))
-
-
 def parse_xml(data: bytes | str, path: str = "<text>") -> TreeFile:
-    """Read a tree file from memory.
+    """Read a tree file's content.
 
     Args:
         data: Its content.
@@ -75,15 +58,13 @@ class _XmlSpans:
 
     def attribute_value(self, source: Source, element: Element, name: str) -> Span:
         match = self._attribute(source, element, name)
-        if match is None:
-            return self.tag(source, element)
-        return source.span(*match.span(2 if match.group(2) is not None else 3))
+        return source.span(*match.span(3)) if match else self.tag(source, element)
 
     def within_value(self, source: Source, element: Element, name: str, start: int, end: int) -> Span:
         match = self._attribute(source, element, name)
         if match is None:
             return self.tag(source, element)
-        first, last = match.span(2 if match.group(2) is not None else 3)
+        first, last = match.span(3)
         places = [found.start() for found in _CHARACTER.finditer(source.text, first, last)] + [last]
         return source.span(*(places[min(index, len(places) - 1)] for index in (start, end)))
 
@@ -204,14 +185,9 @@ class _XmlReader:
         hint = _HINTS.get(words)
         found = mistake_at(self._source.text, start, words)
         if found is not None:
-            where = self._source.span(found.start, found.end)
-            return Diagnostic(
-                "malformed-xml",
-                f"not well-formed XML: {found.message}",
-                self._source,
-                where,
-                found.suggestion,
-            )
+            message = f"not well-formed XML: {found.message}"
+            span = self._source.span(found.start, found.end)
+            return Diagnostic("malformed-xml", message, self._source, span, found.suggestion)
         if words == expat.errors.XML_ERROR_TAG_MISMATCH and self._open:
             start -= len("</")  # expat speaks of the name behind it
             tag, _, opened, *_ = self._open[-1]

@@ -5,13 +5,12 @@ A node with nothing in it is its bare tag. What an attribute says is the text as
 """
 
 import re
-from pathlib import Path
 from typing import Any
 
 import yaml
 
 from sar_compiler.tree.comments import text_of_yaml
-from sar_compiler.tree.content import MAX_DEPTH, read_bytes, source_of
+from sar_compiler.tree.content import MAX_DEPTH, source_of
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.model import CHILDREN_KEY, MODEL_TAG, ROOT_TAG, TEXT_KEY, Comment, Element, TreeFile
 from sar_compiler.tree.source import Source
@@ -26,24 +25,8 @@ _HEADER_COMMENT = re.compile(r"[^\r\n#]*#([^\r\n]*)")
 _REFERENCE = re.compile(r"\{[^{}:,\s]+\}")
 
 
-def read_yaml(path: str | Path) -> TreeFile:
-    """Read a tree file.
-
-    Args:
-        path: The file.
-
-    Returns:
-        What it says, not yet checked.
-
-    Raises:
-        UnreadableFileError: If the file is not there or cannot be read.
-        TreeError: If it is not YAML, not a tree, too large, too deep, or uses what only YAML has.
-    """
-    return parse_yaml(read_bytes(path), str(path))
-
-
 def parse_yaml(data: bytes | str, path: str = "<text>") -> TreeFile:
-    """Read a tree file from memory.
+    """Read a tree file's content.
 
     Args:
         data: Its content.

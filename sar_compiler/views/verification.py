@@ -63,16 +63,11 @@ def _tick_lines(number: int, tick: TraceTick, labels: Mapping[StubLeaf, str]) ->
     seen = [event for event in tick.events if event.what in (ANSWERED, HALTED)]
     done = [f"{labels[e.leaf]} {e.what if e.answer is None else e.answer.name}" for e in seen]
     came_to = [f"root {tick.root}"] if tick.root else []
-    changes = [f"{name}: {_change(change)}" for name, change in tick.changes.items()]
+    changes = [f"{name}: {_value(was)} -> {_value(now)}" for name, (was, now) in tick.changes.items()]
     for line in (", ".join(done), "; ".join([*came_to, *changes]), tick.error):
         if line:
             yield from textwrap.wrap(line, _WIDTH, initial_indent=label, subsequent_indent=" " * len(label))
             label = " " * len(label)
-
-
-def _change(change: ValueChange) -> str:
-    before, after = map(_value, change)
-    return f"{before} -> {after}"
 
 
 def _value(value: object) -> str:
@@ -86,14 +81,8 @@ def _value(value: object) -> str:
 def _summary(verification: Verification, seconds: float) -> Iterator[str]:
     verdicts = verification.verdicts
     width = max(len(verdict.question) for verdict in verdicts) + 2
-    states, ticks, depth = (
-        _counted(number, word)
-        for number, word in (
-            (verification.states, "state"),
-            (verification.ticks, "tick"),
-            (verification.depth, "tick"),
-        )
-    )
+    states = _counted(verification.states, "state")
+    ticks, depth = (_counted(number, "tick") for number in (verification.ticks, verification.depth))
     yield f"{states}, {ticks} between them, {depth} deep, {seconds:.1f} s"
     for verdict in verdicts:
         line = f"  {verdict.question + ':':{width}}{verdict.outcome.value}"

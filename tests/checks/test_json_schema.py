@@ -15,8 +15,9 @@ from sar_compiler.nodes.schemas.json_schema import json_schema
 from sar_compiler.tree.conversion import convert
 from sar_compiler.tree.diagnostic import Severity
 from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.reading import read_tree_file
 from sar_compiler.tree.source import Form
-from sar_compiler.tree.xml import parse_xml, read_xml
+from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.yaml import parse_yaml
 from tests.checks.test_mistakes import CORRECT
 from tests.checks.test_schema import ELEMENTS, written
@@ -56,7 +57,7 @@ def test_shipped_trees_are_valid(path):
 
 @pytest.mark.parametrize("path", sorted(Path("examples").glob("*/*.xml")), ids=str)
 def test_the_examples_need_leaves_of_their_own_at_most(path):
-    found = errors(convert(read_xml(path), Form.YAML).text)
+    found = errors(convert(read_tree_file(path), Form.YAML).text)
     assert all(place[-1] == "children" or isinstance(place[-1], int) for place in found)
 
 

@@ -5,7 +5,7 @@ import pytest
 from sar_compiler.checks import check
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.xml import read_xml
+from sar_compiler.tree.reading import read_tree_file
 from tests.trees import document, forest_of
 
 
@@ -332,4 +332,4 @@ def test_nothing_is_said_of_a_correct_file(text, registry):
 
 
 def test_the_shipped_tree_is_correct(registry):
-    assert check(Forest.of(read_xml("trees/search_and_rescue.xml")), registry) == []
+    assert check(Forest.of(read_tree_file("trees/search_and_rescue.xml")), registry) == []

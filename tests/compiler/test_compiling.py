@@ -5,7 +5,7 @@ import pytest
 from py_trees.behaviour import Behaviour
 from py_trees.common import OneShotPolicy, Status
 
-from sar_compiler.compiler import bind_main, compile_tree, context_types, preview_tree
+from sar_compiler.compiler import bind_main, compile_tree, preview_tree
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.nodes.registry import Registry, default_registry
@@ -13,7 +13,7 @@ from sar_compiler.nodes.spec import Kind, NodeSpec, Use
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.xml import read_xml
+from sar_compiler.tree.reading import read_tree_file
 from tests.nodes import leaves
 from tests.nodes.leaves import Radio
 from tests.trees import forest, forest_of
@@ -196,11 +196,6 @@ def test_a_tree_says_what_it_uses_with_the_names_filled_in(registry):
     assert tree.uses() == [Use("service", "speak"), Use("service", "shout")]
 
 
-def test_a_tree_says_which_objects_a_mission_must_hand_over(registry):
-    binding = bind_main(forest('<Timeout duration="1"><Say message="a"/></Timeout>'), registry)
-    assert context_types(binding) == {Radio, Clock}
-
-
 def test_every_behaviour_knows_the_element_it_was_made_from(registry):
     tree = compiled('<Sequence>\n<Success oneshot="ON_COMPLETION"/>\n</Sequence>', registry)
     lines = {node.name: tree.origins[node.id].bound.element.line for node in tree.root.iterate()}
@@ -222,7 +217,9 @@ def test_a_preview_needs_no_mission(registry):
 
 
 def test_the_shipped_tree_compiles_to_stock_classes_and_the_nine_leaves():
-    tree = preview_tree(bind_main(Forest.of(read_xml("trees/search_and_rescue.xml")), default_registry()))
+    tree = preview_tree(
+        bind_main(Forest.of(read_tree_file("trees/search_and_rescue.xml")), default_registry())
+    )
     classes = [f"{type(node).__module__}.{type(node).__qualname__}" for node in tree.root.iterate()]
     stock = {name for name in classes if name.startswith("py_trees.")}
     assert stock == {
@@ -235,7 +232,7 @@ def test_the_shipped_tree_compiles_to_stock_classes_and_the_nine_leaves():
 
 def test_all_leaves_of_a_tree_hold_the_same_zone_manager():
     zones = ZoneManager([{"id": "a", "x": 0.0, "y": 0.0, "yaw": 0.0}], {"x": 0.0, "y": 0.0, "yaw": 0.0})
-    binding = bind_main(Forest.of(read_xml("trees/search_and_rescue.xml")), default_registry())
+    binding = bind_main(Forest.of(read_tree_file("trees/search_and_rescue.xml")), default_registry())
     record = MissionRecord()
     context = {ZoneManager: zones, MissionRecord: record, Clock: ManualClock()}
     tree = compile_tree(binding, context, {})

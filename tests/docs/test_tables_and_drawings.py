@@ -18,7 +18,8 @@ from sar_compiler.nodes.spec import Kind
 from sar_compiler.ros.run_parameters import RunParameters
 from sar_compiler.testing import compiled
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.xml import parse_xml, read_xml
+from sar_compiler.tree.reading import read_tree_file
+from sar_compiler.tree.xml import parse_xml
 from sar_compiler.views.text import unicode_tree
 from tests.docs.markdown import blocks, codes, tables
 
@@ -35,7 +36,7 @@ def block_with(page, text):
 
 def test_the_readme_shows_the_shipped_tree():
     shown = parse_xml(block_with(README, "<root"), "readme.xml").root
-    shipped = read_xml(TREE).root
+    shipped = read_tree_file(TREE).root
     assert [(each.tag, each.attributes) for each in shown.iterate()] == [
         (each.tag, each.attributes) for each in shipped.iterate()
     ]
@@ -66,7 +67,7 @@ def test_the_mission_is_drawn_as_it_compiles(page):
 def test_the_memory_flags_are_explained_as_they_are(page):
     written = {
         element.attributes["name"]: element.attributes["memory"]
-        for element in read_xml(TREE).root.iterate()
+        for element in read_tree_file(TREE).root.iterate()
         if "memory" in element.attributes
     }
     explained = {

@@ -3,7 +3,7 @@
 from hypothesis import given, settings
 
 from sar_compiler.checks import check
-from sar_compiler.compiler import bind_main, compile_tree, context_types, preview_tree
+from sar_compiler.compiler import bind_main, compile_tree, preview_tree
 from sar_compiler.runtime.context import preview_of
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.forest import Forest
@@ -55,7 +55,12 @@ def test_compiling_for_a_mission_raises_nothing_but_what_is_said_in_words(text):
 
     def flown():
         binding = bind_main(forest, REGISTRY)
-        context = {cls: preview_of(cls) for cls in context_types(binding)}
+        context = {
+            parameter.target: preview_of(parameter.target)
+            for bound in binding.nodes()
+            for parameter in bound.spec.handed_over
+            if parameter.target is not None
+        }
         return compile_tree(binding, context, {"a": 1, "c": "x"})
 
     tree, codes = tried(flown)

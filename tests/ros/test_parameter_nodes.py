@@ -339,10 +339,3 @@ class TestArguments:
 
         with pytest.raises(RosArgumentError, match="1bad"):
             mission_node("1bad", ros.context)
-
-    def test_a_default_is_declared_only_where_nothing_is_given(self, launch: Launch) -> None:
-        from sar_compiler.ros.parameters import declare_default
-
-        node = launch.node(["-p", "given:=3"])
-        assert (declare_default(node, "given", 1.5), declare_default(node, "not_given", 1.5)) == (3, 1.5)
-        assert node.get_parameter("not_given").value == 1.5

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from sar_compiler.tree.content import MAX_BYTES, MAX_DEPTH
 from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
 from sar_compiler.tree.model import Element
+from sar_compiler.tree.reading import read_tree_file
 from sar_compiler.tree.source import Span
-from sar_compiler.tree.xml import parse_xml, read_xml
+from sar_compiler.tree.xml import parse_xml
 
 
 def finding_of(data):
@@ -124,7 +125,7 @@ def test_a_file_over_the_size_limit_is_refused_without_being_parsed(tmp_path):
     with path.open("wb") as stream:
         stream.truncate(MAX_BYTES + 1)
     with pytest.raises(TreeError, match=f"larger than {MAX_BYTES // 2**20} MiB"):
-        read_xml(path)
+        read_tree_file(path)
 
 
 def test_entities_of_a_doctype_are_never_expanded():
@@ -134,12 +135,12 @@ def test_entities_of_a_doctype_are_never_expanded():
 
 def test_a_file_that_is_not_there_is_named_with_the_reason(tmp_path):
     with pytest.raises(UnreadableFileError, match=r"cannot read .*nowhere\.xml: No such file"):
-        read_xml(tmp_path / "nowhere.xml")
+        read_tree_file(tmp_path / "nowhere.xml")
 
 
 def test_a_folder_is_not_a_tree_file(tmp_path):
     with pytest.raises(UnreadableFileError, match="Is a directory"):
-        read_xml(tmp_path)
+        read_tree_file(tmp_path)
 
 
 NAMES = st.text(st.sampled_from("abcäß_"), min_size=1, max_size=4)

@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 from sar_compiler.tree import yaml_events
 from sar_compiler.tree.content import MAX_BYTES, MAX_DEPTH
 from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
+from sar_compiler.tree.reading import read_tree_file
 from sar_compiler.tree.xml import parse_xml
-from sar_compiler.tree.yaml import parse_yaml, read_yaml
+from sar_compiler.tree.yaml import parse_yaml
 from sar_compiler.tree.yaml_writer import write_yaml
 from tests.tree.strategies import tree_files
 
@@ -221,12 +222,12 @@ def test_a_file_over_the_size_limit_is_refused_without_being_parsed(tmp_path):
     with path.open("wb") as stream:
         stream.truncate(MAX_BYTES + 1)
     with pytest.raises(TreeError, match="larger than"):
-        read_yaml(path)
+        read_tree_file(path)
 
 
 def test_a_file_that_is_not_there_is_named_with_the_reason(tmp_path):
     with pytest.raises(UnreadableFileError, match=r"nowhere\.yaml: No such file"):
-        read_yaml(tmp_path / "nowhere.yaml")
+        read_tree_file(tmp_path / "nowhere.yaml")
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])

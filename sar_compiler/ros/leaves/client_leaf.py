@@ -1,17 +1,25 @@
 """The common base of leaves that call an action or a service."""
 
-from abc import abstractmethod
-from typing import Any, Generic, Protocol, TypeVar
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Any, ClassVar, Generic, TypeVar
 
 from py_trees.common import Status
 
+from sar_compiler.ros.leaves.deadline import Deadline
 from sar_compiler.ros.leaves.errors import LeafDefinitionError, MissingNodeError
 from sar_compiler.ros.leaves.interfaces import find_interface
 from sar_compiler.ros.leaves.leaf import RosLeaf
 
 
-class Exchange(Protocol):
+class Exchange(ABC):
     """A goal or a call: sent to a server at most once, and answered at most once.
+
+    Args:
+        server: The name of the action or service.
+        server_sec: How long to wait for a server, seconds of the steady clock.
+        reply_sec: How long to wait for the first reply, from the sending on.
+        on_sending: Called just before the message is sent.
 
     Attributes:
         sent: Whether it was sent.
@@ -19,15 +27,76 @@ class Exchange(Protocol):
         trouble: The reason why there will be no answer; empty if there may be one.
     """
 
-    sent: bool
-    answer: Any
-    trouble: str
+    _server_kind: ClassVar[str]
+    _reply: ClassVar[str]
+
+    def __init__(
+        self, server: str, server_sec: float, reply_sec: float, on_sending: Callable[[], None]
+    ) -> None:
+        self.sent = False
+        self.answer: Any = None
+        self.trouble = ""
+        self._server = server
+        self._server_sec = server_sec
+        self._reply_sec = reply_sec
+        self._on_sending = on_sending
+        self._deadline = Deadline(server_sec)
+        self._abandoned = False
+
+    @property
+    def over(self) -> bool:
+        """Whether it has ended, with or without success."""
+        return self.answer is not None or bool(self.trouble)
 
     def advance(self) -> None:
         """Do what is possible now: send the message, or check the deadlines."""
+        if self.over or self._abandoned:
+            return
+        if self.sent:
+            self._watch()
+        elif self._server_is_ready():
+            # Without a server a message would be lost: it is not delivered to one that appears later.
+            self._on_sending()
+            self.sent = True
+            self._deadline = Deadline(self._reply_sec)
+            self._send()
+        elif self._deadline.passed:
+            self._give_up(
+                f"no server for the {self._server_kind} '{self._server}' within {self._server_sec:g} s; "
+                "is it running, and in this namespace?"
+            )
 
     def abandon(self) -> None:
         """Give it up: later answers of the server are ignored."""
+        if self.over or self._abandoned:
+            return
+        self._abandoned = True
+        if self.sent:
+            self._withdraw()
+
+    @abstractmethod
+    def _server_is_ready(self) -> bool:
+        """Return whether there is a server to send to."""
+
+    @abstractmethod
+    def _send(self) -> None:
+        """Send the message."""
+
+    @abstractmethod
+    def _withdraw(self) -> None:
+        """Take back what was sent."""
+
+    def _watch(self) -> None:
+        """Give up if the first reply is too late."""
+        if self._deadline.passed:
+            self._give_up(
+                f"{self._reply} within {self._reply_sec:g} s; "
+                f"is the server of '{self._server}' alive and not overloaded?"
+            )
+
+    def _give_up(self, trouble: str) -> None:
+        self.abandon()
+        self.trouble = trouble
 
 
 E = TypeVar("E", bound=Exchange)

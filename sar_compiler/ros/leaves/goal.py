@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from weakref import WeakMethod
 
+from sar_compiler.ros.leaves.client_leaf import Exchange
 from sar_compiler.ros.leaves.deadline import Deadline
 from sar_compiler.ros.leaves.leaf import alive
 
@@ -88,7 +89,7 @@ class GoalDeadlines:
         return self.server_sec if self.feedback_sec is None else self.feedback_sec
 
 
-class ActionGoal:
+class ActionGoal(Exchange):
     """One goal, sent at most once.
 
     Args:
@@ -99,11 +100,14 @@ class ActionGoal:
         on_news: Called when the goal is accepted and when it has succeeded.
 
     Attributes:
-        sent, trouble: As in every `client_leaf.Exchange`.
+        sent, trouble: As in every `Exchange`.
         answer: The server's final answer, with `status` (a constant of `action_msgs/msg/GoalStatus`) and
             `result`; None until then.
         rejected: Whether the server refused the goal.
     """
+
+    _server_kind = "action"
+    _reply = "no answer to the goal"
 
     def __init__(
         self,
@@ -115,31 +119,21 @@ class ActionGoal:
     ) -> None:
         from unique_identifier_msgs.msg import UUID
 
-        self.sent = False
-        self.answer: Any = None
-        self.trouble = ""
+        super().__init__(port.name, deadlines.server_sec, deadlines.acceptance_sec, on_sending)
         self.rejected = False
         self._port = port
         self._message = message
         self._deadlines = deadlines
-        self._on_sending = on_sending
         self._on_news = on_news
         # Its own id, so that it can be cancelled before the server has said anything.
         self._id = UUID(uuid=list(uuid.uuid4().bytes))
-        self._deadline = Deadline(deadlines.server_sec)
         self._handle: ClientGoalHandle | None = None
         self._feedback: Any = None
         self._answered = False
-        self._abandoned = False
         self._silence: Deadline | None = None
         self._doubt: Deadline | None = None
         self._absence: Deadline | None = None
         self._cancels_under_way = 0
-
-    @property
-    def over(self) -> bool:
-        """Whether it has ended, with or without success."""
-        return self.answer is not None or bool(self.trouble)
 
     @property
     def in_flight(self) -> bool:
@@ -151,51 +145,36 @@ class ActionGoal:
         """Whether all cancel requests are answered, and no acceptance is pending that would have to be cancelled."""
         return self._cancels_under_way == 0 and not (self._abandoned and self.sent and not self._answered)
 
-    def advance(self) -> None:
-        """Do what is possible now: send the goal, or check the deadlines."""
-        if self.over or self._abandoned:
-            return
-        if not self.sent:
-            self._send_or_wait()
-        elif self._handle is None:
-            if self._deadline.passed:
-                self._give_up(
-                    f"no answer to the goal within {self._deadlines.acceptance_sec:g} s; "
-                    f"is the server of '{self._port.name}' alive and not overloaded?"
-                )
-        else:
-            self._watch()
-
-    def abandon(self) -> None:
-        """Give the goal up; cancels it if it was sent and has not ended."""
-        if self.over or self._abandoned:
-            return
-        self._abandoned = True
-        if self._handle is not None:
-            self._cancel_accepted()
-        elif self.sent:
-            self._cancel_unaccepted()
-
     def take_feedback(self) -> Any:
         """Return the latest feedback message, once; None if there is no new one."""
         feedback, self._feedback = self._feedback, None
         return feedback
 
-    def _send_or_wait(self) -> None:
-        if self._port.server_is_ready:
-            # Without a server a goal would be lost: it is not delivered to one that appears later.
-            self._on_sending()
-            self.sent = True
-            self._deadline = Deadline(self._deadlines.acceptance_sec)
-            answer = self._port.client.send_goal_async(self._message, self._weak_on_feedback(), self._id)
-            answer.add_done_callback(self._on_answer)
-        elif self._deadline.passed:
-            self._give_up(
-                f"no server for the action '{self._port.name}' within {self._deadlines.server_sec:g} s; "
-                "is it running, and in this namespace?"
-            )
+    def _server_is_ready(self) -> bool:
+        return self._port.server_is_ready
+
+    def _send(self) -> None:
+        answer = self._port.client.send_goal_async(self._message, self._weak_on_feedback(), self._id)
+        answer.add_done_callback(self._on_answer)
+
+    def _withdraw(self) -> None:
+        if not self._port.usable:
+            return
+        if self._handle is not None:
+            self._expect(self._handle.cancel_goal_async(), self._judge_cancel)
+        elif self._port.canceller.service_is_ready():
+            # Of use only if the server has the goal already; if not, it answers that it does not know it, and
+            # the goal is cancelled when its acceptance arrives.
+            from action_msgs.srv import CancelGoal
+
+            request = CancelGoal.Request()
+            request.goal_info.goal_id = self._id
+            self._expect(self._port.canceller.call_async(request), lambda _: None)
 
     def _watch(self) -> None:
+        if self._handle is None:
+            super()._watch()
+            return
         # The graph alone does not do: it believes in a killed server for some 20 s. Feedback alone does not do
         # either: not every server sends any.
         if self._silence is not None and self._silence.passed:
@@ -214,10 +193,6 @@ class ActionGoal:
         elif self._absence.passed:
             self._give_up(f"the server has been gone for {self._deadlines.absence_sec:g} s")
 
-    def _give_up(self, trouble: str) -> None:
-        self.abandon()
-        self.trouble = trouble
-
     def _on_answer(self, answer: "Future") -> None:
         self._answered = True
         handle: ClientGoalHandle = answer.result()
@@ -230,7 +205,7 @@ class ActionGoal:
         self._doubt = Deadline(self._deadlines.absence_sec)
         self._request_result()
         if self._abandoned:
-            self._cancel_accepted()
+            self._withdraw()
         else:
             self._on_news()
 
@@ -262,20 +237,6 @@ class ActionGoal:
         self.answer = answer.result()
         if self.answer.status == SUCCEEDED:
             self._on_news()
-
-    def _cancel_accepted(self) -> None:
-        if self._handle is not None and self._port.usable:
-            self._expect(self._handle.cancel_goal_async(), self._judge_cancel)
-
-    def _cancel_unaccepted(self) -> None:
-        # Of use only if the server has the goal already; if not, it answers that it does not know it, and
-        # the goal is cancelled when its acceptance arrives.
-        from action_msgs.srv import CancelGoal
-
-        if self._port.usable and self._port.canceller.service_is_ready():
-            request = CancelGoal.Request()
-            request.goal_info.goal_id = self._id
-            self._expect(self._port.canceller.call_async(request), lambda _: None)
 
     def _expect(self, answer: "Future", judge: Callable[[Any], None]) -> None:
         self._cancels_under_way += 1

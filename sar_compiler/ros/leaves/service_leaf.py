@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from py_trees.common import Status
 
-from sar_compiler.ros.leaves.client_leaf import ClientLeaf
-from sar_compiler.ros.leaves.deadline import Deadline
+from sar_compiler.ros.leaves.client_leaf import ClientLeaf, Exchange
 from sar_compiler.ros.leaves.leaf import alive
 
 if TYPE_CHECKING:
@@ -15,7 +14,7 @@ if TYPE_CHECKING:
     from rclpy.task import Future
 
 
-class ServiceCall:
+class ServiceCall(Exchange):
     """One request, sent at most once, and its answer.
 
     Args:
@@ -25,10 +24,10 @@ class ServiceCall:
         answer_sec: How long to wait for the answer, from the request on.
         on_sending: Called just before the request is sent.
         on_answer: Called with the answer when it arrives, unless the call has been given up.
-
-    Attributes:
-        sent, answer, trouble: As in every `client_leaf.Exchange`.
     """
+
+    _server_kind = "service"
+    _reply = "no answer"
 
     def __init__(
         self,
@@ -39,55 +38,23 @@ class ServiceCall:
         on_sending: Callable[[], None],
         on_answer: Callable[[Any], None],
     ) -> None:
-        self.sent = False
-        self.answer: Any = None
-        self.trouble = ""
+        super().__init__(client.srv_name, server_sec, answer_sec, on_sending)
         self._client = client
         self._request = request
-        self._server_sec = server_sec
-        self._answer_sec = answer_sec
-        self._on_sending = on_sending
         self._on_answer = on_answer
-        self._deadline = Deadline(server_sec)
         self._future: Future | None = None
-        self._abandoned = False
 
-    def advance(self) -> None:
-        """Do what is possible now: send the request, or check the deadlines."""
-        if self._abandoned or self.answer is not None:
-            return
-        if self._future is None:
-            self._send_or_wait()
-        elif self._deadline.passed:
-            self._give_up(
-                f"no answer within {self._answer_sec:g} s; "
-                f"is the server of '{self._client.srv_name}' alive and not overloaded?"
-            )
+    def _server_is_ready(self) -> bool:
+        return bool(self._client.context.ok() and self._client.service_is_ready())
 
-    def abandon(self) -> None:
-        """Give the call up: a later answer is ignored."""
-        self._abandoned = True
+    def _send(self) -> None:
+        self._future = self._client.call_async(self._request)
+        self._future.add_done_callback(self._take)
+
+    def _withdraw(self) -> None:
         if self._future is not None:
             # Without this the client would wait for the answer, and keep the request, for good.
             self._client.remove_pending_request(self._future)
-
-    def _send_or_wait(self) -> None:
-        if self._client.context.ok() and self._client.service_is_ready():
-            # Without a server a request would be lost: it is not delivered to one that appears later.
-            self._on_sending()
-            self.sent = True
-            self._deadline = Deadline(self._answer_sec)
-            self._future = self._client.call_async(self._request)
-            self._future.add_done_callback(self._take)
-        elif self._deadline.passed:
-            self._give_up(
-                f"no server for the service '{self._client.srv_name}' within {self._server_sec:g} s; "
-                "is it running, and in this namespace?"
-            )
-
-    def _give_up(self, trouble: str) -> None:
-        self.abandon()
-        self.trouble = trouble
 
     def _take(self, future: "Future") -> None:
         # The answer may have been on its way to this callback when the call was given up.
