@@ -31,7 +31,7 @@ class QueueError(SarError):
 class Loop(Wrapper):
     """Ticks its child once for each item."""
 
-    _kind: type
+    kind: type
     _label: str
 
     def __init__(
@@ -39,8 +39,8 @@ class Loop(Wrapper):
         name: str,
         child: Behaviour,
         queue: Input[object],
-        value: Output[Any] | None,
-        if_empty: Input[Outcome] | None,
+        value: Output[Any] | None = None,
+        if_empty: Input[Outcome] | None = None,
     ) -> None:
         super().__init__(name, child)
         self._port = queue
@@ -91,7 +91,7 @@ class Loop(Wrapper):
 
     @classmethod
     def _converted(cls, value: ScriptValue) -> object:
-        return fit(value, cls._kind)
+        return fit(value, cls.kind)
 
 
 class LoopInt(Loop):
@@ -106,17 +106,7 @@ class LoopInt(Loop):
         if_empty: What to answer when none is left.
     """
 
-    _kind, _label = int, "a whole number"
-
-    def __init__(
-        self,
-        name: str,
-        child: Behaviour,
-        queue: Input[object],
-        value: Output[int] | None = None,
-        if_empty: Input[Outcome] | None = None,
-    ) -> None:
-        super().__init__(name, child, queue, value, if_empty)
+    kind, _label = int, "a whole number"
 
 
 class LoopDouble(Loop):
@@ -131,17 +121,7 @@ class LoopDouble(Loop):
         if_empty: What to answer when none is left.
     """
 
-    _kind, _label = float, "a number"
-
-    def __init__(
-        self,
-        name: str,
-        child: Behaviour,
-        queue: Input[object],
-        value: Output[float] | None = None,
-        if_empty: Input[Outcome] | None = None,
-    ) -> None:
-        super().__init__(name, child, queue, value, if_empty)
+    kind, _label = float, "a number"
 
 
 class LoopBool(Loop):
@@ -156,17 +136,7 @@ class LoopBool(Loop):
         if_empty: What to answer when none is left.
     """
 
-    _kind, _label = bool, "true or false"
-
-    def __init__(
-        self,
-        name: str,
-        child: Behaviour,
-        queue: Input[object],
-        value: Output[bool] | None = None,
-        if_empty: Input[Outcome] | None = None,
-    ) -> None:
-        super().__init__(name, child, queue, value, if_empty)
+    kind, _label = bool, "true or false"
 
     @classmethod
     def _converted(cls, value: ScriptValue) -> object:
@@ -187,17 +157,7 @@ class LoopString(Loop):
         if_empty: What to answer when none is left.
     """
 
-    _kind, _label = str, "a text"
-
-    def __init__(
-        self,
-        name: str,
-        child: Behaviour,
-        queue: Input[object],
-        value: Output[str] | None = None,
-        if_empty: Input[Outcome] | None = None,
-    ) -> None:
-        super().__init__(name, child, queue, value, if_empty)
+    kind, _label = str, "a text"
 
     @classmethod
     def _converted(cls, value: ScriptValue) -> object:

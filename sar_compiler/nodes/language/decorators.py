@@ -16,7 +16,7 @@ from sar_compiler.nodes.language.py_trees_nodes import WRITES, Keys, made_by, si
 from sar_compiler.nodes.outcome_sets import F, K, R, S, number
 from sar_compiler.nodes.semantics import AccessKind, Counterpart, KeyRole, Number, Semantics, endless
 from sar_compiler.nodes.spec import Kind, NodeSpec, Signature, Skipping, Skips
-from sar_compiler.nodes.values import CONDITION, UNSIGNED
+from sar_compiler.nodes.values import CONDITION, UNSIGNED, type_of
 from sar_compiler.runtime import decorators as own
 from sar_compiler.runtime import entries, loops, repetition, script_nodes, timers
 from sar_compiler.runtime.blackboard import Scope
@@ -270,7 +270,7 @@ BEHAVIORTREE_CPP = [
             cls,
             Semantics(outcome_sets.loop, keys=_QUEUE),
             Skipping(Skips.ALWAYS, only_if=("if_empty", Outcome.SKIPPED)),
-            signature=Signature(types={"queue": queue_of(cls)}),
+            signature=Signature(types={"queue": queue_of(cls), "value": type_of(cls.kind)}),
         )
         for cls in (loops.LoopInt, loops.LoopDouble, loops.LoopBool, loops.LoopString)
     ),
