@@ -15,22 +15,14 @@ from sar_compiler.compiler import CompiledTree, compile_with
 from sar_compiler.compiler.building import Builder
 from sar_compiler.compiler.constructor_arguments import Arguments
 from sar_compiler.compiler.origins import Construction
-from sar_compiler.nodes.answers import (
-    NOBODY,
-    SELF,
-    Answer,
-    Fact,
-    Identifiers,
-    filled,
-    filled_text,
-    number_text,
-)
+from sar_compiler.nodes.answers import NOBODY, SELF, Identifiers, filled, filled_text, number_text
 from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.language import leaves as language
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter
 from sar_compiler.runtime import controls, decorators
+from sar_compiler.runtime.answers import Answer, Fact
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Scope
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.context import preview_of

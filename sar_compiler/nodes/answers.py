@@ -4,26 +4,9 @@ import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 
-from sar_compiler.runtime.answers import STATUSES, Answer, Fact, nominal
+from sar_compiler.runtime.answers import STATUSES, Answer
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.tokens import ScriptError
-
-__all__ = [
-    "NOBODY",
-    "SELF",
-    "STATUSES",
-    "Answer",
-    "Fact",
-    "Identifiers",
-    "answers_of",
-    "filled",
-    "filled_text",
-    "is_fact_name",
-    "mistake_in",
-    "nominal",
-    "number_text",
-    "placeholders",
-]
 
 SELF = "self"
 """The placeholder for the node's own name."""

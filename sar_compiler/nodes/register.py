@@ -6,11 +6,11 @@ from typing import Any, TypeVar
 
 from py_trees.common import Status
 
-from sar_compiler.nodes.answers import STATUSES, is_fact_name
+from sar_compiler.nodes.answers import is_fact_name
 from sar_compiler.nodes.constructors import RegistrationError
 from sar_compiler.nodes.semantics import Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Use
-from sar_compiler.runtime.answers import Answer, Fact
+from sar_compiler.runtime.answers import STATUSES, Answer, Fact
 
 C = TypeVar("C", bound=type[Any])
 

@@ -8,21 +8,22 @@ T = TypeVar("T")
 _MARK = "__mission_context__"
 
 
-def mission_context(preview: Callable[[], object]) -> Callable[[type[T]], type[T]]:
+def mission_context(preview: Callable[[], object] | None = None) -> Callable[[type[T]], type[T]]:
     """Mark a class as part of the mission context.
 
     A leaf's constructor parameter that is annotated with such a class is not an attribute of its tag:
     whoever compiles the tree for a mission hands the object over.
 
     Args:
-        preview: Makes a stand-in, for a tree that is compiled only to be looked at or tested.
+        preview: Makes a stand-in, for a tree that is compiled only to be looked at or tested; by default the class
+            does.
 
     Returns:
         A decorator that marks the class and returns it.
     """
 
     def mark(cls: type[T]) -> type[T]:
-        setattr(cls, _MARK, preview)
+        setattr(cls, _MARK, preview or cls)
         return cls
 
     return mark

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from sar_compiler.runtime.context import mission_context
 
 
-@mission_context(lambda: Enums())  # noqa: PLW0108 - the class does not exist yet
+@mission_context()
 @dataclass(frozen=True)
 class Enums:
     """The names of enumerations that scripts and Switch may use.

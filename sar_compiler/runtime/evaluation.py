@@ -103,11 +103,6 @@ class Program:
         return (statements[-1].start, statements[-1].end) if statements else (0, 0)
 
 
-def evaluate(script: Script, variables: Variables, enums: Mapping[str, int] = _NO_ENUMS) -> ScriptValue:
-    """Evaluate a script once; a `Program` for those that run again."""
-    return Program(script, enums).run(variables)
-
-
 class _Maker:
     """Makes functions of one script's expressions."""
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sar_compiler.runtime.evaluation import EvaluationError, Program, evaluate
+from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.operators import as_condition
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.tokens import ScriptError
@@ -38,13 +38,13 @@ class Desk:
 
 
 def value_of(text, **variables):
-    return evaluate(parse(text), Desk(**variables), ENUMS)
+    return Program(parse(text), ENUMS).run(Desk(**variables))
 
 
 def left_by(text, **variables):
     """Return the variables after a script."""
     desk = Desk(**variables)
-    evaluate(parse(text), desk, ENUMS)
+    Program(parse(text), ENUMS).run(desk)
     return desk.values
 
 
@@ -266,13 +266,13 @@ def test_any_value_can_be_handed_from_one_variable_to_another():
 def test_what_was_assigned_before_an_error_stays():
     desk = Desk()
     with pytest.raises(EvaluationError):
-        evaluate(parse("a := 1; b := nope; c := 2"), desk)
+        Program(parse("a := 1; b := nope; c := 2")).run(desk)
     assert desk.values == {"a": 1}
 
 
 def test_an_empty_script_changes_nothing():
     desk = Desk(a=1)
-    assert evaluate(parse("", allow_empty=True), desk) == 0.0
+    assert Program(parse("", allow_empty=True)).run(desk) == 0.0
     assert desk.values == {"a": 1}
 
 

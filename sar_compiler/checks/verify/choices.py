@@ -32,12 +32,6 @@ class Choices:
         self._counts.clear()
         self._asked = 0
 
-    def follow(self, path: tuple[int, ...]) -> None:
-        """Play one combination, as `path` gave it."""
-        self._path[:] = path
-        self._counts[:] = [0] * len(path)
-        self._asked = 0
-
     def pick(self, count: int) -> int:
         """Return the option to take, from 0 to *count* - 1.
 

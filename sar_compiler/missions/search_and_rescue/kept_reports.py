@@ -21,11 +21,7 @@ class SurvivorReport:
     y: float
 
 
-def _preview() -> "KeptReports":
-    return KeptReports()
-
-
-@mission_context(preview=_preview)
+@mission_context()
 class KeptReports:
     """The reports of one mission that are still to be delivered, the oldest first; one for each survivor."""
 

@@ -32,11 +32,7 @@ class FoundSurvivor:
         return f"{name}{place} at ({self.x:.2f}, {self.y:.2f})"
 
 
-def _preview() -> "MissionRecord":
-    return MissionRecord()
-
-
-@mission_context(preview=_preview)
+@mission_context()
 class MissionRecord:
     """The events of one mission as its leaves report them.
 

@@ -92,15 +92,11 @@ def _own(tag: str, cls: type, semantics: Semantics, *former_tags: str, **more: o
         cls,
         Kind.CONTROL,
         _ALL,
-        semantics=semantics if semantics.counterpart.built_in else replace(semantics, counterpart=BUILT_IN),
+        semantics=replace(semantics, counterpart=replace(semantics.counterpart, built_in=True)),
         skipping=Skipping(Skips.FROM_CHILD),
         former_tags=former_tags,
         **more,  # type: ignore[arg-type]
     )
-
-
-BUILT_IN = Counterpart(built_in=True)
-"""The counterpart of the same tag in BehaviorTree.CPP."""
 
 
 def _switch(cases: int) -> NodeSpec:
@@ -288,7 +284,7 @@ SPECS = [
         composites.Parallel,
         Kind.CONTROL,
         _ALL,
-        semantics=replace(Semantics.parallel(outcome_sets.by_policy), counterpart=BUILT_IN),
+        semantics=replace(Semantics.parallel(outcome_sets.by_policy), counterpart=Counterpart(built_in=True)),
         skipping=Skipping(advice='success_count="..."'),
         signature=Signature(factory=stock_parallel, types={"selected": NAMES}),
         variant=True,
