@@ -81,7 +81,8 @@ class TestDetecting:
             (True, 4.1, -2.5),
             (False, 0.0, 0.0),
         ]
-        spoken = [line.partition("]: ")[2] for line in said.lines()]
+        # rclpy itself may warn of a client that is slow to listen.
+        spoken = [line.partition("]: ")[2] for line in said.lines() if "]: " in line]
         assert spoken == [
             "DetectSurvivor service ready.",
             "Detection request for zone_a: FOUND at (-2.50, 3.20)",
@@ -136,7 +137,8 @@ class TestReporting:
 
     def test_acknowledges_a_report_and_logs_id_point_and_frame(self, ros: Ros, said: Said) -> None:
         assert self.serve(ros).report("survivor_1", -2.5, 3.2)
-        spoken = [line.partition("]: ")[2] for line in said.lines()]
+        # rclpy itself may warn of a client that is slow to listen.
+        spoken = [line.partition("]: ")[2] for line in said.lines() if "]: " in line]
         assert spoken[:2] == [
             "ReportSurvivor service ready.",
             "Report received: survivor_1 at (-2.50, 3.20). Acknowledged.",
