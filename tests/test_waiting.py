@@ -18,15 +18,15 @@ def test_a_wait_goes_on_as_long_as_there_is_news():
     told = []
 
     def tell():
-        for number in range(10):
+        for number in range(25):
             with news:
                 told.append(number)
                 news.tell()
-            time.sleep(0.05)
+            time.sleep(0.1)
 
     threading.Thread(target=tell).start()
     with news:
-        news.wait_until(lambda: len(told) == 10, lambda: f"only {told} came", silence_sec=0.4)
+        news.wait_until(lambda: len(told) == 25, lambda: f"only {told} came", silence_sec=2.0)
 
 
 def test_a_wait_ends_with_its_complaint_when_nothing_moves():
@@ -49,7 +49,7 @@ while True:
 
 def test_a_command_that_ends_later_than_it_promises_fails_the_test():
     command = Command("python", "-c", LINGERING).wait_for("ready")
-    with pytest.raises(AssertionError, match=r"python took 0\.[6-9]"):
+    with pytest.raises(AssertionError, match=r"python took (0\.[6-9]|[1-9])"):
         command.stop(within_sec=0.3)
 
 

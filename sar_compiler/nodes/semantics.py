@@ -110,7 +110,7 @@ class Semantics:
         goes_on: The result of a child after which the next one is ticked, for `Order.IN_ORDER`: `S` or `F`.
         gates: The children that are ticked only after certain results of others, by their indexes.
         reactive: Whether it re-evaluates all its children in every tick; an attribute `memory` may decide this instead.
-        steady: Whether it ticks its child whenever it is ticked itself.
+        steady: Whether each run of it ticks its child, in the first tick or after a delay, whatever the blackboard holds.
         changes: The results of its child that it does not pass on.
         repeats: The results of its child after which it restarts the child.
         rounds: The number of times that it runs its child to an end; None for a node that does not count.
