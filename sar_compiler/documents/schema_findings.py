@@ -77,9 +77,10 @@ def _unknown(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
 
 
 def _missing(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
-    """Yield one finding for all missing keys, except those probably meant by an unknown one."""
+    """Yield one finding for all missing keys, except those probably meant by an unknown one that has its own."""
     given, properties = error.instance, error.schema["properties"]
-    meant = {nearest(name, properties) for name in given.keys() - properties.keys()}
+    unknown = set() if error.schema.get("additionalProperties", True) else given.keys() - properties.keys()
+    meant = {nearest(name, properties) for name in unknown}
     if error.validator == "anyOf":
         names = [each["required"][0] for each in error.validator_value]
         needs = "" if meant & set(names) else f"one of {', '.join(names)}"

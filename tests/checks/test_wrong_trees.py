@@ -322,3 +322,8 @@ def test_a_delay_of_no_time_runs_for_a_tick_and_what_follows_that_is_reached():
         "<AlwaysSuccess name='after'/>\n</Fallback>"
     )
     assert found(document(body)) == []
+
+
+def test_a_branch_that_lacks_a_child_is_all_that_is_said_of_it_and_the_decorator_around_it():
+    text = document("<Inverter>\n<WhileDoElse>\n<Ready/>\n</WhileDoElse>\n</Inverter>")
+    assert found(text) == [("missing-child", 4, 1)]

@@ -153,6 +153,10 @@ MISTAKES: list[tuple[str, int, int, str, str, str]] = [
         *(4, 13, "wrong-value", "'shape' is one of box, cylinder, and this is 'bx'", "box"),
     ),
     (
+        ROBOT + "walls: []\ndebris:\n  - {hape: box, x: 1}\n",
+        *(4, 5, "missing-key", "an obstacle needs 'shape'", ""),
+    ),
+    (
         ROBOT + "walls: []\ndebris:\n  - {shape: cylinder, x: 1, y: 1, radius: 1, yaw: 0}\n",
         *(4, 46, "unknown-key", "a cylinder has no 'yaw'", ""),
     ),

@@ -10,6 +10,7 @@ from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.outcome_sets import ALLOWED, ANSWERS, F, K, R, S
 from sar_compiler.nodes.semantics import Order
+from sar_compiler.nodes.spec import Kind
 from sar_compiler.tree.diagnostic import Diagnostic
 
 DEFAULT_PERIOD = 0.5
@@ -63,7 +64,7 @@ def _needless(bound: BoundNode, child: BoundNode) -> Diagnostic | None:
 def _takes_back(bound: BoundNode, child: BoundNode) -> bool:
     """Return whether a decorator turns back every answer that the one in it has turned."""
     once, twice = child.spec.semantics.possible, bound.spec.semantics.possible
-    if once is None or twice is None or len(child.children) != 1:
+    if once is None or twice is None or {bound.spec.kind, child.spec.kind} != {Kind.DECORATOR}:
         return False
     turned = tuple(once(child, [answer], ALLOWED) for answer in ANSWERS)
     return turned != ANSWERS and tuple(twice(bound, [answer], ALLOWED) for answer in turned) == ANSWERS
