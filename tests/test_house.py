@@ -105,9 +105,7 @@ def test_no_two_classes_have_one_name():
 
 # A module may have the name of what it mirrors.
 MIRRORS = {
-    frozenset({"runtime", "runtime/flat"}): "the flat form of the same nodes",
     frozenset({"runtime", "nodes"}): "the tags of these nodes",
-    frozenset({"runtime/flat", "nodes"}): "the tags of these nodes",
     frozenset({"views", "tree"}): "how it is shown",
     frozenset({"views", "nodes"}): "how they are shown",
     frozenset({"ros", "runtime"}): "what it is made of with ROS",
@@ -121,12 +119,8 @@ SAME_MODULE_NAMES = {
 }
 
 
-def side_of(path):
-    return "runtime/flat" if path.parent.name == "flat" else room_of(path)
-
-
 def test_no_two_modules_have_one_name_unless_one_mirrors_the_other():
-    twice = shared((path.name, side_of(path)) for path in FILES if path.stem != "__init__")
+    twice = shared((path.name, room_of(path)) for path in FILES if path.stem != "__init__")
     unlike = {
         name
         for name, sides in twice.items()
@@ -206,8 +200,7 @@ NAMED_ELSEWHERE = {
     "tree/matching.py": {"Condition"},  # the explicit form, <Condition ID="...">, not py_trees' decorator
     "nodes/spec.py": {"Condition"},  # the kind, likewise
     "cli/verify.py": {"ZonesRemaining", "NavigateToBase"},  # an example in its help
-    "runtime/flat/stock_composites.py": {"ForEach"},  # the name of a class that an old py_trees does not have
-    "runtime/flat/stock_decorators.py": {"ForEach"},
+    "runtime/kernel/cells.py": {"ForEach"},  # the name of a class that an old py_trees does not have
 }
 
 

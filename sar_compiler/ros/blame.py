@@ -67,4 +67,6 @@ def tell_failure(node: Node | None, error: BaseException) -> Behaviour | None:
 
 def _behaviours_passed(error: BaseException) -> list[Behaviour]:
     owners = [frame.f_locals.get("self") for frame, _ in traceback.walk_tb(error.__traceback__)]
+    # What the kernel raises about a behaviour has passed through none of its methods.
+    owners.append(getattr(error, "behaviour", None))
     return [owner for owner in owners if isinstance(owner, Behaviour)]

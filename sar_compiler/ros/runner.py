@@ -14,6 +14,7 @@ import py_trees
 import rclpy
 from py_trees.behaviour import Behaviour
 from py_trees.common import Duration, Status
+from py_trees.visitors import DisplaySnapshotVisitor, SnapshotVisitor, VisitorBase
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor
 from rclpy.node import Node
@@ -24,8 +25,9 @@ from sar_compiler.ros.beat import Beat
 from sar_compiler.ros.blame import described, tell, tell_failure
 from sar_compiler.ros.depth import require_tickable_depth
 from sar_compiler.ros.setting_up import give_up
-from sar_compiler.ros.statuses import require_statuses
 from sar_compiler.ros.stopping import SETTLE_SEC, settle, shut_down, stop_behaviours
+from sar_compiler.runtime.kernel.live import LiveTree, shown
+from sar_compiler.runtime.kernel.tree_nodes import Visit
 
 TickHandler = Callable[[py_trees.trees.BehaviourTree], None]
 
@@ -61,11 +63,11 @@ class TreeRunner(py_trees.trees.BehaviourTree):
 
     def __init__(self, tree: CompiledTree | Behaviour, unicode_tree_debug: bool = False) -> None:
         super().__init__(tree if isinstance(tree, Behaviour) else tree.root)
-        visitors = py_trees.visitors
-        self.snapshot_visitor = (
-            visitors.DisplaySnapshotVisitor() if unicode_tree_debug else visitors.SnapshotVisitor()
-        )
-        self.add_visitor(self.snapshot_visitor)
+        self._live: LiveTree | None = None
+        self._snapshot: SnapshotVisitor | None = None
+        if unicode_tree_debug:
+            self._snapshot = DisplaySnapshotVisitor()
+            self.add_visitor(self._snapshot)
         self.node: Node | None = None
         self.last_status = Status.INVALID
         self.failure: Exception | None = None
@@ -77,6 +79,17 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         self._ticks_left = py_trees.trees.CONTINUOUS_TICK_TOCK
         self._running = self._ticking = self._stopped = self._shut_down = self._woken = False
         self.post_tick_handlers.append(self._remember_status)
+
+    @property
+    def snapshot_visitor(self) -> SnapshotVisitor:
+        """The nodes that were ticked last, by their ids; from the first time on that it is asked for."""
+        if self._snapshot is None:
+            self._snapshot = SnapshotVisitor()
+            for behaviour in self.root.iterate():
+                if behaviour.status != Status.INVALID:
+                    self._snapshot.run(behaviour)
+            self.add_visitor(self._snapshot)
+        return self._snapshot
 
     @property
     def running(self) -> bool:
@@ -121,7 +134,6 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         except Exception as error:  # noqa: BLE001 - raised again, in words
             self._stopped = self._shut_down = True
             give_up(self.root, error, self.node)
-        require_statuses(self.root)
 
     def _set_up_behaviours(
         self, limit_sec: float, visitor: py_trees.visitors.VisitorBase | None, given: dict[str, Any]
@@ -186,11 +198,47 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         self._require_not_stopped()
         self._ticking = True
         try:
-            super().tick(pre_tick_handler, post_tick_handler)
+            self._tick(pre_tick_handler, post_tick_handler)
         finally:
             self._ticking = False
         if self.interrupt_tick_tocking:
             self.stop()
+
+    def _tick(self, pre_tick_handler: TickHandler | None, post_tick_handler: TickHandler | None) -> None:
+        """Do what the `tick` of py_trees' class does, but for ticking the nodes one by one."""
+        for handler in (pre_tick_handler, *self.pre_tick_handlers):
+            if handler is not None:
+                handler(self)
+        for visitor in self.visitors:
+            visitor.initialise()
+        self._tick_nodes([visitor for visitor in self.visitors if not visitor.full])
+        for visitor in self.visitors:
+            for node in self.root.iterate() if visitor.full else ():
+                node.visit(visitor)
+        for visitor in self.visitors:
+            visitor.finalise()
+        for handler in (*self.post_tick_handlers, post_tick_handler):
+            if handler is not None:
+                handler(self)
+        self.count += 1
+
+    def _tick_nodes(self, visitors: list[VisitorBase]) -> None:
+        live = self._live_tree()
+        if not visitors:
+            live.tick()
+            return
+        visits: list[Visit] = []
+        try:
+            live.tick_and_visit(visits)
+        finally:
+            for node in shown(visits):
+                for visitor in visitors:
+                    node.visit(visitor)
+
+    def _live_tree(self) -> LiveTree:
+        if self._live is None or self._live.root is not self.root or not self._live.is_whole():
+            self._live = LiveTree(self.root, is_strict=True)
+        return self._live
 
     def wake(self) -> None:
         """Request a tick as soon as the executor is free, once for any number of calls.

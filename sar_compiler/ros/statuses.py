@@ -1,7 +1,7 @@
 """Check that `update()` returns a status.
 
 For any other value py_trees only logs an error in every tick, and the behaviour continues as if it had been
-reset: a `Timeout` around it starts over each time.
+reset: a `Timeout` around it starts over each time. Our own engine is strict by itself.
 """
 
 from collections.abc import Callable
@@ -9,17 +9,7 @@ from collections.abc import Callable
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler.errors import SarError
-
-
-class NoStatusError(SarError, TypeError):
-    """An `update()` did not return a status."""
-
-    def __init__(self, returned: object) -> None:
-        message = (
-            f"update() returned {returned!r}, which is no status; return Status.SUCCESS, FAILURE or RUNNING"
-        )
-        super().__init__(message)
+from sar_compiler.runtime.kernel.cells import NoStatusError
 
 
 def require_statuses(root: Behaviour) -> None:
@@ -32,17 +22,18 @@ def require_statuses(root: Behaviour) -> None:
     """
     for behaviour in root.iterate():
         if not isinstance(behaviour.update, _StatusOnly):
-            setattr(behaviour, "update", _StatusOnly(behaviour.update))  # noqa: B010 - for the type checker
+            setattr(behaviour, "update", _StatusOnly(behaviour))  # noqa: B010 - for the type checker
 
 
 class _StatusOnly:
-    __slots__ = ("_update",)
+    __slots__ = ("_behaviour", "_update")
 
-    def __init__(self, update: Callable[[], object]) -> None:
-        self._update = update
+    def __init__(self, behaviour: Behaviour) -> None:
+        self._behaviour = behaviour
+        self._update: Callable[[], object] = behaviour.update
 
     def __call__(self) -> Status:
         status = self._update()
         if isinstance(status, Status):
             return status
-        raise NoStatusError(status)
+        raise NoStatusError(self._behaviour, status)

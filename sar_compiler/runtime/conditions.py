@@ -8,19 +8,8 @@ from py_trees.common import Status
 from sar_compiler.runtime.blackboard import Scope
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
-from sar_compiler.runtime.flat.cells import (
-    ENDED,
-    FAILURE,
-    INVALID,
-    RUNNING,
-    SKIPPED,
-    SUCCESS,
-    Cells,
-    Stop,
-    Tick,
-)
-from sar_compiler.runtime.flat.parts import Part, builds, halted_by, is_reset, reset
-from sar_compiler.runtime.flat.times import Times
+from sar_compiler.runtime.kernel.cells import FAILURE, SKIPPED, SUCCESS
+from sar_compiler.runtime.kernel.turning import ConditionsNode
 from sar_compiler.runtime.parents import Wrapper
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.scripting import NodeScript
@@ -64,6 +53,7 @@ class Conditions(Wrapper):
         enums: The names that stand for numbers.
     """
 
+    node_class = ConditionsNode
     is_its_child = True
 
     def __init__(
@@ -98,62 +88,3 @@ class Conditions(Wrapper):
     @status.setter
     def status(self, status: Status) -> None:
         self.decorated.status = status
-
-
-@builds(Conditions)
-def conditions(part: Part) -> tuple[Tick, Stop]:
-    """Build the conditions of a node."""
-    node = _Conditions(part)
-    return node.tick, node.stop
-
-
-class _Conditions:
-    def __init__(self, part: Part) -> None:
-        behaviour = part.behaviour
-        self.part = part
-        (self.child,) = part.children
-        self.stop = halted_by(part, self.halt)
-        self.before: list[tuple[NodeScript, str, int]] = behaviour._before
-        self.goes_on: NodeScript | None = behaviour._while
-        self.is_reset = is_reset(behaviour)
-
-    def tick(self, cells: Cells, times: Times) -> int:
-        outcome = self.decided(cells, times) or self.child.tick(cells, times)
-        if outcome & ENDED:
-            _run(self.part.behaviour._after[outcome], self.part.behaviour._post)
-        if outcome != SKIPPED:
-            cells[self.part.at] = outcome
-        return outcome
-
-    def decided(self, cells: Cells, times: Times) -> int:
-        """Return what the pre-conditions make of this tick; 0 if the node is to be ticked."""
-        behaviour, status = self.part.behaviour, cells[self.part.at]
-        if status == RUNNING:
-            if self.goes_on is None or self.goes_on.holds():
-                return 0
-            self.stop(cells, times)
-            behaviour.feedback_message = "halted by _while"
-            return SKIPPED
-        behaviour.feedback_message = ""
-        if status != INVALID and self.is_reset:
-            return 0
-        for script, attribute, outcome in self.before:
-            if script.holds():
-                behaviour.feedback_message = f"decided by {attribute}"
-                return outcome
-        if self.goes_on is not None and not self.goes_on.holds():
-            behaviour.feedback_message = "decided by _while"
-            return SKIPPED
-        return 0
-
-    def halt(self, cells: Cells, times: Times) -> None:
-        was_running = cells[self.part.at] == RUNNING
-        reset(self.child, cells, times)
-        if was_running:
-            _run(self.part.behaviour._on_halted, self.part.behaviour._post)
-
-
-def _run(*scripts: NodeScript | None) -> None:
-    for script in scripts:
-        if script is not None:
-            script.run()

@@ -5,14 +5,13 @@ children that may, and for the forms that py_trees does not have.
 """
 
 from collections.abc import Sequence as Children
-from typing import Any
 
 from py_trees import composites
 from py_trees.behaviour import Behaviour
 
-from sar_compiler.runtime.flat.cells import FAILURE, RUNNING, SKIPPED, SUCCESS, Cells, Stop, Tick
-from sar_compiler.runtime.flat.parts import Part, builds, halted_with_children, reset, reset_all
-from sar_compiler.runtime.flat.times import Times
+from sar_compiler.runtime.kernel.cells import FAILURE, SUCCESS
+from sar_compiler.runtime.kernel.ordering import OrderedNode, PausingNode, ReactiveNode, ResumingNode
+from sar_compiler.runtime.kernel.tree_nodes import Part
 from sar_compiler.runtime.parents import Control, Yielding
 
 
@@ -25,11 +24,16 @@ class _InOrder(Control):
         children: The children, in order.
     """
 
+    node_class = OrderedNode
     _hands_over: int
 
     def __init__(self, name: str, memory: bool, children: Children[Behaviour]) -> None:
         super().__init__(name, children)
         self.memory = memory
+
+    def build_node(self, part: Part) -> OrderedNode:
+        """Build the node, which depends on the memory."""
+        return ResumingNode(part) if self.memory else ReactiveNode(part)
 
 
 class Sequence(_InOrder, composites.Sequence):
@@ -61,8 +65,15 @@ class Fallback(_InOrder, composites.Selector):
 
 
 class _Pausing(Yielding, _InOrder):
+    keeps_place = False
+    node_class = PausingNode
+
     def __init__(self, name: str, children: Children[Behaviour]) -> None:
         super().__init__(name, True, children)  # noqa: FBT003 - stock composites have it second
+
+    def build_node(self, part: Part) -> OrderedNode:
+        """Build the node."""
+        return PausingNode(part)
 
 
 class AsyncSequence(_Pausing, Sequence):
@@ -97,109 +108,4 @@ class SequenceWithMemory(_Pausing, Sequence):
         children: The children, in order.
     """
 
-
-@builds(Sequence, Fallback, AsyncSequence, AsyncFallback, SequenceWithMemory)
-def in_order(part: Part) -> tuple[Tick, Stop]:
-    """Build one of them."""
-    if not part.behaviour.memory:
-        return _reactive(part)
-    node = _Resuming(part)
-    forgotten = [node.skips, node.position] if node.goes_back else [node.skips]
-    return node.tick, halted_with_children(part, *forgotten)
-
-
-class _Resuming:
-    """A control that resumes with the child that was running."""
-
-    def __init__(self, part: Part) -> None:
-        self.part = part
-        cls = type(part.behaviour)
-        self.goes_back = cls is not SequenceWithMemory
-        self.pauses = cls in {AsyncSequence, AsyncFallback, SequenceWithMemory}
-        self.hands_over: int = part.behaviour._hands_over
-        self.position, self.skips = part.cell(0), part.cell(0)
-
-    def tick(self, cells: Cells, times: Times) -> int:
-        at, position, behaviour, children = (
-            self.part.at,
-            self.position,
-            self.part.behaviour,
-            self.part.children,
-        )
-        if cells[at] != RUNNING:
-            cells[self.skips] = 0
-            behaviour.feedback_message = ""
-        cells[at] = RUNNING
-        while cells[position] < len(children):
-            child, tick_child, _, cell = children[cells[position]]
-            behaviour.current_child = child
-            was_running = cells[cell] == RUNNING
-            outcome = tick_child(cells, times)
-            if outcome == RUNNING:
-                return RUNNING
-            if outcome == SKIPPED:
-                cells[self.skips] += 1
-            elif outcome != self.hands_over:
-                return self.decide(outcome, cells, times)
-            cells[position] += 1
-            if self.pauses and outcome != SKIPPED and not was_running and cells[position] < len(children):
-                behaviour._wake()
-                return RUNNING
-        return self.finish(cells, times)
-
-    def decide(self, outcome: int, cells: Cells, times: Times) -> int:
-        """End because of the child that was ticked last."""
-        _tell(self.part.behaviour, cells[self.position], outcome)
-        cells[self.skips] = 0
-        if self.goes_back:
-            cells[self.position] = 0
-        reset_all(self.part.children[cells[self.position] :], cells, times)
-        cells[self.part.at] = outcome
-        return outcome
-
-    def finish(self, cells: Cells, times: Times) -> int:
-        """End because no child has decided."""
-        all_skipped = cells[self.skips] == len(self.part.children)
-        cells[self.position] = cells[self.skips] = 0
-        reset_all(self.part.children, cells, times)
-        if all_skipped:
-            return SKIPPED
-        cells[self.part.at] = self.hands_over
-        return self.hands_over
-
-
-def _reactive(part: Part) -> tuple[Tick, Stop]:
-    at, behaviour, children = part.at, part.behaviour, part.children
-    hands_over = behaviour._hands_over
-
-    def tick(cells: Cells, times: Times) -> int:
-        if cells[at] != RUNNING:
-            behaviour.feedback_message = ""
-        cells[at] = RUNNING
-        end = SKIPPED
-        for index, child in enumerate(children):
-            behaviour.current_child = child.behaviour
-            outcome = child.tick(cells, times)
-            if outcome == SKIPPED:
-                reset(child, cells, times)
-                continue
-            if outcome == RUNNING:
-                reset_all(children[:index], cells, times)
-                reset_all(children[index + 1 :], cells, times)
-                return RUNNING
-            end = outcome
-            if outcome != hands_over:
-                _tell(behaviour, index, outcome)
-                break
-        reset_all(children, cells, times)
-        if end != SKIPPED:
-            cells[at] = end
-        return end
-
-    return tick, halted_with_children(part)
-
-
-def _tell(behaviour: Any, index: int, outcome: int) -> None:
-    """Say which child has decided."""
-    how = "failed" if outcome == FAILURE else "succeeded"
-    behaviour.feedback_message = f"{behaviour.children[index].name} {how}"
+    keeps_place = True

@@ -2,19 +2,8 @@
 
 from py_trees.behaviour import Behaviour
 
-from sar_compiler.runtime.flat.cells import (
-    ENDED,
-    FAILURE,
-    INVALID,
-    RUNNING,
-    SKIPPED,
-    SUCCESS,
-    Cells,
-    Stop,
-    Tick,
-)
-from sar_compiler.runtime.flat.parts import Part, builds, halted_with_child, ticked
-from sar_compiler.runtime.flat.times import Times
+from sar_compiler.runtime.kernel.cells import FAILURE, RUNNING, SKIPPED, SUCCESS
+from sar_compiler.runtime.kernel.turning import RunOnceNode, SubTreeNode, TurningNode
 from sar_compiler.runtime.parents import Wrapper
 from sar_compiler.runtime.ports import Input
 
@@ -29,6 +18,9 @@ class Inverter(Wrapper):
         child: The child.
     """
 
+    node_class = TurningNode
+    turned = FAILURE, SUCCESS, SKIPPED
+
 
 class ForceSuccess(Wrapper):
     """Succeeds when its child ends, however it does; a child that is skipped makes it skipped.
@@ -39,6 +31,9 @@ class ForceSuccess(Wrapper):
         name: The node's name.
         child: The child.
     """
+
+    node_class = TurningNode
+    turned = SUCCESS, SUCCESS, SKIPPED
 
 
 class ForceFailure(ForceSuccess):
@@ -51,6 +46,8 @@ class ForceFailure(ForceSuccess):
         child: The child.
     """
 
+    turned = FAILURE, FAILURE, SKIPPED
+
 
 class KeepRunningUntilFailure(Wrapper):
     """Answers RUNNING until its child fails, also when the child succeeds or is skipped.
@@ -61,6 +58,9 @@ class KeepRunningUntilFailure(Wrapper):
         name: The node's name.
         child: The child.
     """
+
+    node_class = TurningNode
+    turned = RUNNING, FAILURE, RUNNING
 
 
 class RunOnce(Wrapper):
@@ -73,6 +73,8 @@ class RunOnce(Wrapper):
         child: The child.
         then_skip: Whether to be skipped afterwards (true), or to answer the same again (false).
     """
+
+    node_class = RunOnceNode
 
     def __init__(self, name: str, child: Behaviour, then_skip: Input[bool] | None = None) -> None:
         super().__init__(name, child)
@@ -89,82 +91,4 @@ class SubTree(Wrapper):
         child: The root of what the subtree consists of.
     """
 
-
-@builds(Inverter)
-def inverter(part: Part) -> tuple[Tick, Stop]:
-    """Build an Inverter."""
-    return _turning(part, success=FAILURE, failure=SUCCESS, skipped=SKIPPED)
-
-
-@builds(ForceSuccess)
-def force_success(part: Part) -> tuple[Tick, Stop]:
-    """Build a ForceSuccess."""
-    return _turning(part, success=SUCCESS, failure=SUCCESS, skipped=SKIPPED)
-
-
-@builds(ForceFailure)
-def force_failure(part: Part) -> tuple[Tick, Stop]:
-    """Build a ForceFailure."""
-    return _turning(part, success=FAILURE, failure=FAILURE, skipped=SKIPPED)
-
-
-@builds(KeepRunningUntilFailure)
-def keep_running_until_failure(part: Part) -> tuple[Tick, Stop]:
-    """Build a KeepRunningUntilFailure."""
-    return _turning(part, success=RUNNING, failure=FAILURE, skipped=RUNNING)
-
-
-def _turning(part: Part, *, success: int, failure: int, skipped: int) -> tuple[Tick, Stop]:
-    at = part.at
-    tick_child = ticked(part)
-    turned = (INVALID, RUNNING, success, failure, skipped)
-
-    def tick(cells: Cells, times: Times) -> int:
-        cells[at] = RUNNING
-        outcome = turned[tick_child(cells, times)]
-        if outcome != SKIPPED:
-            cells[at] = outcome
-        return outcome
-
-    return tick, halted_with_child(part)
-
-
-@builds(RunOnce)
-def run_once(part: Part) -> tuple[Tick, Stop]:
-    """Build a RunOnce. The outcome of its child is kept for good."""
-    at, behaviour = part.at, part.behaviour
-    tick_child = ticked(part)
-    answer = part.cell(INVALID)
-
-    def tick(cells: Cells, times: Times) -> int:
-        then_skip = behaviour._then_skip.get()
-        if cells[answer]:
-            behaviour.feedback_message = "has run"
-            if then_skip:
-                return SKIPPED
-            cells[at] = cells[answer]
-            return int(cells[at])
-        cells[at] = RUNNING
-        outcome = tick_child(cells, times)
-        if outcome & ENDED:
-            cells[answer] = cells[at] = outcome
-        return outcome
-
-    return tick, halted_with_child(part)
-
-
-@builds(SubTree)
-def subtree(part: Part) -> tuple[Tick, Stop]:
-    """Build a SubTree."""
-    at = part.at
-    tick_child = ticked(part)
-
-    def tick(cells: Cells, times: Times) -> int:
-        if cells[at] == INVALID:
-            cells[at] = RUNNING
-        outcome = tick_child(cells, times)
-        if outcome != SKIPPED:
-            cells[at] = outcome
-        return outcome
-
-    return tick, halted_with_child(part)
+    node_class = SubTreeNode

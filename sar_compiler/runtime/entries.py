@@ -1,7 +1,5 @@
 """Nodes that work with one entry of the blackboard."""
 
-from collections.abc import Callable
-
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
@@ -9,9 +7,9 @@ from sar_compiler.errors import SarError
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Entry, Scope
 from sar_compiler.runtime.entry_types import kept, read_as
 from sar_compiler.runtime.enums import Enums
-from sar_compiler.runtime.flat.cells import FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS, Cells, Stop, Tick
-from sar_compiler.runtime.flat.parts import Part, builds, guarded
-from sar_compiler.runtime.flat.times import Times
+from sar_compiler.runtime.kernel.cells import RUNNING, SKIPPED
+from sar_compiler.runtime.kernel.leaf_nodes import UpdateCheckNode
+from sar_compiler.runtime.kernel.turning import UpdateGuardNode
 from sar_compiler.runtime.parents import Built, Wrapper
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.variables import RefusedValueError, said
@@ -114,6 +112,8 @@ class WasEntryUpdated(Built):
         scope: Where the entry is looked up, if it is given by its key, without braces.
     """
 
+    node_class = UpdateCheckNode
+
     def __init__(self, name: str, entry: Input[object], scope: Scope) -> None:
         super().__init__(name)
         self._entry = _entry(entry, scope)
@@ -122,6 +122,7 @@ class WasEntryUpdated(Built):
 class _IfUpdated(Wrapper):
     """Ticks its child if an entry was written since this node last looked; while the child runs, it does not look."""
 
+    node_class = UpdateGuardNode
     _otherwise: int
 
     def __init__(self, name: str, child: Behaviour, entry: Input[object], scope: Scope) -> None:
@@ -161,42 +162,3 @@ class WaitValueUpdate(_IfUpdated):
 
 def _entry(port: Input[object], scope: Scope) -> Entry:
     return port.entry or scope.resolve(str(port.get()))
-
-
-@builds(WasEntryUpdated)
-def was_entry_updated(part: Part) -> tuple[Tick, Stop]:
-    """Build a WasEntryUpdated."""
-    at = part.at
-    come = _updates(part)
-
-    def tick(cells: Cells, times: Times) -> int:  # noqa: ARG001
-        cells[at] = SUCCESS if come(cells) else FAILURE
-        return int(cells[at])
-
-    def stop(cells: Cells, times: Times) -> None:  # noqa: ARG001
-        cells[at] = INVALID
-
-    return tick, stop
-
-
-@builds(SkipUnlessUpdated, WaitValueUpdate)
-def if_updated(part: Part) -> tuple[Tick, Stop]:
-    """Build a SkipUnlessUpdated or a WaitValueUpdate."""
-    come = _updates(part)
-    otherwise = part.behaviour._otherwise
-    return guarded(part, come, lambda: otherwise, "no update")
-
-
-def _updates(part: Part) -> Callable[[Cells], bool]:
-    """Return what says whether a node's entry was written since the node last looked."""
-    entry = part.behaviour._entry
-    seen = part.cell(0)
-    part.watch(entry, seen)
-
-    def come(cells: Cells) -> bool:
-        if not entry.exists:
-            return False
-        before, cells[seen] = cells[seen], entry.stamp
-        return bool(before != cells[seen])
-
-    return come

@@ -4,12 +4,12 @@ Stock py_trees classes know no SKIPPED, and keep the statuses of children that h
 again. The classes on top of these ask what the outcome of a child's tick was, and reset children when BehaviorTree.CPP
 does: one that is running is halted, one that has ended only forgets how it did.
 
-A class has the constructor, and what its builder asks of it. What it does in a tick, and when it is halted, is said by
-the builder (`runtime.flat.parts.builds`), whether the node is ticked by itself or in a flat tree.
+A class has the constructor, and what its node in the kernel asks of it. What it does in a tick, and when it is halted,
+is said by that node (`node_class`), whether it is ticked by itself or in a tree.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -20,59 +20,63 @@ from sar_compiler.runtime.clock import Clock, WallClock
 from sar_compiler.runtime.leaf_protocol import Wake, stay_asleep
 
 if TYPE_CHECKING:
-    from sar_compiler.runtime.flat.single import SingleNode, Visit, Visits
+    from sar_compiler.runtime.kernel.live import LiveTree
+    from sar_compiler.runtime.kernel.tree_nodes import Part, TreeNode, Visit
 
 
 class Built(Behaviour):
-    """A node that ticks and stops as its builder says.
+    """A behaviour that ticks and stops as its node in the kernel says.
 
-    The builder is asked with the first tick or stop, for this node alone: a flat tree that it is part of asks it
-    again, and remembers for itself.
+    A tree that is ticked as a whole has a node for it. Ticked by its own methods, as py_trees does, it has one for
+    itself alone, whose children are ticked by theirs.
 
     Attributes:
+        node_class: The class of the node; None for a class that is only a base.
         clock: What the node measures time with.
         skipped: Whether the last tick was skipped; the status is then not the tick's, see `runtime.skipping`.
     """
 
+    node_class: "ClassVar[type[TreeNode] | None]" = None
     skipped = False
     clock: Clock = WallClock()
-    _form: "SingleNode | None" = None
+    place: "tuple[LiveTree, int] | None" = None
+    """The tree that has its node, and the node's index there."""
+
+    def build_node(self, part: "Part") -> "TreeNode":
+        """Build the node, of what the kernel offers."""
+        assert self.node_class is not None  # noqa: S101 - others are not asked
+        return self.node_class(part)
 
     def tick(self) -> Iterator[Behaviour]:
         """Tick once; then yield every node that was ticked on the way as it was after its tick, and this one last."""
+        from sar_compiler.runtime.kernel.live import shown
+
         visits: list[Visit] = []
         try:
             self.work(visits)
         finally:
-            for node, status, message in visits:
-                now = node.status, node.feedback_message
-                node.status, node.feedback_message = status, message
-                try:
-                    yield node
-                finally:
-                    # Whoever was shown it may have stopped it.
-                    if node.status is status:
-                        node.status, node.feedback_message = now
+            yield from shown(visits)
         yield self
 
-    def work(self, visits: "Visits") -> int:
+    def work(self, visits: "list[Visit] | None") -> int:
         """Tick once, and yield nothing.
 
         Args:
-            visits: Where the nodes below it go that are ticked, in order.
+            visits: Where the nodes below it go that are ticked, in the order of their ends.
 
         Returns:
-            The outcome, as a number of `flat.cells`.
+            The outcome, as a number of `kernel.cells`.
         """
-        return self._single().tick(visits)
+        tree, index = self._place()
+        return tree.tick(visits, index)
 
-    def _single(self) -> "SingleNode":
-        if self._form is None or not self._form.is_of(self.children):
-            # Only now: what is only checked is never ticked, and the builders import this module.
-            from sar_compiler.runtime.flat.single import SingleNode
+    def _place(self) -> "tuple[LiveTree, int]":
+        if self.place is None or not self.place[0].has(self.place[1], self.children):
+            # Only now: what is only checked is never ticked.
+            from sar_compiler.runtime.kernel.live import LiveTree
 
-            self._form = SingleNode(self)
-        return self._form
+            self.place = LiveTree(self, only_root=True), 0
+        return self.place
 
     def update(self) -> Status:
         """Return the status; `tick` does the work."""
@@ -85,7 +89,8 @@ class Built(Behaviour):
             new_status: The status from now on.
         """
         if new_status == Status.INVALID:
-            self._single().halt()
+            tree, index = self._place()
+            tree.stop(index)
         self.status = new_status
 
 

@@ -10,8 +10,7 @@ from sar_compiler.runtime.blackboard import Scope
 from sar_compiler.runtime.chosen_outcome import Outcome
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
-from sar_compiler.runtime.flat.cells import SKIPPED, Cells, Stop, Tick, number_of
-from sar_compiler.runtime.flat.parts import Part, builds, guarded
+from sar_compiler.runtime.kernel.turning import PreconditionNode
 from sar_compiler.runtime.parents import Wrapper
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.scripting import NodeScript
@@ -70,6 +69,8 @@ class Precondition(Wrapper):
         enums: The names that stand for numbers.
     """
 
+    node_class = PreconditionNode
+
     def __init__(
         self,
         name: str,
@@ -82,17 +83,3 @@ class Precondition(Wrapper):
         super().__init__(name, child)
         self._condition = NodeScript(if_, name, "if", scope, enums)
         self._else = else_ or Input(Outcome.FAILURE)
-
-
-@builds(Precondition)
-def precondition(part: Part) -> tuple[Tick, Stop]:
-    """Build a Precondition."""
-    behaviour = part.behaviour
-
-    def holds(cells: Cells) -> bool:  # noqa: ARG001
-        return bool(behaviour._condition.holds())
-
-    def otherwise() -> int:
-        return number_of(behaviour._else.get().value) or SKIPPED
-
-    return guarded(part, holds, otherwise, "the condition is false")

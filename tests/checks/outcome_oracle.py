@@ -10,13 +10,14 @@ from py_trees.behaviour import Behaviour
 from sar_compiler.checks.rules.check_context import CheckContext
 from sar_compiler.checks.verify.exploring import explore
 from sar_compiler.checks.verify.properties import without_properties
-from sar_compiler.checks.verify.state import WORDS, Prepared, State
+from sar_compiler.checks.verify.state import Prepared, State
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.simulated_tree import compile_simulated
 from sar_compiler.nodes.outcome_sets import BITS
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Kind, NodeSpec
+from sar_compiler.runtime.kernel.cells import WORDS
 from tests.node_forms import Form, forms, reads_keys
 from tests.trees import forest_of
 

@@ -18,7 +18,6 @@ from py_trees.common import Status
 
 from sar_compiler.runtime import (
     branches,
-    conditions,
     entries,
     entry_types,
     loops,
@@ -28,10 +27,10 @@ from sar_compiler.runtime import (
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Scope
 from sar_compiler.runtime.conditions import Conditions
 from sar_compiler.runtime.entries import SetBlackboard
-from sar_compiler.runtime.flat import parts
-from sar_compiler.runtime.flat.cells import ENDED, RUNNING, SKIPPED, Cells, Stop, Tick, number_of
-from sar_compiler.runtime.flat.parts import Part, halted_with_child, ticked
-from sar_compiler.runtime.flat.times import Times
+from sar_compiler.runtime.kernel import tree_nodes
+from sar_compiler.runtime.kernel.cells import ENDED, RUNNING
+from sar_compiler.runtime.kernel.tree_nodes import Ticker
+from sar_compiler.runtime.kernel.turning import ConditionsNode, PreconditionNode
 from sar_compiler.runtime.script_nodes import Precondition
 from sar_compiler.runtime.variables import RefusedValueError, ScriptValue, said
 
@@ -95,13 +94,14 @@ def _replaced(owner: object, name: str, replacement: object) -> Iterator[None]:
 
 @contextmanager
 def _no_post_on_halt() -> Iterator[None]:
-    def halt(self: conditions._Conditions, cells: Cells, times: Times) -> None:
-        was_running = cells[self.part.at] == RUNNING
-        parts.reset(self.child, cells, times)
-        if was_running:
-            conditions._run(self.part.behaviour._on_halted)
+    class Halted(ConditionsNode):
+        def halt(self, ticker: Ticker) -> None:
+            was_running = ticker.cells[self.at] == RUNNING
+            tree_nodes.reset(self.child, ticker)
+            if was_running and self.behaviour._on_halted is not None:
+                self.behaviour._on_halted.run()
 
-    with _replaced(conditions._Conditions, "halt", halt):
+    with _replaced(Conditions, "node_class", Halted):
         yield
 
 
@@ -122,8 +122,8 @@ def _on_halted_of_all() -> Iterator[None]:
 
 
 def _run_on_halted(node: Behaviour) -> None:
-    if isinstance(node, Conditions):
-        conditions._run(node._on_halted)
+    if isinstance(node, Conditions) and node._on_halted is not None:
+        node._on_halted.run()
 
 
 def _from_above(node: Behaviour) -> Iterator[Behaviour]:
@@ -134,23 +134,16 @@ def _from_above(node: Behaviour) -> Iterator[Behaviour]:
 
 @contextmanager
 def _precondition_asked_once() -> Iterator[None]:
-    def precondition(part: Part) -> tuple[Tick, Stop]:
-        at, behaviour, tick_child = part.at, part.behaviour, ticked(part)
-        child_runs = part.cell(0)
+    class AskedOnce(PreconditionNode):
+        def after(self, ticker: Ticker, outcome: int) -> int:
+            answer = super().after(ticker, outcome)
+            ticker.cells[self.child_runs] = int(not outcome & ENDED)
+            return answer
 
-        def tick(cells: Cells, times: Times) -> int:
-            if not cells[child_runs] and not behaviour._condition.holds():
-                outcome = number_of(behaviour._else.get().value) or SKIPPED
-            else:
-                outcome = tick_child(cells, times)
-                cells[child_runs] = not outcome & ENDED
-            if outcome != SKIPPED:
-                cells[at] = outcome
-            return outcome
+        def forget(self, ticker: Ticker) -> None:
+            pass
 
-        return tick, halted_with_child(part)
-
-    with mock.patch.dict(parts.BUILDERS, {Precondition: precondition}):
+    with _replaced(Precondition, "node_class", AskedOnce):
         yield
 
 

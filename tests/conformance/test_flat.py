@@ -10,9 +10,11 @@ import pytest
 from py_trees.common import Status
 
 from sar_compiler.runtime.clock import ManualClock
-from sar_compiler.runtime.flat.cells import SKIPPED, STATUSES, Cells
-from sar_compiler.runtime.flat.times import ClockTimes
-from sar_compiler.runtime.flat.tree import FlatTree, flatten
+from sar_compiler.runtime.kernel.cells import SKIPPED, STATUSES
+from sar_compiler.runtime.kernel.table import flatten
+from sar_compiler.runtime.kernel.times import ClockTimes
+from sar_compiler.runtime.kernel.tree import FlatTree
+from sar_compiler.runtime.kernel.tree_nodes import Ticker
 from tests.conformance.replay import Compiled, Seen, _runs, _ticks, compile_case
 
 FILES = sorted(Path(__file__).parent.glob("btcpp_*.json"))
@@ -23,39 +25,37 @@ class FlatNode:
 
     Args:
         flat: The tree.
-        cells: Its state.
-        times: Its timers.
+        ticker: What ticks it.
         index: The node's index.
     """
 
-    def __init__(self, flat: FlatTree, cells: Cells, times: ClockTimes, index: int = 0) -> None:
+    def __init__(self, flat: FlatTree, ticker: Ticker, index: int = 0) -> None:
         self.flat = flat
-        self.cells = cells
-        self.times = times
+        self.ticker = ticker
         self.index = index
         self.skipped = False
         self.setup = flat.nodes[index].behaviour.setup
 
     @property
     def status(self) -> Status:
-        return STATUSES[self.cells[self.index]]
+        return STATUSES[self.ticker.cells[self.index]]
 
     @status.setter
     def status(self, status: Status) -> None:
         assert status == Status.INVALID
-        self.flat.forget(self.cells, self.index)
+        self.flat.put_to_rest(self.ticker, self.index)
 
     def iterate(self) -> Iterator["FlatNode"]:
         index_of = {node.behaviour.id: node.index for node in self.flat.nodes}
         for behaviour in self.flat.nodes[0].behaviour.iterate():
-            yield FlatNode(self.flat, self.cells, self.times, index_of[behaviour.id])
+            yield FlatNode(self.flat, self.ticker, index_of[behaviour.id])
 
     def tick_once(self) -> None:
-        self.skipped = self.flat.tick(self.cells, self.times) == SKIPPED
+        self.skipped = self.flat.tick(self.ticker) == SKIPPED
 
     def stop(self, status: Status) -> None:
         assert status == Status.INVALID
-        self.flat.stop(self.cells, self.times, self.index)
+        self.flat.stop(self.ticker, self.index)
 
 
 def by_py_trees(compiled: Compiled, clock: ManualClock) -> Compiled:
@@ -64,7 +64,7 @@ def by_py_trees(compiled: Compiled, clock: ManualClock) -> Compiled:
 
 def in_flat_form(compiled: Compiled, clock: ManualClock) -> Compiled:
     flat = flatten(compiled.root)
-    root: Any = FlatNode(flat, flat.initial(), ClockTimes(clock))
+    root: Any = FlatNode(flat, flat.ticker(ClockTimes(clock)))
     return dataclasses.replace(compiled, root=root)
 
 

@@ -12,10 +12,9 @@ from sar_compiler.runtime.branches import TryCatch
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.controls import Fallback, Sequence, SequenceWithMemory
 from sar_compiler.runtime.decorators import Inverter, SubTree
-from sar_compiler.runtime.flat.cells import RUNNING
-from sar_compiler.runtime.flat.table import NotFlatError
-from sar_compiler.runtime.flat.times import ClockTimes
-from sar_compiler.runtime.flat.tree import flatten
+from sar_compiler.runtime.kernel.cells import RUNNING
+from sar_compiler.runtime.kernel.table import NotFlatError, flatten
+from sar_compiler.runtime.kernel.times import ClockTimes
 from sar_compiler.runtime.parallel import Parallel
 from sar_compiler.runtime.parents import Control
 from sar_compiler.runtime.ports import Input
@@ -175,11 +174,11 @@ def test_a_node_ticked_by_itself_and_in_a_flat_tree_remembers_each_for_itself():
     stage = Stage()
     root = SequenceWithMemory("s", children=stage.leaves(a="S", b="R"))
     flat, times = flatten(root), ClockTimes(ManualClock())
-    cells = flat.initial()
+    ticker = flat.ticker(times)
     assert stage.ticks(root, 2) == ["R: a=S", "R: b=R"]
-    before = list(cells)
-    assert flat.tick(cells, times) == RUNNING
-    assert (stage.told(), before) == ("a=S", flat.initial())
+    before = ticker.state()
+    assert flat.tick(ticker) == RUNNING
+    assert (stage.told(), before) == ("a=S", flat.ticker(times).state())
     assert stage.tick(root) == "R: b=R"
 
 

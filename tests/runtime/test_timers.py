@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from py_trees.common import Status
 
 from sar_compiler.runtime.clock import ManualClock
-from sar_compiler.runtime.flat.times import ClockTimes
+from sar_compiler.runtime.kernel.times import ClockTimes
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.timers import Delay, DurationError, Sleep, Timeout
 from tests.runtime.stage import Stage

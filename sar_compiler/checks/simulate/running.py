@@ -1,10 +1,8 @@
-"""Ticking a tree by a scenario: the real py_trees objects, on a clock that is moved by hand."""
+"""Ticking a tree by a scenario, on a clock that is moved by hand."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from uuid import UUID
-
-from py_trees.behaviour import Behaviour
 
 from sar_compiler.checks.simulate.run_variables import RunVariables
 from sar_compiler.checks.simulate.scenario import Scenario
@@ -12,8 +10,10 @@ from sar_compiler.checks.simulate.scripted import Scripted
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.evaluation import EvaluationError, Program
+from sar_compiler.runtime.kernel.cells import WORDS
+from sar_compiler.runtime.kernel.live import LiveTree
+from sar_compiler.runtime.kernel.tree_nodes import Visit
 from sar_compiler.runtime.script import parse
-from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.runtime.stub_leaf import Event
 
 _ROOT_IS_DONE = parse("root == 'SUCCESS' || root == 'FAILURE'")
@@ -89,6 +89,7 @@ class ScenarioPlayer:
     def __init__(self, simulated: SimulatedTree, scenario: Scenario) -> None:
         self.run = Run(simulated, scenario)
         self._simulated = simulated
+        self._tree = LiveTree(simulated.root)
         self._start_sec = simulated.clock.now()
         self._variables = RunVariables(simulated)
         self._until = Program(scenario.until or _ROOT_IS_DONE)
@@ -107,14 +108,13 @@ class ScenarioPlayer:
             simulated.clock.advance(run.scenario.period_sec)
         number, time_sec = len(run.ticks) + 1, round(simulated.clock.now() - self._start_sec, 6)
         self._variables.now = {"root": run.root, "tick": number, "time": time_sec}
-        statuses: dict[UUID, str] = {}
+        visits: list[Visit] = []
         simulated.events.clear()
         root = ""
         try:
-            for behaviour in simulated.root.tick():
-                statuses[behaviour.id] = _outcome(behaviour)
-            root = _outcome(simulated.root)
+            root = WORDS[self._tree.tick_and_visit(visits)]
         finally:
+            statuses = {visit.behaviour.id: WORDS[visit.outcome] for visit in visits}
             facts, keys = dict(simulated.fact_values()), _keys(simulated)
             changed, written = _changes(self._facts, facts), _changes(self._keys, keys)
             self._facts, self._keys = facts, keys
@@ -150,10 +150,6 @@ class ScenarioPlayer:
         except Exception as error:  # noqa: BLE001 - whatever a user's decorator raises ends a real run as well
             run.trouble = f"{type(error).__name__}: {error}"
         return run
-
-
-def _outcome(behaviour: Behaviour) -> str:
-    return "SKIPPED" if was_skipped(behaviour) else str(behaviour.status.name)
 
 
 def _keys(simulated: SimulatedTree) -> Mapping[str, object]:

@@ -13,21 +13,14 @@ from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.blackboard import Board, Snapshot
 from sar_compiler.runtime.expressions import Script, name_uses
-from sar_compiler.runtime.flat.cells import FAILURE, RUNNING, SKIPPED, SUCCESS, Cells
-from sar_compiler.runtime.flat.tree import FlatTree
+from sar_compiler.runtime.kernel.cells import WORDS
+from sar_compiler.runtime.kernel.tree import FlatTree
+from sar_compiler.runtime.kernel.tree_nodes import Ticker
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.stub_leaf import StubLeaf
 
 NOT_TICKED = 0
-WORDS: Mapping[int, str] = {
-    NOT_TICKED: "",
-    RUNNING: "RUNNING",
-    SUCCESS: "SUCCESS",
-    FAILURE: "FAILURE",
-    SKIPPED: "SKIPPED",
-}
-"""The word for each number; empty before the first tick."""
-NUMBERS: Mapping[str, int] = {word: number for number, word in WORDS.items()}
+NUMBERS: Mapping[str, int] = {word: number for number, word in enumerate(WORDS)}
 _UNKNOWN = -1
 # How many states are searched for what grows, and how many names are reported.
 _SAMPLE = 5000
@@ -169,13 +162,15 @@ class State(NamedTuple):
 
     Attributes:
         cells: The cells of the flat tree, as bytes where they are small numbers.
+        values: The cells with other values.
         keys: The entries of the tree's blackboard, as a number of their snapshot.
         facts: The facts, likewise.
         outcome: The outcome of the last tick.
         watched: What the properties remember.
     """
 
-    cells: "bytes | tuple[Hashable, ...]"
+    cells: "bytes | tuple[int, ...]"
+    values: tuple[Hashable, ...]
     keys: int
     facts: int
     outcome: int
@@ -188,17 +183,15 @@ class StateStore:
     Args:
         prepared: The tree.
         flat: Its flat form.
-
-    Attributes:
-        cells: The cells of the flat tree as they are now; ticks write to them.
+        ticker: What ticks it.
     """
 
-    def __init__(self, prepared: Prepared, flat: FlatTree) -> None:
+    def __init__(self, prepared: Prepared, flat: FlatTree, ticker: Ticker) -> None:
         self._simulated = prepared.simulated
         self._facts = prepared.facts
         self._flat = flat
         self._keys = Snapshots(prepared.simulated.compiled.board)
-        self.cells: Cells = flat.initial()
+        self._ticker = ticker
 
     def take(self, outcome: int, watched: int) -> State:
         """Return the state as it is now.
@@ -207,17 +200,19 @@ class StateStore:
             outcome: The outcome of the last tick.
             watched: What the properties remember.
         """
-        self._flat.renumber(self.cells)
-        cells: bytes | tuple[Hashable, ...]
+        ticker = self._ticker
+        self._flat.renumber(ticker)
+        cells: bytes | tuple[int, ...]
         try:
-            cells = bytes(self.cells)
-        except (TypeError, ValueError):
-            cells = tuple(self.cells)
-        return State(cells, self._keys.take(), self._facts.number, outcome, watched)
+            cells = bytes(ticker.cells)
+        except ValueError:
+            cells = tuple(ticker.cells)
+        return State(cells, tuple(ticker.values), self._keys.take(), self._facts.number, outcome, watched)
 
     def restore(self, state: State) -> None:
         """Make the tree what it was in a state."""
-        self.cells[:] = state.cells
+        self._ticker.cells[:] = state.cells
+        self._ticker.values[:] = state.values
         self.restore_boards(state)
 
     def restore_boards(self, state: State) -> None:

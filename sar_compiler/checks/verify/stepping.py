@@ -7,20 +7,17 @@ from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from py_trees.behaviour import Behaviour
-
 from sar_compiler.checks.verify.choices import Choices, UnsteadyError
 from sar_compiler.checks.verify.events import Trail
 from sar_compiler.checks.verify.exploring import Judgement, Transition
 from sar_compiler.checks.verify.monitors import Rules
 from sar_compiler.checks.verify.property_conditions import ConditionError
-from sar_compiler.checks.verify.state import NOT_TICKED, NUMBERS, WORDS, Prepared, State, StateStore
+from sar_compiler.checks.verify.state import NOT_TICKED, NUMBERS, Prepared, State, StateStore
 from sar_compiler.runtime.answers import Answer
-from sar_compiler.runtime.flat.cells import INVALID, RUNNING, SKIPPED, Cells, Stop, Tick
-from sar_compiler.runtime.flat.parts import Build, Part
-from sar_compiler.runtime.flat.table import builder_of
-from sar_compiler.runtime.flat.times import Times
-from sar_compiler.runtime.flat.tree import flatten
+from sar_compiler.runtime.kernel.cells import INVALID, RUNNING, SKIPPED, WORDS
+from sar_compiler.runtime.kernel.table import flatten, known_node
+from sar_compiler.runtime.kernel.times import Times
+from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
 from sar_compiler.runtime.stub_leaf import ANSWERED, HALTED, STARTED, Event, StubLeaf
 
 
@@ -38,8 +35,8 @@ class _Reply(NamedTuple):
     change: Answer | None
 
 
-class FlatLeaves:
-    """Brings leaves into flat form.
+class LeafNodes:
+    """Builds the nodes of leaves.
 
     Args:
         prepared: Their tree.
@@ -52,96 +49,122 @@ class FlatLeaves:
 
     def __init__(self, prepared: Prepared, choices: Choices, trail: Trail) -> None:
         self.ran: set[int] = set()
-        self._facts = prepared.facts
-        self._numbers = prepared.alphabet.numbers
-        self._pick = choices.pick
-        self._trail = trail
+        self.facts = prepared.facts
+        self.numbers = prepared.alphabet.numbers
+        self.choices = choices
+        self.trail = trail
 
-    def builder(self, behaviour: Behaviour) -> Build:
-        """Return what brings a node into flat form, whether it is a leaf or not.
+    def node_of(self, part: Part) -> TreeNode:
+        """Build the node of a behaviour, whether it is a leaf or not.
 
         Raises:
             NotFlatError: If its rules are not known.
         """
-        if isinstance(behaviour, StubLeaf):
-            return self._answering
-        build = builder_of(behaviour)
-        return build if behaviour.children else self._noting(build)
+        if isinstance(part.behaviour, StubLeaf):
+            return StubNode(part, self)
+        node = known_node(part)
+        return node if part.children else NotedNode(part, node, self.ran)
 
-    def _noting(self, build: Build) -> Build:
-        """Build a leaf of the language that notes its turns."""
-        note = self.ran.add
 
-        def noting(part: Part) -> tuple[Tick, Stop]:
-            tick_leaf, stop = build(part)
+class NotedNode(TreeNode):
+    """A leaf of the language whose turns are noted.
 
-            def tick(cells: Cells, times: Times) -> int:
-                note(part.index)
-                return tick_leaf(cells, times)
+    Args:
+        part: What it is built of.
+        node: What ticks it.
+        ran: Where its index is noted.
+    """
 
-            return tick, stop
+    def __init__(self, part: Part, node: TreeNode, ran: set[int]) -> None:
+        super().__init__(part)
+        self._node = node
+        self._ran = ran
 
-        return noting
+    def tick(self, ticker: Ticker) -> int:
+        """Tick the leaf."""
+        self._ran.add(self.index)
+        return self._node.tick(ticker)
 
-    def _answering(self, part: Part) -> tuple[Tick, Stop]:
-        """Build a leaf that does what `StubLeaf` does in `initialise`, `update` and `terminate`."""
-        leaf, index, at, bit = part.behaviour, part.index, part.at, 1 << part.index
-        note, pick, trail, facts = self.ran.add, self._pick, self._trail, self._facts
-        take = trail.take
-        started, halted = (self._numbers[id(leaf), what, id(None)] for what in (STARTED, HALTED))
-        known: dict[int, Sequence[_Reply]] = {}
+    begin = tick
 
-        def tick(cells: Cells, times: Times) -> int:  # noqa: ARG001
-            note(index)
-            if cells[at] != RUNNING:
-                trail.changed |= bit
-                take(started)
-            replies = known.get(facts.number)
-            if replies is None:
-                replies = self._replies(leaf, known)
-            event, outcome, change = replies[pick(len(replies))]
-            take(event)
-            if change is not None:
-                facts.change(leaf, change)
-            if outcome == RUNNING:
-                trail.going_on |= bit
-            else:
-                trail.changed |= bit
-            if outcome != SKIPPED:
-                cells[at] = outcome
-            return outcome
+    def stop(self, ticker: Ticker) -> None:
+        """Stop the leaf."""
+        self._node.stop(ticker)
 
-        def stop(cells: Cells, times: Times) -> None:  # noqa: ARG001
-            if cells[at] == RUNNING:
-                trail.changed |= bit
-                take(halted)
-            cells[at] = INVALID
 
-        return tick, stop
+class StubNode(TreeNode):
+    """A leaf that does what `StubLeaf` does in `initialise`, `update` and `terminate`.
 
-    def _replies(self, leaf: StubLeaf, known: dict[int, Sequence[_Reply]]) -> Sequence[_Reply]:
-        """Return what a leaf can answer now, and keep it if it depends on facts only.
+    Args:
+        part: What it is built of.
+        leaves: What the leaves of a tree share.
+    """
+
+    def __init__(self, part: Part, leaves: LeafNodes) -> None:
+        super().__init__(part)
+        self._leaves = leaves
+        self._bit = 1 << part.index
+        leaf = part.behaviour
+        self._started, self._halted = (leaves.numbers[id(leaf), what, id(None)] for what in (STARTED, HALTED))
+        self._known: dict[int, Sequence[_Reply]] = {}
+
+    def tick(self, ticker: Ticker) -> int:
+        """Start the leaf, unless it runs, and take one of its answers."""
+        leaves, cells = self._leaves, ticker.cells
+        trail, facts = leaves.trail, leaves.facts
+        leaves.ran.add(self.index)
+        if cells[self.at] != RUNNING:
+            trail.changed |= self._bit
+            trail.take(self._started)
+        replies = self._known.get(facts.number)
+        if replies is None:
+            replies = self._replies()
+        event, outcome, change = replies[leaves.choices.pick(len(replies))]
+        trail.take(event)
+        if change is not None:
+            facts.change(self.behaviour, change)
+        if outcome == RUNNING:
+            trail.going_on |= self._bit
+        else:
+            trail.changed |= self._bit
+        if outcome != SKIPPED:
+            cells[self.at] = outcome
+        return outcome
+
+    begin = tick
+
+    def stop(self, ticker: Ticker) -> None:
+        """Halt the leaf if it runs."""
+        trail = self._leaves.trail
+        if ticker.cells[self.at] == RUNNING:
+            trail.changed |= self._bit
+            trail.take(self._halted)
+        ticker.cells[self.at] = INVALID
+
+    def _replies(self) -> Sequence[_Reply]:
+        """Return what the leaf can answer now, and keep it if it depends on facts only.
 
         The last one comes first: leaves name their setbacks after their successes, and among runs of as many
         ticks those with setbacks are found first, which are shorter to read.
         """
+        leaf, facts = self.behaviour, self._leaves.facts
         replies = [
             _Reply(
-                self._numbers[id(leaf), ANSWERED, id(answer)],
+                self._leaves.numbers[id(leaf), ANSWERED, id(answer)],
                 NUMBERS[answer.status],
                 answer if answer.then else None,
             )
-            for answer in reversed(self._facts.options(leaf))
+            for answer in reversed(facts.options(leaf))
         ]
-        if self._facts.decide_alone(leaf):
-            known[self._facts.number] = replies
+        if facts.decide_alone(leaf):
+            self._known[facts.number] = replies
         return replies
 
 
 _STARTED, _UP = 1, 2
 
 
-class Timers:
+class Timers(Times):
     """Timers of which each may be up at any look, or at a later one.
 
     Args:
@@ -153,7 +176,7 @@ class Timers:
         self._choices = choices
         self._trail = trail
 
-    def start(self, index: int, seconds: float) -> Hashable:
+    def start(self, index: int, seconds: float) -> int:
         """Start a timer; one without any time is up at once."""
         self._trail.changed |= 1 << index
         return _STARTED if seconds > 0 else _UP
@@ -207,11 +230,11 @@ class TreeStepper:
         self._rules = rules
         self._choices = Choices()
         self._trail = Trail(rules.guarded)
-        leaves = FlatLeaves(prepared, self._choices, self._trail)
-        self.flat = flatten(prepared.simulated.root, leaves.builder)
+        leaves = LeafNodes(prepared, self._choices, self._trail)
+        self.flat = flatten(prepared.simulated.root, leaves.node_of)
         self.ran = leaves.ran
-        self.states = StateStore(prepared, self.flat)
-        self._times = Timers(self._choices, self._trail)
+        self._ticker = self.flat.ticker(Timers(self._choices, self._trail))
+        self.states = StateStore(prepared, self.flat, self._ticker)
         self._outcome = NOT_TICKED
         self._start = self.states.take(NOT_TICKED, rules.monitors.start)
 
@@ -258,7 +281,7 @@ class TreeStepper:
         self._trail.begin()
         self._outcome = NOT_TICKED
         try:
-            self._outcome = outcome = self.flat.tick(states.cells, self._times)
+            self._outcome = outcome = self.flat.tick(self._ticker)
         except (ConditionError, UnsteadyError):
             raise
         except Exception as error:  # noqa: BLE001 - whatever a leaf raises would end the mission

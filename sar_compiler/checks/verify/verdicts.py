@@ -8,7 +8,7 @@ from sar_compiler.checks.verify.graph import Graph
 from sar_compiler.checks.verify.liveness import endings, lasso, owing_for_ever
 from sar_compiler.checks.verify.properties import LeftOut, Properties
 from sar_compiler.checks.verify.traces import Retracing, Trace
-from sar_compiler.runtime.flat.tree import FlatNode
+from sar_compiler.runtime.kernel.tree_nodes import TreeNode
 from sar_compiler.runtime.stub_leaf import StubLeaf
 
 
@@ -97,7 +97,7 @@ class Questions:
         reason = f"{error.error}{self._advice_on(error.error)}"
         return _broken(NO_ERROR, reason, self._retracing.breach(error))
 
-    def every_leaf(self, leaves: Sequence[FlatNode], ran: Collection[int]) -> Verdict:
+    def every_leaf(self, leaves: Sequence[TreeNode], ran: Collection[int]) -> Verdict:
         """Return the verdict on whether every leaf is ticked in some run."""
         never = [f"'{node.behaviour.name}'" for node in leaves if node.index not in ran]
         if not never:

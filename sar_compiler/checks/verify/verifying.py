@@ -13,8 +13,8 @@ from sar_compiler.checks.verify.traces import Retracing
 from sar_compiler.checks.verify.verdicts import Questions, Verification
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.errors import SarError
-from sar_compiler.runtime.flat.table import NotFlatError
 from sar_compiler.runtime.frozen import FrozenValueError
+from sar_compiler.runtime.kernel.table import NotFlatError
 
 
 class UndecidableError(SarError):

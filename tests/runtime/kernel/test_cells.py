@@ -5,9 +5,8 @@ import random
 import pytest
 
 from sar_compiler.runtime.blackboard import Snapshot
-from sar_compiler.runtime.flat.cells import Cells
-from tests.runtime.flat.random_trees import HAS_FOR_EACH
-from tests.runtime.flat.stage import Beat, FlatStage, Saved, Seen, bound, random_beats, random_bindings
+from tests.runtime.kernel.random_trees import HAS_FOR_EACH
+from tests.runtime.kernel.stage import Beat, FlatStage, Saved, Seen, bound, random_beats, random_bindings
 
 pytestmark = pytest.mark.unmeasured
 
@@ -38,7 +37,7 @@ def test_a_tree_that_is_put_back_into_an_earlier_state_does_the_same_again(skips
             assert again == first[index:], f"seed {seed}, from tick {index}"
 
 
-def states_of(body: str, ticks: int = 60) -> list[tuple[Cells, Snapshot]]:
+def states_of(body: str, ticks: int = 60) -> list[tuple[object, Snapshot]]:
     """Return the states that a tree comes to."""
     stage = FlatStage(bound(body), seed=1)
     seen = []
@@ -50,7 +49,7 @@ def states_of(body: str, ticks: int = 60) -> list[tuple[Cells, Snapshot]]:
 
 
 def distinct(states):
-    return {(tuple(cells), board) for cells, board in states}
+    return set(states)
 
 
 @pytest.mark.parametrize(
@@ -114,9 +113,9 @@ def test_a_tree_that_is_halted_in_the_middle_is_as_it_was_at_first(body):
     stage = FlatStage(bound(body), seed=1)
     for number in range(3):
         assert stage.play(Beat(number, 0.0, halt=False)).outcome == "RUNNING"
-    assert stage.cells != stage.flat.initial()
+    assert stage.ticker.state() != stage.flat.ticker(stage.times).state()
     stage.stop()
-    assert stage.cells == stage.flat.initial()
+    assert stage.ticker.state() == stage.flat.ticker(stage.times).state()
 
 
 @pytest.mark.parametrize(
@@ -134,4 +133,6 @@ def test_a_time_that_is_over_leaves_nothing_but_how_it_ended(body):
     assert stage.play(Beat(0, 0.0, halt=False)).outcome == "RUNNING"
     assert stage.play(Beat(1, 0.25, halt=False)).outcome in {"SUCCESS", "FAILURE"}
     nodes = len(stage.flat.nodes)
-    assert stage.cells[nodes:] == stage.flat.initial()[nodes:]
+    cells, values = stage.ticker.state()
+    first_cells, first_values = stage.flat.ticker(stage.times).state()
+    assert (cells[nodes:], values) == (first_cells[nodes:], first_values)

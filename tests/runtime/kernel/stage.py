@@ -5,6 +5,7 @@ import random
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -15,16 +16,17 @@ from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.runtime.blackboard import Snapshot
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.enums import Enums
-from sar_compiler.runtime.flat.cells import SKIPPED, STATUSES, Cells
-from sar_compiler.runtime.flat.times import ClockTimes
-from sar_compiler.runtime.flat.tree import flatten
+from sar_compiler.runtime.kernel.cells import SKIPPED, STATUSES
+from sar_compiler.runtime.kernel.live import LiveTree
+from sar_compiler.runtime.kernel.table import flatten
+from sar_compiler.runtime.kernel.times import ClockTimes
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
-from tests.runtime.flat import probes
-from tests.runtime.flat.probes import Script
-from tests.runtime.flat.random_trees import RandomTree
+from tests.runtime.kernel import probes
+from tests.runtime.kernel.probes import Script
+from tests.runtime.kernel.random_trees import RandomTree
 
 # In seconds; exact numbers, so that the clock can be put back.
 _PAUSES = (0.0, 0.0625, 0.125, 0.25, 0.5)
@@ -164,11 +166,26 @@ class PyTreesStage(Stage):
         self.tree.root.stop(Status.INVALID)
 
 
+class LiveStage(Stage):
+    """Ticked as a run does."""
+
+    def __init__(self, binding: Binding, seed: int, *, raises: bool = False) -> None:
+        super().__init__(binding, seed, raises=raises)
+        self.live = LiveTree(self.tree.root)
+
+    def tick(self) -> str:
+        outcome = self.live.tick()
+        return "SKIPPED" if outcome == SKIPPED else STATUSES[outcome].name
+
+    def stop(self) -> None:
+        self.live.stop()
+
+
 @dataclass(frozen=True)
 class Saved:
     """A state of a tree in flat form, and when it had it."""
 
-    cells: Cells
+    cells: Any
     board: Snapshot
     time: float
 
@@ -180,29 +197,29 @@ class FlatStage(Stage):
         super().__init__(binding, seed, raises=raises)
         self.flat = flatten(self.tree.root)
         self.times = ClockTimes(self.clock)
-        self.cells: Cells = self.flat.initial()
+        self.ticker = self.flat.ticker(self.times)
 
     def tick(self) -> str:
-        outcome = self.flat.tick(self.cells, self.times)
+        outcome = self.flat.tick(self.ticker)
         return "SKIPPED" if outcome == SKIPPED else STATUSES[outcome].name
 
     def stop(self) -> None:
-        self.flat.stop(self.cells, self.times)
+        self.flat.stop(self.ticker)
 
     def save(self) -> Saved:
         """Return the state of the tree: its cells and its blackboard."""
-        self.flat.renumber(self.cells)
-        return Saved(list(self.cells), self.tree.board.snapshot(), self.clock.now())
+        self.flat.renumber(self.ticker)
+        return Saved(self.ticker.state(), self.tree.board.snapshot(), self.clock.now())
 
     def restore(self, saved: Saved) -> None:
         """Go back to a state."""
-        self.cells[:] = saved.cells
+        self.ticker.restore(saved.cells)
         self.tree.board.restore(saved.board)
         self.clock.advance(saved.time - self.clock.now())
-        self.times = ClockTimes(self.clock)
+        self.ticker.times = ClockTimes(self.clock)
 
     def seen(self, outcome: str) -> Seen:
-        self.flat.show(self.cells)
+        self.flat.show(self.ticker)
         return super().seen(outcome)
 
 

@@ -1,15 +1,12 @@
-"""How a flat tree measures time."""
+"""How a tree measures time."""
 
-from collections.abc import Hashable
-from typing import Any, Protocol
-
-from sar_compiler.runtime.clock import Clock
+from typing import Any
 
 
-class Times(Protocol):
-    """The timers of a flat tree's nodes. What is known of a timer is its token, which a cell holds."""
+class Times:
+    """The timers of a tree's nodes. What is known of a timer is its token, which a cell holds."""
 
-    def start(self, index: int, seconds: float) -> Hashable:
+    def start(self, index: int, seconds: float) -> Any:
         """Start a node's timer.
 
         Args:
@@ -19,18 +16,18 @@ class Times(Protocol):
         Returns:
             The token.
         """
-        ...
+        raise NotImplementedError
 
     def is_up(self, index: int, token: Any) -> bool:
         """Return whether the time of a node's timer is over."""
-        ...
+        raise NotImplementedError
 
     def remaining(self, index: int, token: Any) -> float:
         """Return how many seconds are left, 0 at the end; for what a node tells of itself, and nothing else."""
-        ...
+        raise NotImplementedError
 
 
-class ClockTimes:
+class ClockTimes(Times):
     """Timers on a clock that may stand still, and may go back.
 
     A clock that goes back counts as one that stood still: what had passed stays passed, and nothing has to be
@@ -41,25 +38,25 @@ class ClockTimes:
         clock: The clock.
     """
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: Any) -> None:
         self._clock = clock
-        self._looked = clock.now()
+        self._looked: float = clock.now()
         self._gone_back = 0.0
 
-    def start(self, index: int, seconds: float) -> float:  # noqa: ARG002 - whose timer it is does not matter
+    def start(self, index: int, seconds: float) -> Any:  # noqa: ARG002 - whose timer it is does not matter
         """Start a timer, in seconds."""
         return self._now() + seconds
 
-    def is_up(self, index: int, token: float) -> bool:  # noqa: ARG002
+    def is_up(self, index: int, token: Any) -> bool:  # noqa: ARG002
         """Return whether a timer's time is over."""
-        return self._now() >= token
+        return bool(self._now() >= token)
 
-    def remaining(self, index: int, token: float) -> float:  # noqa: ARG002
+    def remaining(self, index: int, token: Any) -> float:  # noqa: ARG002
         """Return how many seconds are left, 0 at the end."""
-        return max(token - self._now(), 0.0)
+        return max(float(token) - self._now(), 0.0)
 
     def _now(self) -> float:
-        now = self._clock.now()
+        now: float = self._clock.now()
         if now < self._looked:
             self._gone_back += self._looked - now
         self._looked = now

@@ -11,11 +11,10 @@ from py_trees.display import unicode_tree
 
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.controls import AsyncSequence
-from sar_compiler.runtime.flat.cells import FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS, Cells, Stop, Tick
-from sar_compiler.runtime.flat.parts import Build, Part
-from sar_compiler.runtime.flat.table import NotFlatError, builder_of
-from sar_compiler.runtime.flat.times import ClockTimes, Times
-from sar_compiler.runtime.flat.tree import flatten
+from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
+from sar_compiler.runtime.kernel.table import NotFlatError, flatten, known_node
+from sar_compiler.runtime.kernel.times import ClockTimes, Times
+from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.timers import Delay
 from sar_compiler.runtime.timers import Timeout as OwnTimeout
@@ -29,24 +28,29 @@ class TestShape:
         inner = composites.Selector("inner", memory=False, children=[Success("a"), Success("b")])
         flat = flatten(composites.Sequence("root", memory=True, children=[inner, Success("c")]))
         assert [node.behaviour.name for node in flat.nodes] == ["root", "inner", "a", "b", "c"]
-        assert [node.parent for node in flat.nodes] == [None, 0, 1, 1, 0]
-        assert [node.children for node in flat.nodes] == [(1, 4), (2, 3), (), (), ()]
+        assert [[child.index for child in node.children] for node in flat.nodes] == [
+            [1, 4],
+            [2, 3],
+            [],
+            [],
+            [],
+        ]
 
     def test_the_cell_of_a_nodes_number_holds_its_status(self):
         flat = flatten(
             composites.Sequence("root", memory=True, children=[Success("a"), Running("b"), Failure("c")])
         )
-        cells = flat.initial()
-        assert cells[:4] == [INVALID] * 4
-        assert flat.tick(cells, TIMES) == RUNNING
-        assert cells[:4] == [RUNNING, SUCCESS, RUNNING, INVALID]
+        ticker = flat.ticker(TIMES)
+        assert ticker.cells[:4] == [INVALID] * 4
+        assert flat.tick(ticker) == RUNNING
+        assert ticker.cells[:4] == [RUNNING, SUCCESS, RUNNING, INVALID]
 
     def test_a_tree_as_deep_as_py_trees_can_tick_has_a_flat_form(self):
         root: Behaviour = Success("leaf")
         for number in range(900):
             root = decorators.Inverter(f"inverter {number}", root)
         flat = flatten(root)
-        assert flat.tick(flat.initial(), TIMES) == SUCCESS
+        assert flat.tick(flat.ticker(TIMES)) == SUCCESS
 
 
 class Halves(composites.Composite):
@@ -135,19 +139,19 @@ class TestLeaves:
     def test_a_leaf_with_a_tick_and_a_stop_of_its_own_is_ticked_and_stopped_by_them(self):
         leaf = Ticking("leaf", Status.SUCCESS, Status.RUNNING)
         flat = flatten(leaf)
-        cells = flat.initial()
-        assert [flat.tick(cells, TIMES), flat.tick(cells, TIMES)] == [SUCCESS, RUNNING]
-        flat.stop(cells, TIMES)
+        ticker = flat.ticker(TIMES)
+        assert [flat.tick(ticker), flat.tick(ticker)] == [SUCCESS, RUNNING]
+        flat.stop(ticker)
         assert leaf.stops == [(Status.RUNNING, Status.INVALID)]
-        assert cells[0] == INVALID
+        assert ticker.cells[0] == INVALID
 
     @pytest.mark.parametrize("answer", [Status.INVALID, None, "SUCCESS"])
     def test_an_answer_that_is_no_end_counts_as_a_reset_as_for_py_trees(self, answer):
         leaf = Answering("leaf", answer)
         flat = flatten(leaf)
-        cells = flat.initial()
-        assert flat.tick(cells, TIMES) == SKIPPED
-        assert (cells[0], leaf.status, leaf.ends) == (INVALID, Status.INVALID, [Status.INVALID])
+        ticker = flat.ticker(TIMES)
+        assert flat.tick(ticker) == SKIPPED
+        assert (ticker.cells[0], leaf.status, leaf.ends) == (INVALID, Status.INVALID, [Status.INVALID])
 
     def test_what_a_leaf_raises_comes_out_and_what_ran_goes_on_running(self):
         flat = flatten(
@@ -157,17 +161,17 @@ class TestLeaves:
                 policy=ParallelPolicy.SuccessOnAll(synchronise=False),
             )
         )
-        cells = flat.initial()
+        ticker = flat.ticker(TIMES)
         with pytest.raises(RuntimeError, match="out of battery"):
-            flat.tick(cells, TIMES)
-        assert cells[:3] == [INVALID, RUNNING, INVALID]
+            flat.tick(ticker)
+        assert ticker.cells[:3] == [INVALID, RUNNING, INVALID]
 
     def test_an_answer_that_is_no_status_is_logged(self, monkeypatch):
         leaf = Answering("leaf", "SUCCESS")
         said: list[str] = []
         monkeypatch.setattr(leaf.logger, "error", said.append)
         flat = flatten(leaf)
-        flat.tick(flat.initial(), TIMES)
+        flat.tick(flat.ticker(TIMES))
         assert said == ["A behaviour returned an invalid status, setting to INVALID [SUCCESS][leaf]"]
 
     def test_a_leaf_that_resets_itself_logs_nothing(self, monkeypatch):
@@ -175,84 +179,79 @@ class TestLeaves:
         said: list[str] = []
         monkeypatch.setattr(leaf.logger, "error", said.append)
         flat = flatten(leaf)
-        flat.tick(flat.initial(), TIMES)
+        flat.tick(flat.ticker(TIMES))
         assert said == []
 
     def test_whoever_flattens_a_tree_may_build_some_of_its_nodes_otherwise(self):
         ticked: list[str] = []
 
-        def builder(behaviour: Behaviour) -> Build:
-            build = builder_of(behaviour)
+        class Telling(TreeNode):
+            def tick(self, ticker: Ticker) -> int:
+                ticked.append(self.behaviour.name)
+                ticker.cells[self.at] = SUCCESS
+                return SUCCESS
 
-            def told(part: Part) -> tuple[Tick, Stop]:
-                tick, stop = build(part)
+        def node_of(part: Part) -> TreeNode:
+            return Telling(part) if isinstance(part.behaviour, Running) else known_node(part)
 
-                def tick_and_tell(cells: Cells, times: Times) -> int:
-                    ticked.append(behaviour.name)
-                    return tick(cells, times)
-
-                return tick_and_tell, stop
-
-            return build if behaviour.children else told
-
-        root = composites.Sequence("root", memory=True, children=[Success("a"), Failure("b"), Success("c")])
-        flat = flatten(root, builder)
-        assert flat.tick(flat.initial(), TIMES) == FAILURE
+        root = composites.Sequence("root", memory=True, children=[Running("a"), Running("b")])
+        flat = flatten(root, node_of)
+        assert flat.tick(flat.ticker(TIMES)) == SUCCESS
         assert ticked == ["a", "b"]
 
 
 class TestState:
     def test_two_states_of_one_tree_do_not_know_of_each_other(self):
         flat = flatten(composites.Sequence("root", memory=True, children=[Success("a"), Running("b")]))
-        one, other = flat.initial(), flat.initial()
-        flat.tick(one, TIMES)
-        assert (one[0], other[0]) == (RUNNING, INVALID)
+        one, other = flat.ticker(TIMES), flat.ticker(TIMES)
+        flat.tick(one)
+        assert (one.cells[0], other.cells[0]) == (RUNNING, INVALID)
 
     def test_how_a_oneshot_has_ended_is_never_forgotten(self):
         child = StatusQueue("child", [Status.FAILURE, Status.SUCCESS], None)
         flat = flatten(decorators.OneShot("once", child, OneShotPolicy.ON_COMPLETION))
-        cells = flat.initial()
-        flat.tick(cells, TIMES)
-        flat.stop(cells, TIMES)
-        assert [flat.tick(cells, TIMES), flat.tick(cells, TIMES)] == [FAILURE, FAILURE]
+        ticker = flat.ticker(TIMES)
+        flat.tick(ticker)
+        flat.stop(ticker)
+        assert [flat.tick(ticker), flat.tick(ticker)] == [FAILURE, FAILURE]
 
     def test_a_oneshot_that_has_ended_before_has_ended_in_flat_form(self, monkeypatch):
         root = decorators.OneShot("once", Success("child"), OneShotPolicy.ON_COMPLETION)
         root.tick_once()
         monkeypatch.setattr(root.decorated, "update", Broken("never").update)
         flat = flatten(root)
-        assert flat.tick(flat.initial(), TIMES) == SUCCESS
+        assert flat.tick(flat.ticker(TIMES)) == SUCCESS
 
     def test_what_a_count_counts_can_be_read_from_it(self):
         count = decorators.Count(
             "count", StatusQueue("child", [Status.RUNNING, Status.SUCCESS], Status.RUNNING)
         )
         flat = flatten(count)
-        cells = flat.initial()
+        ticker = flat.ticker(TIMES)
         for _ in range(3):
-            flat.tick(cells, TIMES)
-        flat.stop(cells, TIMES)
+            flat.tick(ticker)
+        flat.stop(ticker)
         assert (count.total_tick_count, count.running_count, count.success_count) == (3, 2, 1)
         assert (count.failure_count, count.interrupt_count) == (0, 1)
 
     def test_one_node_can_be_stopped_or_forgotten_by_its_number(self):
         ended = Answering("leaf", Status.RUNNING)
         flat = flatten(composites.Sequence("root", memory=True, children=[Success("a"), ended]))
-        cells = flat.initial()
-        flat.tick(cells, TIMES)
-        flat.stop(cells, TIMES, 2)
-        flat.forget(cells, 1)
-        assert (cells[:3], ended.ends) == ([RUNNING, INVALID, INVALID], [Status.INVALID])
+        ticker = flat.ticker(TIMES)
+        flat.tick(ticker)
+        flat.stop(ticker, 2)
+        flat.put_to_rest(ticker, 1)
+        assert (ticker.cells[:3], ended.ends) == ([RUNNING, INVALID, INVALID], [Status.INVALID])
 
     def test_a_guard_that_answers_with_neither_a_bool_nor_a_status_raises_as_in_py_trees(self):
         flat = flatten(decorators.EternalGuard("guard", Success("child"), lambda: 1))
         with pytest.raises(RuntimeError, match="'guard': its condition"):
-            flat.tick(flat.initial(), TIMES)
+            flat.tick(flat.ticker(TIMES))
 
     @pytest.mark.parametrize(("answer", "outcome"), [(Status.FAILURE, FAILURE), (Status.RUNNING, SUCCESS)])
     def test_a_guard_may_answer_with_a_status(self, answer, outcome):
         flat = flatten(decorators.EternalGuard("guard", Success("child"), lambda: answer))
-        assert flat.tick(flat.initial(), TIMES) == outcome
+        assert flat.tick(flat.ticker(TIMES)) == outcome
 
 
 class TestViews:
@@ -264,16 +263,16 @@ class TestViews:
             root = composites.Selector(
                 "root", memory=False, children=[Failure("x"), OwnTimeout("t", child, Input(4000), clock)]
             )
-            flat, times = flatten(root), ClockTimes(clock)
-            cells = flat.initial()
+            flat = flatten(root)
+            ticker = flat.ticker(ClockTimes(clock))
             for _ in range(3):
                 if form == "flat":
-                    flat.tick(cells, times)
+                    flat.tick(ticker)
                 else:
                     root.tick_once()
                 clock.advance(1.0)
             if form == "flat":
-                flat.show(cells)
+                flat.show(ticker)
             drawings.append(unicode_tree(root, show_status=True))
         assert drawings[0] == drawings[1]
         assert "remaining: 2.0s" in drawings[0]
@@ -282,11 +281,11 @@ class TestViews:
         stage = Stage()
         root = stage.ready(AsyncSequence("pausing", [Success("a"), Success("b")]))
         flat = flatten(root)
-        assert flat.tick(flat.initial(), TIMES) == RUNNING
+        assert flat.tick(flat.ticker(TIMES)) == RUNNING
         assert stage.woken == 1
 
 
-class Asked:
+class Asked(Times):
     """Timers that are up as they are told, and note what they are asked."""
 
     def __init__(self, answers: Iterable[bool] = ()) -> None:
@@ -308,19 +307,22 @@ class Asked:
 class TestTimers:
     def test_whoever_ticks_decides_when_a_timer_is_up(self):
         flat = flatten(OwnTimeout("t", Running("child"), Input(700), ManualClock()))
-        cells, times = flat.initial(), Asked([False, True])
-        assert [flat.tick(cells, times) for _ in range(3)] == [RUNNING, RUNNING, FAILURE]
+        times = Asked([False, True])
+        ticker = flat.ticker(times)
+        assert [flat.tick(ticker) for _ in range(3)] == [RUNNING, RUNNING, FAILURE]
         assert times.started == [(0, 0.7)]
 
     def test_a_timer_that_was_up_is_not_asked_again(self):
         flat = flatten(Delay("d", Running("child"), Input(100), ManualClock()))
-        cells, times = flat.initial(), Asked([False, True])
-        assert [flat.tick(cells, times) for _ in range(5)] == [RUNNING] * 5
+        times = Asked([False, True])
+        ticker = flat.ticker(times)
+        assert [flat.tick(ticker) for _ in range(5)] == [RUNNING] * 5
 
     def test_a_timeout_without_a_limit_starts_no_timer(self):
         flat = flatten(OwnTimeout("t", Running("child"), Input(0), ManualClock()))
-        cells, times = flat.initial(), Asked()
-        assert [flat.tick(cells, times) for _ in range(3)] == [RUNNING] * 3
+        times = Asked()
+        ticker = flat.ticker(times)
+        assert [flat.tick(ticker) for _ in range(3)] == [RUNNING] * 3
         assert times.started == []
 
     def test_a_clock_that_goes_back_counts_as_one_that_stands_still(self):

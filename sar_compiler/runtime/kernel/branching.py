@@ -1,0 +1,225 @@
+"""Branches of BehaviorTree.CPP: which child is ticked depends on another one, or on a value."""
+
+from sar_compiler.runtime.kernel.cells import CALLED, FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
+from sar_compiler.runtime.kernel.tree_nodes import ControlNode, Part, Ticker, reset, reset_all
+
+_NONE = 0
+
+
+class IfThenElseNode(ControlNode):
+    """Ticks its condition until that has ended, then one of the branches.
+
+    Attributes:
+        chosen: The cell with the index of the branch; 0 while the condition has not ended.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.chosen = part.cell()
+
+    def begin(self, ticker: Ticker) -> int:
+        """Begin with the condition, or go on with the branch."""
+        ticker.cells[self.at] = RUNNING
+        return self.tick_chosen(ticker)
+
+    def tick_chosen(self, ticker: Ticker) -> int:
+        """Tick the condition or the branch, whichever is in hand."""
+        chosen = ticker.cells[self.chosen]
+        if chosen >= len(self.children):
+            ticker.cells[self.chosen] = _NONE
+            ticker.cells[self.at] = FAILURE
+            return FAILURE
+        child = self.children[chosen]
+        self.behaviour.current_child = child.behaviour
+        outcome = child.tick(ticker)
+        return CALLED if outcome == CALLED else self.resume(ticker, outcome)
+
+    def resume(self, ticker: Ticker, outcome: int) -> int:
+        """Go on after the condition or the branch."""
+        cells = ticker.cells
+        if cells[self.chosen] == _NONE and outcome in (SUCCESS, FAILURE):
+            cells[self.chosen] = 1 if outcome == SUCCESS else 2
+            self.behaviour.feedback_message = "then" if outcome == SUCCESS else "else"
+            return self.tick_chosen(ticker)
+        if outcome == RUNNING:
+            return RUNNING
+        cells[self.chosen] = _NONE
+        reset_all(self.children, ticker)
+        if outcome != SKIPPED:
+            cells[self.at] = outcome
+        return outcome
+
+    def forget(self, ticker: Ticker) -> None:
+        """Forget which branch was chosen."""
+        ticker.cells[self.chosen] = _NONE
+
+
+class WhileDoElseNode(ControlNode):
+    """Ticks its condition in each tick, then one of the branches.
+
+    Attributes:
+        branch: The cell with the index of the branch in hand; 0 for the condition.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.branch = part.cell()
+
+    def begin(self, ticker: Ticker) -> int:
+        """Begin with the condition."""
+        ticker.cells[self.at] = RUNNING
+        return self.tick_one(ticker, _NONE)
+
+    def tick_one(self, ticker: Ticker, index: int) -> int:
+        """Tick the condition or a branch."""
+        ticker.cells[self.branch] = index
+        child = self.children[index]
+        self.behaviour.current_child = child.behaviour
+        outcome = child.tick(ticker)
+        return CALLED if outcome == CALLED else self.resume(ticker, outcome)
+
+    def resume(self, ticker: Ticker, outcome: int) -> int:
+        """Go on after the condition or a branch."""
+        cells, count = ticker.cells, len(self.children)
+        if cells[self.branch] == _NONE and outcome in (SUCCESS, FAILURE):
+            branch = 1 if outcome == SUCCESS else 2
+            other = 3 - branch
+            self.behaviour.feedback_message = "do" if outcome == SUCCESS else "else"
+            if branch < count:
+                if other < count:
+                    reset(self.children[other], ticker)
+                return self.tick_one(ticker, branch)
+        cells[self.branch] = _NONE
+        if outcome == RUNNING:
+            return RUNNING
+        reset_all(self.children, ticker)
+        if outcome != SKIPPED:
+            cells[self.at] = outcome
+        return outcome
+
+    def forget(self, ticker: Ticker) -> None:
+        """Forget what belongs to a single tick."""
+        ticker.cells[self.branch] = _NONE
+
+
+class SwitchNode(ControlNode):
+    """Ticks the child whose case is chosen; the behaviour itself says which one that is.
+
+    Attributes:
+        running: The cell with the number of the child that runs, or is in hand, counted from 1.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.running = part.cell()
+
+    def begin(self, ticker: Ticker) -> int:
+        """Tick the child that is chosen; halt another one that has been running."""
+        cells = ticker.cells
+        selected: int = self.behaviour._select()
+        before = cells[self.running]
+        if before not in (_NONE, selected + 1):
+            reset(self.children[before - 1], ticker)
+        cells[self.running] = selected + 1
+        child = self.children[selected]
+        self.behaviour.current_child = child.behaviour
+        outcome = child.tick(ticker)
+        return CALLED if outcome == CALLED else self.resume(ticker, outcome)
+
+    def resume(self, ticker: Ticker, outcome: int) -> int:
+        """Pass on what the child answers."""
+        cells = ticker.cells
+        if outcome != RUNNING:
+            cells[self.running] = _NONE
+            if outcome == SKIPPED:
+                return SKIPPED
+            reset_all(self.children, ticker)
+        cells[self.at] = outcome
+        return outcome
+
+    def forget(self, ticker: Ticker) -> None:
+        """Forget which child was running."""
+        ticker.cells[self.running] = _NONE
+
+
+class TryCatchNode(ControlNode):
+    """Ticks its children in order but for the last one, which is ticked when one of them has failed.
+
+    Attributes:
+        position: The cell with the index of the child in hand.
+        skips: The cell with the number of children that were skipped.
+        catching: The cell with 1 while the last child is in hand.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.last = len(self.children) - 1
+        self.position, self.skips, self.catching = part.cell(), part.cell(), part.cell()
+
+    def begin(self, ticker: Ticker) -> int:
+        """Go on with the child in hand."""
+        cells = ticker.cells
+        if cells[self.at] != RUNNING:
+            self.forget(ticker)
+            self.behaviour.feedback_message = ""
+        cells[self.at] = RUNNING
+        return self.go_on(ticker, INVALID)
+
+    def resume(self, ticker: Ticker, outcome: int) -> int:
+        """Go on after the child in hand."""
+        return self.go_on(ticker, outcome)
+
+    def go_on(self, ticker: Ticker, outcome: int) -> int:
+        """Tick the children from the one in hand on, whose outcome may be known; INVALID if it is to be ticked."""
+        cells = ticker.cells
+        while True:
+            if outcome == INVALID:
+                index = self.last if cells[self.catching] else cells[self.position]
+                if index == self.last and not cells[self.catching]:
+                    return self.succeed(ticker)
+                child = self.children[index]
+                self.behaviour.current_child = child.behaviour
+                outcome = child.tick(ticker)
+            if outcome in (RUNNING, CALLED):
+                return outcome
+            if cells[self.catching]:
+                self.forget(ticker)
+                reset_all(self.children, ticker)
+                cells[self.at] = FAILURE
+                return FAILURE
+            if outcome == FAILURE:
+                failed = self.children[cells[self.position]].behaviour
+                self.behaviour.feedback_message = f"{failed.name} failed"
+                cells[self.catching] = 1
+                reset_all(self.children, ticker)
+            else:
+                cells[self.position] += 1
+                cells[self.skips] += int(outcome == SKIPPED)
+            outcome = INVALID
+
+    def succeed(self, ticker: Ticker) -> int:
+        """End because nothing has failed."""
+        all_skipped = ticker.cells[self.skips] == self.last
+        self.forget(ticker)
+        reset_all(self.children, ticker)
+        if all_skipped:
+            return SKIPPED
+        ticker.cells[self.at] = SUCCESS
+        return SUCCESS
+
+    def halt(self, ticker: Ticker) -> None:
+        """Halt the children; tick the last one once, if that is wanted and it was not in hand."""
+        cells = ticker.cells
+        tries = cells[self.at] == RUNNING and not cells[self.catching]
+        try:
+            if tries and self.behaviour._catch_on_halt.get():
+                reset_all(self.children[: self.last], ticker)
+                ticker.run_unseen(self.children[self.last])
+        finally:
+            self.forget(ticker)
+            self.behaviour.current_child = None
+            reset_all(self.children, ticker)
+
+    def forget(self, ticker: Ticker) -> None:
+        """Forget which child was in hand."""
+        ticker.cells[self.position] = ticker.cells[self.skips] = ticker.cells[self.catching] = 0

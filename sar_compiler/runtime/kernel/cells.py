@@ -1,0 +1,62 @@
+"""Outcomes and statuses as small whole numbers, as the cells of a tree hold them."""
+
+from typing import Any, Final
+
+from py_trees import decorators
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from sar_compiler.errors import SarError
+
+INVALID: Final = 0
+RUNNING: Final = 1
+SUCCESS: Final = 2
+FAILURE: Final = 3
+SKIPPED: Final = 4
+"""The outcome of a skipped tick, which is never a status."""
+CALLED: Final = 5
+"""In place of an outcome: another node has to be ticked first."""
+
+WORDS: Final = ("", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
+"""The word for each outcome; empty for none."""
+
+ENDED: Final = 2
+"""What only SUCCESS and FAILURE have in common: `outcome & ENDED` is not 0 for these two."""
+
+STATUSES: Final = (Status.INVALID, Status.RUNNING, Status.SUCCESS, Status.FAILURE)
+"""py_trees' status for each number."""
+
+# Names of this module: to look up a member of an enumeration is slow.
+_RUNNING: Any = Status.RUNNING
+_SUCCESS: Any = Status.SUCCESS
+_FAILURE: Any = Status.FAILURE
+
+
+IS_2_3: Final = not hasattr(decorators, "ForEach")
+"""Whether this is py_trees 2.3, which does some things differently."""
+
+
+class NoStatusError(SarError, TypeError):
+    """An `update()` did not return a status.
+
+    Attributes:
+        behaviour: Whose it is.
+    """
+
+    def __init__(self, behaviour: Behaviour, returned: object) -> None:
+        self.behaviour = behaviour
+        message = (
+            f"update() returned {returned!r}, which is no status; return Status.SUCCESS, FAILURE or RUNNING"
+        )
+        super().__init__(message)
+
+
+def number_of(status: Any) -> int:
+    """Return the number of a status of py_trees; INVALID for what is none."""
+    if status is _RUNNING:
+        return RUNNING
+    if status is _SUCCESS:
+        return SUCCESS
+    if status is _FAILURE:
+        return FAILURE
+    return INVALID

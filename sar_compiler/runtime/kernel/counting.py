@@ -1,0 +1,165 @@
+"""Parallels of BehaviorTree.CPP: children side by side, until enough of them have ended."""
+
+from sar_compiler.runtime.kernel.cells import CALLED, ENDED, FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
+from sar_compiler.runtime.kernel.tree_nodes import ControlNode, Part, Ticker, reset_all
+
+
+class CountingNode(ControlNode):
+    """Children side by side; one that has ended is not ticked again until the node has.
+
+    Attributes:
+        through: The cell with the children that have ended, as bits.
+        successes: The cell with the number of these that have succeeded.
+        failures: The cell with the number of these that have failed.
+        current: The cell with the index of the child in hand, in a tick.
+        skips: The cell with the number of children that were skipped, in a tick.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.through, self.successes, self.failures = part.cell(), part.cell(), part.cell()
+        self.current, self.skips = part.cell(), part.cell()
+
+    def begin(self, ticker: Ticker) -> int:
+        """Begin with the first child that has not ended."""
+        ticker.cells[self.at] = RUNNING
+        ticker.cells[self.current] = ticker.cells[self.skips] = 0
+        return self.go_on(ticker)
+
+    def resume(self, ticker: Ticker, outcome: int) -> int:
+        """Go on after the child in hand."""
+        decision = self.count(ticker, outcome)
+        return self.go_on(ticker) if decision == INVALID else self.leave(ticker, decision)
+
+    def go_on(self, ticker: Ticker) -> int:
+        """Tick the children from the index on that have not ended."""
+        cells, children = ticker.cells, self.children
+        decision = INVALID
+        while decision == INVALID:
+            index = cells[self.current]
+            if index == len(children):
+                return self.leave(ticker, self.decide_at_the_end(ticker))
+            outcome = INVALID
+            if not cells[self.through] >> index & 1:
+                self.behaviour.current_child = children[index].behaviour
+                outcome = children[index].tick(ticker)
+                if outcome == CALLED:
+                    return CALLED
+            decision = self.count(ticker, outcome)
+        return self.leave(ticker, decision)
+
+    def count(self, ticker: Ticker, outcome: int) -> int:
+        """Count the child in hand; return the node's outcome if that decides, else INVALID."""
+        cells, index = ticker.cells, ticker.cells[self.current]
+        if outcome & ENDED:
+            cells[self.through] |= 1 << index
+            cells[self.failures if outcome == FAILURE else self.successes] += 1
+        elif outcome == SKIPPED:
+            cells[self.skips] += 1
+        cells[self.current] = index + 1
+        return self.decide_early(ticker)
+
+    def decide_early(self, ticker: Ticker) -> int:  # noqa: ARG002 - for nodes that do
+        """Return the outcome if the children so far decide, else INVALID."""
+        return INVALID
+
+    def decide_at_the_end(self, ticker: Ticker) -> int:
+        """Return the outcome after all children were ticked."""
+        raise NotImplementedError
+
+    def leave(self, ticker: Ticker, outcome: int) -> int:
+        """Leave the tick with an outcome; with SUCCESS or FAILURE the node's work is over."""
+        cells = ticker.cells
+        cells[self.current] = cells[self.skips] = 0
+        if outcome & ENDED:
+            message = f"{cells[self.successes]} succeeded, {cells[self.failures]} failed"
+            self.behaviour.feedback_message = message
+            self.forget(ticker)
+            reset_all(self.children, ticker)
+            cells[self.at] = outcome
+        return outcome
+
+    def forget(self, ticker: Ticker) -> None:
+        """Forget which children have ended."""
+        cells = ticker.cells
+        cells[self.through] = cells[self.successes] = cells[self.failures] = 0
+        cells[self.current] = cells[self.skips] = 0
+
+
+class ParallelNode(CountingNode):
+    """One that decides after every child.
+
+    Attributes:
+        enough: The cell with the number of successes that are enough, in a tick.
+        too_many: The cell with the number of failures that are too many, in a tick.
+        counts_skips: The cell with 1 if skipped children count as successes, in a tick.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.enough, self.too_many, self.counts_skips = part.cell(), part.cell(), part.cell()
+
+    def begin(self, ticker: Ticker) -> int:
+        """Read the thresholds, and begin with the first child that has not ended."""
+        cells, behaviour = ticker.cells, self.behaviour
+        wanted = behaviour._success_count.get()
+        cells[self.enough] = behaviour._threshold("success_count", wanted)
+        cells[self.too_many] = behaviour._threshold("failure_count", behaviour._failure_count.get())
+        cells[self.counts_skips] = int(wanted < 0)
+        return super().begin(ticker)
+
+    def decide_early(self, ticker: Ticker) -> int:
+        """Return the outcome if enough children have succeeded or failed, else INVALID."""
+        cells = ticker.cells
+        successes, failures = cells[self.successes], cells[self.failures]
+        if cells[self.counts_skips]:
+            successes += cells[self.skips]
+        if successes >= cells[self.enough]:
+            return SUCCESS
+        if len(self.children) - failures < cells[self.enough] or failures == cells[self.too_many]:
+            return FAILURE
+        return INVALID
+
+    def decide_at_the_end(self, ticker: Ticker) -> int:
+        """Return SKIPPED if all children were skipped, else RUNNING."""
+        cells = ticker.cells
+        self.behaviour.feedback_message = f"{cells[self.successes]} of {cells[self.enough]}"
+        return SKIPPED if cells[self.skips] == len(self.children) else RUNNING
+
+    def leave(self, ticker: Ticker, outcome: int) -> int:
+        """Leave the tick with an outcome."""
+        cells = ticker.cells
+        cells[self.enough] = cells[self.too_many] = cells[self.counts_skips] = 0
+        return super().leave(ticker, outcome)
+
+
+class ParallelAllNode(CountingNode):
+    """One that waits for all children before it decides.
+
+    Attributes:
+        too_many: The cell with the number of failures that are too many, in a tick.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.too_many = part.cell()
+
+    def begin(self, ticker: Ticker) -> int:
+        """Read the threshold, and begin with the first child that has not ended."""
+        behaviour = self.behaviour
+        threshold = behaviour._threshold("max_failures", behaviour._max_failures.get())
+        ticker.cells[self.too_many] = threshold
+        return super().begin(ticker)
+
+    def decide_at_the_end(self, ticker: Ticker) -> int:
+        """Return how it ends, RUNNING if a child runs, and SKIPPED if all children were skipped."""
+        cells, count = ticker.cells, len(self.children)
+        skips, ended = cells[self.skips], cells[self.successes] + cells[self.failures]
+        too_many = cells[self.too_many]
+        cells[self.too_many] = 0
+        if skips == count:
+            return SKIPPED
+        if skips + ended == count:
+            return FAILURE if cells[self.failures] >= too_many else SUCCESS
+        self.behaviour.feedback_message = f"{ended} of {count}"
+        return RUNNING

@@ -1,0 +1,275 @@
+"""Leaves: the behaviours that do the work; their own methods are called, at the same times as by py_trees."""
+
+from typing import Any
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SKIPPED, STATUSES, SUCCESS, number_of
+from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode, Visit
+from sar_compiler.runtime.kernel.turning import is_news
+from sar_compiler.runtime.parents import Built
+
+_INVALID: Any = Status.INVALID
+_RUNNING: Any = Status.RUNNING
+_SUCCESS: Any = Status.SUCCESS
+_FAILURE: Any = Status.FAILURE
+
+
+class LeafNode(TreeNode):
+    """A leaf with py_trees' own `tick` and `stop`.
+
+    Attributes:
+        initialises: Whether its class has an `initialise` of its own.
+        terminates: Whether it has a `terminate` of its own.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.initialises = is_own(part.behaviour, "initialise")
+        self.terminates = is_own(part.behaviour, "terminate")
+
+    def tick(self, ticker: Ticker) -> int:
+        """Tick the leaf."""
+        return super().tick(ticker) if ticker.by_step else self.begin(ticker)
+
+    def begin(self, ticker: Ticker) -> int:
+        """Tick the leaf."""
+        cells, behaviour = ticker.cells, self.behaviour
+        before = self.before(ticker)
+        if before != RUNNING and self.initialises:
+            behaviour.initialise()
+        answer = behaviour.update()
+        if answer is _SUCCESS:
+            now = SUCCESS
+        elif answer is _RUNNING:
+            now = RUNNING
+        elif answer is _FAILURE:
+            now = FAILURE
+        else:
+            return self.end_without(ticker, answer)
+        if now != RUNNING and self.terminates:
+            behaviour.terminate(answer)
+        if now != before:
+            behaviour.status = answer
+        cells[self.at] = now
+        return now
+
+    def before(self, ticker: Ticker) -> int:
+        """Return the status before the tick, which the tree and the behaviour agree about from now on."""
+        before, status = ticker.cells[self.at], self.behaviour.status
+        if status is STATUSES[before]:
+            return before
+        if ticker.is_live:
+            # Somebody else has stopped it, or set its status.
+            return number_of(status)
+        self.behaviour.status = STATUSES[before]
+        return before
+
+    def end_without(self, ticker: Ticker, answer: Any) -> int:
+        """End with an answer that is none of the usual ones; py_trees makes INVALID of it, and logs it."""
+        behaviour = self.behaviour
+        ticker.number_of(behaviour, answer)
+        if self.terminates:
+            behaviour.terminate(_INVALID)
+        behaviour.status = _INVALID
+        ticker.cells[self.at] = INVALID
+        return SKIPPED
+
+    def stop(self, ticker: Ticker) -> None:
+        """Stop the leaf."""
+        behaviour = self.behaviour
+        if self.terminates:
+            self.before(ticker)
+            behaviour.terminate(_INVALID)
+        behaviour.status = _INVALID
+        ticker.cells[self.at] = INVALID
+
+
+class SkippableLeafNode(LeafNode):
+    """A leaf that may be skipped: INVALID means that, and is no end."""
+
+    def begin(self, ticker: Ticker) -> int:
+        """Tick the leaf."""
+        cells, behaviour = ticker.cells, self.behaviour
+        before = self.before(ticker)
+        if before != RUNNING and self.initialises:
+            behaviour.initialise()
+        answer = behaviour.update()
+        now = ticker.number_of(behaviour, answer)
+        behaviour.skipped = now == INVALID
+        if now == INVALID:
+            return SKIPPED
+        if now != RUNNING and self.terminates:
+            behaviour.terminate(answer)
+        if now != before:
+            behaviour.status = answer
+        cells[self.at] = now
+        return now
+
+
+class ForeignNode(TreeNode):
+    """A behaviour that is ticked by its own methods, because nothing else is known of its class.
+
+    The nodes below it, if there are any, are none of this tree.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.works: bool = type(part.behaviour).tick is Built.tick
+
+    def tick(self, ticker: Ticker) -> int:
+        """Tick the behaviour."""
+        return super().tick(ticker) if ticker.by_step else self.begin(ticker)
+
+    def begin(self, ticker: Ticker) -> int:
+        """Tick the behaviour; the nodes below it that it shows are visits, too."""
+        cells, behaviour = ticker.cells, self.behaviour
+        self.show(ticker)
+        try:
+            if self.works:
+                behaviour.work(ticker.visits)
+            else:
+                self.follow(ticker)
+        finally:
+            cells[self.at] = number_of(behaviour.status)
+        if cells[self.at] == INVALID or getattr(behaviour, "skipped", False):
+            return SKIPPED
+        return cells[self.at]
+
+    def follow(self, ticker: Ticker) -> None:
+        """Tick the behaviour by its generator."""
+        behaviour, visits = self.behaviour, ticker.visits
+        for node in behaviour.tick():
+            if visits is not None and node is not behaviour:
+                status = number_of(node.status)
+                skipped = status == INVALID or getattr(node, "skipped", False)
+                visits.append(Visit(node, SKIPPED if skipped else status, status))
+
+    def stop(self, ticker: Ticker) -> None:
+        """Stop the behaviour."""
+        self.show(ticker)
+        self.behaviour.stop(_INVALID)
+        ticker.cells[self.at] = number_of(self.behaviour.status)
+
+    def show(self, ticker: Ticker) -> None:
+        """Give the behaviour the status that the tree has of it."""
+        status: Any = STATUSES[ticker.cells[self.at]]
+        if self.behaviour.status is not status:
+            self.behaviour.status = status
+
+
+class RememberingNode(LeafNode):
+    """A leaf that remembers something between two ticks, which is kept in a cell.
+
+    Attributes:
+        kept: The cell.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.kept = part.value(self.saved())
+
+    def saved(self) -> Any:
+        """Return what the leaf remembers, as a value that can be hashed."""
+        raise NotImplementedError
+
+    def load(self, kept: Any) -> None:
+        """Give the leaf back what it remembered."""
+        raise NotImplementedError
+
+    def begin(self, ticker: Ticker) -> int:
+        """Tick the leaf."""
+        self.load(ticker.values[self.kept])
+        outcome = super().begin(ticker)
+        ticker.values[self.kept] = self.saved()
+        return outcome
+
+    def stop(self, ticker: Ticker) -> None:
+        """Stop the leaf."""
+        self.load(ticker.values[self.kept])
+        super().stop(ticker)
+        ticker.values[self.kept] = self.saved()
+
+
+class StatusQueueNode(RememberingNode):
+    """A StatusQueue; what is left of its queue is the end of the list that it was given."""
+
+    def saved(self) -> Any:
+        """Return how much of the queue is left."""
+        return len(self.behaviour.current_queue)
+
+    def load(self, kept: Any) -> None:
+        """Give the queue back."""
+        behaviour = self.behaviour
+        behaviour.current_queue = behaviour.queue[len(behaviour.queue) - kept :]
+
+
+class PeriodicNode(RememberingNode):
+    """A Periodic."""
+
+    def saved(self) -> Any:
+        """Return its count and its answer."""
+        return self.behaviour.count, number_of(self.behaviour.response)
+
+    def load(self, kept: Any) -> None:
+        """Give them back."""
+        self.behaviour.count, self.behaviour.response = kept[0], STATUSES[kept[1]]
+
+
+class SuccessEveryNNode(RememberingNode):
+    """A SuccessEveryN, which begins again after each success."""
+
+    def saved(self) -> Any:
+        """Return its count since the last success."""
+        return int(self.behaviour.count % abs(self.behaviour.every_n))
+
+    def load(self, kept: Any) -> None:
+        """Give it back."""
+        self.behaviour.count = kept
+
+
+class TickCounterNode(RememberingNode):
+    """A TickCounter, which begins again whenever it is started."""
+
+    def saved(self) -> Any:
+        """Return its count."""
+        return int(self.behaviour.counter) if self.behaviour.status is _RUNNING else 0
+
+    def load(self, kept: Any) -> None:
+        """Give it back."""
+        self.behaviour.counter = kept
+
+
+class UpdateCheckNode(TreeNode):
+    """A leaf that succeeds if an entry was written since it last looked, else fails.
+
+    Attributes:
+        seen: The cell that says how often the entry had been written then.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.entry: Any = part.behaviour._entry
+        self.seen = part.cell()
+        part.watch(self.entry, self.seen)
+
+    def tick(self, ticker: Ticker) -> int:
+        """Look at the entry."""
+        return super().tick(ticker) if ticker.by_step else self.begin(ticker)
+
+    def begin(self, ticker: Ticker) -> int:
+        """Look at the entry."""
+        now = SUCCESS if is_news(self.entry, self.seen, ticker) else FAILURE
+        ticker.cells[self.at] = now
+        return now
+
+    def stop(self, ticker: Ticker) -> None:
+        """Forget how the last look ended."""
+        ticker.cells[self.at] = INVALID
+
+
+def is_own(behaviour: Any, name: str) -> bool:
+    """Return whether a method is not the empty one that every behaviour has."""
+    method = getattr(behaviour, name)
+    return getattr(method, "__func__", None) is not getattr(Behaviour, name)

@@ -1,0 +1,181 @@
+"""Trees that are ticked for real: what their behaviours and their cells say of a status is the same between ticks."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from sar_compiler.runtime.kernel.cells import SKIPPED, STATUSES, number_of
+from sar_compiler.runtime.kernel.leaf_nodes import ForeignNode, LeafNode
+from sar_compiler.runtime.kernel.table import NodeClass, NotFlatError, node_class_of
+from sar_compiler.runtime.kernel.times import ClockTimes, Times
+from sar_compiler.runtime.kernel.tree import flat_tree
+from sar_compiler.runtime.kernel.tree_nodes import Part, TreeNode, Visit
+from sar_compiler.runtime.parents import Built
+
+
+class LiveTree:
+    """A tree of behaviours and the nodes that tick them.
+
+    Whoever stops one of the behaviours, or sets its status, between two ticks has done so for the tree as well. A
+    behaviour of a class of its own is ticked by its own methods.
+
+    Args:
+        root: The root.
+        only_root: Whether the nodes below the root are ticked by their own methods.
+        is_strict: Whether an answer that is no status raises a `NoStatusError`, and is not only logged.
+    """
+
+    def __init__(self, root: Any, *, only_root: bool = False, is_strict: bool = False) -> None:
+        def class_of(behaviour: Any) -> NodeClass | None:
+            return None if only_root and behaviour is not root else node_class_of(behaviour)
+
+        def node_of(part: Part) -> TreeNode:
+            return (class_of(part.behaviour) or ForeignNode)(part)
+
+        def below(behaviour: Any) -> list[Any]:
+            return behaviour.children if class_of(behaviour) else []
+
+        if class_of(root) is None and isinstance(root, Built):
+            raise NotFlatError(root)
+        self._flat = flat_tree(root, node_of, below)
+        self._ticker = self._flat.ticker(_NodeClocks(self._flat.nodes))
+        self._ticker.is_live = True
+        self._ticker.is_strict = is_strict
+        # A plain leaf looks at its behaviour's status by itself.
+        self._inner = [node for node in self._flat.nodes if not isinstance(node, LeafNode)]
+        self._take_over()
+        if not only_root:
+            for node in self._flat.nodes:
+                if isinstance(node.behaviour, Built):
+                    node.behaviour.place = self, node.index
+
+    @property
+    def root(self) -> Any:
+        """The behaviour at the root."""
+        return self._flat.nodes[0].behaviour
+
+    @property
+    def nodes(self) -> list[TreeNode]:
+        """The nodes, in pre-order."""
+        return self._flat.nodes
+
+    def has(self, index: int, children: list[Any]) -> bool:
+        """Return whether a node still has the children that it had."""
+        known = self._flat.nodes[index].children
+        return len(known) == len(children) and all(
+            node.behaviour is child for node, child in zip(known, children, strict=True)
+        )
+
+    def is_whole(self) -> bool:
+        """Return whether all nodes still have the children that they had."""
+        return all(
+            isinstance(node, ForeignNode) or self.has(node.index, node.behaviour.children)
+            for node in self._inner
+        )
+
+    def tick(self, visits: list[Visit] | None = None, index: int = 0) -> int:
+        """Tick once.
+
+        Args:
+            visits: Where the nodes below it go that are ticked, in the order of their ends.
+            index: The node that is ticked; by default the root.
+
+        Returns:
+            RUNNING, SUCCESS, FAILURE or SKIPPED, as numbers of `kernel.cells`.
+        """
+        node, ticker = self._flat.nodes[index], self._ticker
+        self._take_over()
+        before = ticker.visits, ticker.by_step
+        ticker.visits, ticker.by_step = visits, visits is not None
+        try:
+            outcome = ticker.run(node)
+        finally:
+            ticker.visits, ticker.by_step = before
+            self._show()
+        if node.is_skippable:
+            node.behaviour.skipped = outcome == SKIPPED
+        return outcome
+
+    def tick_and_visit(self, visits: list[Visit]) -> int:
+        """Tick the root, and note all nodes that were ticked.
+
+        Args:
+            visits: Where they go, in the order of their ends, the root last.
+
+        Returns:
+            The outcome, as `tick`.
+        """
+        outcome = self.tick(visits)
+        root = self._flat.nodes[0]
+        visits.append(Visit(root.behaviour, outcome, self._ticker.cells[root.at]))
+        return outcome
+
+    def stop(self, index: int = 0) -> None:
+        """Stop a node as `Behaviour.stop(Status.INVALID)` does; by default the root."""
+        self._take_over()
+        try:
+            self._flat.nodes[index].stop(self._ticker)
+        finally:
+            self._show()
+
+    def _take_over(self) -> None:
+        """Take the statuses of the behaviours over; a node whose status has changed forgets where it was."""
+        ticker = self._ticker
+        cells, changed = ticker.cells, False
+        for node in self._inner:
+            if node.behaviour.status is not STATUSES[cells[node.at]]:
+                cells[node.at] = number_of(node.behaviour.status)
+                node.forget(ticker)
+                changed = True
+        if changed:
+            for node in self._flat.nodes:
+                cells[node.at] = number_of(node.behaviour.status)
+
+    def _show(self) -> None:
+        """Give the behaviours the statuses that the cells say."""
+        cells = self._ticker.cells
+        for node in self._inner:
+            status: Any = STATUSES[cells[node.at]]
+            if node.behaviour.status is not status:
+                node.behaviour.status = status
+
+
+class _NodeClocks(Times):
+    """Timers, each on the clock of its node."""
+
+    def __init__(self, nodes: list[TreeNode]) -> None:
+        self._nodes = nodes
+        self._of: dict[int, ClockTimes] = {}
+        self._by_clock: dict[int, ClockTimes] = {}
+
+    def start(self, index: int, seconds: float) -> Any:
+        """Start a node's timer."""
+        return self._times(index).start(index, seconds)
+
+    def is_up(self, index: int, token: Any) -> bool:
+        """Return whether the time of a node's timer is over."""
+        return self._times(index).is_up(index, token)
+
+    def remaining(self, index: int, token: Any) -> float:
+        """Return how many seconds are left, 0 at the end."""
+        return self._times(index).remaining(index, token)
+
+    def _times(self, index: int) -> ClockTimes:
+        known = self._of.get(index)
+        if known is None:
+            clock = self._nodes[index].behaviour.clock
+            known = self._of[index] = self._by_clock.setdefault(id(clock), ClockTimes(clock))
+        return known
+
+
+def shown(visits: list[Visit]) -> Iterator[Any]:
+    """Yield the behaviours that were ticked, each with the status and the message that it had at the end of its tick."""
+    for visit in visits:
+        behaviour, status = visit.behaviour, STATUSES[visit.status]
+        now = behaviour.status, behaviour.feedback_message
+        behaviour.status, behaviour.feedback_message = status, visit.message
+        try:
+            yield behaviour
+        finally:
+            # Whoever was shown it may have stopped it.
+            if behaviour.status is status:
+                behaviour.status, behaviour.feedback_message = now

@@ -1,0 +1,177 @@
+"""Decorators of BehaviorTree.CPP that tick their child again when it has ended."""
+
+from collections import deque
+from typing import Any
+
+from sar_compiler.runtime.frozen import freeze, thaw
+from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SKIPPED, number_of
+from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, Part, Ticker, is_reset, reset
+
+_ENDLESS = -1
+
+
+class AgainNode(DecoratorNode):
+    """Ticks its child again after one end, up to a number of times; the other end ends it.
+
+    Attributes:
+        done: The cell with the number of times so far.
+        wanted: The cell with the number of times that are wanted, and 2 more, in a tick.
+        before: The cell with the status of the child before it was ticked, in a tick.
+        told: How often one without an end has ticked its child. It makes no difference, so it is in no cell.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        behaviour = part.behaviour
+        self.goes_on: int = behaviour._again
+        self.times: Any = behaviour._times
+        self.done, self.wanted, self.before = part.cell(), part.cell(), part.cell()
+        self.endless: bool = self.times.entry is None and self.times.get() == _ENDLESS
+        self.told = 0
+
+    def begin(self, ticker: Ticker) -> int:
+        """Read how often the child is to be ticked, and tick it."""
+        wanted: int = self.times.get()
+        ticker.cells[self.at] = RUNNING
+        return self.go_on(ticker, wanted)
+
+    def go_on(self, ticker: Ticker, wanted: int) -> int:
+        """Tick the child, if not as often as is wanted yet."""
+        cells = ticker.cells
+        if not self.is_short(ticker, wanted):
+            return self.end(ticker, self.goes_on)
+        self.tell(ticker, wanted)
+        cells[self.wanted] = wanted + 2
+        cells[self.before] = cells[self.child.at]
+        return self.tick_child(ticker)
+
+    def is_short(self, ticker: Ticker, wanted: int) -> bool:
+        """Return whether the child is to be ticked once more."""
+        return wanted == _ENDLESS or ticker.cells[self.done] < wanted
+
+    def after(self, ticker: Ticker, outcome: int) -> int:
+        """Count an end, and tick the child again."""
+        cells, behaviour = ticker.cells, self.behaviour
+        wanted, was_running = cells[self.wanted] - 2, cells[self.before] == RUNNING
+        cells[self.wanted] = cells[self.before] = 0
+        if outcome == RUNNING:
+            return RUNNING
+        if outcome == SKIPPED:
+            reset(self.child, ticker)
+            return SKIPPED
+        if outcome != self.goes_on:
+            return self.end(ticker, outcome)
+        self.count(ticker)
+        wanted = behaviour._read_again(wanted)
+        if not was_running and self.is_short(ticker, wanted):
+            behaviour._wake()
+            return RUNNING
+        return self.go_on(ticker, wanted)
+
+    def tell(self, ticker: Ticker, wanted: int) -> None:
+        """Tell how often the child has been ticked."""
+        number = (self.told if self.endless else ticker.cells[self.done]) + 1
+        limit = "" if wanted < 0 else f" of {wanted}"
+        self.behaviour.feedback_message = f"{self.behaviour._counted} {number}{limit}"
+
+    def count(self, ticker: Ticker) -> None:
+        """Count one more time."""
+        if self.endless:
+            self.told += 1
+        else:
+            ticker.cells[self.done] += 1
+
+    def end(self, ticker: Ticker, outcome: int) -> int:
+        """End with an outcome."""
+        self.forget(ticker)
+        ticker.cells[self.at] = outcome
+        return outcome
+
+    def forget(self, ticker: Ticker) -> None:
+        """Forget how often the child was ticked."""
+        cells = ticker.cells
+        cells[self.done] = cells[self.wanted] = cells[self.before] = 0
+        self.told = 0
+
+
+_UNSEEN = 0
+"""In place of a queue that was not read yet."""
+
+
+class LoopNode(DecoratorNode):
+    """Ticks its child once for each item of a queue.
+
+    Attributes:
+        left: The cell with what is left of the queue.
+        child_runs: The cell with 1 while the child runs.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        literal = part.behaviour._literal
+        self.literal: Any = _UNSEEN if literal is None else _frozen(literal)
+        self.left, self.child_runs = part.value(_UNSEEN), part.cell()
+        self.is_reset = is_reset(part.behaviour)
+
+    def begin(self, ticker: Ticker) -> int:
+        """Write the next item, unless the child runs, and tick the child."""
+        cells = ticker.cells
+        status = cells[self.at]
+        if status == INVALID or (status != RUNNING and not self.is_reset):
+            ticker.values[self.left] = self.literal
+            cells[self.child_runs] = 0
+        if not cells[self.child_runs] and not self.next_item(ticker):
+            return self.end(ticker)
+        cells[self.at] = RUNNING
+        return self.tick_child(ticker)
+
+    def after(self, ticker: Ticker, outcome: int) -> int:
+        """Fail if the child did, else run."""
+        cells = ticker.cells
+        cells[self.child_runs] = int(outcome == RUNNING)
+        cells[self.at] = FAILURE if outcome == FAILURE else RUNNING
+        return cells[self.at]
+
+    def end(self, ticker: Ticker) -> int:
+        """Answer what is wanted when no item is left."""
+        behaviour = self.behaviour
+        behaviour.feedback_message = "no item left"
+        outcome = number_of(behaviour._if_empty.get().value) or SKIPPED
+        if outcome != SKIPPED:
+            ticker.cells[self.at] = outcome
+        return outcome
+
+    def next_item(self, ticker: Ticker) -> bool:
+        """Write the next item to the output, if there is one."""
+        behaviour, values = self.behaviour, ticker.values
+        shared = self.shared(ticker)
+        if not (values[self.left] if shared is None else shared):
+            return False
+        if shared is None:
+            first, *others = values[self.left]
+            raw, values[self.left] = thaw(first), tuple(others)
+        else:
+            raw = shared.popleft()
+            values[self.left] = _frozen(shared)
+        behaviour.write(raw, len(values[self.left]))
+        return True
+
+    def shared(self, ticker: Ticker) -> Any:
+        """Look at the queue; return it if others take from it, too, else note what is left of it."""
+        if self.literal != _UNSEEN:
+            return None
+        held = self.behaviour._port.get()
+        if isinstance(held, deque):
+            return held
+        if ticker.values[self.left] == _UNSEEN:
+            ticker.values[self.left] = _frozen(self.behaviour._read(held))
+        return None
+
+    def forget(self, ticker: Ticker) -> None:
+        """Forget what is left of the queue."""
+        ticker.values[self.left] = _UNSEEN
+        ticker.cells[self.child_runs] = 0
+
+
+def _frozen(items: Any) -> tuple[Any, ...]:
+    return tuple(freeze(item) for item in items)

@@ -1,0 +1,267 @@
+"""py_trees' own composites."""
+
+from typing import Any
+
+from py_trees.common import ParallelPolicy
+
+from sar_compiler.runtime.kernel.cells import CALLED, FAILURE, INVALID, IS_2_3, RUNNING, SKIPPED, SUCCESS
+from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
+
+
+class StockNode(TreeNode):
+    """A composite of py_trees: its children keep their statuses until they are started again or stopped.
+
+    It looks at the statuses of its children, not at their outcomes.
+    """
+
+    def stop(self, ticker: Ticker) -> None:
+        """Do what every composite does to be stopped."""
+        self.behaviour.current_child = None
+        stop_all(self.children, ticker)
+        self.forget(ticker)
+        ticker.cells[self.at] = INVALID
+
+    def point_at(self, index: int) -> None:
+        """Make a child the current one; with -1, the last one."""
+        self.behaviour.current_child = self.children[index].behaviour if self.children else None
+
+
+class StockSequenceNode(StockNode):
+    """A Sequence, with memory or without.
+
+    Attributes:
+        position: The cell with the index of the child in hand.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.memory: bool = part.behaviour.memory
+        self.position = part.cell()
+
+    def begin(self, ticker: Ticker) -> int:
+        """Begin with the child that was running, or with the first one."""
+        cells = ticker.cells
+        if cells[self.at] != RUNNING:
+            stop_all(self.children, ticker)
+            cells[self.position] = 0
+        elif not self.memory:
+            cells[self.position] = 0
+        return self.go_on(ticker, cells[self.position])
+
+    def resume(self, ticker: Ticker, outcome: int) -> int:  # noqa: ARG002 - the status counts
+        """Go on after the child in hand."""
+        index = ticker.cells[self.position]
+        status = ticker.cells[self.children[index].at]
+        return self.go_on(ticker, index + 1) if status == SUCCESS else self.end(ticker, status)
+
+    def go_on(self, ticker: Ticker, index: int) -> int:
+        """Tick the children from an index on, as long as they succeed."""
+        cells, children = ticker.cells, self.children
+        count = len(children)
+        if index == count:
+            return self.end(ticker, SUCCESS)
+        try:
+            while True:
+                child = children[index]
+                if child.tick(ticker) == CALLED:
+                    return CALLED
+                status = cells[child.at]
+                if status != SUCCESS:
+                    break
+                if index + 1 == count:
+                    break
+                index += 1
+        finally:
+            cells[self.position] = index
+            self.behaviour.current_child = children[index].behaviour
+        return self.end(ticker, status)
+
+    def end(self, ticker: Ticker, status: int) -> int:
+        """Leave the tick with a status."""
+        cells, index = ticker.cells, ticker.cells[self.position]
+        if status != SUCCESS and not self.memory:
+            stop_all(self.children[index + 1 :], ticker)
+        if status == INVALID and not IS_2_3:
+            self.stop(ticker)
+            return SKIPPED
+        if status != RUNNING or not self.memory:
+            cells[self.position] = 0
+        cells[self.at] = status
+        return SKIPPED if status == INVALID else status
+
+    def forget(self, ticker: Ticker) -> None:
+        """Forget which child was in hand."""
+        ticker.cells[self.position] = 0
+
+
+class StockSelectorNode(StockNode):
+    """A Selector, with memory or without.
+
+    Attributes:
+        position: The cell with the index of the child that was running.
+        current: The cell with the index of the child in hand, in a tick.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.memory: bool = part.behaviour.memory
+        self.position, self.current = part.cell(), part.cell()
+
+    def begin(self, ticker: Ticker) -> int:
+        """Begin with the child that was running, or with the first one."""
+        cells = ticker.cells
+        if cells[self.at] != RUNNING:
+            self.point_at(0)
+        previous = cells[self.position]
+        if self.memory:
+            if IS_2_3:
+                stop_even_at_rest(self.children[:previous], ticker)
+            else:
+                stop_all(self.children[:previous], ticker)
+        cells[self.current] = previous if self.memory else 0
+        return self.go_on(ticker)
+
+    def resume(self, ticker: Ticker, outcome: int) -> int:  # noqa: ARG002 - the status counts
+        """Go on after the child in hand."""
+        cells = ticker.cells
+        status = cells[self.children[cells[self.current]].at]
+        if status not in (INVALID, FAILURE):
+            return self.decide(ticker, status)
+        cells[self.current] += 1
+        return self.go_on(ticker)
+
+    def go_on(self, ticker: Ticker) -> int:
+        """Tick the children from the one in hand on, until one does not fail."""
+        cells, children = ticker.cells, self.children
+        index = cells[self.current]
+        for child in children[index:]:
+            cells[self.current] = index
+            if child.tick(ticker) == CALLED:
+                return CALLED
+            status = cells[child.at]
+            if status not in (INVALID, FAILURE):
+                return self.decide(ticker, status)
+            index += 1
+        self.point_at(-1)
+        self.forget(ticker)
+        cells[self.at] = FAILURE
+        return FAILURE
+
+    def decide(self, ticker: Ticker, status: int) -> int:
+        """Leave the tick because of the child in hand."""
+        cells, index = ticker.cells, ticker.cells[self.current]
+        self.point_at(index)
+        if index != cells[self.position]:
+            stop_all(self.children[index + 1 :], ticker)
+        cells[self.position] = index if status == RUNNING else 0
+        cells[self.current] = 0
+        cells[self.at] = status
+        return status
+
+    def forget(self, ticker: Ticker) -> None:
+        """Forget which child was running."""
+        ticker.cells[self.position] = ticker.cells[self.current] = 0
+
+
+class StockParallelNode(StockNode):
+    """A Parallel, with any of py_trees' policies.
+
+    Attributes:
+        current: The cell with the index of the child in hand, in a tick.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        behaviour = part.behaviour
+        behaviour.validate_policy_configuration()
+        policy = behaviour.policy
+        self.synchronise: bool = policy.synchronise
+        self.one_is_enough: bool = isinstance(policy, ParallelPolicy.SuccessOnOne)
+        self.needed: list[TreeNode] = part.children
+        if isinstance(policy, ParallelPolicy.SuccessOnSelected):
+            of_behaviour: dict[Any, TreeNode] = {child.behaviour.id: child for child in part.children}
+            self.needed = [of_behaviour[chosen.id] for chosen in policy.children]
+        self.current = part.cell()
+
+    def begin(self, ticker: Ticker) -> int:
+        """Begin with the first child."""
+        cells = ticker.cells
+        if cells[self.at] != RUNNING:
+            stop_all(self.children, ticker)
+            self.behaviour.current_child = None
+        cells[self.current] = 0
+        return self.go_on(ticker)
+
+    def resume(self, ticker: Ticker, outcome: int) -> int:  # noqa: ARG002 - the status counts
+        """Go on after the child in hand."""
+        ticker.cells[self.current] += 1
+        return self.go_on(ticker)
+
+    def go_on(self, ticker: Ticker) -> int:
+        """Tick the children from the one in hand on, then decide."""
+        cells = ticker.cells
+        index = cells[self.current]
+        for child in self.children[index:]:
+            cells[self.current] = index
+            succeeded = self.synchronise and cells[child.at] == SUCCESS
+            if not succeeded and child.tick(ticker) == CALLED:
+                return CALLED
+            index += 1
+        cells[self.current] = 0
+        status = self.decide(ticker)
+        if status != RUNNING:
+            stop_running(self.children, ticker)
+        cells[self.at] = status
+        return status
+
+    def decide(self, ticker: Ticker) -> int:
+        """Return the status after all children were ticked; the child that decides is the current one."""
+        cells, children = ticker.cells, self.children
+        for index, child in enumerate(children):
+            if cells[child.at] == FAILURE:
+                self.point_at(index)
+                return FAILURE
+        if self.one_is_enough:
+            for index in range(len(children) - 1, -1, -1):
+                if cells[children[index].at] == SUCCESS:
+                    self.point_at(index)
+                    return SUCCESS
+            self.point_at(-1)
+            return RUNNING if children else SUCCESS
+        for child in self.needed:
+            if cells[child.at] != SUCCESS:
+                self.point_at(-1)
+                return RUNNING
+        self.behaviour.current_child = self.needed[-1].behaviour if children else None
+        return SUCCESS
+
+    def stop(self, ticker: Ticker) -> None:
+        """Stop the children that run, then do what every composite does."""
+        stop_running(self.children, ticker)
+        super().stop(ticker)
+
+    def forget(self, ticker: Ticker) -> None:
+        """Forget what belongs to a single tick."""
+        ticker.cells[self.current] = 0
+
+
+def stop_running(children: list[TreeNode], ticker: Ticker) -> None:
+    """Stop the children that run."""
+    cells = ticker.cells
+    for child in children:
+        if cells[child.at] == RUNNING:
+            child.stop(ticker)
+
+
+def stop_all(children: list[TreeNode], ticker: Ticker) -> None:
+    """Stop the children that are not at rest."""
+    cells = ticker.cells
+    for child in children:
+        if cells[child.at] != INVALID:
+            child.stop(ticker)
+
+
+def stop_even_at_rest(children: list[TreeNode], ticker: Ticker) -> None:
+    """Stop children as a Selector with memory of py_trees 2.3 does, in every tick."""
+    for child in children:
+        child.stop(ticker)

@@ -1,0 +1,266 @@
+"""py_trees' own decorators: what they make of their child's status is their own `update`, which is called.
+
+What such a decorator remembers between two ticks is moved between its attributes and cells.
+"""
+
+from collections.abc import Iterable
+from typing import Any
+
+from py_trees.common import Status
+
+from sar_compiler.runtime.frozen import freeze, thaw
+from sar_compiler.runtime.kernel.cells import (
+    CALLED,
+    FAILURE,
+    INVALID,
+    RUNNING,
+    SKIPPED,
+    STATUSES,
+    SUCCESS,
+    number_of,
+)
+from sar_compiler.runtime.kernel.timing import Countdown
+from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
+
+_FAILURE: Any = Status.FAILURE
+
+
+class StockDecoratorNode(TreeNode):
+    """A decorator of py_trees."""
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.child = part.children[0]
+
+    def begin(self, ticker: Ticker) -> int:
+        """Start, unless the node runs, and tick the child."""
+        if ticker.cells[self.at] != RUNNING:
+            self.start(ticker)
+        outcome = self.child.tick(ticker)
+        return CALLED if outcome == CALLED else self.resume(ticker, outcome)
+
+    def resume(self, ticker: Ticker, outcome: int) -> int:  # noqa: ARG002 - the status counts
+        """Make a status of the child's."""
+        cells, child = ticker.cells, self.child
+        status = self.update(ticker)
+        if status != RUNNING:
+            self.terminate(ticker, status)
+            if status == INVALID:
+                child.stop(ticker)
+            if cells[child.at] == RUNNING:
+                child.stop(ticker)
+        cells[self.at] = status
+        return SKIPPED if status == INVALID else status
+
+    def stop(self, ticker: Ticker) -> None:
+        """Stop the node, then its child."""
+        self.terminate(ticker, INVALID)
+        self.child.stop(ticker)
+        ticker.cells[self.at] = INVALID
+
+    def start(self, ticker: Ticker) -> None:
+        """Do what the `initialise` of its class does."""
+
+    def update(self, ticker: Ticker) -> int:
+        """Return what the `update` of its class makes of the child's status."""
+        self.child.behaviour.status = STATUSES[ticker.cells[self.child.at]]
+        return ticker.number_of(self.behaviour, self.behaviour.update())
+
+    def terminate(self, ticker: Ticker, status: int) -> None:  # noqa: ARG002
+        """Do what the `terminate` of its class does."""
+        self.behaviour.terminate(STATUSES[status])
+
+
+class StockCountingNode(StockDecoratorNode):
+    """One that counts ends of its child.
+
+    Attributes:
+        count: The cell with the count; one that has no end does not have to remember it.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.count = part.cell()
+
+    def attribute(self) -> str:
+        """Return the attribute that holds the count; empty if there is no need to remember it."""
+        raise NotImplementedError
+
+    def start(self, ticker: Ticker) -> None:
+        """Begin to count."""
+        self.behaviour.initialise()
+        ticker.cells[self.count] = 0
+
+    def update(self, ticker: Ticker) -> int:
+        """Count, and decide."""
+        attribute = self.attribute()
+        if not attribute:
+            return super().update(ticker)
+        setattr(self.behaviour, attribute, ticker.cells[self.count])
+        status = super().update(ticker)
+        ticker.cells[self.count] = getattr(self.behaviour, attribute)
+        return status
+
+    def terminate(self, ticker: Ticker, status: int) -> None:  # noqa: ARG002
+        """Forget the count."""
+        self.forget(ticker)
+
+    def forget(self, ticker: Ticker) -> None:
+        """Forget the count."""
+        ticker.cells[self.count] = 0
+
+
+class StockRepeatNode(StockCountingNode):
+    """A Repeat."""
+
+    def attribute(self) -> str:
+        """Return the attribute that holds the count."""
+        return "success" if self.behaviour.num_success > 0 else ""
+
+
+class StockRetryNode(StockCountingNode):
+    """A Retry."""
+
+    def attribute(self) -> str:
+        """Return the attribute that holds the count."""
+        return "failures"
+
+
+class StockGuardNode(StockDecoratorNode):
+    """An EternalGuard."""
+
+    def begin(self, ticker: Ticker) -> int:
+        """Tick the child if the condition holds."""
+        if self.holds():
+            return super().begin(ticker)
+        if ticker.cells[self.child.at] == RUNNING:
+            self.child.stop(ticker)
+        ticker.cells[self.at] = FAILURE
+        return FAILURE
+
+    def holds(self) -> bool:
+        """Return whether the condition holds."""
+        result = self.behaviour.condition()
+        if isinstance(result, Status):
+            return result is not _FAILURE
+        if not isinstance(result, bool):
+            message = f"'{self.behaviour.name}': its condition has to answer with a bool or a status, not with {result!r}"
+            raise RuntimeError(message)  # noqa: TRY004 - what py_trees raises
+        return result
+
+
+class StockOneShotNode(StockDecoratorNode):
+    """A OneShot.
+
+    Attributes:
+        final: The cell with the outcome of its child, which is kept for good, whatever is stopped.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        behaviour = part.behaviour
+        self.final = part.cell(number_of(behaviour.final_status))
+        self.counts: list[int] = [number_of(status) for status in behaviour.policy.value]
+
+    def begin(self, ticker: Ticker) -> int:
+        """Tick the child, unless it has ended before."""
+        final = ticker.cells[self.final]
+        if final == INVALID:
+            return super().begin(ticker)
+        if ticker.cells[self.child.at] == RUNNING:
+            self.child.stop(ticker)
+        ticker.cells[self.at] = final
+        return final
+
+    def terminate(self, ticker: Ticker, status: int) -> None:
+        """Keep an outcome that counts."""
+        if ticker.cells[self.final] == INVALID and status in self.counts:
+            self.behaviour.feedback_message = "oneshot completed"
+            ticker.cells[self.final] = status
+
+
+class StockForEachNode(StockDecoratorNode):
+    """A ForEach; it takes the items of its list when it starts, whatever becomes of that list.
+
+    Attributes:
+        waiting: The cell with the items that are left.
+        has_item: The cell with 1 while an item is in hand.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.waiting, self.has_item = part.value(()), part.cell()
+
+    def start(self, ticker: Ticker) -> None:
+        """Take the items."""
+        behaviour = self.behaviour
+        items: Any = behaviour.blackboard.get(behaviour.source_key) or []
+        if not isinstance(items, Iterable):
+            message = f"'{behaviour.name}': '{behaviour.source_key}' holds {items!r}, which is no list"
+            raise TypeError(message)
+        ticker.values[self.waiting] = tuple(freeze(item) for item in items)
+        self.advance(ticker)
+
+    def advance(self, ticker: Ticker) -> None:
+        """Write the next item, if there is one."""
+        cells, values = ticker.cells, ticker.values
+        cells[self.has_item] = 0
+        if values[self.waiting]:
+            first, *others = values[self.waiting]
+            item = thaw(first)
+            self.behaviour.blackboard.set(self.behaviour.target_key, item)
+            values[self.waiting] = tuple(others)
+            cells[self.has_item] = int(item is not None)
+
+    def update(self, ticker: Ticker) -> int:
+        """Succeed if no item is left."""
+        cells = ticker.cells
+        if not cells[self.has_item]:
+            return SUCCESS
+        if cells[self.child.at] == SUCCESS:
+            self.advance(ticker)
+            if cells[self.has_item]:
+                return RUNNING
+        return cells[self.child.at]
+
+    def terminate(self, ticker: Ticker, status: int) -> None:  # noqa: ARG002
+        """Forget the items."""
+        self.forget(ticker)
+
+    def forget(self, ticker: Ticker) -> None:
+        """Forget the items."""
+        ticker.values[self.waiting] = ()
+        ticker.cells[self.has_item] = 0
+
+
+class StockTimeoutNode(StockDecoratorNode):
+    """A Timeout of py_trees', on the mission's clock."""
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.timer = Countdown(part)
+
+    def start(self, ticker: Ticker) -> None:
+        """Start the timer."""
+        self.timer.start(self.behaviour.duration, ticker)
+        self.behaviour.feedback_message = ""
+
+    def update(self, ticker: Ticker) -> int:
+        """Fail if the child runs and the time is over."""
+        behaviour, status = self.behaviour, ticker.cells[self.child.at]
+        if status != RUNNING:
+            behaviour.feedback_message = ""
+            return status
+        if self.timer.is_up(ticker):
+            behaviour.feedback_message = "timed out"
+            return FAILURE
+        behaviour.feedback_message = self.timer.left(ticker)
+        return RUNNING
+
+    def terminate(self, ticker: Ticker, status: int) -> None:  # noqa: ARG002
+        """Stop the timer."""
+        self.timer.stop(ticker)
+
+    def forget(self, ticker: Ticker) -> None:
+        """Stop the timer."""
+        self.timer.stop(ticker)

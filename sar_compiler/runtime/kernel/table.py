@@ -1,0 +1,116 @@
+"""Which node ticks a behaviour of which class."""
+
+from collections.abc import Callable
+
+from py_trees import behaviours, composites, decorators
+from py_trees.behaviour import Behaviour
+from py_trees.composites import Composite
+from py_trees.decorators import Decorator
+
+from sar_compiler.errors import SarError
+from sar_compiler.runtime.kernel import leaf_nodes, stock_composites, stock_decorators
+from sar_compiler.runtime.kernel.cells import IS_2_3
+from sar_compiler.runtime.kernel.tree import FlatTree, flat_tree
+from sar_compiler.runtime.kernel.tree_nodes import Part, TreeNode
+from sar_compiler.runtime.parents import Built
+from sar_compiler.runtime.skipping import SkippableLeaf
+
+NodeClass = Callable[[Part], TreeNode]
+
+STOCK: dict[type[Behaviour], NodeClass] = {
+    composites.Sequence: stock_composites.StockSequenceNode,
+    composites.Selector: stock_composites.StockSelectorNode,
+    composites.Parallel: stock_composites.StockParallelNode,
+    # What Count counts makes no difference to any tick.
+    **dict.fromkeys(
+        (
+            decorators.Condition,
+            decorators.Count,
+            decorators.Inverter,
+            decorators.PassThrough,
+            decorators.StatusToBlackboard,
+            decorators.FailureIsRunning,
+            decorators.FailureIsSuccess,
+            decorators.RunningIsFailure,
+            decorators.RunningIsSuccess,
+            decorators.SuccessIsFailure,
+            decorators.SuccessIsRunning,
+        ),
+        stock_decorators.StockDecoratorNode,
+    ),
+    decorators.Repeat: stock_decorators.StockRepeatNode,
+    decorators.Retry: stock_decorators.StockRetryNode,
+    decorators.EternalGuard: stock_decorators.StockGuardNode,
+    decorators.OneShot: stock_decorators.StockOneShotNode,
+    behaviours.StatusQueue: leaf_nodes.StatusQueueNode,
+    behaviours.Periodic: leaf_nodes.PeriodicNode,
+    behaviours.SuccessEveryN: leaf_nodes.SuccessEveryNNode,
+    behaviours.TickCounter: leaf_nodes.TickCounterNode,
+}
+"""The node of each class of py_trees that is known."""
+
+if not IS_2_3:
+    STOCK[decorators.ForEach] = stock_decorators.StockForEachNode
+
+
+class NotFlatError(SarError):
+    """A tree has a node whose rules the kernel does not know.
+
+    Attributes:
+        behaviour: The node.
+    """
+
+    def __init__(self, behaviour: Behaviour) -> None:
+        self.behaviour = behaviour
+        cls = type(behaviour)
+        message = (
+            f"'{behaviour.name}' is a {cls.__module__}.{cls.__qualname__}, and only its own methods know when it "
+            "ticks and stops its children; put nodes of the library in its place, or make it a leaf"
+        )
+        super().__init__(message)
+
+
+def known_node(part: Part) -> TreeNode:
+    """Build the node of a behaviour.
+
+    Raises:
+        NotFlatError: If it is no leaf and its class is not known; a subclass of one of py_trees' is not known.
+    """
+    behaviour = part.behaviour
+    cls = node_class_of(behaviour)
+    if cls is None:
+        raise NotFlatError(behaviour)
+    return cls(part)
+
+
+def node_class_of(behaviour: Behaviour) -> NodeClass | None:
+    """Return what builds the node of a behaviour; None if only its own methods know its rules."""
+    cls = type(behaviour)
+    known = STOCK.get(cls)
+    if known is not None:
+        return known
+    if isinstance(behaviour, Built):
+        # One derived from a class of ours does as that does, unless it ticks or stops otherwise.
+        does_as_ours = cls.tick is Built.tick and cls.stop is Built.stop
+        return behaviour.build_node if does_as_ours and behaviour.node_class is not None else None
+    if behaviour.children or isinstance(behaviour, (Composite, Decorator)):
+        return None
+    if cls.stop is Behaviour.stop:
+        if cls.tick is Behaviour.tick:
+            return leaf_nodes.LeafNode
+        if cls.tick is SkippableLeaf.tick:
+            return leaf_nodes.SkippableLeafNode
+    return leaf_nodes.ForeignNode
+
+
+def flatten(root: Behaviour, node_of: NodeClass = known_node) -> FlatTree:
+    """Bring a tree into flat form.
+
+    Args:
+        root: Its root, set up.
+        node_of: Builds the node of a behaviour.
+
+    Raises:
+        NotFlatError: If it has a composite or a decorator whose rules are not known.
+    """
+    return flat_tree(root, node_of)

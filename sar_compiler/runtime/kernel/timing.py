@@ -1,0 +1,184 @@
+"""Nodes that measure time."""
+
+from typing import Final
+
+from sar_compiler.runtime.kernel.cells import ENDED, FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
+from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, Part, Ticker, TreeNode, reset
+
+OFF: Final = 0
+COUNTING: Final = 1
+UP: Final = 2
+UNLIMITED: Final = 3
+
+
+class Countdown:
+    """A node's timer: a cell with what it does, and one with its token while it counts.
+
+    It is not asked again once it was up.
+
+    Args:
+        part: The node.
+    """
+
+    def __init__(self, part: Part) -> None:
+        self.index = part.index
+        self.state = part.cell(OFF)
+        self.token = part.value(0)
+
+    def start(self, seconds: float, ticker: Ticker) -> None:
+        """Begin to count from a number of seconds."""
+        ticker.cells[self.state] = COUNTING
+        ticker.values[self.token] = ticker.times.start(self.index, seconds)
+
+    def is_up(self, ticker: Ticker) -> bool:
+        """Return whether the time is over."""
+        counts = ticker.cells[self.state] == COUNTING
+        if counts and ticker.times.is_up(self.index, ticker.values[self.token]):
+            self.stop(ticker, UP)
+        return ticker.cells[self.state] == UP
+
+    def left(self, ticker: Ticker) -> str:
+        """Return what is told of the time that is left."""
+        return time_left(ticker.times.remaining(self.index, ticker.values[self.token]))
+
+    def stop(self, ticker: Ticker, state: int = OFF) -> None:
+        """Count no more."""
+        ticker.cells[self.state] = state
+        ticker.values[self.token] = 0
+
+
+def time_left(seconds: float) -> str:
+    """Return what a node tells of the time that is left, in seconds."""
+    return f"remaining: {seconds:.1f}s"
+
+
+class DelayNode(DecoratorNode):
+    """Waits before it ticks its child for the first time."""
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.timer = Countdown(part)
+
+    def begin(self, ticker: Ticker) -> int:
+        """Tick the child if the time is over."""
+        behaviour, timer = self.behaviour, self.timer
+        seconds: float = behaviour.seconds()
+        if ticker.cells[timer.state] == OFF:
+            timer.start(seconds, ticker)
+            behaviour.feedback_message = time_left(seconds)
+            if not seconds:
+                behaviour._wake()
+        elif timer.is_up(ticker):
+            behaviour.feedback_message = ""
+            return self.tick_child(ticker)
+        else:
+            behaviour.feedback_message = timer.left(ticker)
+        ticker.cells[self.at] = RUNNING
+        return RUNNING
+
+    def after(self, ticker: Ticker, outcome: int) -> int:
+        """Pass the outcome on; after an end, the next start waits again."""
+        if outcome & ENDED:
+            self.timer.stop(ticker)
+        if outcome != SKIPPED:
+            ticker.cells[self.at] = outcome
+        return outcome
+
+    def forget(self, ticker: Ticker) -> None:
+        """Stop the timer."""
+        self.timer.stop(ticker)
+
+
+class TimeoutNode(DecoratorNode):
+    """Fails if its child is still running after a time; the child is halted without another tick."""
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.timer = Countdown(part)
+
+    def begin(self, ticker: Ticker) -> int:
+        """Tick the child, unless it runs and its time is over."""
+        cells, timer = ticker.cells, self.timer
+        seconds: float = self.behaviour.seconds()
+        if cells[timer.state] == OFF:
+            self.start(seconds, ticker)
+        elif timer.is_up(ticker):
+            if cells[self.child.at] == RUNNING:
+                return self.time_out(ticker)
+            self.start(seconds, ticker)
+        limited = cells[timer.state] == COUNTING
+        self.behaviour.feedback_message = timer.left(ticker) if limited else ""
+        return self.tick_child(ticker)
+
+    def start(self, seconds: float, ticker: Ticker) -> None:
+        """Start the timer; with no seconds at all there is no limit."""
+        if seconds:
+            self.timer.start(seconds, ticker)
+        else:
+            self.timer.stop(ticker, UNLIMITED)
+        ticker.cells[self.at] = RUNNING
+
+    def time_out(self, ticker: Ticker) -> int:
+        """Halt the child, and fail."""
+        self.timer.stop(ticker)
+        reset(self.child, ticker)
+        self.behaviour.feedback_message = "timed out"
+        ticker.cells[self.at] = FAILURE
+        return FAILURE
+
+    def after(self, ticker: Ticker, outcome: int) -> int:
+        """Pass the outcome on."""
+        if outcome & ENDED:
+            self.timer.stop(ticker)
+            self.behaviour.feedback_message = ""
+        if outcome != SKIPPED:
+            ticker.cells[self.at] = outcome
+        return outcome
+
+    def forget(self, ticker: Ticker) -> None:
+        """Stop the timer."""
+        self.timer.stop(ticker)
+
+
+class WaitingNode(TreeNode):
+    """A leaf that waits, then succeeds."""
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.timer = Countdown(part)
+
+    def tick(self, ticker: Ticker) -> int:
+        """Look at the time."""
+        return super().tick(ticker) if ticker.by_step else self.begin(ticker)
+
+    def begin(self, ticker: Ticker) -> int:
+        """Look at the time."""
+        cells, behaviour, timer = ticker.cells, self.behaviour, self.timer
+        if cells[self.at] != RUNNING:
+            timer.start(behaviour.seconds(), ticker)
+        if timer.is_up(ticker):
+            behaviour.tell("")
+            timer.stop(ticker)
+            cells[self.at] = SUCCESS
+            return SUCCESS
+        behaviour.tell(timer.left(ticker))
+        cells[self.at] = RUNNING
+        return RUNNING
+
+    def stop(self, ticker: Ticker) -> None:
+        """Stop waiting."""
+        self.forget(ticker)
+        ticker.cells[self.at] = INVALID
+
+    def forget(self, ticker: Ticker) -> None:
+        """Stop the timer."""
+        self.timer.stop(ticker)
+
+
+class SleepNode(WaitingNode):
+    """One that tells nothing any more when it is stopped."""
+
+    def stop(self, ticker: Ticker) -> None:
+        """Stop waiting."""
+        super().stop(ticker)
+        self.behaviour.feedback_message = ""

@@ -1,0 +1,146 @@
+"""A compiled tree in flat form: nodes, and the cells that hold all that they remember."""
+
+from collections.abc import Callable
+from typing import Any
+
+from sar_compiler.runtime.kernel.cells import INVALID, STATUSES
+from sar_compiler.runtime.kernel.times import Times
+from sar_compiler.runtime.kernel.tree_nodes import Layout, Part, Ticker, TreeNode
+
+_MANY = 2
+"""A count of writes that represents all larger ones. After 1 an entry may be removed, and written once more."""
+_LONG_AGO = -1
+"""A count of writes that does not come again."""
+
+
+class FlatTree:
+    """A tree whose whole state is in cells that can be copied.
+
+    It calls the leaves as the tree of py_trees that it is made of does, in the same order. That tree and its
+    leaves are the same objects.
+
+    Attributes:
+        nodes: The nodes, in pre-order.
+    """
+
+    def __init__(self, nodes: list[TreeNode], layout: Layout) -> None:
+        self.nodes = nodes
+        self._layout = layout
+        # The nodes whose status is another node's.
+        self._shared: list[TreeNode] = [node for node in nodes if node.index != node.at]
+        watched: dict[tuple[Any, str], list[int]] = {}
+        for entry, cell in layout.watched:
+            entry.board.watch(entry.name)
+            watched.setdefault((entry.board, entry.name), []).append(cell)
+        self._watched = watched
+
+    def ticker(self, times: Times) -> Ticker:
+        """Return what ticks the tree, which was never ticked."""
+        return Ticker(list(self._layout.cells), list(self._layout.values), times)
+
+    def tick(self, ticker: Ticker) -> int:
+        """Tick the root once; what a leaf raises is raised here.
+
+        Args:
+            ticker: What ticks the tree.
+
+        Returns:
+            RUNNING, SUCCESS, FAILURE or SKIPPED, as numbers of `kernel.cells`.
+        """
+        try:
+            return ticker.run(self.nodes[0])
+        finally:
+            self._share(ticker.cells)
+
+    def stop(self, ticker: Ticker, index: int = 0) -> None:
+        """Stop a node as `Behaviour.stop(Status.INVALID)` does, whatever its status is.
+
+        Args:
+            ticker: What ticks the tree.
+            index: The node; by default the root.
+        """
+        try:
+            self.nodes[index].stop(ticker)
+        finally:
+            self._share(ticker.cells)
+
+    def put_to_rest(self, ticker: Ticker, index: int = 0) -> None:
+        """Forget how a node has ended, as `nodes.reset` does with one that is not running.
+
+        Args:
+            ticker: What ticks the tree.
+            index: The node; by default the root.
+        """
+        ticker.cells[self.nodes[index].at] = INVALID
+        self._share(ticker.cells)
+
+    def show(self, ticker: Ticker) -> None:
+        """Write the statuses back to the behaviours, for the views that look at these."""
+        cells = ticker.cells
+        for node in self.nodes:
+            node.behaviour.status = STATUSES[cells[node.at]]
+
+    def renumber(self, ticker: Ticker) -> None:
+        """Keep the counts of writes to entries small, so that equal states compare equal.
+
+        A node that waits for news of an entry compares how often it was written. Both numbers grow for ever, and
+        only whether they differ counts.
+
+        Args:
+            ticker: What ticks the tree, after a tick; its cells are changed, and so are the counts on the board.
+        """
+        cells = ticker.cells
+        for (board, name), numbers in self._watched.items():
+            now: int = board.stamp(name)
+            stamp = min(now, _MANY)
+            for number in numbers:
+                seen = cells[number]
+                if seen == now:
+                    cells[number] = stamp
+                elif seen >= _MANY:
+                    cells[number] = _LONG_AGO
+            board.restamp(name, stamp)
+
+    def _share(self, cells: list[int]) -> None:
+        for node in self._shared:
+            cells[node.index] = cells[node.at]
+
+
+def children_of(behaviour: Any) -> list[Any]:
+    """Return the children of a behaviour."""
+    children: list[Any] = behaviour.children
+    return children
+
+
+def flat_tree(
+    root: Any, node_of: Callable[[Part], TreeNode], below: Callable[[Any], list[Any]] = children_of
+) -> FlatTree:
+    """Bring a tree into flat form.
+
+    Args:
+        root: Its root, set up.
+        node_of: Builds the node of a behaviour.
+        below: Returns the children of a behaviour that are part of the tree.
+    """
+    behaviours: list[Any] = []
+    parents: list[int] = []
+    waiting: list[tuple[Any, int]] = [(root, -1)]
+    while waiting:
+        behaviour, parent = waiting.pop()
+        parents.append(parent)
+        waiting.extend([(child, len(behaviours)) for child in reversed(below(behaviour))])
+        behaviours.append(behaviour)
+    layout = Layout(len(behaviours))
+    children: list[list[TreeNode]] = [[] for _ in behaviours]
+    nodes: list[TreeNode] = []
+    # Backwards, so that children come before their parents, however deep the tree is.
+    for index in range(len(behaviours) - 1, -1, -1):
+        behaviour, inner = behaviours[index], children[index]
+        inner.reverse()
+        at = inner[0].at if inner and getattr(behaviour, "is_its_child", False) else index
+        node = node_of(Part(index, at, behaviour, inner, layout))
+        nodes.append(node)
+        if parents[index] >= 0:
+            children[parents[index]].append(node)
+    nodes.reverse()
+    return FlatTree(nodes, layout)

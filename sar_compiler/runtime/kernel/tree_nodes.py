@@ -1,0 +1,316 @@
+"""Nodes: what each behaviour does in a tick, and what ticks them.
+
+A node is ticked without generators and without recursion. One without children is ticked by `tick` alone. One with
+children says in `begin` and `resume` which child it needs next, and the `Ticker` keeps those that wait on a stack.
+"""
+
+from collections.abc import Hashable
+from typing import Any
+
+from py_trees.common import Status
+
+from sar_compiler.runtime.kernel.cells import (
+    CALLED,
+    ENDED,
+    INVALID,
+    RUNNING,
+    SKIPPED,
+    NoStatusError,
+    number_of,
+)
+from sar_compiler.runtime.kernel.times import Times
+
+_INVALID: Any = Status.INVALID
+
+
+class Layout:
+    """The cells of a tree while its nodes are built.
+
+    Attributes:
+        cells: The first content of each cell with a number; the first cells are the statuses of the nodes.
+        values: The first content of each cell with another value.
+        watched: The entries of which nodes compare how often they were written, with the cells that hold a count.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.cells: list[int] = [INVALID] * count
+        self.values: list[Any] = []
+        self.watched: list[tuple[Any, int]] = []
+
+
+class Part:
+    """A node that is to be built.
+
+    Args:
+        index: Its index in the tree.
+        at: The cell of its status.
+        behaviour: The behaviour.
+        children: Its children, which are built already.
+        layout: The cells of the tree.
+    """
+
+    def __init__(
+        self, index: int, at: int, behaviour: Any, children: "list[TreeNode]", layout: Layout
+    ) -> None:
+        self.index = index
+        self.at = at
+        self.behaviour = behaviour
+        self.children = children
+        self.layout = layout
+
+    def cell(self, first: int = 0) -> int:
+        """Add a cell with a number that is 0 or more; return its index."""
+        cells = self.layout.cells
+        cells.append(first)
+        return len(cells) - 1
+
+    def value(self, first: Hashable) -> int:
+        """Add a cell with any other value that can be hashed; return its index."""
+        values = self.layout.values
+        values.append(first)
+        return len(values) - 1
+
+    def watch(self, entry: Any, cell: int) -> None:
+        """Say that a cell holds how often an entry had been written when the node looked at it last."""
+        self.layout.watched.append((entry, cell))
+
+
+class TreeNode:
+    """What a behaviour does in a tick, and how it is stopped.
+
+    Args:
+        part: What it is built of.
+
+    Attributes:
+        index: Its index in the tree.
+        at: The cell of its status.
+        behaviour: The behaviour.
+        children: Its children.
+        is_skippable: Whether the behaviour tells that it was skipped.
+    """
+
+    def __init__(self, part: Part) -> None:
+        self.index = part.index
+        self.at = part.at
+        self.behaviour = part.behaviour
+        self.children = part.children
+        self.is_skippable: bool = hasattr(part.behaviour, "skipped")
+
+    def tick(self, ticker: "Ticker") -> int:
+        """Return the outcome of a tick; CALLED, and itself in `ticker.called`, if that takes more than this call."""
+        ticker.called = self
+        return CALLED
+
+    def begin(self, ticker: "Ticker") -> int:
+        """Begin a tick; return its outcome, or what a child's `tick` returned if that is CALLED."""
+        raise NotImplementedError
+
+    def resume(self, ticker: "Ticker", outcome: int) -> int:
+        """Go on with a tick.
+
+        Args:
+            ticker: What ticks the node.
+            outcome: The outcome of the child that was called.
+
+        Returns:
+            As `begin`.
+        """
+        raise NotImplementedError
+
+    def stop(self, ticker: "Ticker") -> None:
+        """Stop the node as `Behaviour.stop(Status.INVALID)` does, whatever its status is."""
+        raise NotImplementedError
+
+    def forget(self, ticker: "Ticker") -> None:
+        """Forget where the node was."""
+
+    def rest(self, ticker: "Ticker") -> None:
+        """Forget how the node has ended."""
+        ticker.cells[self.at] = INVALID
+        if ticker.is_live:
+            self.behaviour.status = _INVALID
+
+
+class Visit:
+    """A node that was ticked, as it was at the end of its tick.
+
+    Attributes:
+        behaviour: The behaviour.
+        outcome: The outcome of its tick.
+        status: Its status.
+        message: Its feedback message.
+    """
+
+    def __init__(self, behaviour: Any, outcome: int, status: int) -> None:
+        self.behaviour = behaviour
+        self.outcome = outcome
+        self.status = status
+        self.message: str = behaviour.feedback_message
+
+
+class Ticker:
+    """Ticks nodes.
+
+    Args:
+        cells: The cells with numbers.
+        values: The cells with other values.
+        times: The timers.
+
+    Attributes:
+        called: The node that has to be ticked first, after CALLED.
+        is_live: Whether the cells are changed by ticks only, so that the statuses of behaviours agree with them.
+        is_strict: Whether an answer that is no status raises a `NoStatusError`, and is not only logged.
+        by_step: Whether leaves are called like all other nodes, and not in passing.
+        visits: Where the nodes go that are ticked, in the order of their ends; None where nobody looks.
+    """
+
+    def __init__(self, cells: list[int], values: list[Any], times: Times) -> None:
+        self.cells = cells
+        self.values = values
+        self.times = times
+        self.called: TreeNode | None = None
+        self.is_live = False
+        self.is_strict = False
+        self.by_step = False
+        self.visits: list[Visit] | None = None
+
+    def state(self) -> tuple[tuple[int, ...], tuple[Any, ...]]:
+        """Return what is in the cells."""
+        return tuple(self.cells), tuple(self.values)
+
+    def restore(self, state: tuple[tuple[int, ...], tuple[Any, ...]]) -> None:
+        """Make the cells what they were."""
+        self.cells[:], self.values[:] = state
+
+    def run(self, node: TreeNode) -> int:
+        """Tick a node, and return the outcome: RUNNING, SUCCESS, FAILURE or SKIPPED.
+
+        The nodes below it that are ticked are visits; it is none itself.
+        """
+        waiting: list[TreeNode] = []
+        outcome = node.begin(self)
+        while True:
+            if outcome == CALLED:
+                waiting.append(node)
+                called = self.called
+                assert called is not None  # noqa: S101 - CALLED says so
+                node = called
+                outcome = node.begin(self)
+                continue
+            if not waiting:
+                return outcome
+            if self.visits is not None:
+                self.note(node, outcome)
+            node = waiting.pop()
+            outcome = node.resume(self, outcome)
+
+    def run_unseen(self, node: TreeNode) -> int:
+        """Tick a node as `run` does, without a visit: nobody asked for this tick."""
+        visits, self.visits = self.visits, None
+        try:
+            return self.run(node)
+        finally:
+            self.visits = visits
+
+    def number_of(self, behaviour: Any, answer: Any) -> int:
+        """Return the number of what an `update()` has returned; INVALID, and a word in the log, for what is no status.
+
+        Raises:
+            NoStatusError: If the ticker is strict, and the answer no status.
+        """
+        number = number_of(answer)
+        if number == INVALID and answer is not _INVALID:
+            if self.is_strict:
+                raise NoStatusError(behaviour, answer)
+            behaviour.logger.error(
+                f"A behaviour returned an invalid status, setting to INVALID [{answer}][{behaviour.name}]"
+            )
+        return number
+
+    def note(self, node: TreeNode, outcome: int) -> None:
+        """Note that a node was ticked."""
+        visits, behaviour = self.visits, node.behaviour
+        if node.is_skippable:
+            behaviour.skipped = outcome == SKIPPED
+        if visits is not None:
+            visits.append(Visit(behaviour, outcome, self.cells[node.at]))
+
+
+def reset(child: TreeNode, ticker: Ticker) -> None:
+    """Bring a child back to rest: halt it if it is running, else only forget how it ended."""
+    status = ticker.cells[child.at]
+    if status == RUNNING:
+        child.stop(ticker)
+    elif status != INVALID:
+        child.rest(ticker)
+
+
+def reset_all(children: list[TreeNode], ticker: Ticker) -> None:
+    """Bring children back to rest, in order."""
+    for child in children:
+        reset(child, ticker)
+
+
+class OwnNode(TreeNode):
+    """A node that keeps BehaviorTree.CPP's rules: it resets its children when its own work is over."""
+
+    def stop(self, ticker: Ticker) -> None:
+        """Halt the node: forget where it was, bring its children back to rest."""
+        self.halt(ticker)
+        self.behaviour.feedback_message = ""
+        ticker.cells[self.at] = INVALID
+
+    def halt(self, ticker: Ticker) -> None:
+        """Forget where the node was, and halt its children."""
+        self.forget(ticker)
+        reset_all(self.children, ticker)
+
+
+class ControlNode(OwnNode):
+    """A control: it has several children, and tells py_trees which of them is the current one."""
+
+    def halt(self, ticker: Ticker) -> None:
+        """Forget where the node was, and halt its children."""
+        self.behaviour.current_child = None
+        self.forget(ticker)
+        reset_all(self.children, ticker)
+
+
+class DecoratorNode(OwnNode):
+    """A decorator: `begin` decides whether its child is ticked, and `made_of` what is made of its outcome."""
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.child = part.children[0]
+
+    def tick_child(self, ticker: Ticker) -> int:
+        """Tick the child; return what becomes of it, or CALLED."""
+        outcome = self.child.tick(ticker)
+        return CALLED if outcome == CALLED else self.resume(ticker, outcome)
+
+    def resume(self, ticker: Ticker, outcome: int) -> int:
+        """Go on after the child, which is left at rest if it has ended."""
+        if outcome & ENDED:
+            self.child.rest(ticker)
+        return self.after(ticker, outcome)
+
+    def after(self, ticker: Ticker, outcome: int) -> int:
+        """Return the outcome, given that of the child."""
+        raise NotImplementedError
+
+
+def is_reset(behaviour: Any) -> bool:
+    """Return whether a node's parent resets it to INVALID before starting it again; stock parents do not.
+
+    That decides which ticks start a node, rather than go on with it; the status alone cannot tell. BehaviorTree.CPP
+    starts a node that is IDLE, and its controls and decorators reset their children to that (here INVALID) when their own
+    work is over. A child with SUCCESS or FAILURE below such a parent was therefore ticked earlier in the same work and
+    goes on: WhileDoElse ticks its condition again without resetting it. py_trees never resets a child that has ended; it
+    starts any that is not RUNNING. So below a stock parent, SUCCESS and FAILURE mean that the node starts, and so they do
+    at the root, which is ticked again after its end. A parent that is one node with its child (`is_its_child`) resets
+    nothing by itself; the one around it decides.
+    """
+    around = behaviour.parent
+    while getattr(around, "is_its_child", False):
+        around = around.parent
+    return hasattr(around, "is_its_child")

@@ -1,0 +1,247 @@
+"""Decorators of BehaviorTree.CPP that turn, keep or prevent what their child answers."""
+
+from typing import Any
+
+from sar_compiler.runtime.kernel.cells import (
+    ENDED,
+    INVALID,
+    RUNNING,
+    SKIPPED,
+    number_of,
+)
+from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, Part, Ticker, is_reset, reset
+
+
+class TurningNode(DecoratorNode):
+    """Answers something else for each outcome of its child.
+
+    Attributes:
+        turned: The answer for each outcome.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        success, failure, skipped = part.behaviour.turned
+        self.turned: list[int] = [INVALID, RUNNING, success, failure, skipped]
+
+    def begin(self, ticker: Ticker) -> int:
+        """Tick the child."""
+        ticker.cells[self.at] = RUNNING
+        return self.tick_child(ticker)
+
+    def after(self, ticker: Ticker, outcome: int) -> int:
+        """Turn the outcome."""
+        turned = self.turned[outcome]
+        if turned != SKIPPED:
+            ticker.cells[self.at] = turned
+        return turned
+
+
+class SubTreeNode(DecoratorNode):
+    """Passes on what its child answers."""
+
+    def begin(self, ticker: Ticker) -> int:
+        """Tick the child."""
+        if ticker.cells[self.at] == INVALID:
+            ticker.cells[self.at] = RUNNING
+        return self.tick_child(ticker)
+
+    def after(self, ticker: Ticker, outcome: int) -> int:
+        """Pass the outcome on."""
+        if outcome != SKIPPED:
+            ticker.cells[self.at] = outcome
+        return outcome
+
+
+class RunOnceNode(DecoratorNode):
+    """Lets its child end once.
+
+    Attributes:
+        answer: The cell with the outcome of the child, which is kept for good.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.answer = part.cell(INVALID)
+
+    def begin(self, ticker: Ticker) -> int:
+        """Tick the child, unless it has ended before."""
+        cells = ticker.cells
+        then_skip = self.behaviour._then_skip.get()
+        answer = cells[self.answer]
+        if answer == INVALID:
+            cells[self.at] = RUNNING
+            return self.tick_child(ticker)
+        self.behaviour.feedback_message = "has run"
+        if then_skip:
+            return SKIPPED
+        cells[self.at] = answer
+        return answer
+
+    def after(self, ticker: Ticker, outcome: int) -> int:
+        """Keep the outcome if it is an end."""
+        if outcome & ENDED:
+            ticker.cells[self.answer] = ticker.cells[self.at] = outcome
+        return outcome
+
+
+class GuardedNode(DecoratorNode):
+    """Asks whether its child may start, and not again while the child runs.
+
+    Attributes:
+        child_runs: The cell with 1 while the child runs.
+        why_not: What it tells when the child may not start.
+    """
+
+    why_not = ""
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.child_runs = part.cell()
+
+    def begin(self, ticker: Ticker) -> int:
+        """Tick the child if it may start, or runs."""
+        if ticker.cells[self.child_runs] or self.may_start(ticker):
+            self.behaviour.feedback_message = ""
+            return self.tick_child(ticker)
+        self.behaviour.feedback_message = self.why_not
+        return self.answer(ticker, self.otherwise())
+
+    def may_start(self, ticker: Ticker) -> bool:
+        """Return whether the child may start."""
+        raise NotImplementedError
+
+    def otherwise(self) -> int:
+        """Return the outcome when it may not."""
+        raise NotImplementedError
+
+    def after(self, ticker: Ticker, outcome: int) -> int:
+        """Pass the outcome on."""
+        ticker.cells[self.child_runs] = int(outcome == RUNNING)
+        return self.answer(ticker, outcome)
+
+    def answer(self, ticker: Ticker, outcome: int) -> int:
+        """Answer with an outcome."""
+        if outcome != SKIPPED:
+            ticker.cells[self.at] = outcome
+        return outcome
+
+    def forget(self, ticker: Ticker) -> None:
+        """Forget that the child ran."""
+        ticker.cells[self.child_runs] = 0
+
+
+class PreconditionNode(GuardedNode):
+    """Asks a script whether its child may start."""
+
+    why_not = "the condition is false"
+
+    def may_start(self, ticker: Ticker) -> bool:  # noqa: ARG002
+        """Return whether the condition is true."""
+        return bool(self.behaviour._condition.holds())
+
+    def otherwise(self) -> int:
+        """Return what the node is to answer if it is not."""
+        return number_of(self.behaviour._else.get().value) or SKIPPED
+
+
+class UpdateGuardNode(GuardedNode):
+    """Asks whether an entry was written since the node last looked.
+
+    Attributes:
+        seen: The cell that says how often the entry had been written then.
+    """
+
+    why_not = "no update"
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.entry: Any = part.behaviour._entry
+        self.seen = part.cell()
+        part.watch(self.entry, self.seen)
+
+    def may_start(self, ticker: Ticker) -> bool:
+        """Return whether the entry was written."""
+        return is_news(self.entry, self.seen, ticker)
+
+    def otherwise(self) -> int:
+        """Return what the node answers if it was not."""
+        return int(self.behaviour._otherwise)
+
+
+def is_news(entry: Any, seen: int, ticker: Ticker) -> bool:
+    """Return whether an entry was written since a node last looked, which is noted.
+
+    Args:
+        entry: The entry.
+        seen: The cell that says how often it had been written then.
+        ticker: What ticks the node.
+    """
+    if not entry.exists:
+        return False
+    before = ticker.cells[seen]
+    ticker.cells[seen] = now = entry.stamp
+    return bool(before != now)
+
+
+class ConditionsNode(DecoratorNode):
+    """The pre- and post-conditions of a node, which is its child; they have one status between them."""
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        behaviour = part.behaviour
+        self.before: list[Any] = behaviour._before
+        self.goes_on: Any = behaviour._while
+        self.is_reset = is_reset(behaviour)
+
+    def begin(self, ticker: Ticker) -> int:
+        """Tick the node, unless a condition decides."""
+        outcome = self.decided(ticker)
+        return self.tick_child(ticker) if outcome == INVALID else self.after(ticker, outcome)
+
+    def decided(self, ticker: Ticker) -> int:
+        """Return what the pre-conditions make of this tick; INVALID if the node is to be ticked."""
+        behaviour, status = self.behaviour, ticker.cells[self.at]
+        if status == RUNNING:
+            if self.goes_on is None or self.goes_on.holds():
+                return INVALID
+            self.stop(ticker)
+            behaviour.feedback_message = "halted by _while"
+            return SKIPPED
+        behaviour.feedback_message = ""
+        if status != INVALID and self.is_reset:
+            return INVALID
+        for script, attribute, outcome in self.before:
+            if script.holds():
+                behaviour.feedback_message = f"decided by {attribute}"
+                return int(outcome)
+        if self.goes_on is not None and not self.goes_on.holds():
+            behaviour.feedback_message = "decided by _while"
+            return SKIPPED
+        return INVALID
+
+    def resume(self, ticker: Ticker, outcome: int) -> int:
+        """Go on after the node."""
+        return self.after(ticker, outcome)
+
+    def after(self, ticker: Ticker, outcome: int) -> int:
+        """Run the post-conditions, and pass the outcome on."""
+        if outcome & ENDED:
+            self.run_script(self.behaviour._after[outcome])
+        if outcome != SKIPPED:
+            ticker.cells[self.at] = outcome
+        return outcome
+
+    def halt(self, ticker: Ticker) -> None:
+        """Halt the node; if it was running, run what is to be run then."""
+        was_running = ticker.cells[self.at] == RUNNING
+        reset(self.child, ticker)
+        if was_running:
+            self.run_script(self.behaviour._on_halted)
+
+    def run_script(self, script: Any) -> None:
+        """Run a post-condition, if there is one, and then the one that follows any of them."""
+        if script is not None:
+            script.run()
+        if self.behaviour._post is not None:
+            self.behaviour._post.run()
