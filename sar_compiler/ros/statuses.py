@@ -9,7 +9,7 @@ from collections.abc import Callable
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler.runtime.kernel.cells import NoStatusError
+from sar_compiler.runtime.leaf_protocol import NoStatusError
 
 
 def require_statuses(root: Behaviour) -> None:

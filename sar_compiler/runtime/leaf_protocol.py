@@ -10,6 +10,10 @@ A leaf is an ordinary py_trees behaviour. A runner passes these keyword argument
 from collections.abc import Callable
 from typing import Protocol, runtime_checkable
 
+from py_trees.behaviour import Behaviour
+
+from sar_compiler.errors import SarError
+
 Wake = Callable[[], None]
 
 
@@ -24,3 +28,18 @@ class Settling(Protocol):
     def settled(self) -> bool:
         """Return whether nothing of the leaf is under way any more; called after the tree was stopped."""
         ...
+
+
+class NoStatusError(SarError, TypeError):
+    """An `update()` did not return a status.
+
+    Attributes:
+        behaviour: Whose it is.
+    """
+
+    def __init__(self, behaviour: Behaviour, returned: object) -> None:
+        self.behaviour = behaviour
+        message = (
+            f"update() returned {returned!r}, which is no status; return Status.SUCCESS, FAILURE or RUNNING"
+        )
+        super().__init__(message)

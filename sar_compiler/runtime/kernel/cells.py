@@ -3,10 +3,7 @@
 from typing import Any, Final
 
 from py_trees import decorators
-from py_trees.behaviour import Behaviour
 from py_trees.common import Status
-
-from sar_compiler.errors import SarError
 
 INVALID: Final = 0
 RUNNING: Final = 1
@@ -34,21 +31,6 @@ _FAILURE: Any = Status.FAILURE
 
 IS_2_3: Final = not hasattr(decorators, "ForEach")
 """Whether this is py_trees 2.3, which does some things differently."""
-
-
-class NoStatusError(SarError, TypeError):
-    """An `update()` did not return a status.
-
-    Attributes:
-        behaviour: Whose it is.
-    """
-
-    def __init__(self, behaviour: Behaviour, returned: object) -> None:
-        self.behaviour = behaviour
-        message = (
-            f"update() returned {returned!r}, which is no status; return Status.SUCCESS, FAILURE or RUNNING"
-        )
-        super().__init__(message)
 
 
 def number_of(status: Any) -> int:

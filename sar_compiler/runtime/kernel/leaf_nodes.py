@@ -36,7 +36,9 @@ class LeafNode(TreeNode):
     def begin(self, ticker: Ticker) -> int:
         """Tick the leaf."""
         cells, behaviour = ticker.cells, self.behaviour
-        before = self.before(ticker)
+        before = cells[self.at]
+        if before == RUNNING or not ticker.is_live:
+            before = self.before(ticker)
         if before != RUNNING and self.initialises:
             behaviour.initialise()
         answer = behaviour.update()
@@ -50,9 +52,9 @@ class LeafNode(TreeNode):
             return self.end_without(ticker, answer)
         if now != RUNNING and self.terminates:
             behaviour.terminate(answer)
-        if now != before:
+        if now != RUNNING or before != RUNNING:
             behaviour.status = answer
-        cells[self.at] = now
+            cells[self.at] = now
         return now
 
     def before(self, ticker: Ticker) -> int:
@@ -92,7 +94,9 @@ class SkippableLeafNode(LeafNode):
     def begin(self, ticker: Ticker) -> int:
         """Tick the leaf."""
         cells, behaviour = ticker.cells, self.behaviour
-        before = self.before(ticker)
+        before = cells[self.at]
+        if before == RUNNING or not ticker.is_live:
+            before = self.before(ticker)
         if before != RUNNING and self.initialises:
             behaviour.initialise()
         answer = behaviour.update()
@@ -102,9 +106,9 @@ class SkippableLeafNode(LeafNode):
             return SKIPPED
         if now != RUNNING and self.terminates:
             behaviour.terminate(answer)
-        if now != before:
+        if now != RUNNING or before != RUNNING:
             behaviour.status = answer
-        cells[self.at] = now
+            cells[self.at] = now
         return now
 
 

@@ -25,6 +25,10 @@ class OrderedNode(ControlNode):
         """Tick the children from the one in hand on, whose outcome may be known; INVALID if it is to be ticked."""
         raise NotImplementedError
 
+    def break_off(self, ticker: Ticker) -> None:
+        """Make the child in hand the current one."""
+        self.point_at(ticker.cells[self.position])
+
     def tell(self, index: int, outcome: int) -> None:
         """Say which child has decided."""
         how = "failed" if outcome == FAILURE else "succeeded"
@@ -57,6 +61,8 @@ class ResumingNode(OrderedNode):
         """Tick the children from the one in hand on."""
         outcome = self.advance(ticker, outcome)
         if outcome == INVALID:
+            if self.children:
+                self.point_at(len(self.children) - 1)
             return self.finish(ticker)
         if outcome in (RUNNING, CALLED):
             return outcome
@@ -66,24 +72,19 @@ class ResumingNode(OrderedNode):
         """Tick children until one does not hand over; return its outcome, INVALID if all children have."""
         cells, children, hands_over = ticker.cells, self.children, self.hands_over
         index, count = cells[self.position], len(children)
-        current = index
-        try:
-            while True:
-                if outcome == INVALID:
-                    if index == count:
-                        return INVALID
-                    current = index
-                    outcome = children[index].tick(ticker)
-                if outcome == SKIPPED:
-                    cells[self.skips] += 1
-                elif outcome != hands_over:
-                    return outcome
-                index += 1
-                outcome = INVALID
-        finally:
+        while True:
+            if outcome == INVALID:
+                if index == count:
+                    return INVALID
+                outcome = children[index].tick(ticker)
+            if outcome == SKIPPED:
+                cells[self.skips] += 1
+            elif outcome != hands_over:
+                self.point_at(index)
+                return outcome
+            index += 1
             cells[self.position] = index
-            if count:
-                self.behaviour.current_child = children[current].behaviour
+            outcome = INVALID
 
     def decide(self, ticker: Ticker, outcome: int) -> int:
         """End because of the child in hand."""

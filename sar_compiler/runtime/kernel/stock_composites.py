@@ -58,27 +58,22 @@ class StockSequenceNode(StockNode):
         """Tick the children from an index on, as long as they succeed."""
         cells, children = ticker.cells, self.children
         count = len(children)
-        if index == count:
-            return self.end(ticker, SUCCESS)
-        try:
-            while True:
-                child = children[index]
-                if child.tick(ticker) == CALLED:
-                    return CALLED
-                status = cells[child.at]
-                if status != SUCCESS:
-                    break
-                if index + 1 == count:
-                    break
-                index += 1
-        finally:
+        status = SUCCESS
+        while index < count:
             cells[self.position] = index
-            self.behaviour.current_child = children[index].behaviour
+            child = children[index]
+            if child.tick(ticker) == CALLED:
+                return CALLED
+            status = cells[child.at]
+            if status != SUCCESS:
+                break
+            index += 1
         return self.end(ticker, status)
 
     def end(self, ticker: Ticker, status: int) -> int:
         """Leave the tick with a status."""
         cells, index = ticker.cells, ticker.cells[self.position]
+        self.point_at(index)
         if status != SUCCESS and not self.memory:
             stop_all(self.children[index + 1 :], ticker)
         if status == INVALID and not IS_2_3:
@@ -88,6 +83,10 @@ class StockSequenceNode(StockNode):
             cells[self.position] = 0
         cells[self.at] = status
         return SKIPPED if status == INVALID else status
+
+    def break_off(self, ticker: Ticker) -> None:
+        """Make the child in hand the current one."""
+        self.point_at(ticker.cells[self.position])
 
     def forget(self, ticker: Ticker) -> None:
         """Forget which child was in hand."""

@@ -128,7 +128,8 @@ def flat_tree(
     while waiting:
         behaviour, parent = waiting.pop()
         parents.append(parent)
-        waiting.extend([(child, len(behaviours)) for child in reversed(below(behaviour))])
+        inside: list[Any] = below(behaviour)
+        waiting.extend([(inside[place], len(behaviours)) for place in range(len(inside) - 1, -1, -1)])
         behaviours.append(behaviour)
     layout = Layout(len(behaviours))
     children: list[list[TreeNode]] = [[] for _ in behaviours]

@@ -15,10 +15,10 @@ from sar_compiler.runtime.kernel.cells import (
     INVALID,
     RUNNING,
     SKIPPED,
-    NoStatusError,
     number_of,
 )
 from sar_compiler.runtime.kernel.times import Times
+from sar_compiler.runtime.leaf_protocol import NoStatusError
 
 _INVALID: Any = Status.INVALID
 
@@ -117,6 +117,9 @@ class TreeNode:
         """
         raise NotImplementedError
 
+    def break_off(self, ticker: "Ticker") -> None:
+        """Do what is left to do when a tick is broken off because a node below has raised."""
+
     def stop(self, ticker: "Ticker") -> None:
         """Stop the node as `Behaviour.stop(Status.INVALID)` does, whatever its status is."""
         raise NotImplementedError
@@ -188,21 +191,26 @@ class Ticker:
         The nodes below it that are ticked are visits; it is none itself.
         """
         waiting: list[TreeNode] = []
-        outcome = node.begin(self)
-        while True:
-            if outcome == CALLED:
-                waiting.append(node)
-                called = self.called
-                assert called is not None  # noqa: S101 - CALLED says so
-                node = called
-                outcome = node.begin(self)
-                continue
-            if not waiting:
-                return outcome
-            if self.visits is not None:
-                self.note(node, outcome)
-            node = waiting.pop()
-            outcome = node.resume(self, outcome)
+        try:
+            outcome = node.begin(self)
+            while True:
+                if outcome == CALLED:
+                    waiting.append(node)
+                    called = self.called
+                    assert called is not None  # noqa: S101 - CALLED says so
+                    node = called
+                    outcome = node.begin(self)
+                    continue
+                if not waiting:
+                    return outcome
+                if self.visits is not None:
+                    self.note(node, outcome)
+                node = waiting.pop()
+                outcome = node.resume(self, outcome)
+        except BaseException:
+            for broken in (node, *reversed(waiting)):
+                broken.break_off(self)
+            raise
 
     def run_unseen(self, node: TreeNode) -> int:
         """Tick a node as `run` does, without a visit: nobody asked for this tick."""
@@ -268,6 +276,11 @@ class OwnNode(TreeNode):
 
 class ControlNode(OwnNode):
     """A control: it has several children, and tells py_trees which of them is the current one."""
+
+    def point_at(self, index: int) -> None:
+        """Make a child, if there is such a one, the current one."""
+        if index < len(self.children):
+            self.behaviour.current_child = self.children[index].behaviour
 
     def halt(self, ticker: Ticker) -> None:
         """Forget where the node was, and halt its children."""
