@@ -5,11 +5,8 @@ import sys
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.errors import SarError
-from sar_compiler.runtime.parents import Parent
 
-# How many of Python's frames halting takes for a level: a node of the project's, and a stock one. The rest is
-# for the program around the tree.
-_FRAMES_OF_OURS, _FRAMES_OF_STOCK = 5, 2
+# Python has a thousand frames; these are for the program around the tree.
 _FRAMES_AROUND = 200
 
 
@@ -27,22 +24,19 @@ class TreeTooDeepError(SarError):
         )
 
 
-def require_tickable_depth(root: Behaviour) -> None:
-    """Check that a tree can be ticked and stopped without a stack overflow.
+def require_tickable_depth(root: Behaviour, frames_per_level: int = 1) -> None:
+    """Check that py_trees can go through a tree without a stack overflow.
+
+    Args:
+        root: The root.
+        frames_per_level: How many of Python's frames it needs for a level: `iterate` one, its own ticks two.
 
     Raises:
         TreeTooDeepError: If it is too deep.
     """
-    limit = sys.getrecursionlimit() - _FRAMES_AROUND
-    depth, deepest, level = 0, 0, [(root, 0)]
+    depth, level = 0, [root]
     while level:
         depth += 1
-        below = [(behaviour, frames + _frames(behaviour)) for behaviour, frames in level]
-        deepest = max(deepest, *(frames for _, frames in below))
-        level = [(child, frames) for behaviour, frames in below for child in behaviour.children]
-    if deepest > limit:
+        level = [child for behaviour in level for child in behaviour.children]
+    if depth * frames_per_level > sys.getrecursionlimit() - _FRAMES_AROUND:
         raise TreeTooDeepError(depth)
-
-
-def _frames(behaviour: Behaviour) -> int:
-    return _FRAMES_OF_OURS if isinstance(behaviour, Parent) else _FRAMES_OF_STOCK

@@ -58,7 +58,7 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
             SetupFailedError: If the setup of a behaviour raised an exception. Those that were set up
                 before it are shut down.
         """
-        require_tickable_depth(self.root)
+        require_tickable_depth(self.root, frames_per_level=2)
         given = [name for name in _ITS_PARAMETERS if node.has_parameter(name)]
         for name in given:
             # Declared anew by the class, with the value that was given.

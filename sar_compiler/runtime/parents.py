@@ -27,8 +27,7 @@ if TYPE_CHECKING:
 class Built(Behaviour):
     """A behaviour that ticks and stops as its node in the kernel says.
 
-    A tree that is ticked as a whole has a node for it. Ticked by its own methods, as py_trees does, it has one for
-    itself alone, whose children are ticked by theirs.
+    Ticked by its own methods, as py_trees does, it is the root of a tree of such nodes, with all that is below it.
 
     Attributes:
         node_class: The class of the node; None for a class that is only a base.
@@ -71,11 +70,12 @@ class Built(Behaviour):
         return tree.tick(visits, index)
 
     def _place(self) -> "tuple[LiveTree, int]":
-        if self.place is None or not self.place[0].has(self.place[1], self.children):
+        if self.place is None or not self.place[0].is_whole():
             # Only now: what is only checked is never ticked.
             from sar_compiler.runtime.kernel.live import LiveTree
 
-            self.place = LiveTree(self, only_root=True), 0
+            LiveTree(self)
+        assert self.place is not None  # noqa: S101 - the tree has said so
         return self.place
 
     def update(self) -> Status:

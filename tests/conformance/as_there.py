@@ -27,9 +27,8 @@ from sar_compiler.runtime import (
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Scope
 from sar_compiler.runtime.conditions import Conditions
 from sar_compiler.runtime.entries import SetBlackboard
-from sar_compiler.runtime.kernel import tree_nodes
-from sar_compiler.runtime.kernel.cells import ENDED, RUNNING
-from sar_compiler.runtime.kernel.tree_nodes import Ticker
+from sar_compiler.runtime.kernel.cells import ENDED
+from sar_compiler.runtime.kernel.tree_nodes import OwnNode, Ticker
 from sar_compiler.runtime.kernel.turning import ConditionsNode, PreconditionNode
 from sar_compiler.runtime.script_nodes import Precondition
 from sar_compiler.runtime.variables import RefusedValueError, ScriptValue, said
@@ -95,11 +94,10 @@ def _replaced(owner: object, name: str, replacement: object) -> Iterator[None]:
 @contextmanager
 def _no_post_on_halt() -> Iterator[None]:
     class Halted(ConditionsNode):
-        def halt(self, ticker: Ticker) -> None:
-            was_running = ticker.cells[self.at] == RUNNING
-            tree_nodes.reset(self.child, ticker)
-            if was_running and self.behaviour._on_halted is not None:
+        def stop_last(self, ticker: Ticker) -> None:
+            if self.was_running and self.behaviour._on_halted is not None:
                 self.behaviour._on_halted.run()
+            OwnNode.stop_last(self, ticker)
 
     with _replaced(Conditions, "node_class", Halted):
         yield

@@ -3,13 +3,14 @@
 import re
 
 import pytest
-from py_trees.common import Status
 
 from sar_compiler.checks import check
 from sar_compiler.compiler import bind_main, preview_tree
 from sar_compiler.nodes.binding import nesting
 from sar_compiler.nodes.binding.nesting import MAX_LEVELS, MAX_NODES
 from sar_compiler.nodes.registry import default_registry
+from sar_compiler.runtime.kernel.cells import FAILURE, SUCCESS
+from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.tree.forest import load_forest
 from sar_compiler.tree.reading import read_tree_file
 from tests.trees import forest_of
@@ -156,9 +157,9 @@ def chain(count):
 def test_trees_may_be_as_deep_in_each_other_as_can_be_ticked():
     text = file(*chain((MAX_LEVELS - 1) // 2), main="T0")
     assert check(forest_of(text), REGISTRY) == []
-    root = preview_tree(bind_main(forest_of(text), REGISTRY)).root
-    root.tick_once()
-    root.stop(Status.INVALID)
+    live = LiveTree(preview_tree(bind_main(forest_of(text), REGISTRY)).root)
+    assert live.tick() in (SUCCESS, FAILURE)
+    live.stop()
 
 
 @pytest.mark.parametrize("count", [MAX_LEVELS // 2, 5000])
@@ -170,11 +171,12 @@ def test_trees_deeper_in_each_other_than_that_are_one_finding_where_it_becomes_t
 
 
 def test_conditions_and_oneshot_are_levels_as_well():
-    deep = 60
-    body = (
-        '<Inverter _onSuccess="a := 1" oneshot="ON_COMPLETION">' * deep + "<Success/>" + "</Inverter>" * deep
-    )
-    assert [code for code, *_ in found(tree("Main", body))] == ["too-deep"]
+    def nested(deep, leaf):
+        return '<Inverter _onSuccess="a := 1" oneshot="ON_COMPLETION">' * deep + leaf + "</Inverter>" * deep
+
+    assert 150 * 3 + 50 * 3 + 2 > MAX_LEVELS > 150 + 50 + 2
+    trees = tree("Main", nested(150, '<SubTree ID="Inner"/>')), tree("Inner", nested(50, "<Success/>"))
+    assert [code for code, *_ in found(*trees)] == ["too-deep"]
 
 
 def doubling(count):

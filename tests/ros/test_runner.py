@@ -591,15 +591,15 @@ class TestSetupAndShutdown:
         from sar_compiler.ros.depth import TreeTooDeepError
 
         root: py_trees.behaviour.Behaviour = Probe()
-        for _ in range(600):
+        for _ in range(800):
             root = sequence(root)
-        with pytest.raises(TreeTooDeepError, match="601 levels"):
+        with pytest.raises(TreeTooDeepError, match="801 levels"):
             runner_of(root, ros.node())
 
     def test_ticks_and_stops_a_tree_of_the_greatest_depth(self, ros: Ros) -> None:
         probe = Probe()
         root: py_trees.behaviour.Behaviour = probe
-        for _ in range(398):
+        for _ in range(798):
             root = sequence(root)
         runner = runner_of(root, ros.node())
         runner.tick_tock(5.0)

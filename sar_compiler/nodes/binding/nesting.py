@@ -8,10 +8,10 @@ from sar_compiler.nodes.binding.collector import Collector
 MAX_NODES = 300_000
 """The largest number of nodes in a tree with its subtrees expanded."""
 
-MAX_LEVELS = 150
+MAX_LEVELS = 600
 """The largest depth of a tree with its subtrees expanded, in levels; conditions and `oneshot` count as one each.
 
-To halt a tree takes up to five of Python's thousand frames per level, and the calling program some more.
+As many as a file's 200 nested elements can make. py_trees goes through a tree with a frame of Python's thousand per level.
 """
 
 _LONGEST_CIRCLE = 8

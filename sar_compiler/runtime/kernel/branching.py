@@ -1,7 +1,15 @@
 """Branches of BehaviorTree.CPP: which child is ticked depends on another one, or on a value."""
 
 from sar_compiler.runtime.kernel.cells import CALLED, FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
-from sar_compiler.runtime.kernel.tree_nodes import ControlNode, Part, Ticker, reset, reset_all
+from sar_compiler.runtime.kernel.tree_nodes import (
+    ControlNode,
+    Part,
+    Ticker,
+    TreeNode,
+    reset,
+    reset_all,
+    running,
+)
 
 _NONE = 0
 
@@ -149,11 +157,13 @@ class TryCatchNode(ControlNode):
         position: The cell with the index of the child in hand.
         skips: The cell with the number of children that were skipped.
         catching: The cell with 1 while the last child is in hand.
+        catches: Whether the last child is to be ticked once because the node is stopped.
     """
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
         self.last = len(self.children) - 1
+        self.catches = False
         self.position, self.skips, self.catching = part.cell(), part.cell(), part.cell()
 
     def begin(self, ticker: Ticker) -> int:
@@ -207,18 +217,35 @@ class TryCatchNode(ControlNode):
         ticker.cells[self.at] = SUCCESS
         return SUCCESS
 
-    def halt(self, ticker: Ticker) -> None:
-        """Halt the children; tick the last one once, if that is wanted and it was not in hand."""
+    def stop_first(self, ticker: Ticker) -> list[TreeNode]:
+        """Return the running children; if the last one is to be ticked once, only those before it."""
         cells = ticker.cells
-        tries = cells[self.at] == RUNNING and not cells[self.catching]
+        self.catches = False
         try:
-            if tries and self.behaviour._catch_on_halt.get():
-                reset_all(self.children[: self.last], ticker)
-                ticker.run_unseen(self.children[self.last])
-        finally:
-            self.forget(ticker)
-            self.behaviour.current_child = None
+            if cells[self.at] == RUNNING and not cells[self.catching]:
+                self.catches = bool(self.behaviour._catch_on_halt.get())
+        except BaseException:
             reset_all(self.children, ticker)
+            raise
+        finally:
+            if not self.catches:
+                self.leave(ticker)
+        return running(self.children[: self.last] if self.catches else self.children, ticker)
+
+    def stop_last(self, ticker: Ticker) -> None:
+        """Tick the last child once, if that is wanted and it was not in hand."""
+        if self.catches:
+            try:
+                ticker.run_unseen(self.children[self.last])
+            finally:
+                self.leave(ticker)
+                reset_all(self.children, ticker)
+        super().stop_last(ticker)
+
+    def leave(self, ticker: Ticker) -> None:
+        """Forget which child was in hand, and tell py_trees."""
+        self.forget(ticker)
+        self.behaviour.current_child = None
 
     def forget(self, ticker: Ticker) -> None:
         """Forget which child was in hand."""

@@ -5,9 +5,9 @@ from typing import Any
 
 from sar_compiler.runtime.kernel.cells import SKIPPED, STATUSES, number_of
 from sar_compiler.runtime.kernel.leaf_nodes import ForeignNode, LeafNode
-from sar_compiler.runtime.kernel.table import NodeClass, NotFlatError, node_class_of
+from sar_compiler.runtime.kernel.table import NotFlatError, node_class_of
 from sar_compiler.runtime.kernel.times import ClockTimes, Times
-from sar_compiler.runtime.kernel.tree import flat_tree
+from sar_compiler.runtime.kernel.tree import children_of, flat_tree
 from sar_compiler.runtime.kernel.tree_nodes import Part, TreeNode, Visit
 from sar_compiler.runtime.parents import Built
 
@@ -20,33 +20,21 @@ class LiveTree:
 
     Args:
         root: The root.
-        only_root: Whether the nodes below the root are ticked by their own methods.
         is_strict: Whether an answer that is no status raises a `NoStatusError`, and is not only logged.
     """
 
-    def __init__(self, root: Any, *, only_root: bool = False, is_strict: bool = False) -> None:
-        def class_of(behaviour: Any) -> NodeClass | None:
-            return None if only_root and behaviour is not root else node_class_of(behaviour)
-
-        def node_of(part: Part) -> TreeNode:
-            return (class_of(part.behaviour) or ForeignNode)(part)
-
-        def below(behaviour: Any) -> list[Any]:
-            return behaviour.children if class_of(behaviour) else []
-
-        if class_of(root) is None and isinstance(root, Built):
-            raise NotFlatError(root)
-        self._flat = flat_tree(root, node_of, below)
+    def __init__(self, root: Any, *, is_strict: bool = False) -> None:
+        self._flat = flat_tree(root, _node_of, _below)
         self._ticker = self._flat.ticker(_NodeClocks(self._flat.nodes))
         self._ticker.is_live = True
         self._ticker.is_strict = is_strict
         # A plain leaf looks at its behaviour's status by itself.
         self._inner = [node for node in self._flat.nodes if not isinstance(node, LeafNode)]
+        self._children: list[list[Any]] = [list(_below(node.behaviour)) for node in self._inner]
         self._take_over()
-        if not only_root:
-            for node in self._flat.nodes:
-                if isinstance(node.behaviour, Built):
-                    node.behaviour.place = self, node.index
+        for node in self._flat.nodes:
+            if isinstance(node.behaviour, Built) and not isinstance(node, ForeignNode):
+                node.behaviour.place = self, node.index
 
     @property
     def root(self) -> Any:
@@ -58,19 +46,12 @@ class LiveTree:
         """The nodes, in pre-order."""
         return self._flat.nodes
 
-    def has(self, index: int, children: list[Any]) -> bool:
-        """Return whether a node still has the children that it had."""
-        known = self._flat.nodes[index].children
-        return len(known) == len(children) and all(
-            node.behaviour is child for node, child in zip(known, children, strict=True)
-        )
-
     def is_whole(self) -> bool:
         """Return whether all nodes still have the children that they had."""
-        return all(
-            isinstance(node, ForeignNode) or self.has(node.index, node.behaviour.children)
-            for node in self._inner
-        )
+        for node, children in zip(self._inner, self._children, strict=True):
+            if children and node.behaviour.children != children:
+                return False
+        return True
 
     def tick(self, visits: list[Visit] | None = None, index: int = 0) -> int:
         """Tick once.
@@ -137,6 +118,22 @@ class LiveTree:
             status: Any = STATUSES[cells[node.at]]
             if node.behaviour.status is not status:
                 node.behaviour.status = status
+
+
+def _node_of(part: Part) -> TreeNode:
+    """Build the node of a behaviour; one of a class that is not known is ticked by its own methods."""
+    known = node_class_of(part.behaviour)
+    if known is not None:
+        return known(part)
+    if type(part.behaviour).tick is Built.tick:
+        # It has nothing but what its node says.
+        raise NotFlatError(part.behaviour)
+    return ForeignNode(part)
+
+
+def _below(behaviour: Any) -> list[Any]:
+    """Return the children that are ticked by nodes, too."""
+    return [] if node_class_of(behaviour) is None else children_of(behaviour)
 
 
 class _NodeClocks(Times):

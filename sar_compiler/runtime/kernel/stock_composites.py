@@ -14,10 +14,14 @@ class StockNode(TreeNode):
     It looks at the statuses of its children, not at their outcomes.
     """
 
-    def stop(self, ticker: Ticker) -> None:
-        """Do what every composite does to be stopped."""
+    def stop_first(self, ticker: Ticker) -> list[TreeNode]:
+        """Return the children that are not at rest."""
         self.behaviour.current_child = None
-        stop_all(self.children, ticker)
+        cells = ticker.cells
+        return [child for child in reversed(self.children) if cells[child.at] != INVALID]
+
+    def stop_last(self, ticker: Ticker) -> None:
+        """Forget which child was in hand, and how the node has ended."""
         self.forget(ticker)
         ticker.cells[self.at] = INVALID
 
@@ -234,10 +238,12 @@ class StockParallelNode(StockNode):
         self.behaviour.current_child = self.needed[-1].behaviour if children else None
         return SUCCESS
 
-    def stop(self, ticker: Ticker) -> None:
-        """Stop the children that run, then do what every composite does."""
-        stop_running(self.children, ticker)
-        super().stop(ticker)
+    def stop_first(self, ticker: Ticker) -> list[TreeNode]:
+        """Return the children that are not at rest; those that run come before the others."""
+        cells = ticker.cells
+        children = super().stop_first(ticker)
+        ended = [child for child in children if cells[child.at] != RUNNING]
+        return ended + [child for child in children if cells[child.at] == RUNNING]
 
     def forget(self, ticker: Ticker) -> None:
         """Forget what belongs to a single tick."""

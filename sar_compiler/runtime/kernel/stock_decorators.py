@@ -52,10 +52,13 @@ class StockDecoratorNode(TreeNode):
         cells[self.at] = status
         return SKIPPED if status == INVALID else status
 
-    def stop(self, ticker: Ticker) -> None:
-        """Stop the node, then its child."""
+    def stop_first(self, ticker: Ticker) -> list[TreeNode]:
+        """Terminate the node, and return its child."""
         self.terminate(ticker, INVALID)
-        self.child.stop(ticker)
+        return [self.child]
+
+    def stop_last(self, ticker: Ticker) -> None:
+        """Forget how the node has ended."""
         ticker.cells[self.at] = INVALID
 
     def start(self, ticker: Ticker) -> None:

@@ -122,6 +122,14 @@ class TreeNode:
 
     def stop(self, ticker: "Ticker") -> None:
         """Stop the node as `Behaviour.stop(Status.INVALID)` does, whatever its status is."""
+        ticker.stop(self)
+
+    def stop_first(self, ticker: "Ticker") -> "list[TreeNode]":
+        """Begin to stop a node with children; return those that are to be stopped, the last one first."""
+        raise NotImplementedError
+
+    def stop_last(self, ticker: "Ticker") -> None:
+        """Stop a node with children, after these."""
         raise NotImplementedError
 
     def forget(self, ticker: "Ticker") -> None:
@@ -212,6 +220,21 @@ class Ticker:
                 broken.break_off(self)
             raise
 
+    def stop(self, node: TreeNode) -> None:
+        """Stop a node with children, and the nodes below it."""
+        waiting, left = [node], [node.stop_first(self)]
+        while waiting:
+            if not left[-1]:
+                left.pop()
+                waiting.pop().stop_last(self)
+                continue
+            child = left[-1].pop()
+            if child.children:
+                waiting.append(child)
+                left.append(child.stop_first(self))
+            else:
+                child.stop(self)
+
     def run_unseen(self, node: TreeNode) -> int:
         """Tick a node as `run` does, without a visit: nobody asked for this tick."""
         visits, self.visits = self.visits, None
@@ -259,19 +282,31 @@ def reset_all(children: list[TreeNode], ticker: Ticker) -> None:
         reset(child, ticker)
 
 
+def running(children: list[TreeNode], ticker: Ticker) -> list[TreeNode]:
+    """Return the children that run, the last one first, and bring the others back to rest."""
+    found: list[TreeNode] = []
+    for child in children:
+        status = ticker.cells[child.at]
+        if status == RUNNING:
+            found.append(child)
+        elif status != INVALID:
+            child.rest(ticker)
+    found.reverse()
+    return found
+
+
 class OwnNode(TreeNode):
     """A node that keeps BehaviorTree.CPP's rules: it resets its children when its own work is over."""
 
-    def stop(self, ticker: Ticker) -> None:
-        """Halt the node: forget where it was, bring its children back to rest."""
-        self.halt(ticker)
+    def stop_first(self, ticker: Ticker) -> list[TreeNode]:
+        """Forget where the node was; return its running children, and bring the others back to rest."""
+        self.forget(ticker)
+        return running(self.children, ticker)
+
+    def stop_last(self, ticker: Ticker) -> None:
+        """Forget what the node told, and how it has ended."""
         self.behaviour.feedback_message = ""
         ticker.cells[self.at] = INVALID
-
-    def halt(self, ticker: Ticker) -> None:
-        """Forget where the node was, and halt its children."""
-        self.forget(ticker)
-        reset_all(self.children, ticker)
 
 
 class ControlNode(OwnNode):
@@ -282,11 +317,10 @@ class ControlNode(OwnNode):
         if index < len(self.children):
             self.behaviour.current_child = self.children[index].behaviour
 
-    def halt(self, ticker: Ticker) -> None:
-        """Forget where the node was, and halt its children."""
+    def stop_first(self, ticker: Ticker) -> list[TreeNode]:
+        """Forget where the node was; return its running children, and bring the others back to rest."""
         self.behaviour.current_child = None
-        self.forget(ticker)
-        reset_all(self.children, ticker)
+        return super().stop_first(ticker)
 
 
 class DecoratorNode(OwnNode):

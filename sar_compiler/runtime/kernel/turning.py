@@ -9,7 +9,13 @@ from sar_compiler.runtime.kernel.cells import (
     SKIPPED,
     number_of,
 )
-from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, Part, Ticker, is_reset, reset
+from sar_compiler.runtime.kernel.tree_nodes import (
+    DecoratorNode,
+    Part,
+    Ticker,
+    TreeNode,
+    is_reset,
+)
 
 
 class TurningNode(DecoratorNode):
@@ -185,7 +191,11 @@ def is_news(entry: Any, seen: int, ticker: Ticker) -> bool:
 
 
 class ConditionsNode(DecoratorNode):
-    """The pre- and post-conditions of a node, which is its child; they have one status between them."""
+    """The pre- and post-conditions of a node, which is its child; they have one status between them.
+
+    Attributes:
+        was_running: Whether the node was running when it began to be stopped.
+    """
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
@@ -193,6 +203,7 @@ class ConditionsNode(DecoratorNode):
         self.before: list[Any] = behaviour._before
         self.goes_on: Any = behaviour._while
         self.is_reset = is_reset(behaviour)
+        self.was_running = False
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the node, unless a condition decides."""
@@ -232,12 +243,16 @@ class ConditionsNode(DecoratorNode):
             ticker.cells[self.at] = outcome
         return outcome
 
-    def halt(self, ticker: Ticker) -> None:
-        """Halt the node; if it was running, run what is to be run then."""
-        was_running = ticker.cells[self.at] == RUNNING
-        reset(self.child, ticker)
-        if was_running:
+    def stop_first(self, ticker: Ticker) -> list[TreeNode]:
+        """Return the node, if it runs."""
+        self.was_running = ticker.cells[self.at] == RUNNING
+        return super().stop_first(ticker)
+
+    def stop_last(self, ticker: Ticker) -> None:
+        """If the node was running, run what is to be run then."""
+        if self.was_running:
             self.run_script(self.behaviour._on_halted)
+        super().stop_last(ticker)
 
     def run_script(self, script: Any) -> None:
         """Run a post-condition, if there is one, and then the one that follows any of them."""
