@@ -1,7 +1,7 @@
 """Building the behaviours of a tree."""
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from py_trees.behaviour import Behaviour
@@ -30,6 +30,10 @@ _CONDITIONS = {
     "_onHalted": "on_halted",
     "_post": "post",
 }
+
+
+_Place = tuple[Instance, BoundNode]
+"""A node of an instance."""
 
 
 class Builder:
@@ -77,9 +81,40 @@ class Builder:
         self._collector.tag(bound.element, "not-installed", message, hint=hint)
 
     def place(self, instance: Instance, bound: BoundNode) -> Behaviour:
-        """Build a node in place, with its wrappers."""
+        """Build a node in place, with its wrappers and all below it; not recursively, since trees may be deep."""
+        left: Iterator[_Place] = iter([(instance, bound)])
+        children: list[Behaviour] = []
+        # The nodes around, each with the siblings that are left and those that are made.
+        waiting: list[tuple[_Place, Iterator[_Place], list[Behaviour]]] = []
+        while True:
+            for place in left:
+                if place[1].children or place[1].subtree is not None:
+                    waiting.append((place, left, children))
+                    left, children = self._below(*place), []
+                    break
+                children.append(self._wrapped(*place, []))
+            else:
+                if not waiting:
+                    return children[0]
+                place, left, siblings = waiting.pop()
+                siblings.append(self._wrapped(*place, children))
+                children = siblings
+
+    @staticmethod
+    def _below(instance: Instance, bound: BoundNode) -> "Iterator[_Place]":
+        """Yield the places of a node's children."""
+        if bound.subtree is not None:
+            inner = instance.inner[bound]
+            assert inner.tree.root is not None  # noqa: S101 - otherwise there are findings
+            yield inner, inner.tree.root
+        elif bound.spec.structure:
+            for child in bound.children:
+                yield instance, child
+
+    def _wrapped(self, instance: Instance, bound: BoundNode, children: list[Behaviour]) -> Behaviour:
+        """Make a node, and the wrappers around it."""
         make = self._remembered if bound in self._targets else self._make
-        behaviour = make(instance, bound)
+        behaviour = make(instance, bound, children)
         if bound.conditions:
             behaviour = self._conditions(instance, bound, behaviour)
         if bound.oneshot is not None:
@@ -96,12 +131,16 @@ class Builder:
         self.constructions.append(Construction(wrapper.id, instance, bound, shown))
         return wrapper
 
-    def _remembered(self, instance: Instance, bound: BoundNode) -> Behaviour:
+    def _remembered(
+        self, instance: Instance, bound: BoundNode, children: list[Behaviour] | None = None
+    ) -> Behaviour:
         if (instance, bound) not in self._built:
-            self._built[instance, bound] = self._make(instance, bound)
+            if children is None:
+                children = [self.place(*below) for below in self._below(instance, bound)]
+            self._built[instance, bound] = self._make(instance, bound, children)
         return self._built[instance, bound]
 
-    def _make(self, instance: Instance, bound: BoundNode) -> Behaviour:
+    def _make(self, instance: Instance, bound: BoundNode, children: list[Behaviour]) -> Behaviour:
         """Make a node itself."""
         spec = bound.spec
         known = self._arguments[instance, bound] if bound.keys or spec.handed_over else None
@@ -111,11 +150,8 @@ class Builder:
             if target is not None:
                 arguments[parameter.name] = self._remembered(*target)
         if bound.subtree is not None:
-            inner = instance.inner[bound]
-            assert inner.tree.root is not None  # noqa: S101 - otherwise there are findings
-            arguments["child"] = self.place(inner, inner.tree.root)
+            (arguments["child"],) = children
         elif spec.structure:
-            children = [self.place(instance, child) for child in bound.children]
             arguments[spec.structure] = children if spec.kind is Kind.CONTROL else children[0]
         if spec.renamed:
             arguments = {spec.renamed.get(name, name): value for name, value in arguments.items()}

@@ -244,9 +244,9 @@ class SimulationBuilder(Builder):
             entry.declare(type(value))
             entry.write(value)
 
-    def _make(self, instance: Instance, bound: BoundNode) -> Behaviour:
+    def _make(self, instance: Instance, bound: BoundNode, children: list[Behaviour]) -> Behaviour:
         if not is_answered(bound.spec):
-            return super()._make(instance, bound)
+            return super()._make(instance, bound, children)
         names = {SELF: self._names[instance, bound], **self._numbers[instance, bound]}
         for parameter in bound.spec.references:
             target = instance.referred(bound, parameter.name)
