@@ -128,7 +128,7 @@ def _world(options: "Options") -> "World | None":
 
 
 def _require_navigation(tree: CompiledTree, world: "World") -> None:
-    """Check that the simulation has a navigation if the tree needs one; beside it nobody else may offer it.
+    """Check that the simulation provides Nav2 if the tree needs it: no other node may, beside a simulation.
 
     Raises:
         NotReadyError: If it does not.
