@@ -96,6 +96,12 @@ def test_a_page_imports_from_the_face_only(page):
     assert modules <= PUBLIC
 
 
+@pytest.mark.parametrize("page", [page for page in PAGES if page.name != "architecture.md"], ids=str)
+def test_a_page_for_users_names_no_module_behind_the_face(page):
+    named = set(re.findall(r"\bsar_compiler\.\w+\.\w+", page.read_text("utf-8")))
+    assert {name for name in named if not name.startswith("sar_compiler.testing.")} == set()
+
+
 @pytest.mark.parametrize("path", sorted(Path("examples").rglob("*.py")), ids=str)
 def test_an_example_imports_from_the_face_only(path):
     modules = {each for each in imported(path.read_text("utf-8")) if re.match(r"sar_compiler\b", each)}

@@ -91,8 +91,6 @@ def shared(pairs):
 
 # Classes and aliases that still share a name, with the reason.
 NAMESAKES = {
-    "Answer": "of a server that misbehaves, beside that of a leaf",
-    "Pose": "of a zone in a file, beside that of a goal",
     "Timeout": "BehaviorTree.CPP's, and py_trees' own; outlines of users' trees show both with their modules",
 }
 

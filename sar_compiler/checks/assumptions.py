@@ -18,7 +18,7 @@ _KINDS: Mapping[type, str] = {bool: "true or false", int: "a whole number", floa
 
 
 class DisputedFactError(SarError):
-    """Leaves start a fact with different values, and nobody says which counts."""
+    """Leaves give a fact different initial values, and no file decides between them."""
 
 
 def raise_disputes(simulated: SimulatedTree) -> None:
@@ -93,7 +93,7 @@ def _answer(document: Document, value: Value, specs: Sequence[NodeSpec]) -> Answ
 
 
 def _can(spec: NodeSpec, status: str) -> bool:
-    """Say whether a leaf can have an outcome; one that names none can have the usual ones."""
+    """Return whether a leaf can have an outcome; one that names none can have the usual ones."""
     return status in (spec.outcomes or ("SUCCESS", "FAILURE", "RUNNING"))
 
 

@@ -146,19 +146,34 @@ def _paths(
     path: Path, document: "Document", written: "Value | None", name: str, option: str
 ) -> tuple[Path, ...]:
     """Return paths that a setting lists, from the file's folder; none leads out of the repository."""
-    folder = path.parent
-    repository = repository_of(folder) or folder
-    paths = []
-    for value in written.listed if written is not None else ():
-        text = str(value.data)
-        # Links are followed; what goes round in a circle is complained of when it is read.
-        if "\0" not in text and Path(os.path.realpath(folder / text)).is_relative_to(repository):
-            paths.append(folder / text)
-            continue
-        message = f"{name}: '{text}' lies outside the repository of this file"
-        hint = f"put it into the repository, or name it yourself: {option}"
-        document.report(value, "setting-outside", message, hint=hint)
-    return tuple(paths)
+    listed = written.listed if written is not None else ()
+    found = (
+        path_inside(document, path.parent, value, name, f", or name it yourself: {option}")
+        for value in listed
+    )
+    return tuple(each for each in found if each is not None)
+
+
+def path_inside(
+    document: "Document", folder: Path, value: "Value", name: str, otherwise: str = ""
+) -> Path | None:
+    """Return a path that a file names, from its folder; None, with a finding, if it leads out of the repository.
+
+    Args:
+        document: The file.
+        folder: Its folder, which counts where there is no repository.
+        value: The path.
+        name: The key that it is the value of.
+        otherwise: What else can be done about it, for the hint.
+    """
+    text = str(value.data)
+    repository = (repository_of(folder.resolve()) or folder).resolve()
+    # Links are followed; what goes round in a circle is complained of when it is read.
+    if "\0" not in text and Path(os.path.realpath(folder / text)).is_relative_to(repository):
+        return folder / text
+    message = f"{name}: '{text}' lies outside the repository of this file"
+    document.report(value, "setting-outside", message, hint=f"put it into the repository{otherwise}")
+    return None
 
 
 def _as_written(path: Path) -> str:

@@ -4,6 +4,9 @@ import difflib
 import os
 from pathlib import Path
 
+from sar_compiler.errors import SarError
+from sar_compiler.tree.content import read_bytes
+
 RENEW = "SAR_RENEW_GOLDEN"
 """The environment variable that has such files written anew."""
 
@@ -18,17 +21,29 @@ def difference(path: Path, text: str, what: str) -> str | None:
 
     Returns:
         None if they are the same, else what is different, or that there is no file yet.
+
+    Raises:
+        UnreadableFileError: If the file cannot be read.
+        SarError: If it cannot be written.
     """
     if os.environ.get(RENEW):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+        _write(path, text)
         return None
     if not path.is_file():
         return f"there is no golden file {path} yet: run with {RENEW}=1, then review and commit it"
-    expected = path.read_text(encoding="utf-8")
+    expected = read_bytes(path).decode("utf-8", "replace")
     if text == expected:
         return None
     lines = difflib.unified_diff(
         expected.splitlines(), text.splitlines(), f"{path} (committed)", what, lineterm=""
     )
     return "\n".join([*lines, f"If this is meant, run with {RENEW}=1 and review the change."])
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        message = f"cannot write {path}: {error.strerror}"
+        raise SarError(message) from error

@@ -31,7 +31,7 @@ class EventPattern:
     answer: str = ""
 
     def matches(self, event: Event) -> bool:
-        """Say whether an event is this."""
+        """Return whether an event matches this pattern."""
         if event.what != self.what or event.leaf not in self.leaves:
             return False
         return event.answer is None or self.answer in (event.answer.label, event.answer.status)

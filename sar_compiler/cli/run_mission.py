@@ -24,6 +24,7 @@ from sar_compiler.errors import SarError
 from sar_compiler.missions.choosing import choose_mission
 from sar_compiler.missions.ending import EndCondition, RunResult, Until
 from sar_compiler.missions.mission import Mission, MissionRun
+from sar_compiler.nodes.spec import Use
 from sar_compiler.project import Additions, LoadedTree, Workspace
 from sar_compiler.ros.arguments import (
     init_arguments,
@@ -35,7 +36,7 @@ from sar_compiler.ros.blame import tell
 from sar_compiler.ros.clock import RosClock
 from sar_compiler.ros.engine import Engine, EngineFactory, find_engine
 from sar_compiler.ros.errors import readable_ros_errors
-from sar_compiler.ros.faults import NAVIGATION_FAULTS, Fault, FaultPlan, parse_fault
+from sar_compiler.ros.faults import NAVIGATION, NAVIGATION_FAULTS, Fault, FaultPlan, parse_fault
 from sar_compiler.ros.parameter_file import sections_elsewhere
 from sar_compiler.ros.parameter_reader import ParameterReader, lookalikes
 from sar_compiler.ros.parameters import flat_parameters, mission_node
@@ -100,11 +101,12 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
         reader.complain()
         run = _Run(options, signals, node, parameters, begun, make_engine)
         tree = compile_tree(binding, run.context, reader.parameters)
-        if world is not None:
-            run.simulation = stack.enter_context(_simulation(options, world, node, begun, faults))
         for note in [*_slips(reader, mission, tree), *reader.notes]:
             node.get_logger().warning(note)
         try:
+            if world is not None:
+                _require_navigation(tree, world)
+                run.simulation = stack.enter_context(_simulation(options, world, node, begun, faults))
             return run.run(tree)
         except NotReadyError as error:
             print(f"sar-run: {error}", file=sys.stderr)
@@ -123,6 +125,17 @@ def _world(options: "Options") -> "World | None":
     from sar_compiler.sim.world_file import find_world
 
     return find_world(options.sim)
+
+
+def _require_navigation(tree: CompiledTree, world: "World") -> None:
+    """Check that the simulation provides Nav2 if the tree needs it: no other node may, beside a simulation.
+
+    Raises:
+        NotReadyError: If it does not.
+    """
+    if world.map_path is None and not {Use.nav2(), Use.action(NAVIGATION)}.isdisjoint(tree.uses()):
+        line = f"Nav2: the world '{world.name}' has no map, and without one nothing navigates in it"
+        raise NotReadyError([line], 0.0)
 
 
 def _sections_elsewhere(options: "Options", node: Node) -> str:

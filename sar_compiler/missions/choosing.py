@@ -1,5 +1,6 @@
 """The choice of a tree's mission."""
 
+from collections.abc import Collection
 from pathlib import Path
 
 from sar_compiler.errors import SarError
@@ -34,13 +35,27 @@ def load_missions(checkout: Path | None = None) -> dict[str, Mission]:
         except (Exception, SystemExit) as error:  # whatever a module does when it is imported
             message = f"{source} cannot be imported: {type(error).__name__}: {error}"
             raise MissionError(message) from error
-        if not isinstance(mission, Mission):
-            message = f"{source} is no Mission, but {mission!r}"
+        flaw = _flaw(mission)
+        if flaw:
+            message = f"{source} {flaw}"
             raise MissionError(message)
         if missions.setdefault(mission.name, mission) is not mission:
             message = f"two missions are installed as '{mission.name}'; {source} is the second"
             raise MissionError(message)
     return missions
+
+
+def _flaw(mission: object) -> str:
+    """Return what is wrong with the object that an entry point names; empty if it is a mission."""
+    if not isinstance(mission, Mission):
+        return f"is no Mission, but {mission!r}"
+    name = getattr(mission, "name", None)
+    if not isinstance(name, str) or not (name.isascii() and name.isidentifier()):
+        return f"needs a name that a node can have, such as 'patrol'; it is {name!r}"
+    types = mission.context_types
+    if isinstance(types, Collection) and all(isinstance(each, type) for each in types):
+        return ""
+    return f"needs the classes of its context objects as context_types, in brackets; they are {types!r}"
 
 
 def mission_named(name: str, checkout: Path | None = None) -> Mission:

@@ -81,7 +81,7 @@ class Mission(ABC):
     """
 
     name: str
-    context_types: Collection[type]
+    context_types: Collection[type] = ()
     parameter_names: Collection[str] = ()
     faults: Mapping[str, Collection[str]] = {}
     default_tree: str | None = None

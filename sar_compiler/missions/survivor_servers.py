@@ -38,10 +38,10 @@ def report(argv: Sequence[str] | None = None) -> int:
 def _detector(context: "Context", arguments: list[str]) -> "Node":
     from sar_compiler.missions.search_and_rescue.detect_survivor_server import DetectSurvivorServer
 
-    return DetectSurvivorServer(context, cli_args=arguments)
+    return DetectSurvivorServer(context=context, cli_args=arguments)
 
 
 def _base(context: "Context", arguments: list[str]) -> "Node":
     from sar_compiler.missions.search_and_rescue.report_survivor_server import ReportSurvivorServer
 
-    return ReportSurvivorServer(context, cli_args=arguments)
+    return ReportSurvivorServer(context=context, cli_args=arguments)

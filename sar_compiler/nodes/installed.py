@@ -17,6 +17,7 @@ import sys
 import sysconfig
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from importlib.machinery import PathFinder
 from importlib.metadata import Distribution, EntryPoint, distributions
 from pathlib import Path
 from types import ModuleType
@@ -58,7 +59,23 @@ def is_installed(module: str, checkout: Path | None = None) -> bool:
     if top in sys.stdlib_module_names or not all(part.isidentifier() for part in (top, *rest)):
         return False
     with _importing(checkout):
-        return any(finder.find_spec(top, None) is not None for finder in sys.meta_path)
+        specs = ((finder, finder.find_spec(top, None)) for finder in sys.meta_path)
+        finder, spec = next((found for found in specs if found[1] is not None), (None, None))
+        if spec is None or checkout is None or finder is not PathFinder:
+            return spec is not None
+        places = map(Path, spec.submodule_search_locations or [spec.origin or ""])
+        return not any(_is_entered_from_above(place, rest, checkout.resolve()) for place in places)
+
+
+def _is_entered_from_above(top: Path, rest: list[str], checkout: Path) -> bool:
+    """Return whether the way to a module leads from a folder of `sys.path` above a checkout into it.
+
+    Such a folder, which may be the user's own with all his checkouts, makes each of them a package.
+    """
+    folder = top.parent.resolve()
+    return (folder / top.name).joinpath(*rest).is_relative_to(checkout) and not folder.is_relative_to(
+        checkout
+    )
 
 
 def import_installed(module: str, checkout: Path | None = None) -> ModuleType:

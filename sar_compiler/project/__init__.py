@@ -389,7 +389,14 @@ def load(
         UnreadableFileError: If the file does not exist or cannot be read.
         TreeError: If the project's configuration has mistakes. Findings about the tree are returned by `check`, and
             raised by `compile`, `simulate` and `verify`.
+        TypeError: If *nodes*, *models* or *include_path* is a single text.
     """
+    for name, several in (("nodes", nodes), ("models", models), ("include_path", include_path)):
+        if isinstance(several, str):
+            message = (
+                f"{name} is the text '{several}'; write several or one in brackets: {name}=['{several}']"
+            )
+            raise TypeError(message)
     palettes, folders = (tuple(Path(path) for path in each) for each in (models, include_path))
     additions = Additions(tuple(nodes), palettes, folders, registry=registry)
     # The frames between are `_note`, `project_of` and the two `load`.

@@ -89,8 +89,12 @@ class Simulated:
             self._simulation.tick()
         return self
 
-    def expect(self, **expectations: object) -> None:
+    def expect(self, *, trace: str | Path | None = None, **expectations: object) -> None:
         """Compare the run with expectations as in a scenario's `expect`: `root`, `order`, `never`, `count`...
+
+        Args:
+            trace: The file of the trace that the run must have, from the current folder.
+            **expectations: The others.
 
         Raises:
             AssertionError: If an expectation is not met, with the trace.
@@ -104,7 +108,7 @@ class Simulated:
         if "ends" not in expectations:
             expect = replace(expect, ends=run.ended)
         judged = replace(run, scenario=replace(run.scenario, path="", expect=expect))
-        _complain(judged, failures(judged), expect.trace)
+        _complain(judged, failures(judged), None if trace is None else Path(trace))
 
 
 def _written(said: Mapping[str, object]) -> Document:

@@ -217,16 +217,16 @@ class FaultPlan:
         return ServiceFaults([fault for fault in self.faults if fault.target == name])
 
 
-Answer = Callable[[Any, Any], Any]
+ServiceCallback = Callable[[Any, Any], Any]
 
 
 def create_service(
     node: "Node",
     service_type: Any,
     name: str,
-    answer: Answer,
+    answer: ServiceCallback,
     *,
-    refuse: Answer | None = None,
+    refuse: ServiceCallback | None = None,
     faults: ServiceFaults | None = None,
 ) -> "Service":
     """Create a service server on *node* with fault injection.

@@ -135,17 +135,16 @@ class ParameterReader:
             for name in groups
             if name not in order
         ]
-        return [{"id": name, **self.point(f"{noun}s.{name}", _POSE, groups[name])} for name in order]
+        return [{"id": name, **self.point(f"{noun}s.{name}", _POSE)} for name in order]
 
-    def point(self, prefix: str, names: Iterable[str], present: Collection[str]) -> dict[str, float]:
+    def point(self, prefix: str, names: Iterable[str]) -> dict[str, float]:
         """Read coordinates that must all be given.
 
         Args:
             prefix: The prefix of their names.
             names: The coordinates, such as `x` and `y`.
-            present: The coordinates that are given.
         """
-        return {name: self._coordinate(f"{prefix}.{name}", given=name in present) for name in names}
+        return {name: self.number(f"{prefix}.{name}") for name in names}
 
     def _order(self, noun: str, known: Collection[str]) -> list[str]:
         """Return the ids to visit, each once and known."""
@@ -183,12 +182,6 @@ class ParameterReader:
         self.report(f"{noun}_order", missing)
         return False
 
-    def _coordinate(self, key: str, *, given: bool) -> float:
-        if given:
-            return self.number(key)
-        self.report(key, "is missing: give a number")
-        return 0.0
-
     def pose(self, prefix: str) -> dict[str, float]:
         """Return the one pose `<prefix>.{x,y,yaw}`; missing coordinates are 0."""
         for key in self.parameters:
@@ -197,10 +190,14 @@ class ParameterReader:
             elif key.startswith(f"{prefix}.") and key.partition(".")[2] not in _POSE:
                 self.report(key, f"is not known there; {_did_you_mean(key.partition('.')[2], _POSE)}")
         keys = {name: f"{prefix}.{name}" for name in _POSE}
-        return {name: self.number(key) if key in self.parameters else 0.0 for name, key in keys.items()}
+        return {name: self.number(key, 0.0) for name, key in keys.items()}
 
-    def number(self, key: str) -> float:
-        """Return a finite number."""
+    def number(self, key: str, default: float | None = None) -> float:
+        """Return a finite number; a missing one is the default, or else a mistake."""
+        if key not in self.parameters:
+            if default is None:
+                self.report(key, "is missing: give a number")
+            return default or 0.0
         value = self.parameters[key]
         if isinstance(value, bool) or not isinstance(value, int | float):
             self.report(key, f"must be a number, is {_shown(value)}{_unquoted(value)}")
@@ -223,7 +220,7 @@ class ParameterReader:
     def duration(self, key: str, default: float) -> float:
         """Return a time span above 0, in seconds."""
         before = len(self.problems)
-        seconds = self.number(key) if key in self.parameters else default
+        seconds = self.number(key, default)
         if seconds <= 0 and key in self.parameters and len(self.problems) == before:
             self.report(key, f"must be above 0, is {seconds:g}")
         return seconds

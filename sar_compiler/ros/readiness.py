@@ -11,10 +11,10 @@ from sar_compiler.errors import SarError
 from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.requirements import (
     ClockRuns,
+    InitialPose,
     Localised,
     NodeActive,
     OneServer,
-    Pose,
     Published,
     Requirement,
 )
@@ -61,7 +61,7 @@ class Readiness:
         node: Node,
         uses: Iterable[Use],
         *,
-        initial_pose: Pose | None,
+        initial_pose: InitialPose | None,
         localizer: str = "amcl",
         navigator: str = "bt_navigator",
     ) -> None:

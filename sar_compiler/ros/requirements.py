@@ -12,7 +12,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.task import Future
 
-Pose = tuple[float, float, float]
+InitialPose = tuple[float, float, float]
 """x and y in metres, yaw in radians."""
 
 _INITIAL_POSE_PERIOD_SEC = 1.0
@@ -110,7 +110,7 @@ class Localised(Requirement):
         pose: The robot's pose, in the frame `map`.
     """
 
-    def __init__(self, node: Node, pose: Pose) -> None:
+    def __init__(self, node: Node, pose: InitialPose) -> None:
         self._node = node
         self._pose = pose
         self._sent_at = -math.inf

@@ -179,7 +179,7 @@ class _XmlReader:
         raise TreeError([Diagnostic(code, message, self._source, self._source.span(start, end), hint=hint)])
 
     def _malformed(self, error: expat.ExpatError) -> Diagnostic:
-        """Say what is wrong in the reader's words where expat's alone would not help."""
+        """Return a finding in the reader's words for an error that expat's own words do not explain."""
         start = self._source.offset(error.lineno, error.offset + 1)
         words = expat.errors.messages.get(error.code, str(error))
         hint = _HINTS.get(words)

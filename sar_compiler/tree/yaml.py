@@ -237,7 +237,7 @@ class _YamlReader:
             self._report("wrong-shape", message, *_place(key), hint="write a comment instead")
 
     def _not_a_text(self, parts: _Parts, key: Any) -> None:
-        """Say of a list or a mapping that it cannot be the value of an attribute."""
+        """Report a list or a mapping in place of an attribute's value."""
         value = self._events.next
         start, end = _place(value)[0], self._events.skip()
         if isinstance(value, yaml.AliasEvent):

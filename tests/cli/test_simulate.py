@@ -209,6 +209,49 @@ def test_a_trace_is_held_against_the_file_that_the_scenario_names(capsys, tree, 
     assert "+  NavigateToZone  aborted (FAILURE)\n" in out
 
 
+@pytest.mark.parametrize("renew", ["", "1"])
+@pytest.mark.parametrize("path", ["../{}.txt", "/etc/hostname", "link.txt", '"a\\0b"'])
+def test_a_trace_outside_the_repository_is_neither_shown_nor_written(
+    capsys, tree, scenario, monkeypatch, path, renew
+):
+    secret = tree.parent.parent / f"{tree.parent.name}.txt"
+    secret.write_text("secret", encoding="utf-8")
+    (tree.parent / "link.txt").symlink_to(secret)
+    monkeypatch.setenv(RENEW, renew)
+    status, out, err = run(
+        capsys, tree, "--scenario", scenario(f"expect: {{trace: {path}}}".replace("{}", tree.parent.name))
+    )
+    assert status == 2
+    assert ": error[setting-outside]: trace: " in out + err
+    assert "secret\n" not in out + err
+    assert secret.read_text("utf-8") == "secret"
+
+
+def test_a_trace_may_lie_anywhere_in_the_repository(capsys, tree, scenario, monkeypatch):
+    (tree.parent / ".git").mkdir()
+    (tree.parent / "scenarios").mkdir()
+    path = scenario("expect: {trace: ../golden/trace.txt}", "scenarios/s.yaml")
+    monkeypatch.setenv(RENEW, "1")
+    assert run(capsys, tree, "--scenario", path)[0] == 0
+    assert "NavigateToZone" in (tree.parent / "golden/trace.txt").read_text("utf-8")
+
+
+def test_a_trace_that_is_no_text_differs(capsys, tree, scenario, monkeypatch):
+    monkeypatch.delenv(RENEW, raising=False)
+    (tree.parent / "trace.txt").write_bytes(b"\xff\n")
+    status, out, _ = run(capsys, tree, "--scenario", scenario("expect: {trace: trace.txt}"))
+    assert status == 1
+    assert "-\N{REPLACEMENT CHARACTER}\n" in out
+
+
+def test_a_trace_that_cannot_be_written_is_named(capsys, tree, scenario, monkeypatch):
+    (tree.parent / "golden").mkdir()
+    monkeypatch.setenv(RENEW, "1")
+    status, _, err = run(capsys, tree, "--scenario", scenario("expect: {trace: golden}"))
+    assert status == 2
+    assert f"cannot write {tree.parent / 'golden'}: Is a directory" in err
+
+
 def test_what_a_leaf_answers_is_shown_with_its_facts(capsys):
     assert main(["nodes", "NavigateToZone"]) == 0
     out = capsys.readouterr().out

@@ -106,6 +106,23 @@ def test_a_file_for_another_node_says_whose_its_sections_are(start, tmp_path):
         ) in refused(start, *arguments)
 
 
+@pytest.mark.parametrize("use", ['Use.action("navigate_to_pose")', "Use.nav2()"])
+def test_a_world_in_which_nothing_navigates_is_named_at_once(start, tmp_path, use):
+    (tmp_path / "drives.py").write_text(
+        "from py_trees.behaviours import Dummy\nfrom sar_compiler import Kind, Use, register\n"
+        f"@register('Drive', kind=Kind.ACTION, uses=[{use}])\n"
+        "class Drive(Dummy):\n    def __init__(self, name: str) -> None:\n        super().__init__(name)\n",
+        encoding="utf-8",
+    )
+    tree = tmp_path / "tree.xml"
+    tree.write_text(document("<Drive/>"), encoding="utf-8")
+    path = {"PYTHONPATH": str(tmp_path)}
+    run = start("sar-run", tree, "--nodes", "drives", "--sim", "empty", env=path)
+    assert run.end() == 3
+    assert "Nav2: the world 'empty' has no map, and without one nothing navigates in it" in run.output
+    assert "Waiting for" not in run.output
+
+
 def test_what_does_not_appear_in_time_is_named_and_has_a_status_of_its_own(start):
     run = start("sar-run", "--ros-args", "-p", "startup_timeout_sec:=1.0")
     assert run.end() == 3

@@ -32,7 +32,9 @@ class Farm(Mission):
     def begin(self, reader):
         return MissionRun()
 
-FARM, OTHER = Farm(), Farm()
+FARM, OTHER, UNNAMED, LOOSE = Farm(), Farm(), Farm(), Farm()
+UNNAMED.name = "my farm"
+LOOSE.context_types = Crop
 """
 
 
@@ -111,6 +113,8 @@ def test_a_name_that_there_is_not_is_answered_with_the_one_that_was_meant():
         ),
         (["farm_d:NOT_THERE"], "cannot be imported: AttributeError"),
         (["farm_d:Crop"], "'farm_d:Crop' (entry point 'entry0') is no Mission, but <class 'farm_d.Crop'>"),
+        (["farm_d:UNNAMED"], "needs a name that a node can have, such as 'patrol'; it is 'my farm'"),
+        (["farm_d:LOOSE"], "as context_types, in brackets; they are <class 'farm_d.Crop'>"),
         (
             ["farm_d:FARM", "farm_d:OTHER"],
             "two missions are installed as 'farming'; the mission 'farm_d:OTHER'",

@@ -69,7 +69,7 @@ class TestDetecting:
         from sar_compiler.missions.search_and_rescue.detect_survivor_server import DetectSurvivorServer
 
         arguments = ["--ros-args", *(part for each in parameters for part in ("-p", each))]
-        ros.add(DetectSurvivorServer(ros.context, faults, arguments if parameters else None))
+        ros.add(DetectSurvivorServer(faults, context=ros.context, cli_args=arguments if parameters else None))
         return Caller(ros)
 
     def test_finds_the_survivors_of_the_contract(self, ros: Ros, said: Said) -> None:
@@ -113,7 +113,7 @@ class TestDetecting:
         from sar_compiler.missions.search_and_rescue.detect_survivor_server import DetectSurvivorServer
 
         ros = make_ros(["--ros-args", "-r", "__ns:=/robot1"])
-        ros.add(DetectSurvivorServer(ros.context))
+        ros.add(DetectSurvivorServer(context=ros.context))
         assert Caller(ros).detect("zone_a").found
 
     def test_a_dropped_call_gets_no_answer_and_the_next_does(self, ros: Ros) -> None:
@@ -132,7 +132,7 @@ class TestReporting:
     def serve(self, ros: Ros, faults: Any = None) -> Caller:
         from sar_compiler.missions.search_and_rescue.report_survivor_server import ReportSurvivorServer
 
-        ros.add(ReportSurvivorServer(ros.context, faults))
+        ros.add(ReportSurvivorServer(faults, context=ros.context))
         return Caller(ros)
 
     def test_acknowledges_a_report_and_logs_id_point_and_frame(self, ros: Ros, said: Said) -> None:

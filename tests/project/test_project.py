@@ -93,6 +93,13 @@ class TestLoading:
         with pytest.raises(RegistryError, match="Unmarked is not registered: write @register above"):
             load(write(folder, SLEEPS), nodes=[Unmarked]).check()
 
+    @pytest.mark.parametrize("argument", ["nodes", "models", "include_path"])
+    def test_one_text_in_place_of_several_is_explained(self, argument):
+        with pytest.raises(
+            TypeError, match=rf"^{argument} is the text 'x'; .* in brackets: {argument}=\['x'\]$"
+        ):
+            load("search_and_rescue", **{argument: "x"})  # type: ignore[arg-type]
+
     def test_palettes_and_folders_are_added(self, folder):
         palette = write(
             folder, '<root><TreeNodesModel><Action ID="Fly"/></TreeNodesModel></root>', "palette.xml"

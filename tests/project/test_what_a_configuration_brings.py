@@ -57,6 +57,29 @@ class TestModulesThatAConfigurationNames:
         assert "untrusted-nodes" in said
         assert not named.has_run
 
+    @pytest.mark.parametrize("above", [1, 2])
+    @pytest.mark.parametrize("package", [True, False])
+    def test_are_not_imported_as_parts_of_a_package_that_is_the_checkout(self, named, above, package):
+        """As where `PYTHONPATH` has the folder with all of a user's checkouts."""
+        if package:
+            named.write("__init__.py", "")
+        folders = [named.folder, *named.folder.parents]
+        module = ".".join([*(folder.name for folder in reversed(folders[:above])), "gripper"])
+        named.configure(f'nodes = ["{module}"]\n')
+        said = named.validate(PYTHONPATH=str(folders[above]))
+        assert "untrusted-nodes" in said
+        assert not named.has_run
+
+    def test_are_imported_when_what_is_installed_lies_above_the_trees(self, named, tmp_path):
+        """As of a package that `pip install --target` has put somewhere with its trees."""
+        site = tmp_path / "site"
+        (site / "robot").mkdir(parents=True)
+        shutil.move(named.folder, site / "robot" / "trees")
+        shutil.move(site / "robot" / "trees" / "gripper.py", site / "robot")
+        named.folder = site / "robot" / "trees"
+        named.configure('nodes = ["robot.gripper"]\n')
+        assert named.validate(PYTHONPATH=str(site)) == VALID
+
     def test_are_not_imported_from_the_current_folder_either(self, named, tmp_path):
         elsewhere = tmp_path / "elsewhere"
         elsewhere.mkdir()

@@ -204,6 +204,15 @@ class TestMistakes:
         found = mistakes({k: v for k, v in mission().items() if k != f"zones.zone_b.{name}"})
         assert found == {f"zones.zone_b.{name}": "is missing: give a number"}
 
+    def test_a_number_that_is_missing_and_has_no_default(self) -> None:
+        reader = ParameterReader({"height": 2})
+        assert (reader.number("height"), reader.number("depth", 1.5), reader.number("width")) == (
+            2.0,
+            1.5,
+            0.0,
+        )
+        assert [str(each) for each in reader.problems] == ["width: is missing: give a number"]
+
     @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
     def test_a_number_that_is_not_finite(self, value: float) -> None:
         assert "finite" in mistakes(mission(zones__zone_a__x=value))["zones.zone_a.x"]

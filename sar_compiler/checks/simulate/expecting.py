@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from sar_compiler.checks.configuration import path_inside
 from sar_compiler.checks.leaf_words import EventPattern, LeafWords
 from sar_compiler.checks.simulate.scenario import Bounds, Expectations
 from sar_compiler.checks.typed_values import seconds
@@ -28,7 +29,9 @@ def read_expectations(
         order=_deeds(document, parts.get("order"), words),
         never=_deeds(document, parts.get("never"), words),
         counts=_counts(document, parts["count"], words) if "count" in parts else (),
-        trace=Path(document.source.path).parent / (parts["trace"].text or "") if "trace" in parts else None,
+        trace=path_inside(document, Path(document.source.path).parent, parts["trace"], "trace")
+        if "trace" in parts
+        else None,
         lines=dict(_lines(document, parts)),
     )
 

@@ -96,7 +96,7 @@ def read_scenario(path: str | Path, stage: Stage) -> Play:
 
 
 def understand(document: Document, stage: Stage) -> Play:
-    """Say what a scenario's file means.
+    """Return the tree and the scenario that a file describes.
 
     Args:
         document: The file.

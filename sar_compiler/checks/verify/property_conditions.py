@@ -109,7 +109,7 @@ class Condition:
 def read_condition(
     document: Document, value: Value, known: Collection[str], *, after_a_tick: bool
 ) -> Script | None:
-    """Read a condition; what is wrong with it is told to the document.
+    """Read a condition; mistakes in it are reported to the document.
 
     Args:
         document: The file.

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-from rclpy.context import Context
 from sar_interfaces.srv import DetectSurvivor
 
 from sar_compiler.missions.search_and_rescue.parameters import read_survivors
@@ -18,24 +17,16 @@ class DetectSurvivorServer(DataNode):
     """Answers from a table of survivors: its parameters `survivors.<zone>.{x,y}`, or the default one.
 
     Args:
-        context: The context of the node; by default the process's own.
         faults: The faults to inject.
-        cli_args: ROS arguments of its own.
-        options: Further keyword arguments of `rclpy.node.Node`.
+        options: Keyword arguments of `DataNode`: `context`, `cli_args` and so on.
 
     Raises:
         ParameterError: If the table in the parameters is invalid.
         RosArgumentError: If a name or a value in its arguments is not allowed for a node.
     """
 
-    def __init__(
-        self,
-        context: Context | None = None,
-        faults: ServiceFaults | None = None,
-        cli_args: list[str] | None = None,
-        **options: Any,
-    ) -> None:
-        super().__init__("detect_survivor_server", context, cli_args, **options)
+    def __init__(self, faults: ServiceFaults | None = None, **options: Any) -> None:
+        super().__init__("detect_survivor_server", **options)
         parameters = flat_parameters(self)
         self._survivors = read_survivors(parameters, SURVIVORS)
         for note in lookalikes(parameters, ["survivors"]):

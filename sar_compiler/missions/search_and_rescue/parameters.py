@@ -24,8 +24,7 @@ def read_survivors(
     """
     reader = ParameterReader(parameters)
     points = {
-        zone_id: reader.point(f"survivors.{zone_id}", _POINT, given)
-        for zone_id, given in reader.group("survivors", _POINT).items()
+        zone_id: reader.point(f"survivors.{zone_id}", _POINT) for zone_id in reader.group("survivors", _POINT)
     }
     reader.complain()
     return {zone_id: (point["x"], point["y"]) for zone_id, point in points.items()} or dict(default)

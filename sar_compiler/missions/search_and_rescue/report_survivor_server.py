@@ -2,7 +2,6 @@
 
 from typing import Any
 
-from rclpy.context import Context
 from sar_interfaces.srv import ReportSurvivor
 
 from sar_compiler.missions.search_and_rescue.frames import MAP_FRAME
@@ -14,23 +13,15 @@ class ReportSurvivorServer(DataNode):
     """Acknowledges every report that is given in the frame `map`.
 
     Args:
-        context: The context of the node; by default the process's own.
         faults: The faults to inject.
-        cli_args: ROS arguments of its own.
-        options: Further keyword arguments of `rclpy.node.Node`.
+        options: Keyword arguments of `DataNode`: `context`, `cli_args` and so on.
 
     Raises:
         RosArgumentError: If a name or a value in its arguments is not allowed for a node.
     """
 
-    def __init__(
-        self,
-        context: Context | None = None,
-        faults: ServiceFaults | None = None,
-        cli_args: list[str] | None = None,
-        **options: Any,
-    ) -> None:
-        super().__init__("report_survivor_server", context, cli_args, **options)
+    def __init__(self, faults: ServiceFaults | None = None, **options: Any) -> None:
+        super().__init__("report_survivor_server", **options)
         create_service(
             self, ReportSurvivor, "report_survivor", self._answer, refuse=self._refuse, faults=faults
         )
