@@ -13,6 +13,8 @@ COUNT ?= 60
 MATRIX ?= $(WANTED)/2.3.0 $(WANTED)/2.5.0 3.10/2.6.0 3.11/2.6.0 3.12/2.6.0 3.13/2.6.0
 
 BIN := $(VENV)/bin
+# What ticks trees is tested compiled and as it is.
+KERNEL_TESTS := tests/runtime tests/conformance tests/checks/verify tests/checks/simulate
 INTERFACES := $(shell find interfaces pip_interfaces -type f 2>/dev/null)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
@@ -40,7 +42,8 @@ demo: env
 # where bytecode is not kept.
 test: export PYTHONDONTWRITEBYTECODE :=
 test: env
-	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov --cov-report=term
+	SAR_KERNEL=python $(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov --cov-report= $(KERNEL_TESTS)
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov --cov-append --cov-report=term
 
 # An environment for each Python, below build/; what pythonX.Y does not start is left out, and said.
 test-matrix:
@@ -88,6 +91,7 @@ golden: env
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage*
+	rm -f sar_compiler_kernel__mypyc*.so sar_compiler/runtime/kernel/*.so sar_compiler/runtime/kernel/compiled.json
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # --- the environment ---------------------------------------------------------------------------------

@@ -1,8 +1,14 @@
-"""What colcon calls. All but the shipped files is said in pyproject.toml."""
+"""What colcon calls. All but the shipped files and the compiled kernel is said in pyproject.toml."""
 
+import hashlib
+import importlib.util
+import json
+import os
+import sys
 from pathlib import Path
 
-from setuptools import setup
+from setuptools import Distribution, Extension, setup
+from setuptools.command.build_ext import build_ext
 
 SHARE = "share/sar_compiler"
 # These stand below share/sar_compiler as they stand here, folder by folder.
@@ -23,7 +29,51 @@ def data_files() -> "list[tuple[str, list[str]]]":
     return list(folders.items())
 
 
-distribution = setup(data_files=data_files())
+KERNEL = Path("sar_compiler/runtime/kernel")
+RECORD = KERNEL / "compiled.json"
+OPTIONS = ("--config-file=", "--ignore-missing-imports", "--follow-imports=silent")
+
+
+def kernel() -> "list[Extension]":
+    """Return the modules of the kernel, for the C compiler.
+
+    The kernel works as it is, too, so no failure on the way is one of the build.
+    """
+    from mypyc.build import mypycify
+
+    sources = sorted(path for path in KERNEL.glob("*.py") if path.stem != "__init__")
+    arguments = [*OPTIONS, "--python-executable", sys.executable, *map(str, sources)]
+    try:
+        modules = mypycify(arguments, debug_level="0", group_name="sar_compiler_kernel")
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever mypyc cannot do here
+        sys.stderr.write(f"the kernel is not compiled: {error}\n")
+        return []
+    for module in modules:
+        module.optional = True
+    # A compiled module is used only beside the source that it was made of.
+    digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sources}
+    RECORD.write_text(json.dumps(digests, indent=1) + "\n", encoding="utf-8")
+    return modules
+
+
+class Building(build_ext):
+    """Asks mypyc only when something is built: tools call this file for its metadata, too."""
+
+    def finalize_options(self) -> None:
+        """Find out what is to be compiled."""
+        self.distribution.ext_modules = kernel()
+        super().finalize_options()
+
+
+class WithKernel(Distribution):
+    """Has something to compile wherever mypyc is, unless that is not wanted."""
+
+    def has_ext_modules(self) -> bool:
+        """Return whether there is something to compile."""
+        return os.environ.get("SAR_KERNEL") != "python" and importlib.util.find_spec("mypyc") is not None
+
+
+distribution = setup(data_files=data_files(), distclass=WithKernel, cmdclass={"build_ext": Building})
 # colcon prints the distribution and reads the values back, which cannot be done with a SpecifierSet.
 for holder in (distribution, distribution.metadata):
     holder.python_requires = str(holder.python_requires)

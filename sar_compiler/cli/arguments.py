@@ -2,6 +2,8 @@
 
 import argparse
 import math
+import platform
+from typing import Any
 
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, PIPE_CLOSED, USAGE, run
 
@@ -13,6 +15,25 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, prog: str, description: str, **settings: object) -> None:
         super().__init__(prog=prog, description=description, allow_abbrev=False, **settings)  # type: ignore[arg-type]
+        self.add_argument("--version", action=_Version, help="show the version and what it runs on, and exit")
+
+
+class _Version(argparse.Action):
+    """Shows the version; what that takes is imported only now."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(nargs=0, **settings)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from importlib.metadata import version
+
+        from sar_compiler.runtime import kernel
+
+        print(
+            f"{parser.prog} {version('sar_compiler')} (Python {platform.python_version()}, "
+            f"py_trees {version('py_trees')}, kernel: {kernel.described()})"
+        )
+        parser.exit()
 
 
 def count(text: str) -> int:

@@ -8,7 +8,7 @@ from py_trees.common import Status
 from sar_compiler.runtime.blackboard import Scope
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
-from sar_compiler.runtime.kernel.cells import FAILURE, SKIPPED, SUCCESS
+from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, SKIPPED, SUCCESS
 from sar_compiler.runtime.kernel.turning import ConditionsNode
 from sar_compiler.runtime.parents import Wrapper
 from sar_compiler.runtime.ports import Input
@@ -76,9 +76,15 @@ class Conditions(Wrapper):
         self._after = {
             SUCCESS: ready("_onSuccess", scripts.on_success),
             FAILURE: ready("_onFailure", scripts.on_failure),
+            INVALID: ready("_onHalted", scripts.on_halted),
         }
         self._post = ready("_post", scripts.post)
-        self._on_halted = ready("_onHalted", scripts.on_halted)
+
+    def run_after(self, outcome: int) -> None:
+        """Run what is to be run after an end; INVALID means that the node was halted while it ran."""
+        for script in (self._after[outcome], self._post):
+            if script is not None:
+                script.run()
 
     @property
     def status(self) -> Status:

@@ -27,9 +27,9 @@ from sar_compiler.runtime import (
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Scope
 from sar_compiler.runtime.conditions import Conditions
 from sar_compiler.runtime.entries import SetBlackboard
-from sar_compiler.runtime.kernel.cells import ENDED
-from sar_compiler.runtime.kernel.tree_nodes import OwnNode, Ticker
-from sar_compiler.runtime.kernel.turning import ConditionsNode, PreconditionNode
+from sar_compiler.runtime.kernel.cells import ENDED, INVALID
+from sar_compiler.runtime.kernel.tree_nodes import Ticker
+from sar_compiler.runtime.kernel.turning import PreconditionNode
 from sar_compiler.runtime.script_nodes import Precondition
 from sar_compiler.runtime.variables import RefusedValueError, ScriptValue, said
 
@@ -93,13 +93,15 @@ def _replaced(owner: object, name: str, replacement: object) -> Iterator[None]:
 
 @contextmanager
 def _no_post_on_halt() -> Iterator[None]:
-    class Halted(ConditionsNode):
-        def stop_last(self, ticker: Ticker) -> None:
-            if self.was_running and self.behaviour._on_halted is not None:
-                self.behaviour._on_halted.run()
-            OwnNode.stop_last(self, ticker)
+    ours = Conditions.run_after
 
-    with _replaced(Conditions, "node_class", Halted):
+    def run_after(self: Conditions, outcome: int) -> None:
+        if outcome != INVALID:
+            ours(self, outcome)
+        elif (script := self._after[INVALID]) is not None:
+            script.run()
+
+    with _replaced(Conditions, "run_after", run_after):
         yield
 
 
@@ -120,8 +122,8 @@ def _on_halted_of_all() -> Iterator[None]:
 
 
 def _run_on_halted(node: Behaviour) -> None:
-    if isinstance(node, Conditions) and node._on_halted is not None:
-        node._on_halted.run()
+    if isinstance(node, Conditions) and (script := node._after[INVALID]) is not None:
+        script.run()
 
 
 def _from_above(node: Behaviour) -> Iterator[Behaviour]:

@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
-from sar_compiler.checks.verify.events import Guarded
 from sar_compiler.checks.verify.exploring import Judgement
 from sar_compiler.checks.verify.property_conditions import IdleUnknownError
+from sar_compiler.runtime.kernel.trail import Guarded
 
 
 class PropertyPattern(Enum):

@@ -4,12 +4,12 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 from sar_compiler.checks.leaf_words import LeafWords
-from sar_compiler.checks.verify.events import Guarded
 from sar_compiler.checks.verify.monitors import LIMIT, MAIN, OTHER, Monitor, Monitors, PropertyPattern, Rules
 from sar_compiler.checks.verify.property_conditions import Condition, Surroundings, names_of, read_condition
 from sar_compiler.checks.verify.property_files import EventProperty, PropertyFile
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.documents.located import Document, Value
+from sar_compiler.runtime.kernel.trail import Guarded
 
 
 @dataclass(frozen=True)

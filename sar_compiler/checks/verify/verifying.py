@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Collection
 
-from sar_compiler.checks.verify.choices import UnsteadyError
 from sar_compiler.checks.verify.exploring import Progress, explore, keep_quiet
 from sar_compiler.checks.verify.properties import properties_of, without_properties
 from sar_compiler.checks.verify.property_conditions import ConditionError
@@ -14,6 +13,7 @@ from sar_compiler.checks.verify.verdicts import Questions, Verification
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.frozen import FrozenValueError
+from sar_compiler.runtime.kernel.choices import UnsteadyError
 from sar_compiler.runtime.kernel.table import NotFlatError
 
 

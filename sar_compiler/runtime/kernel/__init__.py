@@ -2,4 +2,83 @@
 
 A tree in flat form is a list of nodes over lists of cells, which are all that it remembers between two ticks, but for
 the blackboard and for what leaves keep to themselves.
+
+Where the package was built with a C compiler at hand, mypyc has compiled these modules. They are the same files, and do
+the same: a compiled module is used only if it was made of the file that lies beside it. `SAR_KERNEL=python` in the
+environment uses the files in any case, `SAR_KERNEL=compiled` refuses to.
 """
+
+import hashlib
+import importlib.util
+import json
+import os
+import sys
+from collections.abc import Mapping
+from importlib.machinery import EXTENSION_SUFFIXES, ModuleSpec
+from pathlib import Path
+from types import ModuleType
+
+_FOLDER = Path(__file__).parent
+_RECORD = _FOLDER / "compiled.json"
+"""Of which sources the compiled modules were made; written by `setup.py`."""
+
+
+def digests(folder: Path = _FOLDER) -> dict[str, str]:
+    """Return the digest of each source of the kernel, by its file name."""
+    sources = sorted(path for path in folder.glob("*.py") if path.stem != "__init__")
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sources}
+
+
+def _state() -> str:
+    """Return whether the compiled modules can be used: `compiled`, `stale` or `absent`."""
+    if not any((_FOLDER / f"cells{suffix}").exists() for suffix in EXTENSION_SUFFIXES):
+        return "absent"
+    try:
+        recorded = json.loads(_RECORD.read_bytes())
+    except (OSError, ValueError):
+        return "stale"
+    # An installed package may have been stripped of its sources.
+    present = digests()
+    is_same = isinstance(recorded, dict) and all(
+        recorded.get(name) == digest for name, digest in present.items()
+    )
+    return "compiled" if is_same else "stale"
+
+
+STATE = _state()
+"""`compiled`, `stale` (made of other sources, and not used) or `absent`."""
+_WANTED = os.environ.get("SAR_KERNEL", "")
+IS_COMPILED = STATE == "compiled" and _WANTED != "python"
+"""Whether the compiled modules are in use."""
+
+if _WANTED == "compiled" and not IS_COMPILED:
+    message = (
+        f"SAR_KERNEL=compiled: the compiled kernel is {STATE}; build the package anew, with a C compiler"
+    )
+    raise ImportError(message)
+
+
+class _Sources:
+    """Finds the sources of this package, where compiled modules would be found first."""
+
+    @staticmethod
+    def find_spec(name: str, path: object = None, target: ModuleType | None = None) -> ModuleSpec | None:  # noqa: ARG004
+        """Return where the source of a module is; None for modules of others."""
+        package, _, module = name.rpartition(".")
+        if package != __name__:
+            return None
+        return importlib.util.spec_from_file_location(name, _FOLDER / f"{module}.py")
+
+
+if STATE != "absent" and not IS_COMPILED:
+    sys.meta_path.insert(0, _Sources)
+
+
+def described() -> str:
+    """Return what is in use, for people."""
+    words: Mapping[str, str] = {
+        "compiled": "Python, although it is compiled (SAR_KERNEL=python)",
+        "stale": "Python (the compiled one was made of other sources, and is not used; build the package anew)",
+        "absent": "Python",
+    }
+    return "compiled" if IS_COMPILED else words[STATE]

@@ -238,7 +238,7 @@ class ConditionsNode(DecoratorNode):
     def after(self, ticker: Ticker, outcome: int) -> int:
         """Run the post-conditions, and pass the outcome on."""
         if outcome & ENDED:
-            self.run_script(self.behaviour._after[outcome])
+            self.behaviour.run_after(outcome)
         if outcome != SKIPPED:
             ticker.cells[self.at] = outcome
         return outcome
@@ -251,12 +251,5 @@ class ConditionsNode(DecoratorNode):
     def stop_last(self, ticker: Ticker) -> None:
         """If the node was running, run what is to be run then."""
         if self.was_running:
-            self.run_script(self.behaviour._on_halted)
+            self.behaviour.run_after(INVALID)
         super().stop_last(ticker)
-
-    def run_script(self, script: Any) -> None:
-        """Run a post-condition, if there is one, and then the one that follows any of them."""
-        if script is not None:
-            script.run()
-        if self.behaviour._post is not None:
-            self.behaviour._post.run()

@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from sar_compiler.checks.verify.choices import Choices, UnsteadyError
+from sar_compiler.runtime.kernel.choices import Choices, UnsteadyError
 
 
 def played(tick):

@@ -4,13 +4,13 @@ import contextlib
 
 import pytest
 
-from sar_compiler.checks.verify.choices import Choices
 from sar_compiler.checks.verify.exploring import explore
 from sar_compiler.checks.verify.properties import without_properties
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.checks.verify.traces import Retracing
 from sar_compiler.runtime.kernel.cells import STATUSES
+from sar_compiler.runtime.kernel.choices import Choices
 from sar_compiler.runtime.stub_leaf import ANSWERED
 from sar_compiler.tree.diagnostic import TreeError
 from tests.checks.verify.random_trees import random_tree

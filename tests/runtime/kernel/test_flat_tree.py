@@ -18,6 +18,7 @@ from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.timers import Delay
 from sar_compiler.runtime.timers import Timeout as OwnTimeout
+from tests.kernels import python_only
 from tests.runtime.stage import Stage
 
 TIMES = ClockTimes(ManualClock())
@@ -182,6 +183,7 @@ class TestLeaves:
         flat.tick(flat.ticker(TIMES))
         assert said == []
 
+    @python_only
     def test_whoever_flattens_a_tree_may_build_some_of_its_nodes_otherwise(self):
         ticked: list[str] = []
 
@@ -305,6 +307,7 @@ class Asked(Times):
 
 
 class TestTimers:
+    @python_only
     def test_whoever_ticks_decides_when_a_timer_is_up(self):
         flat = flatten(OwnTimeout("t", Running("child"), Input(700), ManualClock()))
         times = Asked([False, True])
@@ -312,12 +315,14 @@ class TestTimers:
         assert [flat.tick(ticker) for _ in range(3)] == [RUNNING, RUNNING, FAILURE]
         assert times.started == [(0, 0.7)]
 
+    @python_only
     def test_a_timer_that_was_up_is_not_asked_again(self):
         flat = flatten(Delay("d", Running("child"), Input(100), ManualClock()))
         times = Asked([False, True])
         ticker = flat.ticker(times)
         assert [flat.tick(ticker) for _ in range(5)] == [RUNNING] * 5
 
+    @python_only
     def test_a_timeout_without_a_limit_starts_no_timer(self):
         flat = flatten(OwnTimeout("t", Running("child"), Input(0), ManualClock()))
         times = Asked()
