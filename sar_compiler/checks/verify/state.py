@@ -13,7 +13,7 @@ from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.blackboard import Board, Snapshot
 from sar_compiler.runtime.expressions import Script, name_uses
-from sar_compiler.runtime.kernel.cells import WORDS
+from sar_compiler.runtime.kernel.cells import INVALID, RUNNING, WORDS
 from sar_compiler.runtime.kernel.tree import FlatTree
 from sar_compiler.runtime.kernel.tree_nodes import Ticker
 from sar_compiler.runtime.script import parse
@@ -22,6 +22,8 @@ from sar_compiler.runtime.stub_leaf import StubLeaf
 NOT_TICKED = 0
 NUMBERS: Mapping[str, int] = {word: number for number, word in enumerate(WORDS)}
 _UNKNOWN = -1
+_FORGOTTEN = bytes(RUNNING if number == RUNNING else INVALID for number in range(256))
+"""What is left of a status if only whether a node runs matters."""
 # How many states are searched for what grows, and how many names are reported.
 _SAMPLE = 5000
 _MOST_GROWING = 3
@@ -184,14 +186,17 @@ class StateStore:
         prepared: The tree.
         flat: Its flat form.
         ticker: What ticks it.
+        forgets: Whether states are the same that differ only in how nodes have ended, where that makes no difference.
     """
 
-    def __init__(self, prepared: Prepared, flat: FlatTree, ticker: Ticker) -> None:
+    def __init__(self, prepared: Prepared, flat: FlatTree, ticker: Ticker, *, forgets: bool = True) -> None:
         self._simulated = prepared.simulated
         self._facts = prepared.facts
         self._flat = flat
         self._keys = Snapshots(prepared.simulated.compiled.board)
         self._ticker = ticker
+        self._nodes = len(flat.nodes) if forgets else 0
+        self._heeded = sorted({node.at for node in flat.nodes if node.heeds_end})
 
     def take(self, outcome: int, watched: int) -> State:
         """Return the state as it is now.
@@ -202,6 +207,10 @@ class StateStore:
         """
         ticker = self._ticker
         self._flat.renumber(ticker)
+        heeded = [(cell, ticker.cells[cell]) for cell in self._heeded]
+        ticker.cells[: self._nodes] = bytes(ticker.cells[: self._nodes]).translate(_FORGOTTEN)
+        for cell, status in heeded:
+            ticker.cells[cell] = status
         cells: bytes | tuple[int, ...]
         try:
             cells = bytes(ticker.cells)

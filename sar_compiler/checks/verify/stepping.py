@@ -39,6 +39,7 @@ class TreeStepper:
     Args:
         prepared: The tree with stub leaves.
         rules: What is watched.
+        forgets: Whether states are the same that differ only in how nodes have ended, where that makes no difference.
 
     Raises:
         NotFlatError: If the tree has a node whose rules are not known.
@@ -49,7 +50,7 @@ class TreeStepper:
         ran: The indexes of the leaves that were ticked so far.
     """
 
-    def __init__(self, prepared: Prepared, rules: Rules) -> None:
+    def __init__(self, prepared: Prepared, rules: Rules, *, forgets: bool = True) -> None:
         self._alphabet = prepared.alphabet
         self._rules = rules
         self._choices = Choices()
@@ -58,7 +59,7 @@ class TreeStepper:
         self.flat = flatten(prepared.simulated.root, leaves.node_of)
         self.ran = leaves.ran
         self._ticker = self.flat.ticker(ChosenTimes(self._choices, self._trail))
-        self.states = StateStore(prepared, self.flat, self._ticker)
+        self.states = StateStore(prepared, self.flat, self._ticker, forgets=forgets)
         self._outcome = NOT_TICKED
         self._start = self.states.take(NOT_TICKED, rules.monitors.start)
 

@@ -27,6 +27,8 @@ def verify(
     tags: Collection[str],
     max_states: int,
     report: Callable[[Progress], None] = keep_quiet,
+    *,
+    forgets: bool = True,
 ) -> Verification:
     """Search the states of a tree and answer every question.
 
@@ -36,6 +38,7 @@ def verify(
         tags: The tags of leaves that a tree can have.
         max_states: How many states to find at most.
         report: Is told now and then how far it is.
+        forgets: Whether states are the same that differ only in how nodes have ended, where that makes no difference.
 
     Raises:
         TreeError: If the file says something that makes no sense for the tree; carries the findings.
@@ -47,7 +50,7 @@ def verify(
     prepared = Prepared.of(simulated)
     properties = without_properties() if file is None else properties_of(file, prepared, tags)
     try:
-        stepper = TreeStepper(prepared, properties.rules)
+        stepper = TreeStepper(prepared, properties.rules, forgets=forgets)
         graph = explore(stepper, max_states, report)
         questions = Questions(graph, Retracing(stepper, graph), simulated.advice_on)
         verdicts = (

@@ -111,7 +111,7 @@ class LoopNode(DecoratorNode):
         literal = part.behaviour._literal
         self.literal: Any = _UNSEEN if literal is None else _frozen(literal)
         self.left, self.child_runs = part.value(_UNSEEN), part.cell()
-        self.is_reset = is_reset(part.behaviour)
+        self.is_reset = self.heeds_end = is_reset(part.behaviour)
 
     def begin(self, ticker: Ticker) -> int:
         """Write the next item, unless the child runs, and tick the child."""

@@ -179,6 +179,10 @@ class StockParallelNode(StockNode):
         behaviour.validate_policy_configuration()
         policy = behaviour.policy
         self.synchronise: bool = policy.synchronise
+        if self.synchronise:
+            # One that has succeeded is not ticked again.
+            for child in part.children:
+                child.heeds_end = True
         self.one_is_enough: bool = isinstance(policy, ParallelPolicy.SuccessOnOne)
         self.needed: list[TreeNode] = part.children
         if isinstance(policy, ParallelPolicy.SuccessOnSelected):

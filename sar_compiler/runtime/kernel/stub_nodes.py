@@ -74,6 +74,7 @@ class NotedNode(TreeNode):
         super().__init__(part)
         self._node = node
         self._ran = ran
+        self.heeds_end = node.heeds_end
 
     def tick(self, ticker: Ticker) -> int:
         """Tick the leaf."""

@@ -87,6 +87,8 @@ class TreeNode:
         behaviour: The behaviour.
         children: Its children.
         is_skippable: Whether the behaviour tells that it was skipped.
+        heeds_end: Whether it matters, while the node does not run, if and how it has ended. It does not where each start is
+            as the first.
     """
 
     def __init__(self, part: Part) -> None:
@@ -95,6 +97,7 @@ class TreeNode:
         self.behaviour = part.behaviour
         self.children = part.children
         self.is_skippable: bool = hasattr(part.behaviour, "skipped")
+        self.heeds_end = False
 
     def tick(self, ticker: "Ticker") -> int:
         """Return the outcome of a tick; CALLED, and itself in `ticker.called`, if that takes more than this call."""

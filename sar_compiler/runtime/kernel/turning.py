@@ -202,7 +202,7 @@ class ConditionsNode(DecoratorNode):
         behaviour = part.behaviour
         self.before: list[Any] = behaviour._before
         self.goes_on: Any = behaviour._while
-        self.is_reset = is_reset(behaviour)
+        self.is_reset = self.heeds_end = is_reset(behaviour)
         self.was_running = False
 
     def begin(self, ticker: Ticker) -> int:

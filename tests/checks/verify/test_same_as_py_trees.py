@@ -45,7 +45,7 @@ class Explored:
     """The states of a tree in flat form, and what can be seen of each."""
 
     def __init__(self, simulated, max_states):
-        self.stepper = TreeStepper(Prepared.of(simulated), without_properties().rules)
+        self.stepper = TreeStepper(Prepared.of(simulated), without_properties().rules, forgets=False)
         self.graph = explore(self.stepper, max_states)
         self._simulated = simulated
         # As `iterate` of py_trees goes through a tree: children before parents.
