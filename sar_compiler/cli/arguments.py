@@ -2,6 +2,9 @@
 
 import argparse
 import math
+import os
+import sys
+from typing import Any
 
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, PIPE_CLOSED, USAGE, run
 
@@ -11,8 +14,16 @@ __all__ = ["FINDINGS", "INTERRUPTED", "OK", "PIPE_CLOSED", "USAGE", "Parser", "c
 class Parser(argparse.ArgumentParser):
     """An argument parser that accepts no abbreviated options."""
 
-    def __init__(self, prog: str, description: str, **settings: object) -> None:
-        super().__init__(prog=prog, description=description, allow_abbrev=False, **settings)  # type: ignore[arg-type]
+    def __init__(self, prog: str = "", description: str = "", **settings: Any) -> None:
+        super().__init__(prog=prog, description=description, allow_abbrev=False, **settings)
+
+    def _get_formatter(self) -> argparse.HelpFormatter:
+        # It is made for every argument, to look at its name; what argparse asks for the width takes long to import.
+        try:
+            columns = int(os.environ.get("COLUMNS", "0")) or os.get_terminal_size(sys.stdout.fileno()).columns
+        except (AttributeError, ValueError, OSError):
+            columns = 80
+        return argparse.HelpFormatter(prog=self.prog, width=columns - 2)
 
 
 def count(text: str) -> int:
