@@ -93,6 +93,6 @@ def precondition(part: Part) -> tuple[Tick, Stop]:
         return bool(behaviour._condition.holds())
 
     def otherwise() -> int:
-        return number_of(behaviour._else.get().value) or SKIPPED
+        return number_of(behaviour._else.get().status) or SKIPPED
 
     return guarded(part, holds, otherwise, "the condition is false")

@@ -1,1 +1,13 @@
 """The registered nodes of BehaviorTree.CPP and of py_trees."""
+
+from sar_compiler.nodes.spec import NodeSpec
+
+
+def __getattr__(name: str) -> list[NodeSpec]:
+    """Return `SPECS`: what a tag of the language means, and `SubTree`; what makes them is imported with it."""
+    if name != "SPECS":
+        message = f"module '{__name__}' has no attribute '{name}'"
+        raise AttributeError(message, name=name)
+    from sar_compiler.nodes.language import controls, decorators, leaves
+
+    return [*controls.SPECS, *decorators.SPECS, *leaves.SPECS]

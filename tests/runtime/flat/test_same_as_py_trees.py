@@ -31,7 +31,7 @@ def test_every_control_and_decorator_of_the_library_has_a_flat_form():
         cls
         for spec in default_registry()
         if not spec.kind.is_leaf
-        for cls in (spec.cls, spec.skipping.cls)
+        for cls in (spec.cls, spec.skipping.replacement)
         if cls is not None
     }
     # An old py_trees has no ForEach; the base class stands for it.
