@@ -28,7 +28,7 @@ help:
 	@echo "make soak         the long tests"
 	@echo "make bench        the benchmarks"
 	@echo "make mutants      whether the tests notice mistakes: COUNT=$(COUNT) made by chance, chosen by SEED=$(SEED)"
-	@echo "make schemas      renew schemas/ from the node registry and the kinds of findings"
+	@echo "make schemas      renew schemas/ and the records of the shipped nodes from their classes, and the kinds of findings"
 	@echo "make golden       renew the golden files of compiled trees"
 	@echo "make env          only make .venv (PYTHON=$(PYTHON))"
 	@echo "make clean        delete everything that was made"
@@ -71,6 +71,8 @@ soak: env
 	$(BIN)/python -m pytest -m slow
 
 bench: env
+	$(BIN)/python benchmarks/startup.py validate
+	$(BIN)/python benchmarks/startup.py first-tick
 	$(BIN)/python benchmarks/pipeline.py
 	$(BIN)/python benchmarks/ticking.py
 	$(BIN)/python benchmarks/verify.py
@@ -84,7 +86,7 @@ schemas: env
 	mv schemas/sar_tree.xsd.new schemas/sar_tree.xsd
 	$(BIN)/sar-compile schema --format json > schemas/sar_tree.schema.json.new
 	mv schemas/sar_tree.schema.json.new schemas/sar_tree.schema.json
-	SAR_RENEW_GOLDEN=1 $(BIN)/python -m pytest -q tests/documents -k reviewed
+	SAR_RENEW_GOLDEN=1 $(BIN)/python -m pytest -q tests/documents tests/nodes/test_records.py -k reviewed
 
 golden: env
 	SAR_RENEW_GOLDEN=1 $(BIN)/python -m pytest -q tests/golden tests/examples -k reviewed

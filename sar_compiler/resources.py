@@ -1,6 +1,5 @@
 """The files that ship with the package: trees, configuration, maps, worlds."""
 
-import difflib
 from pathlib import Path
 
 from sar_compiler.errors import SarError
@@ -90,6 +89,8 @@ def not_found(kind: str, name: str, suffix: str) -> str:
         name: The user's text.
         suffix: The suffix of shipped files.
     """
+    import difflib
+
     noun = kind.removesuffix("s")
     names = sorted(entry.stem for entry in (shipped_root() / kind).glob(f"*{suffix}"))
     near = difflib.get_close_matches(name, names, n=1)

@@ -19,7 +19,6 @@ from sar_compiler.checks.rules.reactive import check_reactive
 from sar_compiler.checks.rules.scripts import check_scripts
 from sar_compiler.checks.rules.subtrees import check_subtrees
 from sar_compiler.checks.rules.texts import check_texts
-from sar_compiler.checks.schema_validation import check_schema
 from sar_compiler.checks.suppressions import without_suppressed
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.models.model_comparison import compare
@@ -82,6 +81,8 @@ def check(forest: Forest, registry: Registry, palettes: Palettes = ()) -> list[D
     context = CheckContext(forest, registry, palettes)
     for rule in RULES:
         findings += itertools.islice(rule(context), MOST)
+    from sar_compiler.checks.schema_validation import check_schema
+
     # The rules say it better; the schema speaks only where they found nothing.
     described = described_specs([*palettes, *forest.files], registry)
     for tree_file in forest.files:

@@ -9,9 +9,8 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from sar_compiler.tree.content import read_bytes
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
@@ -30,8 +29,7 @@ _OFF = "off"
 _OWN_WORD = re.compile(rb"(?<![\w-])sar(?![\w-])")
 
 
-@dataclass(frozen=True)
-class Configuration:
+class Configuration(NamedTuple):
     """What a project decides.
 
     Attributes:
@@ -47,10 +45,10 @@ class Configuration:
     nodes: tuple[str, ...] = ()
     models: tuple[Path, ...] = ()
     include_path: tuple[Path, ...] = ()
-    severities: Mapping[str, Severity | None] = field(default_factory=dict)
+    severities: Mapping[str, Severity | None] = {}
     path: Path | None = None
-    source: Source = field(default_factory=lambda: Source("", "", NO_SPANS))
-    node_spans: Mapping[str, Span] = field(default_factory=dict)
+    source: Source = Source("", "", NO_SPANS)
+    node_spans: Mapping[str, Span] = {}
 
     def decide(self, findings: Iterable[Diagnostic]) -> list[Diagnostic]:
         """Return findings with the severities that are decided on, without those that are not to be reported."""

@@ -20,8 +20,6 @@ from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.model import Element, TreeFile
 from sar_compiler.tree.source import Form
-from sar_compiler.tree.xml_rest import rest_of
-from sar_compiler.tree.xml_writer import one_tag_a_line
 
 _TEXT = "Character content other than whitespace"
 """libxml2's message about text between elements."""
@@ -62,6 +60,8 @@ def schema_errors(
 def _as_xml(tree_file: TreeFile) -> tuple[str, Sequence[int]]:
     """Return a file as XML, and which of its lines each line of that is."""
     if tree_file.source.form is not Form.XML:
+        from sar_compiler.tree.xml_writer import one_tag_a_line
+
         return one_tag_a_line(tree_file.root), [element.line for element in tree_file.root.iterate()]
     # libxml2 does not count a lone carriage return as the end of a line, expat does.
     text = tree_file.source.text
@@ -106,6 +106,8 @@ def check_schema(
 
 def _stray_text(tree_file: TreeFile) -> Iterator[Diagnostic]:
     """Yield the text between elements at its places, which libxml2 does not know."""
+    from sar_compiler.tree.xml_rest import rest_of
+
     message = "this text stands between elements, where it means nothing"
     for finding in rest_of(tree_file):
         if finding.code == "stray-text":

@@ -7,7 +7,6 @@ in it.
 import bisect
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
 
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.forest import Forest
@@ -15,15 +14,14 @@ from sar_compiler.tree.model import Comment, Element, TreeFile
 from sar_compiler.tree.source import Form, Span
 
 _MARK = "sar:"
-_ALLOW = re.compile(r"sar:\s*allow\s+([^:]*[^:\s])\s*(?::.*)?")
+_ALLOW = r"sar:\s*allow\s+([^:]*[^:\s])\s*(?::.*)?"
 _PLACES = {
-    Form.XML: re.compile(r"(?:<!--|^)[ \t]*(sar:[^\r\n]*?)[ \t]*(?=-->|\r|\n)", re.MULTILINE),
-    Form.YAML: re.compile(r"#[ \t]*(sar:[^\r\n]*)"),
+    Form.XML: r"(?m:(?:<!--|^)[ \t]*(sar:[^\r\n]*?)[ \t]*(?=-->|\r|\n))",
+    Form.YAML: r"#[ \t]*(sar:[^\r\n]*)",
 }
 _FORM = "sar: allow some-code, another-code: the reason"
 
 
-@dataclass
 class _Suppression:
     """One comment.
 
@@ -34,16 +32,17 @@ class _Suppression:
         used: The codes that it has silenced.
     """
 
-    line: str
-    element: Element | None
-    span: Span
-    tree_file: TreeFile
-    used: set[str] = field(default_factory=set)
+    def __init__(self, line: str, element: Element | None, span: Span, tree_file: TreeFile) -> None:
+        self.line = line
+        self.element = element
+        self.span = span
+        self.tree_file = tree_file
+        self.used: set[str] = set()
 
     @property
     def codes(self) -> list[str]:
         """The codes that it names; none where it is not what such a comment looks like."""
-        match = _ALLOW.fullmatch(self.line)
+        match = re.fullmatch(_ALLOW, self.line)
         return [code.strip() for code in match[1].split(",")] if match else []
 
 
@@ -86,7 +85,7 @@ def _silenced(
 def _suppressions(tree_file: TreeFile) -> Iterator[_Suppression]:
     """Yield the comments of a file that begin as such a comment does, in the order of the file."""
     source = tree_file.source
-    pattern = _PLACES[source.form]
+    pattern = re.compile(_PLACES[source.form])
     offset = 0
     for element, comment, start in _comments(tree_file):
         offset = max(offset, start)

@@ -2,7 +2,10 @@
 
 import argparse
 import math
+import os
 import platform
+import sys
+from collections.abc import Sequence
 from typing import Any
 
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, PIPE_CLOSED, USAGE, run
@@ -13,9 +16,28 @@ __all__ = ["FINDINGS", "INTERRUPTED", "OK", "PIPE_CLOSED", "USAGE", "Parser", "c
 class Parser(argparse.ArgumentParser):
     """An argument parser that accepts no abbreviated options."""
 
-    def __init__(self, prog: str, description: str, **settings: object) -> None:
-        super().__init__(prog=prog, description=description, allow_abbrev=False, **settings)  # type: ignore[arg-type]
-        self.add_argument("--version", action=_Version, help="show the version and what it runs on, and exit")
+    def __init__(
+        self,
+        prog: str = "",
+        description: str = "",
+        parents: Sequence[argparse.ArgumentParser] = (),
+        **settings: Any,
+    ) -> None:
+        super().__init__(
+            prog=prog, description=description, parents=list(parents), allow_abbrev=False, **settings
+        )
+        if not parents and prog:
+            self.add_argument(
+                "--version", action=_Version, help="show the version and what it runs on, and exit"
+            )
+
+    def _get_formatter(self) -> argparse.HelpFormatter:
+        # It is made for every argument, to look at its name; what argparse asks for the width takes long to import.
+        try:
+            columns = int(os.environ.get("COLUMNS", "0")) or os.get_terminal_size(sys.stdout.fileno()).columns
+        except (AttributeError, ValueError, OSError):
+            columns = 80
+        return argparse.HelpFormatter(prog=self.prog, width=columns - 2)
 
 
 class _Version(argparse.Action):

@@ -6,11 +6,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, OK
-from sar_compiler.cli.loading import workspace
+from sar_compiler.cli.loading import FILE_HELP, add_project_options, workspace
 from sar_compiler.cli.writing import WriteError, same_file, write_text
 
 if TYPE_CHECKING:
     from sar_compiler.tree.conversion import Converted
+
+
+def add_convert(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `convert`."""
+    parser.add_argument("file", metavar="FILE", help=FILE_HELP)
+    parser.add_argument(
+        "--to",
+        choices=("xml", "yaml", "btcpp"),
+        required=True,
+        help="the form to write; btcpp: XML that BehaviorTree.CPP 4 and Groot2 open",
+    )
+    add_project_options(parser)
+    parser.add_argument("-o", "--output", metavar="OUT", help="the file to write (default: standard output)")
+    parser.set_defaults(run=convert_file)
 
 
 def convert_file(arguments: argparse.Namespace) -> int:

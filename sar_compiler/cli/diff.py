@@ -4,6 +4,14 @@ import argparse
 import sys
 
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
+from sar_compiler.cli.loading import FILE_HELP
+
+
+def add_diff(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `diff`."""
+    parser.add_argument("old", metavar="A", help=FILE_HELP)
+    parser.add_argument("new", metavar="B", help=FILE_HELP)
+    parser.set_defaults(run=diff_files)
 
 
 def diff_files(arguments: argparse.Namespace) -> int:

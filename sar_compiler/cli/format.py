@@ -7,6 +7,15 @@ from pathlib import Path
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
 
 
+def add_format(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `format`."""
+    parser.add_argument("files", nargs="+", metavar="FILE", help="a tree file")
+    parser.add_argument(
+        "--check", action="store_true", help="write nothing; name the files that would change"
+    )
+    parser.set_defaults(run=format_files)
+
+
 def format_files(arguments: argparse.Namespace) -> int:
     """Rewrite files, or with `--check` list those that would change; return the exit status.
 

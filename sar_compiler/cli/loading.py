@@ -1,9 +1,13 @@
 """The common options of commands that read trees."""
 
 import argparse
+import atexit
+import gc
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from sar_compiler.tree.gc_pause import gc_paused
 
 if TYPE_CHECKING:
     from sar_compiler.project import Workspace
@@ -60,7 +64,10 @@ def add_trust(parser: argparse.ArgumentParser) -> None:
 
 def workspace(arguments: argparse.Namespace) -> "Workspace":
     """Return the workspace that loads trees by the options of a command."""
-    from sar_compiler.project import Additions, Workspace
+    # The collector would look several times through what is imported, and find nothing; so it would at the end.
+    with gc_paused():
+        from sar_compiler.project import Additions, Workspace
+    atexit.register(gc.freeze)
 
     additions = Additions(
         tuple(arguments.nodes), tuple(arguments.model), tuple(arguments.include_path), arguments.trust

@@ -12,6 +12,7 @@ from sar_compiler.missions.ending import Until
 from sar_compiler.resources import find
 from sar_compiler.ros.arguments import split_arguments
 from sar_compiler.ros.signals import StopSignals
+from sar_compiler.tree.gc_pause import gc_paused
 
 PROG = "sar-run"
 
@@ -65,8 +66,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(options: Options, signals: StopSignals) -> int:
-    from sar_compiler.cli.run_mission import run_mission
-    from sar_compiler.tree.diagnostic import TreeError
+    with gc_paused():  # in what is imported there is nothing to collect
+        from sar_compiler.cli.run_mission import run_mission
+        from sar_compiler.tree.diagnostic import TreeError
 
     options = replace(options, tree=options.tree or _default_tree(options.mission))
     try:

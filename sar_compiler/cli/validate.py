@@ -3,7 +3,6 @@
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
@@ -55,13 +54,13 @@ def validate_files(arguments: argparse.Namespace) -> int:
     return FINDINGS if any(each.severity in counted for each in validation.findings) else OK
 
 
-@dataclass
 class _Validation:
-    arguments: argparse.Namespace
-    workspace: "Workspace"
-    findings: "list[Diagnostic]" = field(default_factory=list)
-    said: set[str] = field(default_factory=set)
-    unreadable: int = 0
+    def __init__(self, arguments: argparse.Namespace, workspace: "Workspace") -> None:
+        self.arguments = arguments
+        self.workspace = workspace
+        self.findings: list[Diagnostic] = []
+        self.said: set[str] = set()
+        self.unreadable = 0
 
     def look_at(self, name: str) -> None:
         """Check a file, after fixing it if requested."""

@@ -6,6 +6,7 @@ from typing import Any
 
 from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Dummy
+from py_trees.common import OneShotPolicy
 from py_trees.composites import Sequence
 from py_trees.decorators import OneShot, PassThrough
 
@@ -118,7 +119,7 @@ class Builder:
         if bound.conditions:
             behaviour = self._conditions(instance, bound, behaviour)
         if bound.oneshot is not None:
-            policy = bound.oneshot
+            policy = OneShotPolicy[bound.oneshot]
             behaviour = OneShot(name=f"{bound.name}OneShot", child=behaviour, policy=policy)
             self.constructions.append(Construction(behaviour.id, instance, bound, {"policy": policy}))
         return behaviour
@@ -185,8 +186,8 @@ class Builder:
         A node that is only described becomes a stock behaviour of its kind (where there is no finding about it).
         """
         spec = bound.spec
-        if spec.skipping.cls is not None and self._skipping.among_children(bound):
-            return spec.skipping.cls
+        if spec.skipping.replacement is not None and self._skipping.among_children(bound):
+            return spec.skipping.replacement
         return spec.maker or functools.partial(_stand_in, spec.kind)
 
 

@@ -14,17 +14,37 @@ import json
 import os
 import site
 import sys
-import sysconfig
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from importlib.machinery import PathFinder
-from importlib.metadata import Distribution, EntryPoint, distributions
 from pathlib import Path
 from types import ModuleType
-from urllib.parse import urlsplit
-from urllib.request import url2pathname
+from typing import NamedTuple
 
 _OWN_FOLDER = Path(__file__).resolve().parents[2]
+_METADATA = (".dist-info", ".egg-info")
+
+
+class EntryPoint(NamedTuple):
+    """An entry point of an installed distribution.
+
+    Attributes:
+        name: Its name.
+        value: What it names: `package.module` or `package.module:attribute`.
+    """
+
+    name: str
+    value: str
+
+    @property
+    def module(self) -> str:
+        """The module that it names."""
+        return self.value.partition(":")[0].strip()
+
+    @property
+    def attr(self) -> str:
+        """The attribute there."""
+        return self.value.partition(":")[2].strip()
 
 
 def entry_points(group: str, checkout: Path | None = None) -> list[EntryPoint]:
@@ -40,14 +60,14 @@ def entry_points(group: str, checkout: Path | None = None) -> list[EntryPoint]:
 def ignored_entry_points(group: str, checkout: Path | None = None) -> list[tuple[EntryPoint, str]]:
     """Return the entry points found only in the checkout or the current folder, with that folder."""
     installed = _installed(checkout)
-    known = {each.value for each in _entry_points(group, installed).values()}
-    others = [entry for entry in sys.path if entry not in installed]
-    return [
+    found = [
         (entry_point, entry or os.curdir)
-        for entry in others
+        for entry in sys.path
+        if entry not in installed
         for entry_point in _entry_points(group, [entry]).values()
-        if entry_point.value not in known
     ]
+    known = {each.value for each in _entry_points(group, installed).values()} if found else set()
+    return [(entry_point, place) for entry_point, place in found if entry_point.value not in known]
 
 
 def is_installed(module: str, checkout: Path | None = None) -> bool:
@@ -92,26 +112,47 @@ def _entry_points(group: str, path: Iterable[str]) -> dict[tuple[str, str], Entr
     """Return the entry points of a group by distribution and name; of equally named distributions the first counts."""
     found: dict[tuple[str, str], EntryPoint] = {}
     seen: set[str] = set()
-    for distribution in distributions(path=list(path)):
-        if group not in (distribution.read_text("entry_points.txt") or ""):
-            continue
-        name = distribution.metadata["Name"] or ""
-        if name not in seen:
+    for name, text in _metadata(path, "entry_points.txt"):
+        if group in text and name not in seen:
             seen.add(name)
-            mine = distribution.entry_points.select(group=group)
-            found.update({(name, entry_point.name): entry_point for entry_point in mine})
+            found.update({(name, each.name): each for each in _in_group(text, group)})
     return found
+
+
+def _metadata(path: Iterable[str], file: str) -> Iterator[tuple[str, str]]:
+    """Yield the names of all distributions that have a file of metadata, with its content.
+
+    They are read here because the import of `importlib.metadata` takes longer than to check most trees.
+    """
+    for folder in path:
+        with suppress(OSError):
+            with os.scandir(folder or os.curdir) as entries:
+                found = sorted(entry.name for entry in entries if entry.name.endswith(_METADATA))
+            for entry in found:
+                name = entry.rpartition(".")[0].partition("-")[0].lower().replace(".", "_")
+                with suppress(OSError, UnicodeError):
+                    yield name, Path(folder, entry, file).read_text("utf-8")
+
+
+def _in_group(text: str, group: str) -> Iterator[EntryPoint]:
+    section = ""
+    for line in map(str.strip, text.splitlines()):
+        if line.startswith("["):
+            section = line.strip("[] ")
+        elif section == group and "=" in line and not line.startswith("#"):
+            name, _, value = line.partition("=")
+            yield EntryPoint(name.strip(), value.strip())
 
 
 def _installed(checkout: Path | None) -> list[str]:
     """Return the folders of `sys.path` with installed packages."""
-    strange, trusted = _current_folders(), [*_site_folders(), _OWN_FOLDER]
+    strange, outside = _current_folders(), checkout.resolve() if checkout else None
     sourced = [Path(part).resolve() for part in _parts("AMENT_PREFIX_PATH") if Path(part).is_absolute()]
 
     def is_installed_in(folder: Path) -> bool:
-        if folder in trusted or any(folder.is_relative_to(prefix) for prefix in sourced):
+        if folder not in strange and not (outside and folder.is_relative_to(outside)):
             return True
-        return folder not in strange and not (checkout and folder.is_relative_to(checkout.resolve()))
+        return any(folder.is_relative_to(prefix) for prefix in sourced) or folder in _trusted()
 
     return [entry for entry in sys.path if entry and is_installed_in(Path(entry).resolve())]
 
@@ -124,10 +165,14 @@ def _current_folders() -> set[Path]:
     return set()
 
 
-def _site_folders() -> list[Path]:
+def _trusted() -> Iterator[Path]:
+    """Yield the folders of the interpreter's packages, and of this one."""
+    yield _OWN_FOLDER
+    yield from (Path(folder).resolve() for folder in (*site.getsitepackages(), site.getusersitepackages()))
+    import sysconfig
+
     paths = sysconfig.get_paths()
-    folders = (paths["purelib"], paths["platlib"], paths["stdlib"], *site.getsitepackages())
-    return [Path(folder).resolve() for folder in (*folders, site.getusersitepackages())]
+    yield from (Path(paths[kind]).resolve() for kind in ("purelib", "platlib", "stdlib"))
 
 
 def _parts(variable: str) -> list[str]:
@@ -138,7 +183,8 @@ def _parts(variable: str) -> list[str]:
 def _importing(checkout: Path | None) -> Iterator[None]:
     """Restrict imports to installed packages, including the folders of editable installations."""
     installed = _installed(checkout)
-    edited = [folder for each in distributions(path=installed) if (folder := _edited(each)) is not None]
+    origins = (origin for _, origin in _metadata(installed, "direct_url.json"))
+    edited = [folder for origin in origins if (folder := _edited(origin)) is not None]
     before = sys.path[:]
     sys.path[:] = [
         entry
@@ -151,13 +197,14 @@ def _importing(checkout: Path | None) -> Iterator[None]:
         sys.path[:] = before
 
 
-def _edited(distribution: Distribution) -> Path | None:
+def _edited(origin: str) -> Path | None:
     """Return the folder of a distribution that was installed with `pip install -e`; None for any other."""
-    origin = distribution.read_text("direct_url.json")
-    if not origin:
-        return None
+    from urllib.parse import unquote, urlsplit
+
     with suppress(ValueError, KeyError, TypeError, AttributeError):
         said = json.loads(origin)
         if said["dir_info"].get("editable"):
-            return Path(url2pathname(urlsplit(said["url"]).path)).resolve()
+            path = unquote(urlsplit(said["url"]).path)
+            # On Windows the drive follows a slash.
+            return Path(path.lstrip("/") if os.name == "nt" else path).resolve()
     return None

@@ -12,19 +12,19 @@ the author expects both. A constant has a single result.
 import math
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from functools import reduce
+from functools import partial, reduce
 from operator import and_, or_
 from typing import TYPE_CHECKING, TypeAlias
 
-from py_trees.common import Status
-
-from sar_compiler.runtime.branches import equal_texts
 from sar_compiler.runtime.chosen_outcome import Outcome
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.expressions import Script, name_uses
+from sar_compiler.runtime.operators import equal_texts
 from sar_compiler.runtime.variables import PlainVariables
 
 if TYPE_CHECKING:
+    from py_trees.common import Status
+
     from sar_compiler.nodes.binding.bound import BoundNode
 
 S, F, R, K = 1, 2, 4, 8
@@ -35,15 +35,17 @@ ANSWERS = (S, F, R, K)
 ALLOWED, SURE = False, True
 """The results to collect: all that a tick may have, or only those that certainly occur in some run."""
 
+Number: TypeAlias = Callable[["BoundNode"], float | None]
+"""Reads a number from a node's attributes; None if it is not known before the run."""
 Possible: TypeAlias = Callable[["BoundNode", Sequence[int], bool], int]
 
 # Counting goes through all combinations; those of more children are only estimated.
 _MOST_COUNTED = 12
 
 
-def bit_of(status: Status) -> int:
+def bit_of(status: "Status") -> int:
     """Return the set of one status; `update` returns INVALID for skipped."""
-    return K if status is Status.INVALID else BITS[status.name]
+    return BITS.get(status.name, K)
 
 
 def bits(answers: Iterable[str]) -> int:
@@ -74,14 +76,16 @@ def in_order(goes_on: int, *, pauses: bool = False, keeps_place: bool = False) -
         pauses: Whether it returns RUNNING between two children.
         keeps_place: Whether, after a restart, it begins with the child that ended it or was running.
     """
+    return partial(_in_order, goes_on, pauses, keeps_place)
+
+
+def _in_order(
+    goes_on: int, pauses: bool, keeps_place: bool, bound: "BoundNode", children: Sequence[int], sure: bool
+) -> int:
     turn = swapped if goes_on == F else int
-
-    def possible(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
-        if sure and bound.is_reactive:
-            children = _before_restarts(bound, children)
-        return turn(_sequence([turn(child) for child in children], sure, pauses, keeps_place))
-
-    return possible
+    if sure and bound.is_reactive:
+        children = _before_restarts(bound, children)
+    return turn(_sequence([turn(child) for child in children], sure, pauses, keeps_place))
 
 
 def _before_restarts(bound: "BoundNode", children: Sequence[int]) -> Sequence[int]:
@@ -228,13 +232,13 @@ def passing(_bound: "BoundNode", children: Sequence[int], _sure: bool) -> int:
 
 def turning(turns: dict[int, int]) -> Possible:
     """Return the function of a decorator that replaces some results of its child."""
-    turned = {each: turns.get(each, each) for each in ANSWERS}
+    return partial(_turning, tuple(turns.get(each, each) for each in ANSWERS))
 
-    def possible(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
-        child = _interrupted(bound, children[0]) if sure and turned[R] != R else children[0]
-        return union(new for old, new in turned.items() if child & old)
 
-    return possible
+def _turning(turned: tuple[int, ...], bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+    turns = dict(zip(ANSWERS, turned, strict=True))
+    child = _interrupted(bound, children[0]) if sure and turns[R] != R else children[0]
+    return union(new for old, new in turns.items() if child & old)
 
 
 def _interrupted(bound: "BoundNode", child: int) -> int:
@@ -247,11 +251,11 @@ def _interrupted(bound: "BoundNode", child: int) -> int:
 
 def adding(own: int) -> Possible:
     """Return the function of a decorator that has a result of its own besides its child's."""
+    return partial(_adding, own)
 
-    def possible(_bound: "BoundNode", children: Sequence[int], _sure: bool) -> int:
-        return children[0] | own
 
-    return possible
+def _adding(own: int, _bound: "BoundNode", children: Sequence[int], _sure: bool) -> int:
+    return children[0] | own
 
 
 def run_once(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
@@ -266,55 +270,55 @@ def guard(condition: str) -> Possible:
     Args:
         condition: The attribute with the condition.
     """
-
-    def possible(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
-        otherwise = _otherwise(bound, "else", F, sure)
-        holds = _constant(bound.values.get(condition))
-        if holds is None:
-            return children[0] | otherwise
-        return children[0] if holds else otherwise
-
-    return possible
+    return partial(_guard, condition)
 
 
-def rounds(count: "Callable[[BoundNode], float | None]", again: int) -> Possible:
+def _guard(condition: str, bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+    otherwise = _otherwise(bound, "else", F, sure)
+    holds = _constant(bound.values.get(condition))
+    if holds is None:
+        return children[0] | otherwise
+    return children[0] if holds else otherwise
+
+
+def rounds(count: Number, again: int) -> Possible:
     """Return the function of a decorator that repeats its child.
 
     Args:
         count: The largest number of rounds; None if it is unknown.
         again: The child's result after which there is another round: `S` or `F`.
     """
-
-    def possible(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
-        child, most = children[0], count(bound)
-        if most is None:
-            return child & ~again if sure else child | again | R
-        if most < 1:
-            return again
-        if most == 1:
-            return child
-        return (child & ~again if most == math.inf else child) | (R if child & again else 0)
-
-    return possible
+    return partial(_rounds, count, again)
 
 
-def time_limit(limit_sec: "Callable[[BoundNode], float | None]") -> Possible:
+def _rounds(count: Number, again: int, bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+    child, most = children[0], count(bound)
+    if most is None:
+        return child & ~again if sure else child | again | R
+    if most < 1:
+        return again
+    if most == 1:
+        return child
+    return (child & ~again if most == math.inf else child) | (R if child & again else 0)
+
+
+def time_limit(limit_sec: Number) -> Possible:
     """Return the function of a decorator that fails when its child has run for too long.
 
     Args:
         limit_sec: The longest time that it may run, in seconds; None if it is unknown.
     """
+    return partial(_time_limit, limit_sec)
 
-    def possible(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
-        child, limit = children[0], limit_sec(bound)
-        if limit is not None and limit <= 0:
-            child = _interrupted(bound, child) if sure else child
-            return child & ~R | (F if child & R else 0)
-        # A child that is skipped may nevertheless be running, such as one that repeats a skipped node.
-        late = child & R and limit not in (None, math.inf) if sure else child & (R | K)
-        return child | (F if late else 0)
 
-    return possible
+def _time_limit(limit_sec: Number, bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+    child, limit = children[0], limit_sec(bound)
+    if limit is not None and limit <= 0:
+        child = _interrupted(bound, child) if sure else child
+        return child & ~R | (F if child & R else 0)
+    # A child that is skipped may nevertheless be running, such as one that repeats a skipped node.
+    late = child & R and limit not in (None, math.inf) if sure else child & (R | K)
+    return child | (F if late else 0)
 
 
 def loop(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:

@@ -9,12 +9,10 @@ from py_trees.common import Status
 from sar_compiler.nodes.answers import is_fact_name
 from sar_compiler.nodes.constructors import RegistrationError
 from sar_compiler.nodes.semantics import Semantics
-from sar_compiler.nodes.spec import Kind, NodeSpec, Use
+from sar_compiler.nodes.spec import MARK, Kind, NodeSpec, Use
 from sar_compiler.runtime.answers import STATUSES, Answer, Fact
 
 C = TypeVar("C", bound=type[Any])
-
-MARK = "__node_spec__"
 
 # A name of XML without a colon, which would be a namespace.
 _TAG = re.compile(r"[^\W\d][\w.-]*")

@@ -11,11 +11,13 @@ from types import ModuleType
 
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.installed import entry_points, import_installed
-from sar_compiler.nodes.register import MARK
-from sar_compiler.nodes.spec import NodeSpec
+from sar_compiler.nodes.records import Record, RecordedSpec, recorded, specs_of
+from sar_compiler.nodes.spec import MARK, NodeSpec
 from sar_compiler.nodes.values import nearest
+from sar_compiler.tree.model import SUBTREE_TAG
 
 ENTRY_POINTS = "sar_compiler.nodes"
+_LANGUAGE = "sar_compiler.nodes.language"
 
 Named = str | ModuleType | type
 """Leaves, as named by a user: the import path of a module, a module, or a class."""
@@ -39,22 +41,22 @@ class Registry:
         specs: Its initial content.
     """
 
-    def __init__(self, specs: Iterable[NodeSpec] = ()) -> None:
-        self._specs: dict[str, list[NodeSpec]] = {}
+    def __init__(self, specs: Iterable[NodeSpec | Record] = ()) -> None:
+        self._specs: dict[str, list[NodeSpec | Record]] = {}
         for spec in specs:
             self.add(spec)
 
-    def add(self, spec: NodeSpec) -> None:
+    def add(self, spec: NodeSpec | Record) -> None:
         """Add a tag, or (for a variant) one more meaning of it.
 
         Raises:
             RegistryError: If the tag already means another class.
         """
         known = self._specs.setdefault(spec.tag, [])
-        if any(other.cls is spec.cls for other in known):
+        if any(_is_same(other, spec) for other in known):
             return
         if known and not spec.variant:
-            classes = " and ".join(_name_of(each.cls) for each in (known[0], spec) if each.cls is not None)
+            classes = " and ".join(each.maker_path.replace(":", ".") for each in (known[0], spec))
             message = f"two classes are registered as <{spec.tag}>: {classes}"
             raise RegistryError(message)
         known.append(spec)
@@ -98,7 +100,9 @@ class Registry:
         Raises:
             RegistrationError: If the constructor of one of them cannot be written in a tree file.
         """
-        found = self._specs.get(tag, [])
+        found = [each.spec() if isinstance(each, Record) else each for each in self._specs.get(tag, ())]
+        if found:
+            self._specs[tag] = [*found]
         for spec in found:
             spec.parameters  # noqa: B018 - whoever means this tag is told of mistakes in its constructor
         return found
@@ -107,7 +111,7 @@ class Registry:
         """Return all meanings of every tag, in the order of the tags."""
         return {tag: self.variants(tag) for tag in sorted(self._specs)}
 
-    def specs(self) -> list[NodeSpec]:
+    def specs(self) -> list[NodeSpec | Record]:
         """Return the registered specs, unread, to make another registry."""
         return [spec for variants in self._specs.values() for spec in variants]
 
@@ -134,14 +138,17 @@ def load_registry(
     Raises:
         RegistryError: If a module cannot be imported or has no leaves; names it and says why.
     """
-    from sar_compiler.nodes.language import controls, decorators, leaves
 
     def installed(module: str) -> ModuleType:
         return import_installed(module, checkout)
 
-    registry = Registry([*controls.SPECS, *decorators.SPECS, *leaves.SPECS])
+    registry = Registry(each for each in language() if each.tag != SUBTREE_TAG)
     for entry_point in entry_points(ENTRY_POINTS, checkout):
-        registry.add_module(_import(entry_point.value, f"entry point '{entry_point.name}'", installed))
+        known = recorded(entry_point.value)
+        if known is None:
+            registry.add_module(_import(entry_point.value, f"entry point '{entry_point.name}'", installed))
+        for record in known or ():
+            registry.add(record)
     for module in configured:
         _add_import(registry, module, "nodes of the configuration", installed)
     for each in named:
@@ -153,6 +160,20 @@ def load_registry(
         else:
             registry.add_class(each)
     return registry
+
+
+@functools.cache
+def language() -> list[NodeSpec | Record]:
+    """Return the records of the language's own nodes, and of `SubTree`."""
+    known = recorded(_LANGUAGE)
+    return [*known] if known is not None else [*specs_of(importlib.import_module(_LANGUAGE))]
+
+
+@functools.cache
+def subtree() -> NodeSpec:
+    """Return the record of `SubTree`."""
+    found = next(each for each in language() if each.tag == SUBTREE_TAG)
+    return found.spec() if isinstance(found, Record) else found
 
 
 @functools.cache
@@ -210,6 +231,13 @@ def _import(name: str, source: str, load: Callable[[str], ModuleType]) -> Module
             f"the module of leaves '{name}' ({source}) cannot be imported: {type(error).__name__}: {error}"
         )
         raise RegistryError(message) from error
+
+
+def _is_same(first: NodeSpec | Record, second: NodeSpec | Record) -> bool:
+    """Return whether two records are of one class; of what is only recorded, the path counts."""
+    if isinstance(first, (Record, RecordedSpec)) or isinstance(second, (Record, RecordedSpec)):
+        return first.maker_path == second.maker_path
+    return first.cls is second.cls
 
 
 def _name_of(cls: type) -> str:

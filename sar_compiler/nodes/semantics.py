@@ -8,20 +8,20 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
-
-from py_trees.common import Status
+from typing import TYPE_CHECKING, NamedTuple
 
 from sar_compiler.nodes import outcome_sets
-from sar_compiler.nodes.outcome_sets import ALLOWED, ANSWERS, F, Possible, R, S
+from sar_compiler.nodes.outcome_sets import ALLOWED, ANSWERS, F, Number, Possible, R, S
 
 if TYPE_CHECKING:
+    from py_trees.common import Status
+
     from sar_compiler.nodes.binding.bound import BoundNode
     from sar_compiler.nodes.btcpp.notes import Notes
     from sar_compiler.nodes.btcpp.rewrites import Draft
 
-Number: TypeAlias = Callable[["BoundNode"], float | None]
-"""Reads a number from a node's attributes; None if it is not known before the run."""
+WRITES, REMOVES = "writes to the blackboard", "removes from the blackboard"
+"""Effects that do not change the world."""
 
 
 class Order(Enum):
@@ -78,8 +78,11 @@ class KeyRole(NamedTuple):
     indirect: bool = False
 
 
-@dataclass(frozen=True)
-class Counterpart:
+NO_HINT = "register a node of that name in C++"
+"""The remedy for a node without a counterpart, unless something else is known."""
+
+
+class Counterpart(NamedTuple):
     """A node's counterpart in BehaviorTree.CPP.
 
     Attributes:
@@ -90,7 +93,7 @@ class Counterpart:
 
     built_in: bool = False
     rewrite: "Callable[[Draft, Notes], None] | None" = None
-    hint: str = "register a node of that name in C++"
+    hint: str = NO_HINT
 
 
 def _ungated(_bound: "BoundNode") -> Mapping[int, Gate]:
@@ -136,7 +139,7 @@ class Semantics:
     resumes: bool = False
     with_memory: str = ""
     keys: Mapping[str, KeyRole] = field(default_factory=dict)
-    counterpart: Counterpart = Counterpart()
+    counterpart: Counterpart = Counterpart()  # noqa: RUF009 - frozen
 
     @classmethod
     def sequence(
@@ -172,7 +175,7 @@ class Semantics:
         return cls(possible, Order.TOGETHER)
 
     @classmethod
-    def turning(cls, turns: Mapping[Status, Status]) -> "Semantics":
+    def turning(cls, turns: "Mapping[Status, Status]") -> "Semantics":
         """Return the semantics of a decorator that replaces some results of its child.
 
         Args:

@@ -4,9 +4,10 @@ import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from sar_compiler.nodes.answers import answers_of
+from sar_compiler.nodes.imports import Deferred, path_of
 from sar_compiler.nodes.semantics import Semantics
 from sar_compiler.nodes.values import ValueType
 from sar_compiler.runtime.answers import Answer, Fact
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from sar_compiler.nodes.binding.bound import BoundNode
     from sar_compiler.nodes.binding.collector import Collector
 
+MARK = "__node_spec__"
+"""The attribute of a registered class that holds its record."""
 Rule: TypeAlias = "Callable[[BoundNode, Collector], None]"
 """Reports mistakes in a node whose attributes are each valid by themselves."""
 
@@ -133,6 +136,16 @@ class Parameter:
     doc: str = ""
     keyword: str = ""
 
+    @functools.cached_property
+    def target_path(self) -> str:
+        """The import path of that class; empty if there is none."""
+        return path_of(self.target) if self.target is not None else ""
+
+    @property
+    def target_name(self) -> str:
+        """The name of that class."""
+        return self.target_path.rpartition(":")[2].rpartition(".")[2]
+
     @property
     def help(self) -> str:
         """Its description for editors; for a port with the direction before it."""
@@ -155,22 +168,27 @@ CHILD_COUNTS: dict[Kind, tuple[int, int | None]] = {
 """The smallest and largest number of children by kind of node."""
 
 
-@dataclass(frozen=True)
-class Skipping:
+class Skipping(NamedTuple):
     """A node's treatment of skipped ticks.
 
     Attributes:
         possible: Whether a tick of the node can be skipped.
-        cls: The class that replaces the node's own if a child can be skipped.
+        cls: The class that replaces the node's own if a child can be skipped, or what imports it.
         only_if: The attribute and value required for the node itself to skip a tick; None if there is no such
             requirement.
         advice: An equivalent node that supports skipped children, if there is one.
     """
 
     possible: Skips = Skips.NEVER
-    cls: type[Any] | None = None
+    cls: type[Any] | Deferred | None = None
     only_if: tuple[str, object] | None = None
     advice: str = ""
+
+    @property
+    def replacement(self) -> type[Any] | None:
+        """The class itself, imported if necessary."""
+        found: type[Any] | None = self.cls.load() if isinstance(self.cls, Deferred) else self.cls
+        return found
 
 
 @dataclass(frozen=True)
@@ -240,7 +258,7 @@ class NodeSpec:
     reads: tuple[str, ...] = ()
     writes: tuple[str, ...] = ()
     semantics: Semantics = Semantics()  # noqa: RUF009 - frozen
-    skipping: Skipping = Skipping()
+    skipping: Skipping = Skipping()  # noqa: RUF009 - frozen
     signature: Signature = Signature()
     child_count: tuple[int, int | None] = (-1, None)
     variant: bool = False
@@ -276,7 +294,22 @@ class NodeSpec:
         """The factory of its instances: a function of its own, or the class."""
         return self.signature.factory or self.cls
 
+    @functools.cached_property
+    def maker_path(self) -> str:
+        """The import path of that; empty if there is none."""
+        return path_of(self.maker) if self.maker is not None else ""
+
+    @functools.cached_property
+    def ancestry(self) -> frozenset[str]:
+        """The import paths of its class and of those that it derives from."""
+        return frozenset(map(path_of, self.cls.__mro__)) if self.cls is not None else frozenset()
+
     @property
+    def is_only_described(self) -> bool:
+        """Whether no class is known, only a model of the node."""
+        return self.cls is None
+
+    @functools.cached_property
     def fixed(self) -> Mapping[str, object]:
         """The parameters whose value the tag implies."""
         return self.signature.fixed
@@ -320,7 +353,7 @@ class NodeSpec:
     @functools.cached_property
     def is_demanding(self) -> bool:
         """Whether an instance requires more than its values and children."""
-        return bool(self.references or self.handed_over) or self.cls is None
+        return bool(self.references or self.handed_over) or self.is_only_described
 
     @functools.cached_property
     def structure(self) -> str:

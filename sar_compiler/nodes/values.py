@@ -1,6 +1,5 @@
 """Conversion of an attribute's whole text to a typed value."""
 
-import difflib
 import enum
 import functools
 import json
@@ -8,13 +7,14 @@ import math
 import re
 import types
 import typing
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import timedelta
 from pathlib import Path
 from typing import Annotated, TypeGuard, TypeVar
 
+from sar_compiler.nodes.imports import Deferred
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.tokens import ScriptError
@@ -168,6 +168,8 @@ def _odd(value: object, wanted: type) -> bool:
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
     """Return the known word that was probably meant, or None."""
+    import difflib
+
     candidates = list(known)
     found = (
         [candidate for candidate in candidates if candidate.lower() == word.lower()]
@@ -217,11 +219,14 @@ def value_type_of(annotation: object) -> ValueType | None:
         item = without_none(typing.get_args(annotation)[0])
         return list_of(_PLAIN[item]) if is_class(item) and item in _PLAIN else None
     if is_class(annotation) and issubclass(annotation, enum.Enum):
-        return _choice(annotation.__name__, {member.name: member for member in annotation}, annotation)
+        members = {member.name: member for member in annotation}
+        convert = functools.partial(_member, annotation)
+        chosen = _choice(annotation.__name__, tuple(members), convert, _numbered(members))
+        return replace(chosen, python=annotation)
     if typing.get_origin(annotation) is typing.Literal:
         literals = typing.get_args(annotation)
         if all(isinstance(literal, str) for literal in literals):
-            return _choice(".".join(("one_of", *literals)), {literal: literal for literal in literals})
+            return _choice(".".join(("one_of", *literals)), literals, functools.partial(_chosen, literals))
     return None
 
 
@@ -308,24 +313,24 @@ def at_least(least: int) -> ValueType:
         least: The smallest.
     """
     label = f"a whole number, {least} or more"
-
-    def convert(text: str) -> int:
-        value = whole_number(text)
-        if value < least:
-            message = f"'{text}' is not {label}"
-            raise ConversionError(message, str(least))
-        return value
-
     return ValueType(
         f"integer.from.{least}",
         label,
-        convert,
+        functools.partial(_at_least, least, label),
         pattern=_INTEGER,
         python=int,
         cpp="int",
         least=least,
         example=str(least),
     )
+
+
+def _at_least(least: int, label: str, text: str) -> int:
+    value = whole_number(text)
+    if value < least:
+        message = f"'{text}' is not {label}"
+        raise ConversionError(message, str(least))
+    return value
 
 
 def _up_to(largest: int) -> str:
@@ -397,39 +402,46 @@ def _remembered(text: str, *, allow_empty: bool) -> Script:
     return parse(text, allow_empty=allow_empty)
 
 
-def _choice(name: str, members: dict[str, object], python: type = str) -> ValueType:
-    names = tuple(members)
-    enumerated = [member for member in members.values() if isinstance(member, enum.Enum)]
-    numbered = {str(member.value): member for member in enumerated if isinstance(member.value, int)}
-
-    def convert(text: str) -> object:
-        try:
-            return members[text] if text in members else numbered[text]
-        except KeyError:
-            message = f"'{text}' is not one of {', '.join(names)}"
-            raise ConversionError(message, nearest(text.strip(), names)) from None
-
+def _choice(
+    name: str, names: tuple[str, ...], convert: Callable[[str], object], numbers: Iterable[str] = ()
+) -> ValueType:
     label = f"one of {', '.join(names)}"
     return ValueType(
-        name,
-        label,
-        convert,
-        choices=(*names, *numbered),
-        python=python,
-        cpp=_CPP_TEXT,
-        example=names[0],
+        name, label, convert, choices=(*names, *numbers), python=str, cpp=_CPP_TEXT, example=names[0]
     )
+
+
+def _chosen(names: tuple[str, ...], text: str) -> str:
+    if text in names:
+        return text
+    message = f"'{text}' is not one of {', '.join(names)}"
+    raise ConversionError(message, nearest(text.strip(), names)) from None
+
+
+def _member(kind: "type[enum.Enum] | Deferred", text: str) -> enum.Enum:
+    """Return the member of an enumeration that has a name, or is a whole number."""
+    members, texts = _texts_of(kind)
+    return texts[text] if text in texts else members[_chosen(tuple(members), text)]
+
+
+@functools.lru_cache(maxsize=64)
+def _texts_of(kind: "type[enum.Enum] | Deferred") -> tuple[dict[str, enum.Enum], dict[str, enum.Enum]]:
+    """Return the members of an enumeration by their names, and by all that may be written for them."""
+    loaded = kind.load() if isinstance(kind, Deferred) else kind
+    members: dict[str, enum.Enum] = {member.name: member for member in loaded}
+    return members, {**_numbered(members), **members}
+
+
+def _numbered(members: Mapping[str, enum.Enum]) -> dict[str, enum.Enum]:
+    return {str(member.value): member for member in members.values() if isinstance(member.value, int)}
 
 
 def list_of(item: ValueType) -> ValueType:
     """Return the type of lists, written with semicolons between the items: `1;2;3`."""
-
-    def convert(text: str) -> object:
-        return items_of(text, item.convert)
-
     pattern = f"(({item.pattern})(;({item.pattern}))*)?" if item.pattern else ""
     label = f"{item.label.split(' ', 1)[1]}s with ; between them"
     cpp = f"std::vector<{item.cpp}>"
+    convert = functools.partial(items_of, convert=item.convert)
     return ValueType(f"{item.name}.list", label, convert, pattern=pattern, python=list, cpp=cpp)
 
 
@@ -486,6 +498,8 @@ _PLAIN: dict[type, ValueType] = {
         "duration", "a duration", _duration, pattern=_DURATION, python=timedelta, cpp=_CPP_TEXT
     ),
 }
+PLAIN = {value_type.name: value_type for value_type in _PLAIN.values()}
+"""The types of annotations that are classes, by their names."""
 UNSIGNED = ValueType(
     "unsigned",
     f"a whole number from 0 to {_LARGEST_UNSIGNED}",

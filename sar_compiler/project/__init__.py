@@ -7,18 +7,14 @@ for each configuration that it finds, and loads trees. All commands and all test
 import functools
 import warnings
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from sar_compiler.checks import check, check_palettes
 from sar_compiler.checks.configuration import Configuration, configuration_for, repository_of
-from sar_compiler.compiler import CompiledTree, bind_main, compile_tree, preview_tree
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.nodes.installed import ignored_entry_points, is_installed
 from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, load_registry
-from sar_compiler.project.trust import Content
-from sar_compiler.runtime.clock import Clock
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
 from sar_compiler.tree.forest import Forest, Read, load_forest
 from sar_compiler.tree.model import TreeFile
@@ -31,12 +27,12 @@ if TYPE_CHECKING:
 
     from sar_compiler.checks.simulate.scenario_files import Stage
     from sar_compiler.checks.verify import Progress, Verification
+    from sar_compiler.compiler import CompiledTree
     from sar_compiler.documents.located import Document
     from sar_compiler.project.simulated import Simulated
 
 
-@dataclass(frozen=True)
-class Additions:
+class Additions(NamedTuple):
     """The user's additions to any project's configuration, which may refer to any file.
 
     Attributes:
@@ -54,7 +50,6 @@ class Additions:
     registry: Registry | None = None
 
 
-@dataclass
 class Project:
     """The common settings of the tree files of one configuration.
 
@@ -64,9 +59,10 @@ class Project:
         additions: The user's additions.
     """
 
-    configuration: Configuration
-    checkout: Path
-    additions: Additions
+    def __init__(self, configuration: Configuration, checkout: Path, additions: Additions) -> None:
+        self.configuration = configuration
+        self.checkout = checkout
+        self.additions = additions
 
     @functools.cached_property
     def registry(self) -> Registry:
@@ -87,6 +83,8 @@ class Project:
 
     def _require_trust(self, modules: list[str]) -> None:
         """Allow the import of modules beside the configuration, if the user trusts them."""
+        from sar_compiler.project.trust import Content
+
         path = self.configuration.path
         assert path is not None  # noqa: S101 - it has named the modules
         content = Content.of(path, modules)
@@ -123,7 +121,6 @@ class Project:
         return (*self.additions.include_path, *self.configuration.include_path)
 
 
-@dataclass
 class Workspace:
     """Loads tree files, each with the settings of its project.
 
@@ -133,11 +130,17 @@ class Workspace:
         note: Called once for each thing that is ignored for safety.
     """
 
-    additions: Additions = field(default_factory=Additions)
-    read: Read = read_tree_file
-    note: Callable[[str], None] = lambda _text: None
-    _projects: dict[tuple[Path | None, Path], Project] = field(default_factory=dict)
-    _noted: set[str] = field(default_factory=set)
+    def __init__(
+        self,
+        additions: Additions = Additions(),  # noqa: B008 - cannot be changed
+        read: Read = read_tree_file,
+        note: Callable[[str], None] = lambda _text: None,
+    ) -> None:
+        self.additions = additions
+        self.read = read
+        self.note = note
+        self._projects: dict[tuple[Path | None, Path], Project] = {}
+        self._noted: set[str] = set()
 
     def load(self, tree: str | Path) -> "LoadedTree":
         """Load a tree.
@@ -254,6 +257,8 @@ class LoadedTree:
         Raises:
             TreeError: If there is none, or there are errors; carries them.
         """
+        from sar_compiler.compiler import bind_main
+
         self._require_no_errors(tree_named=tree_id is not None)
         return bind_main(self.forest, self.project.registry, tree_id, self.project.palettes)
 
@@ -286,7 +291,7 @@ class LoadedTree:
         parameters: Mapping[str, object] | None = None,
         context: Mapping[type, object] | None = None,
         tree_id: str | None = None,
-    ) -> CompiledTree:
+    ) -> "CompiledTree":
         """Compile a tree, to be ticked.
 
         Args:
@@ -300,6 +305,9 @@ class LoadedTree:
             TreeError: If there are errors, a key has no value or an invalid one, a leaf needs an object that is
                 not in *context*, or a constructor refuses its arguments.
         """
+        from sar_compiler.compiler import compile_tree
+        from sar_compiler.runtime.clock import Clock
+
         binding = self.binding(tree_id)
         of_node: dict[str, object] = {}
         clock: dict[type, object] = {}
@@ -310,12 +318,14 @@ class LoadedTree:
             of_node, clock = flat_parameters(node), {Clock: RosClock(node)}
         return compile_tree(binding, {**clock, **(context or {})}, {**of_node, **(parameters or {})})
 
-    def preview(self, tree_id: str | None = None) -> CompiledTree:
+    def preview(self, tree_id: str | None = None) -> "CompiledTree":
         """Compile a tree for display, with stand-ins for the objects of a mission.
 
         Raises:
             TreeError: If there are errors.
         """
+        from sar_compiler.compiler import preview_tree
+
         return preview_tree(self.binding(tree_id))
 
     def simulate(

@@ -10,8 +10,7 @@ import itertools
 import weakref
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass
-
-from py_trees.blackboard import Blackboard
+from typing import Any
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.context import mission_context
@@ -69,6 +68,11 @@ class Board:
         weakref.finalize(self, _forget, self._stamps)
 
     @functools.cached_property
+    def _storage(self) -> dict[str, Any]:
+        """py_trees' blackboard, which need not be imported to check a tree."""
+        return _storage()
+
+    @functools.cached_property
     def prefix(self) -> str:
         """The prefix of the absolute names of its entries."""
         number = next(_instances)
@@ -76,15 +80,15 @@ class Board:
 
     def has(self, name: str) -> bool:
         """Return whether there is an entry with an absolute name."""
-        return name in Blackboard.storage
+        return name in self._storage
 
     def get(self, name: str) -> object:
         """Return an entry's value; a `KeyError` if there is none."""
-        return Blackboard.storage[name]
+        return self._storage[name]
 
     def set(self, name: str, value: object) -> None:
         """Write an entry, which is made if there is none."""
-        Blackboard.storage[name] = value
+        self._storage[name] = value
         self._stamps[name] = self._stamps.get(name, 0) + 1
         self._changes += 1
 
@@ -110,7 +114,7 @@ class Board:
 
     def remove(self, name: str) -> None:
         """Remove an entry, if there is one, and forget its type."""
-        Blackboard.storage.pop(name, None)
+        self._storage.pop(name, None)
         self._stamps.pop(name, None)
         self._kinds.pop(name, None)
         self._changes += 1
@@ -159,7 +163,7 @@ class Board:
             if kind is not None:
                 (self._kinds[name],) = kind
             if value is not None:
-                Blackboard.storage[name] = thaw(value)
+                self._storage[name] = thaw(value)
                 self._stamps[name] = stamp
         self._changes += 1
         self._keep(snapshot)
@@ -169,7 +173,7 @@ class Board:
         if name not in self._stamps:
             return name, kind, None, 0
         try:
-            value = freeze(Blackboard.storage[name])
+            value = freeze(self._storage[name])
         except FrozenValueError as error:
             message = f"the entry '{name.removeprefix(self.prefix + '/')}' holds {error}"
             raise FrozenValueError(message) from error
@@ -177,7 +181,7 @@ class Board:
 
     def _keep(self, snapshot: Snapshot) -> None:
         """Remember a snapshot, unless what is in it can be changed without anything being written."""
-        changeable = any(can_change(Blackboard.storage[name]) for name in self._stamps)
+        changeable = any(can_change(self._storage[name]) for name in self._stamps)
         self._taken = None if changeable else (self._changes, snapshot)
 
 
@@ -312,4 +316,11 @@ def entry_of(variable: str) -> str:
 def _forget(stamps: dict[str, int]) -> None:
     """Remove the entries of a board that was garbage-collected from py_trees' blackboard."""
     for name in stamps:
-        Blackboard.storage.pop(name, None)
+        _storage().pop(name, None)
+
+
+def _storage() -> dict[str, Any]:
+    from py_trees.blackboard import Blackboard
+
+    storage: dict[str, Any] = Blackboard.storage
+    return storage

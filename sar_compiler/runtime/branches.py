@@ -1,6 +1,6 @@
 """Branches: which child is ticked depends on another one, or on a value."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from py_trees.behaviour import Behaviour
 
@@ -12,12 +12,9 @@ from sar_compiler.runtime.kernel.branching import (
     TryCatchNode,
     WhileDoElseNode,
 )
+from sar_compiler.runtime.operators import equal_texts
 from sar_compiler.runtime.parents import Control
 from sar_compiler.runtime.ports import Input
-from sar_compiler.runtime.variables import RefusedValueError, number_of
-
-_FLOAT_EPSILON = 2.0**-23
-"""Two real numbers of a Switch are equal if they are no further apart, as in scripts."""
 
 
 class ChildCountError(SarError):
@@ -146,27 +143,7 @@ class TryCatch(Control):
         self._catch_on_halt = catch_on_halt or Input(source=False)
 
 
-def equal_texts(first: str, second: str, names: Mapping[str, int]) -> bool:
-    """Return whether two texts are equal for a Switch: as they are, as whole numbers, or as real numbers.
-
-    Args:
-        first: A text.
-        second: Another one.
-        names: Names that stand for numbers.
-    """
-    if first == second:
-        return True
-    try:
-        return abs(_real(first, names) - _real(second, names)) <= _FLOAT_EPSILON
-    except RefusedValueError:
-        return False
-
-
 def _require_branches(name: str, count: int) -> None:
     if count not in (2, 3):
         message = f"'{name}' has {count} children; it needs a condition and one or two branches"
         raise ChildCountError(message)
-
-
-def _real(text: str, names: Mapping[str, int]) -> float:
-    return float(names[text] if text in names else number_of(text))

@@ -1,16 +1,25 @@
 """The outcome of a tick as an attribute of a tree file names it."""
 
 import enum
+from typing import TYPE_CHECKING
 
-from py_trees.common import Status
-
-from sar_compiler.runtime.skipping import SKIPPED
+if TYPE_CHECKING:
+    from py_trees.common import Status
 
 
 class Outcome(enum.Enum):
-    """An outcome that an attribute chooses; its value is what a tick returns."""
+    """An outcome that an attribute chooses."""
 
-    SUCCESS = Status.SUCCESS
-    FAILURE = Status.FAILURE
-    RUNNING = Status.RUNNING
-    SKIPPED = SKIPPED
+    SUCCESS = "SUCCESS"
+    FAILURE = "FAILURE"
+    RUNNING = "RUNNING"
+    SKIPPED = "SKIPPED"
+
+    @property
+    def status(self) -> "Status":
+        """What a tick returns."""
+        from py_trees.common import Status
+
+        from sar_compiler.runtime.skipping import SKIPPED
+
+        return SKIPPED if self is Outcome.SKIPPED else Status[self.name]

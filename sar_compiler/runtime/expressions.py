@@ -3,7 +3,7 @@
 import enum
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Union
+from typing import NamedTuple, Union
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,8 +122,7 @@ class Access(enum.Enum):
     """`=` and `+=` and the like: the variable must exist."""
 
 
-@dataclass(frozen=True, slots=True)
-class NameUse:
+class NameUse(NamedTuple):
     """A name in a script.
 
     Attributes:

@@ -3,25 +3,16 @@
 Stock py_trees' ForEach ticks its child once even if there is no item, and takes no literal queue.
 """
 
-from collections.abc import Iterable
 from typing import Any
 
 from py_trees.behaviour import Behaviour
 
-from sar_compiler.errors import SarError
 from sar_compiler.runtime.chosen_outcome import Outcome
-from sar_compiler.runtime.entry_types import value_of
 from sar_compiler.runtime.kernel.repeating import LoopNode
 from sar_compiler.runtime.parents import Wrapper
 from sar_compiler.runtime.ports import Input, Output
+from sar_compiler.runtime.queues import QueueError, queue_items
 from sar_compiler.runtime.tokens import excerpt
-from sar_compiler.runtime.variables import RefusedValueError, ScriptValue, fit
-
-_SEPARATOR = ";"
-
-
-class QueueError(SarError):
-    """The value that a loop should iterate over is no queue, or an item of it has the wrong type."""
 
 
 class Loop(Wrapper):
@@ -29,7 +20,6 @@ class Loop(Wrapper):
 
     node_class = LoopNode
     kind: type
-    _label: str
 
     def __init__(
         self,
@@ -47,7 +37,7 @@ class Loop(Wrapper):
 
     def _read(self, held: object) -> list[Any]:
         try:
-            return self.items(held)
+            return queue_items(held, self.kind)
         except QueueError as error:
             message = f"'{self.name}': queue: {error}"
             raise QueueError(message) from None
@@ -57,44 +47,6 @@ class Loop(Wrapper):
         (item,) = self._read([raw])
         self._value.set(item)
         self.feedback_message = f"item {excerpt(str(item))}, {left} left"
-
-    @classmethod
-    def items(cls, held: object) -> list[Any]:
-        """Return the items of a queue.
-
-        Args:
-            held: A text with items between semicolons, or a list.
-
-        Raises:
-            QueueError: If it is neither, or one of them has the wrong type.
-        """
-        if isinstance(held, str):
-            texts = held.split(_SEPARATOR)
-            parts: Iterable[object] = texts if texts[-1] else texts[:-1]
-        elif isinstance(held, (list, tuple)):
-            parts = held
-        else:
-            message = (
-                f"a value of type {type(held).__name__} is no queue; "
-                "write a list, or a text with items between semicolons"
-            )
-            raise QueueError(message)
-        return [cls._item(part) for part in parts]
-
-    @classmethod
-    def _item(cls, held: object) -> object:
-        try:
-            value = value_of(held)
-            if value is not None:
-                return cls._converted(value)
-        except RefusedValueError:
-            pass
-        message = f"{held!r} is not {cls._label}"
-        raise QueueError(message) from None
-
-    @classmethod
-    def _converted(cls, value: ScriptValue) -> object:
-        return fit(value, cls.kind)
 
 
 class LoopInt(Loop):
@@ -109,7 +61,7 @@ class LoopInt(Loop):
         if_empty: What to answer when none is left.
     """
 
-    kind, _label = int, "a whole number"
+    kind = int
 
 
 class LoopDouble(Loop):
@@ -124,7 +76,7 @@ class LoopDouble(Loop):
         if_empty: What to answer when none is left.
     """
 
-    kind, _label = float, "a number"
+    kind = float
 
 
 class LoopBool(Loop):
@@ -139,13 +91,7 @@ class LoopBool(Loop):
         if_empty: What to answer when none is left.
     """
 
-    kind, _label = bool, "true or false"
-
-    @classmethod
-    def _converted(cls, value: ScriptValue) -> object:
-        # As everywhere in tree files: true, True and TRUE.
-        spelt = isinstance(value, str) and value in {"True", "TRUE", "False", "FALSE"}
-        return super()._converted(str(value).lower() if spelt else value)
+    kind = bool
 
 
 class LoopString(Loop):
@@ -160,8 +106,4 @@ class LoopString(Loop):
         if_empty: What to answer when none is left.
     """
 
-    kind, _label = str, "a text"
-
-    @classmethod
-    def _converted(cls, value: ScriptValue) -> object:
-        return fit(value, str)
+    kind = str

@@ -182,3 +182,23 @@ def _truth(value: ScriptValue) -> bool:
         message = f"{said(value)} is neither true (1) nor false (0)"
         raise RefusedValueError(message)
     return number != 0
+
+
+def equal_texts(first: str, second: str, names: Mapping[str, int]) -> bool:
+    """Return whether two texts are equal for a Switch: as they are, as whole numbers, or as real numbers.
+
+    Args:
+        first: A text.
+        second: Another one.
+        names: Names that stand for numbers.
+    """
+    if first == second:
+        return True
+    try:
+        return abs(_real(first, names) - _real(second, names)) <= EPSILON
+    except RefusedValueError:
+        return False
+
+
+def _real(text: str, names: Mapping[str, int]) -> float:
+    return float(names[text] if text in names else number_of(text))

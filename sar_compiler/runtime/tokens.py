@@ -4,7 +4,7 @@ import enum
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from sar_compiler.errors import SarError
 
@@ -76,8 +76,7 @@ class TokenKind(enum.Enum):
     END = enum.auto()
 
 
-@dataclass(frozen=True, slots=True)
-class Token:
+class Token(NamedTuple):
     """One word of a script.
 
     Attributes:

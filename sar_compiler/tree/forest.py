@@ -1,11 +1,10 @@
 """All trees that a file can name: its own, and those of the files that it includes."""
 
-import difflib
 import functools
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError, UnreadableFileError
@@ -94,14 +93,14 @@ def load_forest(path: Path, read: Read, include_paths: Iterable[Path] = ()) -> F
     return Forest(main, tuple(loader.files), tuple(loader.findings))
 
 
-@dataclass
 class _Loader:
-    read: Read
-    folders: list[Path]
-    files: list[TreeFile] = field(default_factory=list)
-    findings: list[Diagnostic] = field(default_factory=list)
-    seen: set[Path] = field(default_factory=set)
-    full: bool = False
+    def __init__(self, read: Read, folders: list[Path]) -> None:
+        self.read = read
+        self.folders = folders
+        self.files: list[TreeFile] = []
+        self.findings: list[Diagnostic] = []
+        self.seen: set[Path] = set()
+        self.full = False
 
     def included(self, path: Path, tree_file: TreeFile, around: tuple[Path, ...]) -> None:
         """Take a file in, after everything that it includes itself."""
@@ -211,6 +210,8 @@ def _near(element: Element, target: Path) -> str | None:
     written, beside = element.attributes["path"], []
     with suppress(OSError):
         beside = [path.name for path in target.parent.iterdir() if path.suffix in _ENDINGS]
+    import difflib
+
     near = difflib.get_close_matches(target.name, sorted(beside), n=1)
     return written.removesuffix(target.name) + near[0] if near and written.endswith(target.name) else None
 

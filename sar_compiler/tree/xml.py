@@ -15,7 +15,6 @@ from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import MODEL_TAG, Comment, Element, TreeFile
 from sar_compiler.tree.source import Form, Source, Span
-from sar_compiler.tree.xml_mistakes import mistake_at
 
 _DECLARED_ENCODING = re.compile(rb"""^<\?xml\b[^>]*?\bencoding\s*=\s*["']([A-Za-z0-9._\-]+)["']""")
 _NAME = re.compile(r"<[^\s/>]+")
@@ -180,6 +179,8 @@ class _XmlReader:
 
     def _malformed(self, error: expat.ExpatError) -> Diagnostic:
         """Return a finding in the reader's words for an error that expat's own words do not explain."""
+        from sar_compiler.tree.xml_mistakes import mistake_at
+
         start = self._source.offset(error.lineno, error.offset + 1)
         words = expat.errors.messages.get(error.code, str(error))
         hint = _HINTS.get(words)

@@ -59,10 +59,8 @@ def _answer(answer: Answer) -> str:
 
 def _attribute(spec: NodeSpec, parameter: Parameter) -> str:
     label = parameter.value_type.label if parameter.value_type else ""
-    if parameter.role is Role.REFERENCE and parameter.target is not None:
-        label = (
-            f"the name of a {parameter.target.__name__} in the same tree; found by itself where there is one"
-        )
+    if parameter.role is Role.REFERENCE:
+        label = f"the name of a {parameter.target_name} in the same tree; found by itself where there is one"
     if parameter.direction is not None:
         label = f"{parameter.direction.words}; {label}"
     if parameter.role is Role.NAME:
@@ -101,7 +99,7 @@ def _parameter(spec: NodeSpec, parameter: Parameter) -> dict[str, object]:
         "role": parameter.role.value,
         "direction": parameter.direction.value.removesuffix("_port") if parameter.direction else None,
         "type": parameter.value_type.label if parameter.value_type else None,
-        "refers_to": parameter.target.__name__ if parameter.target else None,
+        "refers_to": parameter.target_name or None,
         "required": parameter.required and parameter.name not in spec.fixed,
         "default": plain(default),
         "doc": parameter.doc,

@@ -4,12 +4,11 @@ import pytest
 from py_trees.behaviour import Behaviour
 from py_trees.composites import Composite
 
+from sar_compiler import Kind, register
 from sar_compiler.checks import check
-from sar_compiler.nodes import Kind, register
-from sar_compiler.nodes.register import MARK
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.semantics import Semantics
-from sar_compiler.nodes.spec import NodeSpec, Use
+from sar_compiler.nodes.spec import MARK, NodeSpec, Use
 from sar_compiler.tree.diagnostic import Severity
 from tests.trees import document, forest_of
 

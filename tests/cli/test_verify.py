@@ -181,7 +181,7 @@ def test_a_control_of_ones_own_cannot_be_gone_through_and_that_is_said(run, tmp_
     (tmp_path / "own_control.py").write_text(
         "from py_trees.composites import Sequence\n"
         "from py_trees.behaviour import Behaviour\n"
-        "from sar_compiler.nodes import Kind, register\n"
+        "from sar_compiler import Kind, register\n"
         "@register('Own', kind=Kind.CONTROL)\n"
         "class Own(Sequence):\n"
         "    '''A control.'''\n"

@@ -17,11 +17,10 @@ from py_trees.blackboard import Blackboard
 from py_trees.common import Status
 
 from sar_compiler.runtime import (
-    branches,
     entries,
     entry_types,
-    loops,
     operators,
+    queues,
     variables,
 )
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Scope
@@ -199,11 +198,11 @@ def _front_read() -> Iterator[None]:
         return read(value, kind) if isinstance(value, str) and kind is not bool else fit(value, kind)
 
     with ExitStack() as stack:
-        for module in (variables, operators, branches, entry_types):
+        for module in (variables, operators, entry_types):
             stack.enter_context(_replaced(module, "number_of", _front_of))
         for module in (entries, entry_types):
             stack.enter_context(_replaced(module, "read_as", read))
-        stack.enter_context(_replaced(loops, "fit", item))
+        stack.enter_context(_replaced(queues, "fit", item))
         yield
 
 

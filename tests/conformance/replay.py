@@ -106,7 +106,7 @@ def _registry(*, may_skip: bool) -> Registry:
     registry = Registry(default_registry().specs())
     module = Registry()
     module.add_module(leaves)
-    for leaf in module.specs():
+    for leaf in module:
         outcomes = leaf.outcomes if may_skip else leaf.outcomes - {"SKIPPED"}
         registry.add(dataclasses.replace(leaf, outcomes=outcomes, answers=()))
     return registry

@@ -4,11 +4,11 @@ import pytest
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler.nodes import Answer, Kind, register
+from sar_compiler import Answer, Kind, register
 from sar_compiler.nodes.answers import Identifiers, filled, mistake_in, number_text
 from sar_compiler.nodes.constructors import RegistrationError
-from sar_compiler.nodes.register import MARK
 from sar_compiler.nodes.registry import Registry, default_registry
+from sar_compiler.nodes.spec import MARK
 from sar_compiler.runtime.answers import nominal
 from sar_compiler.runtime.ports import Input
 from tests.nodes.leaves import Say

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from sar_compiler import Kind, register
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
-from sar_compiler.nodes import Kind, register
 from sar_compiler.nodes.btcpp.to_btcpp import convert_to_btcpp, to_btcpp
 from sar_compiler.nodes.models.palette import is_built_in
 from sar_compiler.nodes.registry import Registry, default_registry
@@ -506,7 +506,7 @@ def test_a_node_is_left_to_behaviortree_cpp_if_it_has_one_of_that_name_and_no_ot
 
 
 def test_every_meaning_of_a_tag_says_whether_behaviortree_cpp_has_the_tag():
-    specs = default_registry().specs()
+    specs = list(default_registry())
     assert [
         spec.tag for spec in specs if spec.semantics.counterpart.built_in is not (spec.tag in BUILT_IN)
     ] == []

@@ -5,11 +5,10 @@ import sys
 import pytest
 from py_trees.behaviour import Behaviour
 
-from sar_compiler.nodes import Kind, register
+from sar_compiler import Kind, register
 from sar_compiler.nodes.constructors import RegistrationError
-from sar_compiler.nodes.register import MARK
 from sar_compiler.nodes.registry import Registry, RegistryError, default_registry, load_registry
-from sar_compiler.nodes.spec import NodeSpec, Role, Use
+from sar_compiler.nodes.spec import MARK, NodeSpec, Role, Use
 from tests.nodes import leaves
 
 

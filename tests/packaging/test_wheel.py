@@ -38,6 +38,15 @@ def test_every_shipped_file_is_in_the_environment(installed):
     assert files_below(environment / "share" / "sar_compiler") == files_below(repository)
 
 
+def test_the_records_of_the_shipped_nodes_are_in_the_package(installed):
+    repository, environment = installed
+    found = [path.parent.name for path in environment.rglob("records.jsonl")]
+    assert found
+    assert sorted(found) == sorted(
+        path.parent.name for path in (repository / "sar_compiler").rglob("records.jsonl")
+    )
+
+
 def test_the_ament_index_of_the_environment_has_the_package(installed):
     _, environment = installed
     index = environment / "share" / "ament_index" / "resource_index" / "packages"

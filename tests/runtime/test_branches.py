@@ -11,8 +11,8 @@ from sar_compiler.runtime.branches import (
     Switch,
     TryCatch,
     WhileDoElse,
-    equal_texts,
 )
+from sar_compiler.runtime.operators import equal_texts
 from sar_compiler.runtime.ports import Input, PortError
 from tests.conformance.leaves import ScriptedError
 from tests.runtime.stage import Stage

@@ -3,7 +3,7 @@
 import bisect
 import functools
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes, is_telling
 from sar_compiler.nodes.binding.binder import BoundForest, bind_all
@@ -16,7 +16,6 @@ from sar_compiler.tree.model import SECTIONS, TreeFile
 from sar_compiler.tree.source import Span
 
 
-@dataclass(frozen=True)
 class CheckContext:
     """A forest with the results of its analysis, each computed at most once.
 
@@ -26,9 +25,10 @@ class CheckContext:
         palettes: Files whose `TreeNodesModel` describes nodes that are not installed.
     """
 
-    forest: Forest
-    registry: Registry
-    palettes: tuple[TreeFile, ...] = ()
+    def __init__(self, forest: Forest, registry: Registry, palettes: tuple[TreeFile, ...] = ()) -> None:
+        self.forest = forest
+        self.registry = registry
+        self.palettes = palettes
 
     @functools.cached_property
     def bound(self) -> BoundForest:
@@ -51,7 +51,7 @@ class CheckContext:
     @functools.cached_property
     def is_foreign(self) -> bool:
         """Whether a node is only described: another program executes the trees."""
-        return any(bound.spec.cls is None for tree in self.trees for bound in tree.demanding)
+        return any(bound.spec.is_only_described for tree in self.trees for bound in tree.demanding)
 
     @functools.cached_property
     def outcomes(self) -> PossibleOutcomes:

@@ -136,7 +136,7 @@ def entry_table_of(top: Instance, known: dict[BoundTree, KeyAccesses]) -> EntryT
             known[instance.tree] = key_accesses_of(instance.tree)
         of_tree = known[instance.tree]
         is_open = is_open or of_tree.is_open
-        is_foreign = is_foreign or any(bound.spec.cls is None for bound in instance.tree.demanding)
+        is_foreign = is_foreign or any(bound.spec.is_only_described for bound in instance.tree.demanding)
         for access in of_tree.accesses:
             entry = _entry(entries, instance.scope, access.key)
             entry.uses.append(EntryAccess(instance, access, paths))

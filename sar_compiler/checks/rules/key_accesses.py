@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.imports import path_of
 from sar_compiler.nodes.semantics import AccessKind, KeyRole
 from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Scope, entry_of
@@ -75,6 +76,7 @@ _BY_ACCESS = {
     Access.CHANGE: AccessKind.CHANGE,
 }
 _POST = ("_onSuccess", "_onFailure", "_onHalted", "_post")
+_SCOPE = path_of(Scope)
 _OUR_OWN = ("sar_compiler.", "py_trees.")
 
 
@@ -154,9 +156,8 @@ def _is_told_by(bound: BoundNode, name: str) -> bool:
 
 
 def _has_scope(spec: NodeSpec) -> bool:
-    made_by = spec.maker.__module__ if spec.maker is not None else ""
-    own = made_by.startswith(_OUR_OWN)
-    return not own and any(parameter.target is Scope for parameter in spec.handed_over)
+    own = spec.maker_path.startswith(_OUR_OWN)
+    return not own and any(parameter.target_path == _SCOPE for parameter in spec.handed_over)
 
 
 def is_of_root(key: str) -> bool:

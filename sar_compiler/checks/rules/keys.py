@@ -21,9 +21,8 @@ from sar_compiler.checks.rules.scripts import is_condition
 from sar_compiler.nodes.binding.attributes import closed
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.collector import file_of
-from sar_compiler.nodes.language.py_trees_nodes import WRITES
 from sar_compiler.nodes.outcome_sets import K, S
-from sar_compiler.nodes.semantics import AccessKind, Order
+from sar_compiler.nodes.semantics import WRITES, AccessKind, Order
 from sar_compiler.nodes.values import nearest
 from sar_compiler.tree.diagnostic import Diagnostic
 
@@ -214,7 +213,7 @@ def _follow_each_other(first: EntryAccess, second: EntryAccess) -> bool:
         return False
     if not second.access.is_certain or second.access.time is AccessTime.AFTER:
         return False
-    if first.bound.spec.cls is None or second.bound.spec.cls is None:
+    if first.bound.spec.is_only_described or second.bound.spec.is_only_described:
         return False
     together = parting(first, second)
     within = together and together < min(len(first.path), len(second.path))

@@ -3,8 +3,6 @@
 import math
 from collections.abc import Iterator
 
-from py_trees.common import OneShotPolicy
-
 from sar_compiler.checks.rules.check_context import CheckContext, information, warning
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
 from sar_compiler.nodes.binding.bound import BoundNode
@@ -87,7 +85,7 @@ def _spent(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes) -> It
     once, within = _done_once(child)
     if once is None or (retries and not outcomes.may_return(within) & F):
         return
-    if retries and (once.oneshot or once.values.get("policy")) is OneShotPolicy.ON_SUCCESSFUL_COMPLETION:
+    if retries and (once.oneshot or once.values.get("policy")) == "ON_SUCCESSFUL_COMPLETION":
         return
     message = f"'{bound.name}' has no effect: '{once.name}' is done once in the whole run, and then only repeats its answer"
     yield warning("without-effect", message, bound, hint=f"put <{bound.element.tag}> into what is done once")

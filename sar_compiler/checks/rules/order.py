@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from sar_compiler.checks.rules.check_context import CheckContext, warning
 from sar_compiler.checks.rules.entry_accesses import EntryAccess, PathFinder, comes_first, parting
@@ -73,8 +73,7 @@ class _Words:
         return False
 
 
-@dataclass(frozen=True, eq=False)
-class _Leaf:
+class _Leaf(NamedTuple):
     """A leaf with facts, in one instance of its tree."""
 
     use: EntryAccess

@@ -6,12 +6,11 @@ may return anything, and no result of it is known to occur.
 """
 
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
-from sar_compiler.nodes.language.py_trees_nodes import REMOVES, WRITES
 from sar_compiler.nodes.outcome_sets import ALL, ALLOWED, SURE, F, K, R, S, bits
-from sar_compiler.nodes.semantics import Order
+from sar_compiler.nodes.semantics import REMOVES, WRITES, Order
 from sar_compiler.nodes.spec import Kind, NodeSpec
 
 _YES_OR_NO: tuple[frozenset[str], ...] = (frozenset(), frozenset({"SUCCESS", "FAILURE"}))
@@ -24,8 +23,7 @@ OutcomeSets = int
 """The results that a node may have, in the lower bits, and those known to occur in some run, above them."""
 
 
-@dataclass(frozen=True)
-class Found:
+class Found(NamedTuple):
     """A leaf found by a search.
 
     Attributes:
@@ -189,21 +187,21 @@ def is_telling(spec: NodeSpec) -> bool:
     """Return whether a node allows conclusions: one that returns at once, or whose outcomes are unknown, does not."""
     if not spec.kind.is_leaf:
         return spec.semantics.order is not Order.IN_ORDER
-    outcomes = spec.outcomes if spec.cls is not None else frozenset()
+    outcomes = spec.outcomes if not spec.is_only_described else frozenset()
     return bool(spec.effects or spec.uses) or outcomes not in _YES_OR_NO
 
 
 def acts(leaf: BoundNode) -> bool:
     """Return whether a leaf is known to have an effect on the world, apart from the blackboard."""
     spec = leaf.spec
-    if spec.cls is None:
+    if spec.is_only_described:
         return False
     return (bool(spec.effects) and spec.effects not in (WRITES, REMOVES)) or _drives(spec)
 
 
 def is_question(leaf: BoundNode) -> bool:
     """Return whether a leaf only evaluates a condition."""
-    return leaf.spec.kind is Kind.CONDITION and leaf.spec.cls is not None
+    return leaf.spec.kind is Kind.CONDITION and not leaf.spec.is_only_described
 
 
 def consequence(leaf: BoundNode) -> str:
@@ -233,7 +231,7 @@ def _made_of(bound: BoundNode, children: Sequence[OutcomeSets]) -> OutcomeSets:
     if possible is None:
         # A custom node: it may do anything with its children.
         known = bits(spec.outcomes)
-        return known | known << _SHIFT if known and spec.cls is not None else _UNKNOWN
+        return known | known << _SHIFT if known and not spec.is_only_described else _UNKNOWN
     least, most = spec.child_count
     if not least <= len(children) <= (most or len(children)):
         return _UNKNOWN

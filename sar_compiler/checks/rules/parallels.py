@@ -1,7 +1,7 @@
 """Children of a Parallel that interfere with each other."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from sar_compiler.checks.rules.check_context import CheckContext, warning
 from sar_compiler.checks.rules.outcome_analysis import Found, PossibleOutcomes, acts
@@ -52,8 +52,7 @@ def _out_of_step(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagn
             return
 
 
-@dataclass(frozen=True)
-class _Action:
+class _Action(NamedTuple):
     name: str
     found: Found
 

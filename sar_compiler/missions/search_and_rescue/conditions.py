@@ -6,7 +6,9 @@ from py_trees.common import Status
 from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
-from sar_compiler.nodes import Answer, Kind, register
+from sar_compiler.nodes.register import register
+from sar_compiler.nodes.spec import Kind
+from sar_compiler.runtime.answers import Answer
 
 _YES_OR_NO = {Status.SUCCESS, Status.FAILURE}
 _COMPLETE = "zones_left == 0 && zones_abandoned == 0 && reports_kept == 0 && at == 'base'"

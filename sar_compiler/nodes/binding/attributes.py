@@ -2,9 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from typing import Any
-
-from py_trees.common import OneShotPolicy
+from typing import Any, Literal, TypeAlias
 
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.collector import Collector
@@ -39,7 +37,9 @@ NOTES = ("_description", "_uid", "_fullpath")
 """Attributes in which BehaviorTree.CPP and Groot2 keep notes of their own; they mean nothing."""
 
 
-ONESHOT_TYPE = type_of(OneShotPolicy)
+OneShotPolicyName: TypeAlias = Literal["ON_COMPLETION", "ON_SUCCESSFUL_COMPLETION"]
+"""py_trees' policies, by their names."""
+ONESHOT_TYPE = type_of(OneShotPolicyName)
 # Looked up once: Python 3.11 takes a while to find a member of an enumeration, and this is asked for every attribute.
 _NAME, _ATTRIBUTE, _REFERENCE, _OUTPUT = Role.NAME, Role.ATTRIBUTE, Role.REFERENCE, Direction.OUTPUT
 _SCRIPT_TYPE = type_of(Script)

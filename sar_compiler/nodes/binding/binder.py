@@ -6,7 +6,7 @@ builds from its result.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, AttributeBinder
 from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree, Remapping
@@ -15,10 +15,9 @@ from sar_compiler.nodes.binding.instances import Instance, expand, report_shared
 from sar_compiler.nodes.binding.nesting import cut_circles, fits, trees_in
 from sar_compiler.nodes.binding.references import resolve_references
 from sar_compiler.nodes.binding.skips import by_itself, report_misread
-from sar_compiler.nodes.language.subtree import FORMER_ATTRIBUTES, SUBTREE
 from sar_compiler.nodes.models.model_comparison import compare
 from sar_compiler.nodes.models.models import Model, Models, read_models
-from sar_compiler.nodes.registry import Registry
+from sar_compiler.nodes.registry import Registry, subtree
 from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.nodes.values import blackboard_key, nearest
 from sar_compiler.tree.diagnostic import Diagnostic
@@ -27,13 +26,14 @@ from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import SUBTREE_TAG, TREE_TAG, Element, TreeFile
 
 _KIND_TAGS = frozenset(kind.value for kind in Kind)
+_FORMER_ATTRIBUTES = {"__autoremap": "_autoremap", "__shared_blackboard": "_autoremap"}
+"""The names of a `SubTree`'s attributes in BehaviorTree.CPP 3."""
 _MOST_TREES = 8
 _MOST_GUESSES = 1000
 """The largest number of unknown tags for which the probably meant one is suggested."""
 
 
-@dataclass(frozen=True)
-class BoundForest:
+class BoundForest(NamedTuple):
     """Every tree of a forest, bound.
 
     Attributes:
@@ -283,7 +283,7 @@ class Binder:
             explicit = nearest(tag, sorted(_KIND_TAGS))
             if explicit is not None:
                 return explicit
-        today = SUBTREE.tag if tag in SUBTREE.former_tags else self._registry.today(tag)
+        today = SUBTREE_TAG if tag in subtree().former_tags else self._registry.today(tag)
         return today or self._nearest(tag)
 
     def _nearest(self, tag: str) -> str | None:
@@ -322,7 +322,7 @@ class Binder:
 
     def _subtree(self, element: Element) -> BoundNode:
         tree_id = element.attributes.get("ID")
-        bound = BoundNode(element, SUBTREE, element.attributes.get("name") or tree_id or SUBTREE_TAG)
+        bound = BoundNode(element, subtree(), element.attributes.get("name") or tree_id or SUBTREE_TAG)
         self._current.nodes.append(bound)
         self._current.uses.append(bound)
         for child in element.children:
@@ -374,7 +374,7 @@ class Binder:
     def _unknown_of_subtree(self, element: Element, name: str) -> None:
         known = ["_autoremap", *CONDITIONS]
         message = f"<{SUBTREE_TAG}> has no attribute '{name}'; keys do not begin with _"
-        near = FORMER_ATTRIBUTES.get(name) or nearest(name, [*known, ONESHOT])
+        near = _FORMER_ATTRIBUTES.get(name) or nearest(name, [*known, ONESHOT])
         self._collector.name(element, name, "unknown-attribute", message, suggestion=near)
 
 

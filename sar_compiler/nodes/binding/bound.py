@@ -1,10 +1,8 @@
 """Bound trees: tags, texts and names resolved to their meanings, as plain data."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
-
-from py_trees.common import OneShotPolicy
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 from sar_compiler.nodes.spec import NodeSpec, Parameter
 from sar_compiler.runtime.expressions import Script
@@ -12,8 +10,7 @@ from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.model import Element
 
 
-@dataclass(frozen=True)
-class Remapping:
+class Remapping(NamedTuple):
     """The key remapping that the attributes of a `SubTree` declare.
 
     Attributes:
@@ -22,8 +19,8 @@ class Remapping:
         autoremap: Whether every other key is remapped to the outer key of the same name.
     """
 
-    keys: Mapping[str, str] = field(default_factory=dict)
-    constants: Mapping[str, str] = field(default_factory=dict)
+    keys: Mapping[str, str] = {}
+    constants: Mapping[str, str] = {}
     autoremap: bool = False
 
 
@@ -31,7 +28,6 @@ _NOTHING: Mapping[str, Any] = {}
 _APART = Remapping()
 
 
-@dataclass(eq=False, slots=True, init=False)
 class BoundNode:
     """An element with its meaning.
 
@@ -46,32 +42,36 @@ class BoundNode:
         references: The nodes that constructor parameters refer to, if they are in the same tree.
         children: Its children.
         conditions: The scripts of its pre- and post-conditions, by their attributes' names.
-        oneshot: The policy of the OneShot to wrap it in.
+        oneshot: The name of the policy of the OneShot to wrap it in.
         subtree: The tree that it refers to, if it is a `SubTree`.
         remapping: The remapping of that tree's keys.
     """
 
-    element: Element
-    spec: NodeSpec
-    name: str
-    values: Mapping[str, object]
-    keys: Mapping[str, str]
-    references: "Mapping[str, BoundNode]"
-    children: "Sequence[BoundNode]"
-    conditions: Mapping[str, Script]
-    oneshot: OneShotPolicy | None
-    subtree: "BoundTree | None"
-    remapping: Remapping
+    __slots__ = (
+        "children",
+        "conditions",
+        "element",
+        "keys",
+        "name",
+        "oneshot",
+        "references",
+        "remapping",
+        "spec",
+        "subtree",
+        "values",
+    )
 
-    # The __init__ of @dataclass would call a factory for each mapping, which takes three times as long.
     def __init__(self, element: Element, spec: NodeSpec, name: str) -> None:
         self.element = element
         self.spec = spec
         self.name = name
-        self.values = self.keys = self.references = self.conditions = _NOTHING
-        self.children = ()
-        self.oneshot = None
-        self.subtree = None
+        self.values: Mapping[str, object] = _NOTHING
+        self.keys: Mapping[str, str] = _NOTHING
+        self.references: Mapping[str, BoundNode] = _NOTHING
+        self.conditions: Mapping[str, Script] = _NOTHING
+        self.children: Sequence[BoundNode] = ()
+        self.oneshot: str | None = None
+        self.subtree: BoundTree | None = None
         self.remapping = _APART
 
     @property
@@ -89,7 +89,6 @@ class BoundNode:
         return self.spec.fixed.get(name, parameter.default if parameter is not None else None)
 
 
-@dataclass(eq=False)
 class BoundTree:
     """A `BehaviorTree`, bound by itself.
 
@@ -111,20 +110,21 @@ class BoundTree:
         unknown_names: Names of nodes with unknown tags; references to them are not reported again.
     """
 
-    element: Element
-    name: str
-    root: BoundNode | None = None
-    nodes: list[BoundNode] = field(default_factory=list)
-    uses: list[BoundNode] = field(default_factory=list)
-    parents: list[BoundNode] = field(default_factory=list)
-    keyed: list[BoundNode] = field(default_factory=list)
-    referring: list[BoundNode] = field(default_factory=list)
-    demanding: list[BoundNode] = field(default_factory=list)
-    skips: bool = False
-    nesting: int = 0
-    wrappers: int = 0
-    open_references: list[tuple[BoundNode, Parameter]] = field(default_factory=list)
-    unknown_names: set[str] = field(default_factory=set)
+    def __init__(self, element: Element, name: str) -> None:
+        self.element = element
+        self.name = name
+        self.root: BoundNode | None = None
+        self.nodes: list[BoundNode] = []
+        self.uses: list[BoundNode] = []
+        self.parents: list[BoundNode] = []
+        self.keyed: list[BoundNode] = []
+        self.referring: list[BoundNode] = []
+        self.demanding: list[BoundNode] = []
+        self.skips = False
+        self.nesting = 0
+        self.wrappers = 0
+        self.open_references: list[tuple[BoundNode, Parameter]] = []
+        self.unknown_names: set[str] = set()
 
     def subtrees(self) -> Iterator[BoundNode]:
         """Yield its `SubTree` nodes whose trees are known."""

@@ -1,7 +1,6 @@
 """A tree with its subtrees expanded: the keys and nodes that are visible in each instance of a tree."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.collector import Collector, file_of
@@ -11,7 +10,6 @@ from sar_compiler.nodes.values import literal_value
 from sar_compiler.runtime.blackboard import STROKE, Board, Scope
 
 
-@dataclass(eq=False)
 class Instance:
     """One use of a tree.
 
@@ -24,12 +22,15 @@ class Instance:
         references: The nodes that its tree's open references resolve to, with their instances.
     """
 
-    tree: BoundTree
-    scope: Scope
-    around: "Instance | None" = None
-    place: BoundNode | None = None
-    inner: "dict[BoundNode, Instance]" = field(default_factory=dict)
-    references: "dict[tuple[BoundNode, str], tuple[Instance, BoundNode]]" = field(default_factory=dict)
+    def __init__(
+        self, tree: BoundTree, scope: Scope, around: "Instance | None" = None, place: BoundNode | None = None
+    ) -> None:
+        self.tree = tree
+        self.scope = scope
+        self.around = around
+        self.place = place
+        self.inner: dict[BoundNode, Instance] = {}
+        self.references: dict[tuple[BoundNode, str], tuple[Instance, BoundNode]] = {}
 
     def referred(self, bound: BoundNode, name: str) -> "tuple[Instance, BoundNode] | None":
         """Return the node that a reference resolves to, with its instance; None if there is none."""

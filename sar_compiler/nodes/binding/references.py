@@ -18,14 +18,12 @@ class Candidates:
 
     def __init__(self, nodes: list[BoundNode]) -> None:
         self.nodes = nodes
-        self._fitting: dict[type, list[BoundNode]] = {}
+        self._fitting: dict[str, list[BoundNode]] = {}
 
-    def of(self, target: type) -> list[BoundNode]:
-        """Return the nodes of a class."""
+    def of(self, target: str) -> list[BoundNode]:
+        """Return the nodes of a class with a given import path."""
         if target not in self._fitting:
-            self._fitting[target] = [
-                node for node in self.nodes if node.spec.cls is not None and issubclass(node.spec.cls, target)
-            ]
+            self._fitting[target] = [node for node in self.nodes if target in node.spec.ancestry]
         return self._fitting[target]
 
     def called(self, name: str) -> list[BoundNode]:
@@ -53,15 +51,14 @@ def choose(
     Returns:
         The node; None if there is none of that name and class; False if there is a finding about it.
     """
-    assert parameter.target is not None  # noqa: S101 - every reference has one
-    fitting = [node for node in candidates.of(parameter.target) if node is not bound]
+    fitting = [node for node in candidates.of(parameter.target_path) if node is not bound]
     named = bound.element.attributes.get(parameter.name)
     found = fitting if named is None else [node for node in fitting if node.name == named]
     if len(found) == 1:
         return found[0]
     if not found:
         return None
-    element, what = bound.element, parameter.target.__name__
+    element, what = bound.element, parameter.target_name
     if named is None:
         message = f"<{bound.spec.tag}> can mean {len(found)} {what} nodes ({_places(found, element)})"
         hint = f'write {parameter.name}="{found[0].name}"'
@@ -86,11 +83,12 @@ def report_missing(
         within: The nodes of its own tree and of the enclosing ones.
         collector: Collects the findings.
     """
-    assert parameter.target is not None  # noqa: S101 - every reference has one
-    element, what = bound.element, parameter.target.__name__
+    element, what = bound.element, parameter.target_name
     named = element.attributes.get(parameter.name)
     where = "this tree" if len(within) == 1 else "this tree or one around it"
-    fitting = [node for candidates in within for node in candidates.of(parameter.target) if node is not bound]
+    fitting = [
+        node for candidates in within for node in candidates.of(parameter.target_path) if node is not bound
+    ]
     if named is None:
         message = f"<{bound.spec.tag}> needs a {what} in {where} ({parameter.name}); there is none"
         collector.tag(element, "missing-reference", message, hint=_choices([], what))

@@ -5,8 +5,9 @@ from collections.abc import Iterable, Sequence
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.spec import NodeSpec, Skips
-from sar_compiler.runtime.parents import Parent
 
+PARENT = "sar_compiler.runtime.parents:Parent"
+"""The base of this project's controls and decorators."""
 _CONDITIONS = ("_skipIf", "_while")
 
 
@@ -76,7 +77,7 @@ def report_misread(trees: Sequence[BoundTree], collector: Collector) -> None:
 
 def _misreads(spec: NodeSpec) -> bool:
     """Return whether a node does not support skipped children, and this project has no class to replace it."""
-    known = spec.cls is None or spec.skipping.cls is not None or issubclass(spec.cls, Parent)
+    known = spec.is_only_described or spec.skipping.cls is not None or PARENT in spec.ancestry
     return not spec.kind.is_leaf and not known
 
 

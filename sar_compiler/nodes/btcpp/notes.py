@@ -53,7 +53,7 @@ class Notes:
         self._referring.add((tag, parameter.name))
         written = parameter.name in element.attributes
         span = element.name_span(parameter.name) if written else element.tag_span()
-        what = parameter.target.__name__ if parameter.target else "node"
+        what = parameter.target_name or "node"
         message = f"{parameter.name}: in BehaviorTree.CPP <{tag}> gets the name of a {what}, not the node"
         hint = "in C++, let the two share what they need on the blackboard"
         self._add("reference", element, span, message, hint)

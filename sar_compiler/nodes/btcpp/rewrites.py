@@ -2,9 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TypeVar
-
-from py_trees.common import OneShotPolicy
 
 from sar_compiler.nodes.binding.attributes import ONESHOT_TYPE
 from sar_compiler.nodes.btcpp.notes import Notes
@@ -61,23 +60,23 @@ Rewrite = Callable[[Draft, Notes], None]
 
 def renamed(tag: str) -> Rewrite:
     """Return a rewrite that only changes the tag."""
+    return partial(_rename, tag)
 
-    def rule(draft: Draft, _notes: Notes) -> None:
-        draft.tag = tag
 
-    return rule
+def _rename(tag: str, draft: Draft, _notes: Notes) -> None:
+    draft.tag = tag
 
 
 def by_memory(with_memory: str, without: str) -> Rewrite:
     """Return a rewrite that chooses the tag by the attribute `memory`."""
+    return partial(_choose_by_memory, with_memory, without)
 
-    def rule(draft: Draft, notes: Notes) -> None:
-        memory = draft.literal("memory", bool, notes) if "memory" in draft.attributes else True
-        if memory is not None:
-            draft.attributes.pop("memory", None)
-            draft.tag = with_memory if memory else without
 
-    return rule
+def _choose_by_memory(with_memory: str, without: str, draft: Draft, notes: Notes) -> None:
+    memory = draft.literal("memory", bool, notes) if "memory" in draft.attributes else True
+    if memory is not None:
+        draft.attributes.pop("memory", None)
+        draft.tag = with_memory if memory else without
 
 
 def reactive(draft: Draft, notes: Notes) -> None:
@@ -102,7 +101,7 @@ def oneshot(draft: Draft, notes: Notes) -> None:
     except ConversionError as error:
         notes.wrong_value(draft.element, "policy", error)
         return
-    if policy is OneShotPolicy.ON_COMPLETION:
+    if policy == "ON_COMPLETION":
         draft.tag = "RunOnce"
         _replace(draft, "policy", "then_skip", "false")
 

@@ -7,17 +7,14 @@ this project and py_trees are replaced by its own nodes. Anything without a coun
 import dataclasses
 from collections.abc import Iterable, Iterator
 
-from py_trees.common import OneShotPolicy
-
 from sar_compiler.nodes.binding.attributes import ONESHOT, ONESHOT_TYPE
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.tree_ids import refused_in
 from sar_compiler.nodes.btcpp.notes import Notes
 from sar_compiler.nodes.btcpp.rewrites import NO_ONESHOT, Draft, Rewrite
-from sar_compiler.nodes.language.subtree import SUBTREE
 from sar_compiler.nodes.models.models import read_models
 from sar_compiler.nodes.models.palette import described_by_use, description, is_built_in
-from sar_compiler.nodes.registry import Registry
+from sar_compiler.nodes.registry import Registry, subtree
 from sar_compiler.nodes.spec import Kind, NodeSpec, Role
 from sar_compiler.nodes.values import ConversionError
 from sar_compiler.tree.conversion import Converted, convert
@@ -146,7 +143,7 @@ class _Conversion:
         return self._once(element, converted, f"{name}OneShot", policy)
 
     def _is_built_in(self, tag: str) -> bool:
-        return is_built_in([SUBTREE] if tag == SUBTREE_TAG else self._registry.variants(tag))
+        return is_built_in([subtree()] if tag == SUBTREE_TAG else self._registry.variants(tag))
 
     def _rewrites(self, tag: str) -> Iterator[Rewrite]:
         """Yield the rewrites of a tag's nodes for BehaviorTree.CPP; all meanings of the tag are tried."""
@@ -160,7 +157,7 @@ class _Conversion:
         tag = attributes.pop("ID") if explicit else element.tag
         return Draft(element, tag, attributes, explicit)
 
-    def _oneshot(self, draft: Draft) -> OneShotPolicy | None:
+    def _oneshot(self, draft: Draft) -> str | None:
         if ONESHOT not in draft.attributes:
             return None
         try:
@@ -170,13 +167,13 @@ class _Conversion:
             draft.kept = True
             return None
         del draft.attributes[ONESHOT]
-        return policy if isinstance(policy, OneShotPolicy) else None
+        return str(policy)
 
-    def _once(self, element: Element, child: Element, name: str, policy: OneShotPolicy) -> Element:
+    def _once(self, element: Element, child: Element, name: str, policy: str) -> Element:
         attributes = {"name": name, "then_skip": "false"}
         tag = "RunOnce"
-        if policy is OneShotPolicy.ON_SUCCESSFUL_COMPLETION:
-            tag, attributes = "OneShot", {"name": name, "policy": policy.name}
+        if policy == "ON_SUCCESSFUL_COMPLETION":
+            tag, attributes = "OneShot", {"name": name, "policy": policy}
             self.notes.no_counterpart_of_value(
                 element,
                 ONESHOT,

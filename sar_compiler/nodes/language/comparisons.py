@@ -2,14 +2,15 @@
 
 import operator as operators
 from collections.abc import Callable
-from typing import Any, Literal, NamedTuple, get_args
-
-from py_trees.common import ComparisonExpression
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 from sar_compiler.nodes.language.narrow_types import VARIABLE
 from sar_compiler.nodes.values import ConversionError, ValueType, items_of, literal_value, nearest
 from sar_compiler.runtime.blackboard import entry_of
 from sar_compiler.runtime.ports import Input
+
+if TYPE_CHECKING:
+    from py_trees.common import ComparisonExpression
 
 Comparison = Literal["eq", "ne", "lt", "le", "gt", "ge"]
 """A comparison, by its name in Python's `operator`."""
@@ -56,7 +57,7 @@ def read_check(text: str) -> Check:
     return check
 
 
-def expression(variable: str, operator: str, value: Input[object]) -> ComparisonExpression:
+def expression(variable: str, operator: str, value: Input[object]) -> "ComparisonExpression":
     """Return py_trees' expression for a comparison.
 
     Args:
@@ -64,6 +65,8 @@ def expression(variable: str, operator: str, value: Input[object]) -> Comparison
         operator: How to compare.
         value: What to compare with; a key is read at each comparison.
     """
+    from py_trees.common import ComparisonExpression
+
     compare = COMPARISONS[operator]
     if value.entry is None:
         return ComparisonExpression(variable, constant(value), compare)

@@ -1,6 +1,5 @@
 """Controls: nodes with several children."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal
 
@@ -10,15 +9,19 @@ from py_trees.common import ParallelPolicy
 from py_trees.decorators import OneShot
 
 from sar_compiler.nodes import outcome_sets
-from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.btcpp import rewrites
+from sar_compiler.nodes.language.attribute_readers import after_the_first, one_after_the_other
 from sar_compiler.nodes.language.narrow_types import NAMES
-from sar_compiler.nodes.language.thresholds import within_reach
-from sar_compiler.nodes.outcome_sets import F, K, S
-from sar_compiler.nodes.semantics import Counterpart, Gate, Semantics
+from sar_compiler.nodes.language.node_rules import (
+    HOW_TO_SELECT,
+    clash_with,
+    place_of,
+    report_interruptions,
+    report_policy,
+    within_reach,
+)
+from sar_compiler.nodes.semantics import Counterpart, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Signature, Skipping, Skips
-from sar_compiler.nodes.values import ConversionError, items_of, nearest
 from sar_compiler.runtime import branches, controls, parallel
 from sar_compiler.runtime.conditions import Conditions
 
@@ -69,22 +72,6 @@ def _by_memory(with_memory: str, without: str, *, built_in: bool = True) -> Coun
     return Counterpart(built_in, rewrites.by_memory(with_memory, without))
 
 
-def report_interruptions(bound: BoundNode, collector: Collector) -> None:
-    """Report the second AsyncSequence in a reactive sequence.
-
-    The first one starts over whenever the second one pauses, and interrupts it: neither ends.
-    """
-    if bound.value("memory") is not False:
-        return
-    pausing = [child.element for child in bound.children if child.spec.cls is controls.AsyncSequence]
-    for child in pausing[1:]:
-        message = (
-            f"a second AsyncSequence in '{bound.name}' never ends: the first one is started again in every tick, "
-            "and interrupts it"
-        )
-        collector.tag(child, "interrupted-child", message, hint="put them together in an AsyncSequence")
-
-
 def _own(tag: str, cls: type, semantics: Semantics, *former_tags: str, **more: object) -> NodeSpec:
     """Return a BehaviorTree.CPP control that py_trees does not have."""
     return NodeSpec(
@@ -92,7 +79,7 @@ def _own(tag: str, cls: type, semantics: Semantics, *former_tags: str, **more: o
         cls,
         Kind.CONTROL,
         _ALL,
-        semantics=replace(semantics, counterpart=replace(semantics.counterpart, built_in=True)),
+        semantics=replace(semantics, counterpart=semantics.counterpart._replace(built_in=True)),
         skipping=Skipping(Skips.FROM_CHILD),
         former_tags=former_tags,
         **more,  # type: ignore[arg-type]
@@ -110,22 +97,8 @@ def _switch(cases: int) -> NodeSpec:
     )
 
 
-def _after_the_first(_bound: BoundNode) -> Mapping[int, Gate]:
-    """Return the gates of the branches: the second child is ticked if the first succeeds, the third if it fails."""
-    return {1: Gate((0,), S), 2: Gate((0,), F)}
-
-
-def _one_after_the_other(bound: BoundNode) -> Mapping[int, Gate]:
-    """Return the gates of a try-catch: its children in order, and last the one that handles a failure."""
-    *tried, last = range(len(bound.children))
-    catches = {last: Gate(tuple(tried), F)} if bound.value("catch_on_halt") is False else {}
-    return {**{number: Gate((number - 1,), S | K) for number in tried[1:]}, **catches}
-
-
 Policy = Literal["SuccessOnAll", "SuccessOnOne", "SuccessOnSelected"]
 """The children of a Parallel that have to succeed, by py_trees' names."""
-
-_HOW_TO_SELECT = 'write the names of the children that have to succeed: selected="left;right"'
 
 
 def stock_parallel(
@@ -148,7 +121,7 @@ def stock_parallel(
     Raises:
         ValueError: If a name is not that of one child, or an attribute does not go with the policy.
     """
-    clash = _clash(policy, synchronise, is_selected=selected is not None)
+    clash = clash_with(policy, synchronise, is_selected=selected is not None)
     if clash is not None:
         raise ValueError(": ".join(clash))
     if policy == "SuccessOnOne":
@@ -157,74 +130,11 @@ def stock_parallel(
     if policy == "SuccessOnAll":
         return composites.Parallel(name, ParallelPolicy.SuccessOnAll(waits), children)
     if not selected:
-        message = f"selected: no child is named; {_HOW_TO_SELECT}"
+        message = f"selected: no child is named; {HOW_TO_SELECT}"
         raise ValueError(message)
     names = [_written_name(child) for child in children]
-    chosen = [children[_place_of(text, names)] for text in selected]
+    chosen = [children[place_of(text, names)] for text in selected]
     return composites.Parallel(name, ParallelPolicy.SuccessOnSelected(chosen, waits), children)
-
-
-def report_policy(bound: BoundNode, collector: Collector) -> None:
-    """Report attributes that do not fit the policy of a Parallel, and selected children that do not exist."""
-    element, policy = bound.element, bound.values.get("policy")
-    if policy is None:  # a key, or a mistake
-        return
-    written = element.attributes.get("selected")
-    clash = _clash(policy, bound.values.get("synchronise"), is_selected=written is not None)
-    if clash is not None:
-        attribute, message = clash
-        collector.name(element, attribute, "conflicting-attributes", f"{attribute}: {message}")
-    elif policy != "SuccessOnSelected":
-        return
-    elif written is None:
-        message = f"<{bound.spec.tag}> needs the attribute 'selected' with SuccessOnSelected"
-        collector.tag(element, "missing-attribute", message, hint=_HOW_TO_SELECT)
-    elif bound.values.get("selected") == []:
-        message = "selected: no child is named"
-        collector.value(element, "selected", "wrong-value", message, hint=_HOW_TO_SELECT)
-    elif "selected" in bound.values and len(bound.children) == len(element.children):
-        _report_names(bound, written, collector)
-
-
-def _report_names(bound: BoundNode, written: str, collector: Collector) -> None:
-    names = [_bound_name(child) for child in bound.children]
-    try:
-        items_of(written, lambda text: _place_of(text, names), blanks=True)
-    except ConversionError as error:
-        collector.wrong_value(bound.element, "selected", error)
-
-
-def _clash(policy: object, synchronise: object, *, is_selected: bool) -> tuple[str, str] | None:
-    """Return the attribute that does not fit a policy, and the reason; None if all fit."""
-    if is_selected and policy != "SuccessOnSelected":
-        return "selected", f"goes with the policy SuccessOnSelected, not with {policy}"
-    if synchronise and policy == "SuccessOnOne":
-        return "synchronise", "with SuccessOnOne no child waits for another; leave it out"
-    return None
-
-
-def _place_of(name: str, names: list[str]) -> int:
-    """Return the index of the child of a name.
-
-    Raises:
-        ConversionError: If no child, or more than one, has the name.
-    """
-    count = names.count(name)
-    if count == 1:
-        return names.index(name)
-    if count:
-        message = f"{count} children are called '{name}'; give each a name of its own"
-        raise ConversionError(message)
-    message = f"no child is called '{name}'; there are {', '.join(names)}"
-    raise ConversionError(message, nearest(name, names))
-
-
-def _bound_name(child: BoundNode) -> str:
-    """Return the result of `_written_name` for a bound child."""
-    if child.spec.cls is OneShot and child.children:
-        inner = _bound_name(child.children[0])
-        return inner if child.name == f"{inner}OneShot" else child.name
-    return child.name
 
 
 def _written_name(child: Behaviour) -> str:
@@ -298,14 +208,14 @@ SPECS = [
         rule=within_reach("max_failures"),
     ),
     *(
-        _own(cls.__name__, cls, Semantics(outcome_sets.branches, gates=_after_the_first), child_count=(2, 3))
+        _own(cls.__name__, cls, Semantics(outcome_sets.branches, gates=after_the_first), child_count=(2, 3))
         for cls in (branches.IfThenElse, branches.WhileDoElse)
     ),
     *(_switch(cases) for cases in range(2, 7)),
     _own(
         "TryCatch",
         branches.TryCatch,
-        Semantics(outcome_sets.attempt, gates=_one_after_the_other),
+        Semantics(outcome_sets.attempt, gates=one_after_the_other),
         signature=Signature(defaults={"catch_on_halt": False}),
         child_count=(2, None),
     ),

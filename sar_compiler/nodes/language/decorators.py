@@ -1,21 +1,21 @@
 """Decorators: nodes with one child."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 
 from py_trees import decorators
 from py_trees.behaviour import Behaviour
-from py_trees.common import Status
+from py_trees.common import OneShotPolicy, Status
 
 from sar_compiler.nodes import outcome_sets
-from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.nodes.binding.attributes import OneShotPolicyName
 from sar_compiler.nodes.btcpp import rewrites
+from sar_compiler.nodes.language.attribute_readers import at_most, duration, failures, successes, within
 from sar_compiler.nodes.language.narrow_types import KEY, VARIABLE, StatusName, queue_of
-from sar_compiler.nodes.language.py_trees_nodes import WRITES, Keys, made_by, since_2_4
-from sar_compiler.nodes.outcome_sets import F, K, R, S, number
-from sar_compiler.nodes.semantics import AccessKind, Counterpart, KeyRole, Number, Semantics, endless
-from sar_compiler.nodes.spec import Kind, NodeSpec, Signature, Skipping, Skips
+from sar_compiler.nodes.language.py_trees_nodes import Keys, made_by, since_2_4
+from sar_compiler.nodes.outcome_sets import F, K, Number, R, S
+from sar_compiler.nodes.semantics import NO_HINT, WRITES, AccessKind, Counterpart, KeyRole, Semantics
+from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role, Signature, Skipping, Skips
 from sar_compiler.nodes.values import CONDITION, UNSIGNED, type_of
 from sar_compiler.runtime import decorators as own
 from sar_compiler.runtime import entries, loops, repetition, script_nodes, timers
@@ -26,6 +26,18 @@ from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.ports import InOut, Input
 from sar_compiler.runtime.py_trees_timers import Timeout
 from sar_compiler.runtime.scripting import NodeScript
+from sar_compiler.tree.model import SUBTREE_TAG
+
+
+def one_shot(name: str, child: Behaviour, policy: OneShotPolicyName) -> decorators.OneShot:
+    """Lets its child finish once; from then on answers what the child answered, without ticking it.
+
+    Args:
+        name: The node's name.
+        child: The child.
+        policy: What counts as finished: any end, or only success.
+    """
+    return decorators.OneShot(name, child, OneShotPolicy[policy])
 
 
 def condition(name: str, child: Behaviour, status: StatusName) -> decorators.Condition:
@@ -94,30 +106,8 @@ def for_each(
 
 _ALL = frozenset({"SUCCESS", "FAILURE", "RUNNING"})
 _NOUNS = {Status.SUCCESS: "success", Status.FAILURE: "failure", Status.RUNNING: "running"}
-_MILLISECONDS = 1000.0
 _NAME = {"name": "The node's name."}
 _PASSING = Semantics(outcome_sets.passing, steady=True)
-
-
-def _at_most(attribute: str) -> Number:
-    """Return the reader of a number of rounds in BehaviorTree.CPP's notation."""
-    return lambda bound: endless(number(bound, attribute))
-
-
-def _successes(bound: BoundNode) -> float | None:
-    successes = number(bound, "num_success")
-    # py_trees compares the number of successes with it: no success is the last one below 1.
-    return math.inf if successes is not None and successes < 1 else successes
-
-
-def _failures(bound: BoundNode) -> float | None:
-    failures = number(bound, "num_failures")
-    return None if failures is None else max(failures, 1)
-
-
-def _within(bound: BoundNode) -> float | None:
-    milliseconds = number(bound, "msec")
-    return milliseconds and milliseconds / _MILLISECONDS if milliseconds != 0 else math.inf
 
 
 def _again(
@@ -149,7 +139,7 @@ def _own(
     **more: object,
 ) -> NodeSpec:
     """Return a decorator of BehaviorTree.CPP's, of a class that py_trees does not have."""
-    means = replace(semantics, counterpart=replace(semantics.counterpart, built_in=True))
+    means = replace(semantics, counterpart=semantics.counterpart._replace(built_in=True))
     return NodeSpec(tag, cls, Kind.DECORATOR, outcomes, semantics=means, skipping=skipping, **more)  # type: ignore[arg-type]
 
 
@@ -187,7 +177,7 @@ def _turning(
     old: Status,
     new: Status,
     instead: str = "",
-    hint: str = Counterpart.hint,
+    hint: str = NO_HINT,
 ) -> NodeSpec:
     """Return a py_trees decorator that replaces one result of its child."""
     turns = {old: new}
@@ -238,8 +228,8 @@ BEHAVIORTREE_CPP = [
         {Status.SUCCESS: Status.RUNNING, Status.INVALID: Status.RUNNING},
         repeats=S,
     ),
-    _own("Repeat", repetition.Repeat, _again(_at_most("num_cycles"), S, rewrites.repeat)),
-    _own("RetryUntilSuccessful", repetition.RetryUntilSuccessful, _again(_at_most("num_attempts"), F)),
+    _own("Repeat", repetition.Repeat, _again(at_most("num_cycles"), S, rewrites.repeat)),
+    _own("RetryUntilSuccessful", repetition.RetryUntilSuccessful, _again(at_most("num_attempts"), F)),
     _own(
         "RunOnce",
         own.RunOnce,
@@ -253,7 +243,7 @@ BEHAVIORTREE_CPP = [
         Semantics(outcome_sets.adding(R), steady=True),
         signature=Signature(types={"delay_msec": UNSIGNED}),
     ),
-    _own("Timeout", timers.Timeout, _limit(_within), signature=Signature(types={"msec": UNSIGNED})),
+    _own("Timeout", timers.Timeout, _limit(within), signature=Signature(types={"msec": UNSIGNED})),
     _own(
         "Precondition",
         script_nodes.Precondition,
@@ -270,37 +260,42 @@ BEHAVIORTREE_CPP = [
             cls,
             Semantics(outcome_sets.loop, keys=_QUEUE),
             Skipping(Skips.ALWAYS, only_if=("if_empty", Outcome.SKIPPED)),
-            signature=Signature(types={"queue": queue_of(cls), "value": type_of(cls.kind)}),
+            signature=Signature(
+                types={"queue": queue_of(cls.__name__, cls.kind), "value": type_of(cls.kind)}
+            ),
         )
         for cls in (loops.LoopInt, loops.LoopDouble, loops.LoopBool, loops.LoopString)
     ),
 ]
 
 PY_TREES = [
-    _stock(
-        decorators.OneShot,
-        "Lets its child finish once; from then on answers what the child answered, without ticking it.",
-        Semantics(
-            outcome_sets.passing,
-            once=True,
-            counterpart=Counterpart(rewrite=rewrites.oneshot, hint=rewrites.NO_ONESHOT),
+    replace(
+        made_by(
+            "OneShot",
+            one_shot,
+            *_ALL,
+            kind=Kind.DECORATOR,
+            semantics=Semantics(
+                outcome_sets.passing,
+                once=True,
+                counterpart=Counterpart(rewrite=rewrites.oneshot, hint=rewrites.NO_ONESHOT),
+            ),
         ),
-        instead="RunOnce",
-        policy="What counts as finished: any end, or only success.",
+        skipping=Skipping(advice="RunOnce"),
     ),
     NodeSpec(
         "Timeout",
         Timeout,
         Kind.DECORATOR,
         _ALL,
-        semantics=_limit(lambda bound: number(bound, "duration")),
+        semantics=_limit(duration),
         skipping=Skipping(advice='msec="..."'),
         variant=True,
     ),
     _stock(
         decorators.Retry,
         "Ticks its child again after a failure, until it has failed too often.",
-        _again(_failures, F, rewrites.retry, built_in=False),
+        _again(failures, F, rewrites.retry, built_in=False),
         instead="RetryUntilSuccessful",
         num_failures="With how many failures to fail; 1 or less: with the first one.",
     ),
@@ -308,7 +303,7 @@ PY_TREES = [
         _stock(
             decorators.Repeat,
             "Ticks its child again after a success, until it has succeeded often enough.",
-            _again(_successes, S, rewrites.repeat),
+            _again(successes, S, rewrites.repeat),
             instead='num_cycles="..."',
             num_success="With how many successes to succeed; 0 or less: never.",
         ),
@@ -370,4 +365,23 @@ PY_TREES = [
     _turning(decorators.RunningIsFailure, Status.RUNNING, Status.FAILURE),
 ]
 
-SPECS = [*BEHAVIORTREE_CPP, *PY_TREES]
+SUBTREE = NodeSpec(
+    SUBTREE_TAG,
+    decorators.PassThrough,
+    Kind.DECORATOR,
+    _ALL,
+    semantics=replace(_PASSING, counterpart=Counterpart(built_in=True)),
+    skipping=Skipping(Skips.FROM_CHILD, own.SubTree),
+    signature=Signature(
+        doc="Another tree of the file. Its other attributes say which keys around it its keys stand for.",
+        described={
+            "name": Parameter("name", Role.NAME, required=False, value_type=type_of(str)),
+            "child": Parameter("child", Role.CHILD, required=True),
+        },
+    ),
+    child_count=(0, 0),
+    former_tags=("SubTreePlus",),
+)
+"""The node that a `SubTree` is compiled to; its attributes are handled by binding."""
+
+SPECS = [*BEHAVIORTREE_CPP, *PY_TREES, SUBTREE]

@@ -8,8 +8,6 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from sar_compiler.nodes import outcome_sets
-from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.btcpp import rewrites
 from sar_compiler.nodes.language.comparisons import (
     CHECKS,
@@ -22,8 +20,9 @@ from sar_compiler.nodes.language.comparisons import (
     read_check,
 )
 from sar_compiler.nodes.language.narrow_types import CHANCES, KEY, NTH, STATUS_NAMES, VARIABLE, StatusName
-from sar_compiler.nodes.language.py_trees_nodes import REMOVES, WRITES, Keys, made_by, since_2_4
-from sar_compiler.nodes.semantics import AccessKind, Counterpart, KeyRole, Semantics
+from sar_compiler.nodes.language.node_rules import NO_ANSWER, report_no_answer
+from sar_compiler.nodes.language.py_trees_nodes import Keys, made_by, since_2_4
+from sar_compiler.nodes.semantics import REMOVES, WRITES, AccessKind, Counterpart, KeyRole, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Signature
 from sar_compiler.nodes.values import AS_WRITTEN, CONDITION, UNSIGNED, ValueType
 from sar_compiler.runtime import entries, script_nodes, timers
@@ -44,19 +43,9 @@ def status_queue(name: str, queue: list[str], eventually: StatusName | None = No
         ValueError: If there are no statuses.
     """
     if not queue and eventually is None:
-        raise ValueError(_NO_ANSWER)
+        raise ValueError(NO_ANSWER)
     statuses = [Status[text] for text in queue]
     return behaviours.StatusQueue(name, statuses, Status[eventually] if eventually else None)
-
-
-_NO_ANSWER = "queue: there is no status in it; write some: RUNNING;SUCCESS"
-
-
-def report_no_answer(bound: BoundNode, collector: Collector) -> None:
-    """Report a queue without statuses."""
-    written = bound.element.attributes
-    if bound.values.get("queue") == [] and "eventually" not in written:
-        collector.value(bound.element, "queue", "wrong-value", _NO_ANSWER)
 
 
 def success_every_n(name: str, n: int) -> behaviours.SuccessEveryN:

@@ -1,6 +1,7 @@
 """Types of attributes that are narrower than the annotation of the constructor's parameter."""
 
 import math
+from functools import partial
 from typing import Literal
 
 from sar_compiler.nodes.values import (
@@ -13,7 +14,7 @@ from sar_compiler.nodes.values import (
     whole_number,
 )
 from sar_compiler.runtime.blackboard import ROOT_SIGN
-from sar_compiler.runtime.loops import Loop, QueueError
+from sar_compiler.runtime.queues import QueueError, queue_items
 
 StatusName = Literal["SUCCESS", "FAILURE", "RUNNING"]
 """The statuses that a tick can return; py_trees' INVALID is none of them."""
@@ -79,17 +80,22 @@ def _chances(text: str) -> list[float]:
     return chances
 
 
-def queue_of(loop: type[Loop]) -> ValueType:
-    """Return the type of a loop's queue: a literal, or any value of an entry."""
+def queue_of(name: str, kind: type) -> ValueType:
+    """Return the type of a loop's queue: a literal, or any value of an entry.
 
-    def convert(text: str) -> object:
-        try:
-            loop.items(text)
-        except QueueError as error:
-            raise ConversionError(str(error)) from None
-        return text
+    Args:
+        name: The loop's name.
+        kind: The type of the items.
+    """
+    return ValueType(f"queue.{name}", "items with ; between them", partial(_queue, kind))
 
-    return ValueType(f"queue.{loop.__name__}", "items with ; between them", convert)
+
+def _queue(kind: type, text: str) -> str:
+    try:
+        queue_items(text, kind)
+    except QueueError as error:
+        raise ConversionError(str(error)) from None
+    return text
 
 
 VARIABLE = ValueType("variable", "a key, or key.attribute", _variable, names_key=True)

@@ -23,9 +23,6 @@ from sar_compiler.runtime.ports import Input
 
 B = TypeVar("B", bound=Behaviour)
 
-WRITES, REMOVES = "writes to the blackboard", "removes from the blackboard"
-"""Effects that do not change the world."""
-
 
 class TooOldError(SarError):
     """The installed py_trees does not have a node yet."""

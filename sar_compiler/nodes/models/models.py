@@ -1,7 +1,7 @@
 """Models of nodes, read from the `TreeNodesModel` of a tree file or a palette."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from sar_compiler.nodes.answers import answers_of
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT
@@ -21,8 +21,7 @@ _TAGS = (SUBTREE_TAG, TREE_TAG)
 _NAMES = ("name", "ID", "_autoremap", "children", ONESHOT)
 
 
-@dataclass(frozen=True)
-class Port:
+class Port(NamedTuple):
     """A port as a model describes it.
 
     Attributes:
@@ -40,8 +39,7 @@ class Port:
     default: str | None = None
 
 
-@dataclass(frozen=True)
-class Model:
+class Model(NamedTuple):
     """A node or a subtree as a model describes it.
 
     Attributes:
@@ -54,7 +52,7 @@ class Model:
     element: Element
     tag: str
     kind: Kind | None
-    ports: Mapping[str, Port] = field(default_factory=dict)
+    ports: Mapping[str, Port] = {}
 
     @property
     def says(self) -> object:
@@ -77,8 +75,7 @@ class Model:
         )
 
 
-@dataclass(frozen=True)
-class Models:
+class Models(NamedTuple):
     """All models that apply to a tree.
 
     Attributes:
@@ -86,8 +83,8 @@ class Models:
         subtrees: The models of subtrees, by ID.
     """
 
-    nodes: Mapping[str, Model] = field(default_factory=dict)
-    subtrees: Mapping[str, Model] = field(default_factory=dict)
+    nodes: Mapping[str, Model] = {}
+    subtrees: Mapping[str, Model] = {}
 
 
 def read_models(files: Iterable[TreeFile], collector: Collector) -> Models:

@@ -62,9 +62,9 @@ def _port(parameter: Parameter, spec: NodeSpec) -> Element:
 
 
 def _doc(parameter: Parameter) -> str:
-    if parameter.role is not Role.REFERENCE or parameter.target is None:
+    if parameter.role is not Role.REFERENCE:
         return parameter.doc
-    return f"{parameter.doc} The name of a {parameter.target.__name__} node.".lstrip()
+    return f"{parameter.doc} The name of a {parameter.target_name} node.".lstrip()
 
 
 def as_written(value: object) -> str:

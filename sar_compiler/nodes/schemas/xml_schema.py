@@ -1,7 +1,6 @@
 """The XML schema of tree files, made from the registry."""
 
 from collections.abc import Collection, Iterable
-from html import escape
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS, NOTES, ONESHOT, ONESHOT_TYPE
 from sar_compiler.nodes.registry import Registry
@@ -65,6 +64,8 @@ _HEAD = """\
 """
 
 
+_TEXT_ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;"})
+_ESCAPES = {**_TEXT_ESCAPES, **str.maketrans({'"': "&quot;", "'": "&#x27;"})}
 _EXPLICIT = frozenset(kind.value for kind in Kind)
 
 
@@ -174,7 +175,7 @@ def _value_type(value_type: ValueType) -> list[str]:
     if value_type.choices:
         literal = _enumeration(value_type.choices)
     elif value_type.pattern:
-        literal = [f'<xs:pattern value="{escape(value_type.pattern)}"/>']
+        literal = [f'<xs:pattern value="{value_type.pattern.translate(_ESCAPES)}"/>']
     else:
         return _named_type(value_type.name, [])
     union = ['<xs:union memberTypes="key">', *_simple_type("  ", "", literal), "</xs:union>"]
@@ -196,7 +197,7 @@ def _simple_type(indent: str, name: str, facets: list[str]) -> list[str]:
 
 
 def _enumeration(texts: Iterable[str]) -> list[str]:
-    return [f'<xs:enumeration value="{escape(text)}"/>' for text in texts]
+    return [f'<xs:enumeration value="{text.translate(_ESCAPES)}"/>' for text in texts]
 
 
 def _documentation(text: str, indent: str) -> list[str]:
@@ -204,6 +205,6 @@ def _documentation(text: str, indent: str) -> list[str]:
         return []
     return [
         f"{indent}<xs:annotation>",
-        f"{indent}  <xs:documentation>{escape(text, quote=False)}</xs:documentation>",
+        f"{indent}  <xs:documentation>{text.translate(_TEXT_ESCAPES)}</xs:documentation>",
         f"{indent}</xs:annotation>",
     ]

@@ -5,8 +5,7 @@ from typing import Any, cast
 
 from py_trees.common import Status
 
-from sar_compiler.nodes.register import MARK
-from sar_compiler.nodes.spec import Use
+from sar_compiler.nodes.spec import MARK, Use
 from sar_compiler.ros.leaves.client_leaf import ClientLeaf
 from sar_compiler.ros.leaves.goal import SUCCEEDED, ActionGoal, ActionPort, GoalDeadlines, describe_status
 

@@ -136,7 +136,7 @@ class LoopNode(DecoratorNode):
         """Answer what is wanted when no item is left."""
         behaviour = self.behaviour
         behaviour.feedback_message = "no item left"
-        outcome = number_of(behaviour._if_empty.get().value) or SKIPPED
+        outcome = number_of(behaviour._if_empty.get().status) or SKIPPED
         if outcome != SKIPPED:
             ticker.cells[self.at] = outcome
         return outcome

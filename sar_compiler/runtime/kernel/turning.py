@@ -148,7 +148,7 @@ class PreconditionNode(GuardedNode):
 
     def otherwise(self) -> int:
         """Return what the node is to answer if it is not."""
-        return number_of(self.behaviour._else.get().value) or SKIPPED
+        return number_of(self.behaviour._else.get().status) or SKIPPED
 
 
 class UpdateGuardNode(GuardedNode):

@@ -42,7 +42,7 @@ def known_classes():
     ours = {
         cls
         for spec in default_registry()
-        for cls in (spec.cls, spec.skipping.cls)
+        for cls in (spec.cls, spec.skipping.replacement)
         if cls is not None and issubclass(cls, Built)
     }
     return ours | set(STOCK)
@@ -53,7 +53,7 @@ def test_every_control_and_decorator_of_the_library_has_a_node():
         cls
         for spec in default_registry()
         if not spec.kind.is_leaf
-        for cls in (spec.cls, spec.skipping.cls)
+        for cls in (spec.cls, spec.skipping.replacement)
         if cls is not None
     }
     # An old py_trees has no ForEach; the base class stands for it.

@@ -8,8 +8,10 @@ from sar_compiler.missions.search_and_rescue.actions.reporting import ReportLeaf
 from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor
 from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports, SurvivorReport
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.nodes import Answer, Kind, Use, register
+from sar_compiler.nodes.register import register
+from sar_compiler.nodes.spec import Kind, Use
 from sar_compiler.ros.leaves.leaf import RosLeaf
+from sar_compiler.runtime.answers import Answer
 
 _FACTS = {"reports_kept": 0}
 

@@ -9,9 +9,11 @@ from sar_compiler.missions.search_and_rescue.actions.nav2_errors import describe
 from sar_compiler.missions.search_and_rescue.frames import MAP_FRAME
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import Pose, ZoneManager
-from sar_compiler.nodes import Answer, Kind, Use, register
+from sar_compiler.nodes.register import register
+from sar_compiler.nodes.spec import Kind, Use
 from sar_compiler.ros.leaves.action_leaf import ActionLeaf
 from sar_compiler.ros.leaves.goal import SUCCEEDED
+from sar_compiler.runtime.answers import Answer
 
 _OUTCOMES = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
 _USES = [Use.action("{action}"), Use.nav2()]

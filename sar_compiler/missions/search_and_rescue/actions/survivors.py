@@ -10,9 +10,11 @@ from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.static_transforms import StaticTransforms, static_transforms_of
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
-from sar_compiler.nodes import Answer, Kind, Use, register
+from sar_compiler.nodes.register import register
+from sar_compiler.nodes.spec import Kind, Use
 from sar_compiler.ros.leaves.leaf import RosLeaf
 from sar_compiler.ros.leaves.service_leaf import ServiceLeaf
+from sar_compiler.runtime.answers import Answer
 
 _ANY_STATUS = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
 # The result of the last search of a DetectSurvivor, which a new search resets.

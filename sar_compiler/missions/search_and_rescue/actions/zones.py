@@ -7,7 +7,9 @@ from py_trees.common import Status
 
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
-from sar_compiler.nodes import Answer, Kind, register
+from sar_compiler.nodes.register import register
+from sar_compiler.nodes.spec import Kind
+from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.leaf_protocol import Wake, stay_asleep
 
 

@@ -1,0 +1,42 @@
+"""Classes and functions by their import paths: `module:name`."""
+
+import functools
+import importlib
+from typing import Any
+
+
+def path_of(thing: Any) -> str:
+    """Return the import path of a class or function."""
+    return f"{thing.__module__}:{thing.__qualname__}"
+
+
+def load(path: str) -> Any:
+    """Import a class or function.
+
+    Raises:
+        ImportError: If there is no such module.
+        AttributeError: If nothing in it has the name.
+    """
+    module, _, name = path.partition(":")
+    return functools.reduce(getattr, name.split("."), importlib.import_module(module))
+
+
+class Deferred:
+    """A class or function that is imported when it is first called.
+
+    Args:
+        path: Its import path.
+    """
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+
+    def load(self) -> Any:
+        """Return the class or function itself."""
+        if "_loaded" not in vars(self):
+            self._loaded = load(self.path)
+        return self._loaded
+
+    def __call__(self, *args: Any, **keywords: Any) -> Any:
+        """Call it."""
+        return self.load()(*args, **keywords)

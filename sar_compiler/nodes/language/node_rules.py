@@ -1,0 +1,114 @@
+"""Rules of single nodes: attributes that are each valid by themselves, and do not fit each other or the children."""
+
+from functools import partial
+
+from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.spec import Rule
+from sar_compiler.nodes.values import ConversionError, items_of, nearest
+
+HOW_TO_SELECT = 'write the names of the children that have to succeed: selected="left;right"'
+NO_ANSWER = "queue: there is no status in it; write some: RUNNING;SUCCESS"
+
+
+def within_reach(*names: str) -> Rule:
+    """Return a rule: these attributes must not exceed the number of children.
+
+    Negative counts are relative to the number of children, and always valid.
+    """
+    return partial(_report_out_of_reach, names)
+
+
+def _report_out_of_reach(names: tuple[str, ...], bound: BoundNode, collector: Collector) -> None:
+    there = len(bound.element.children)
+    for name in names:
+        wanted = bound.values.get(name)
+        if isinstance(wanted, int) and wanted > there > 0:
+            message = f"{name}: {wanted} of {there} children can never be"
+            collector.value(bound.element, name, "out-of-reach", message, suggestion=str(there))
+
+
+def report_interruptions(bound: BoundNode, collector: Collector) -> None:
+    """Report the second AsyncSequence in a reactive sequence.
+
+    The first one starts over whenever the second one pauses, and interrupts it: neither ends.
+    """
+    if bound.value("memory") is not False:
+        return
+    pausing = [child.element for child in bound.children if child.spec.tag == "AsyncSequence"]
+    for child in pausing[1:]:
+        message = (
+            f"a second AsyncSequence in '{bound.name}' never ends: the first one is started again in every tick, "
+            "and interrupts it"
+        )
+        collector.tag(child, "interrupted-child", message, hint="put them together in an AsyncSequence")
+
+
+def report_no_answer(bound: BoundNode, collector: Collector) -> None:
+    """Report a queue without statuses."""
+    written = bound.element.attributes
+    if bound.values.get("queue") == [] and "eventually" not in written:
+        collector.value(bound.element, "queue", "wrong-value", NO_ANSWER)
+
+
+def report_policy(bound: BoundNode, collector: Collector) -> None:
+    """Report attributes that do not fit the policy of a Parallel, and selected children that do not exist."""
+    element, policy = bound.element, bound.values.get("policy")
+    if policy is None:  # a key, or a mistake
+        return
+    written = element.attributes.get("selected")
+    clash = clash_with(policy, bound.values.get("synchronise"), is_selected=written is not None)
+    if clash is not None:
+        attribute, message = clash
+        collector.name(element, attribute, "conflicting-attributes", f"{attribute}: {message}")
+    elif policy != "SuccessOnSelected":
+        return
+    elif written is None:
+        message = f"<{bound.spec.tag}> needs the attribute 'selected' with SuccessOnSelected"
+        collector.tag(element, "missing-attribute", message, hint=HOW_TO_SELECT)
+    elif bound.values.get("selected") == []:
+        message = "selected: no child is named"
+        collector.value(element, "selected", "wrong-value", message, hint=HOW_TO_SELECT)
+    elif "selected" in bound.values and len(bound.children) == len(element.children):
+        _report_names(bound, written, collector)
+
+
+def _report_names(bound: BoundNode, written: str, collector: Collector) -> None:
+    names = [_bound_name(child) for child in bound.children]
+    try:
+        items_of(written, lambda text: place_of(text, names), blanks=True)
+    except ConversionError as error:
+        collector.wrong_value(bound.element, "selected", error)
+
+
+def clash_with(policy: object, synchronise: object, *, is_selected: bool) -> tuple[str, str] | None:
+    """Return the attribute that does not fit a policy, and the reason; None if all fit."""
+    if is_selected and policy != "SuccessOnSelected":
+        return "selected", f"goes with the policy SuccessOnSelected, not with {policy}"
+    if synchronise and policy == "SuccessOnOne":
+        return "synchronise", "with SuccessOnOne no child waits for another; leave it out"
+    return None
+
+
+def place_of(name: str, names: list[str]) -> int:
+    """Return the index of the child of a name.
+
+    Raises:
+        ConversionError: If no child, or more than one, has the name.
+    """
+    count = names.count(name)
+    if count == 1:
+        return names.index(name)
+    if count:
+        message = f"{count} children are called '{name}'; give each a name of its own"
+        raise ConversionError(message)
+    message = f"no child is called '{name}'; there are {', '.join(names)}"
+    raise ConversionError(message, nearest(name, names))
+
+
+def _bound_name(child: BoundNode) -> str:
+    """Return the result of `controls._written_name` for a bound child."""
+    if child.spec.tag == "OneShot" and child.children:
+        inner = _bound_name(child.children[0])
+        return inner if child.name == f"{inner}OneShot" else child.name
+    return child.name

@@ -1,0 +1,53 @@
+"""The items of a loop's queue."""
+
+from collections.abc import Iterable
+from typing import Any
+
+from sar_compiler.errors import SarError
+from sar_compiler.runtime.entry_types import value_of
+from sar_compiler.runtime.variables import RefusedValueError, fit
+
+_SEPARATOR = ";"
+_LABELS = {int: "a whole number", float: "a number", bool: "true or false", str: "a text"}
+# As everywhere in tree files: true, True and TRUE.
+_BOOLS = frozenset({"True", "TRUE", "False", "FALSE"})
+
+
+class QueueError(SarError):
+    """The value that a loop should iterate over is no queue, or an item of it has the wrong type."""
+
+
+def queue_items(held: object, kind: type) -> list[Any]:
+    """Return the items of a queue.
+
+    Args:
+        held: A text with items between semicolons, or a list.
+        kind: The type of the items: `bool`, `int`, `float` or `str`.
+
+    Raises:
+        QueueError: If it is neither, or one of them has the wrong type.
+    """
+    if isinstance(held, str):
+        texts = held.split(_SEPARATOR)
+        parts: Iterable[object] = texts if texts[-1] else texts[:-1]
+    elif isinstance(held, (list, tuple)):
+        parts = held
+    else:
+        message = (
+            f"a value of type {type(held).__name__} is no queue; "
+            "write a list, or a text with items between semicolons"
+        )
+        raise QueueError(message)
+    return [_item(part, kind) for part in parts]
+
+
+def _item(held: object, kind: type) -> object:
+    try:
+        value = value_of(held)
+        if value is not None:
+            spelt = kind is bool and isinstance(value, str) and value in _BOOLS
+            return fit(str(value).lower() if spelt else value, kind)
+    except RefusedValueError:
+        pass
+    message = f"{held!r} is not {_LABELS[kind]}"
+    raise QueueError(message) from None
