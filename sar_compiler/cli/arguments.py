@@ -28,7 +28,10 @@ class Parser(argparse.ArgumentParser):
         )
         if not parents and prog:
             self.add_argument(
-                "--version", action=_Version, help="show the version and what it runs on, and exit"
+                "--version",
+                action=_Version,
+                default=argparse.SUPPRESS,
+                help="show the version and what it runs on, and exit",
             )
 
     def _get_formatter(self) -> argparse.HelpFormatter:
@@ -44,7 +47,7 @@ class _Version(argparse.Action):
     """Shows the version; what that takes is imported only now."""
 
     def __init__(self, **settings: Any) -> None:
-        super().__init__(nargs=0, **settings)
+        super().__init__(nargs=0, **{**settings, "dest": argparse.SUPPRESS})
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         from importlib.metadata import version

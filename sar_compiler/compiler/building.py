@@ -33,7 +33,7 @@ _CONDITIONS = {
 }
 
 
-_Place = tuple[Instance, BoundNode]
+_NodeInInstance = tuple[Instance, BoundNode]
 """A node of an instance."""
 
 
@@ -83,10 +83,10 @@ class Builder:
 
     def place(self, instance: Instance, bound: BoundNode) -> Behaviour:
         """Build a node in place, with its wrappers and all below it; not recursively, since trees may be deep."""
-        left: Iterator[_Place] = iter([(instance, bound)])
+        left: Iterator[_NodeInInstance] = iter([(instance, bound)])
         children: list[Behaviour] = []
         # The nodes around, each with the siblings that are left and those that are made.
-        waiting: list[tuple[_Place, Iterator[_Place], list[Behaviour]]] = []
+        waiting: list[tuple[_NodeInInstance, Iterator[_NodeInInstance], list[Behaviour]]] = []
         while True:
             for place in left:
                 if place[1].children or place[1].subtree is not None:
@@ -102,7 +102,7 @@ class Builder:
                 children = siblings
 
     @staticmethod
-    def _below(instance: Instance, bound: BoundNode) -> "Iterator[_Place]":
+    def _below(instance: Instance, bound: BoundNode) -> "Iterator[_NodeInInstance]":
         """Yield the places of a node's children."""
         if bound.subtree is not None:
             inner = instance.inner[bound]
