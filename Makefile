@@ -69,6 +69,7 @@ soak: env
 
 bench: env
 	$(BIN)/python benchmarks/pipeline.py
+	$(BIN)/python benchmarks/large_files.py
 	$(BIN)/python benchmarks/ticking.py
 	$(BIN)/python benchmarks/verify.py
 
