@@ -74,6 +74,7 @@ bench: env
 	$(BIN)/python benchmarks/startup.py validate
 	$(BIN)/python benchmarks/startup.py first-tick
 	$(BIN)/python benchmarks/pipeline.py
+	$(BIN)/python benchmarks/large_files.py
 	$(BIN)/python benchmarks/ticking.py
 	$(BIN)/python benchmarks/verify.py
 

@@ -24,7 +24,7 @@ from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.models.model_comparison import compare
 from sar_compiler.nodes.models.models import described_specs, read_models
 from sar_compiler.nodes.registry import Registry
-from sar_compiler.tree.diagnostic import Diagnostic
+from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.model import TreeFile
 
@@ -65,6 +65,10 @@ def check_palettes(palettes: Palettes, registry: Registry) -> list[Diagnostic]:
     return collector.findings
 
 
+def _is_no_error(finding: Diagnostic) -> bool:
+    return finding.severity is not Severity.ERROR
+
+
 def check(forest: Forest, registry: Registry, palettes: Palettes = ()) -> list[Diagnostic]:
     """Return everything that is wrong with a file and those that it includes, file by file.
 
@@ -79,14 +83,17 @@ def check(forest: Forest, registry: Registry, palettes: Palettes = ()) -> list[D
     palettes = tuple(palettes)
     findings = [*forest.findings]
     context = CheckContext(forest, registry, palettes)
+    is_all = True
     for rule in RULES:
-        findings += itertools.islice(rule(context), MOST)
+        found = list(itertools.islice(rule(context), MOST))
+        is_all = is_all and (len(found) < MOST or all(map(_is_no_error, found)))
+        findings += found
     from sar_compiler.checks.schema_validation import check_schema
 
-    # The rules say it better; the schema speaks only where they found nothing.
+    # The rules say it better; the schema speaks only where they found nothing, and had nothing more to say.
     described = described_specs([*palettes, *forest.files], registry)
-    for tree_file in forest.files:
-        findings += check_schema(tree_file, registry, described, findings)
+    for tree_file in forest.files if is_all else ():
+        findings += itertools.islice(check_schema(tree_file, registry, described, findings), MOST)
     order = {tree_file.source.path: number for number, tree_file in enumerate(reversed(forest.files))}
 
     def place(finding: Diagnostic) -> tuple[int, int, int, str]:

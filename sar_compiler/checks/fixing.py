@@ -95,11 +95,11 @@ def fixes(source: Source, tree_file: TreeFile | None, findings: Iterable[Diagnos
         findings: What was found in it, and in others.
     """
     found: list[Fix] = []
-    elements = list(tree_file.root.iterate()) if tree_file is not None else []
+    values = _Values(list(tree_file.root.iterate()) if tree_file is not None else [])
     for finding in sorted(findings, key=lambda each: (each.span.line, each.span.column)):
         if finding.source is not source or not _is_safe(finding):
             continue
-        fix = _fix(finding, elements)
+        fix = _fix(finding, values)
         if fix is not None and (not found or found[-1].end <= fix.start):
             found.append(fix)
     return found
@@ -156,45 +156,81 @@ def _offsets(finding: Diagnostic) -> tuple[int, int]:
     return source.offset(span.line, span.column), source.offset(span.end_line, span.end_column)
 
 
-def _fix(finding: Diagnostic, elements: Sequence[Element]) -> Fix | None:
+@dataclass(frozen=True)
+class _Value:
+    """The value of an attribute in the text.
+
+    Attributes:
+        start: Where it begins.
+        end: Where it ends.
+        name: Where the attribute's name begins.
+    """
+
+    start: int
+    end: int
+    name: int
+
+
+class _Values:
+    """The values of the attributes of a file.
+
+    Args:
+        elements: The elements of the file, in its order.
+    """
+
+    def __init__(self, elements: Sequence[Element]) -> None:
+        self._elements = elements
+        # Those of the element that was asked for last: findings are in the order of the file.
+        self._last: tuple[Element, Sequence[_Value]] | None = None
+
+    def around(self, finding: Diagnostic) -> _Value | None:
+        """Return the value that contains a finding; None if there is none."""
+        place = (finding.span.line, finding.span.column)
+        index = bisect.bisect_right(self._elements, place, key=lambda each: (each.line, each.column))
+        if not index:
+            return None
+        start, end = _offsets(finding)
+        values = self._of(self._elements[index - 1])
+        following = bisect.bisect_right(values, start, key=lambda each: each.start)
+        value = values[following - 1] if following else None
+        return value if value is not None and end <= value.end and value.start < value.end else None
+
+    def _of(self, element: Element) -> Sequence[_Value]:
+        if self._last is None or self._last[0] is not element:
+            values = [_value_of(element, name) for name in element.attributes]
+            self._last = element, sorted(values, key=lambda each: each.start)
+        return self._last[1]
+
+
+def _value_of(element: Element, attribute: str) -> _Value:
+    source, span, name = element.source, element.value_span(attribute), element.name_span(attribute)
+    start, end = source.offset(span.line, span.column), source.offset(span.end_line, span.end_column)
+    return _Value(start, end, source.offset(name.line, name.column))
+
+
+def _fix(finding: Diagnostic, values: _Values) -> Fix | None:
     """Return a finding's suggestion as it is written there; None if it cannot be without more ado."""
     start, end = _offsets(finding)
     text = finding.suggestion or ""
-    stretch = _value_around(finding, elements)
-    if stretch is None:  # a name, or what could not be read
+    value = values.around(finding)
+    if value is None:  # a name, or what could not be read
         return Fix(finding, start, end, text)
-    source, (first, last) = finding.source, stretch
-    escapes = _escapes_in(source, first)
+    source = finding.source
+    escapes = _escapes_in(source, value)
     if escapes is not None:
         return Fix(finding, start, end, "".join(escapes.get(each, each) for each in text))
     # A plain text of YAML may need quotation marks afterwards.
-    whole = source.text[first:start] + text + source.text[end:last]
-    return None if "\n" in whole or "\r" in whole else Fix(finding, first, last, scalar(whole))
+    whole = source.text[value.start : start] + text + source.text[end : value.end]
+    return None if "\n" in whole or "\r" in whole else Fix(finding, value.start, value.end, scalar(whole))
 
 
-def _escapes_in(source: Source, start: int) -> Mapping[str, str] | None:
-    """Return how characters are written in the value that begins at an offset; None for a plain text of YAML."""
-    quote = source.text[start - 1]
+def _escapes_in(source: Source, value: _Value) -> Mapping[str, str] | None:
+    """Return how characters are written in a value; None for a plain text of YAML."""
+    quote = source.text[value.start - 1]
     if source.form is Form.XML:
         return {"&": "&amp;", "<": "&lt;", quote: "&quot;" if quote == '"' else "&apos;"}
     if quote == "'":
         return {"'": "''"}
     if quote == '"':
         return {"\\": "\\\\", '"': '\\"'}
-    return {} if _BLOCK.search(source.text[:start]) else None
-
-
-def _value_around(finding: Diagnostic, elements: Sequence[Element]) -> tuple[int, int] | None:
-    """Return the start and end of the value that contains a finding; None if there is none."""
-    place = (finding.span.line, finding.span.column)
-    index = bisect.bisect_right(elements, place, key=lambda each: (each.line, each.column))
-    if not index:
-        return None
-    element, (start, end) = elements[index - 1], _offsets(finding)
-    for name in element.attributes:
-        span = element.value_span(name)
-        first = finding.source.offset(span.line, span.column)
-        last = finding.source.offset(span.end_line, span.end_column)
-        if first <= start and end <= last and last > first:
-            return first, last
-    return None
+    return {} if _BLOCK.search(source.text[value.name : value.start]) else None

@@ -87,11 +87,11 @@ def check_schema(
     if tree_file.source.form is Form.XML and any(_TEXT in message for _, message in errors):
         yield from _stray_text(tree_file)
         errors = [(line, message) for line, message in errors if _TEXT not in message]
-    spoken_of = {
+    spoken_of = sorted(
         finding.span.line
         for finding in findings
         if finding.source is tree_file.source and finding.severity is Severity.ERROR
-    }
+    )
     elements = sorted(tree_file.root.iterate(), key=_place)
     for line, message in errors:
         # The last element that begins in the line or before it.
@@ -100,7 +100,8 @@ def check_schema(
         if tree_file.source.form is not Form.XML:
             # Attributes stand in lines of their own, up to the next element.
             last = elements[index + 1].line - 1 if index + 1 < len(elements) else sys.maxsize
-        if not any(element.line <= number <= last for number in spoken_of):
+        following = bisect.bisect_left(spoken_of, element.line)
+        if following == len(spoken_of) or spoken_of[following] > last:
             yield Diagnostic("schema", message, tree_file.source, element.tag_span())
 
 

@@ -8,6 +8,7 @@ import bisect
 import re
 from collections.abc import Iterable, Iterator
 
+from sar_compiler.nodes.values import Guesses
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.model import Comment, Element, TreeFile
@@ -48,7 +49,7 @@ class _Suppression:
 
 def without_suppressed(forest: Forest, findings: Iterable[Diagnostic]) -> list[Diagnostic]:
     """Return the findings that no comment silences, and what is wrong with the comments themselves."""
-    kept = list(findings)
+    kept, guesses = list(findings), Guesses()
     whole = all(finding.severity is not Severity.ERROR for finding in kept)
     for tree_file in forest.files:
         if _MARK not in tree_file.source.text:
@@ -57,7 +58,7 @@ def without_suppressed(forest: Forest, findings: Iterable[Diagnostic]) -> list[D
         kept = _silenced(tree_file, suppressions, kept)
         for suppression in suppressions:
             # While there are errors, some rules are not asked.
-            kept += _wrong(suppression, unneeded=whole)
+            kept += _wrong(suppression, guesses, unneeded=whole)
     return kept
 
 
@@ -112,18 +113,19 @@ def _comments_in(element: Element) -> Iterator[tuple[Element | None, Comment, in
     for comment in element.comments:
         if comment.trailing or comment.attribute is not None:
             yield element, comment, start
-    for index in range(len(element.children) + 1):
-        about = element.children[index] if index < len(element.children) else None
-        for comment in element.comments:
-            if comment.index == index and not comment.trailing and comment.attribute is None:
-                yield about, comment, start
-        if about is not None:
-            yield from _comments_in(about)
+    waiting: list[Comment] = []
+    for each in element.content():
+        if isinstance(each, Comment):
+            waiting.append(each)
+        else:
+            yield from ((each, comment, start) for comment in waiting)
+            waiting = []
+            yield from _comments_in(each)
+    yield from ((None, comment, start) for comment in waiting)
 
 
-def _wrong(suppression: _Suppression, *, unneeded: bool) -> Iterator[Diagnostic]:
+def _wrong(suppression: _Suppression, guesses: Guesses, *, unneeded: bool) -> Iterator[Diagnostic]:
     from sar_compiler.checks.kinds import KINDS, is_firm
-    from sar_compiler.nodes.values import nearest
 
     codes = suppression.codes
     if not codes:
@@ -132,7 +134,7 @@ def _wrong(suppression: _Suppression, *, unneeded: bool) -> Iterator[Diagnostic]
         return
     for code in codes:
         if code not in KINDS:
-            near = nearest(code, [each for each in KINDS if not is_firm(each)])
+            near = guesses.nearest(code, [each for each in KINDS if not is_firm(each)])
             yield _finding(suppression, "wrong-allow", f"no finding is called '{code}'", code, near)
         elif is_firm(code):
             message = f"'{code}' is an error: a tree with it cannot be run, so it cannot be allowed"

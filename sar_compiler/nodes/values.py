@@ -2,12 +2,13 @@
 
 import enum
 import functools
+import itertools
 import json
 import math
 import re
 import types
 import typing
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import timedelta
@@ -34,6 +35,10 @@ _SEPARATOR = ";"
 JSON = "json:"
 """The prefix of a JSON text, for ports that take any value."""
 _LARGEST_UNSIGNED = 2**32 - 1
+MOST_COMPARED = 100_000
+"""The largest number of words that one `Guesses` compares with what was written."""
+MOST_LISTED = 10
+"""The largest number of names that a message lists."""
 
 # The texts that BehaviorTree.CPP reads as a bool.
 _BOOLS = {
@@ -170,13 +175,39 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
     """Return the known word that was probably meant, or None."""
     import difflib
 
-    candidates = list(known)
+    candidates, lower, folded = list(known), word.lower(), _folded(word)
     found = (
-        [candidate for candidate in candidates if candidate.lower() == word.lower()]
-        or [candidate for candidate in candidates if _folded(candidate) == _folded(word)]
+        [candidate for candidate in candidates if candidate.lower() == lower]
+        or [candidate for candidate in candidates if _folded(candidate) == folded]
         or difflib.get_close_matches(word, candidates, n=1, cutoff=0.6)
     )
     return found[0] if found else None
+
+
+def listed(words: Collection[str], count: int | None = None) -> str:
+    """Return words with commas between them; of many the first ones, and the number of the others.
+
+    Args:
+        words: The words, or the first `MOST_LISTED` of them.
+        count: How many there are, if these are not all.
+    """
+    more = (len(words) if count is None else count) - MOST_LISTED
+    shown = ", ".join(itertools.islice(words, MOST_LISTED))
+    return f"{shown} and {more} more" if more > 0 else shown
+
+
+class Guesses:
+    """Guesses of the words that were meant, which end when they would take long in a large file."""
+
+    def __init__(self) -> None:
+        self._left = MOST_COMPARED
+
+    def nearest(self, word: str, known: Collection[str]) -> str | None:
+        """Return the known word that was probably meant; None if there is none, or too many to compare."""
+        if len(known) > self._left:
+            return None
+        self._left -= len(known)
+        return nearest(word, known)
 
 
 def _folded(word: str) -> str:

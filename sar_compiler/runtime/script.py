@@ -104,6 +104,7 @@ class _Parser:
         self._text = text
         self._tokens = list(tokenize(text))
         self._index = 0
+        self._next = self._tokens[0]
         self._depth = 0
 
     def script(self) -> Script:
@@ -111,15 +112,12 @@ class _Parser:
         statements: list[Expression] = []
         while self._next.kind is not TokenKind.END:
             statements.append(self._expression(_ANY))
-            _check_depth(statements[-1])
+            if len(self._tokens) > MAX_DEPTH:  # each level has a token at least
+                _check_depth(statements[-1])
             self._refuse_word()
             while self._take(";"):
                 pass
         return Script(self._text, tuple(statements))
-
-    @property
-    def _next(self) -> Token:
-        return self._tokens[self._index]
 
     def _before(self, count: int = 1) -> Token | None:
         """Return the token a number of places before the next one."""
@@ -129,6 +127,7 @@ class _Parser:
         token = self._next
         if token.kind is not TokenKind.END:
             self._index += 1
+            self._next = self._tokens[self._index]
         return token
 
     def _at(self, sign: str) -> bool:
@@ -181,6 +180,7 @@ class _Parser:
             return self._bracketed(token)
         if token.kind is TokenKind.SIGN:
             self._index -= 1
+            self._next = token
         raise self._no_operand()
 
     def _bracketed(self, opening: Token) -> Expression:

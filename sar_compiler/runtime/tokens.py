@@ -11,14 +11,17 @@ from sar_compiler.errors import SarError
 LARGEST_INTEGER = 2**63 - 1
 """Whole numbers of a script have 64 bits."""
 
+_SPACE = " \t\r\n"
 _TOKEN = re.compile(
     r"""
-    (?P<space>[ \t\r\n]+)
-    | (?P<real>[0-9]+(?:\.[0-9]+(?:[eE][+\-]?[0-9]+)?|[eE][+\-]?[0-9]+))
+    [ \t\r\n]*
+    (?:
+    (?P<real>[0-9]+(?:\.[0-9]+(?:[eE][+\-]?[0-9]+)?|[eE][+\-]?[0-9]+))
     | (?P<integer>0[xX][0-9a-fA-F]+|[0-9]+)
     | (?P<name>[A-Za-z_@][A-Za-z0-9_]*)
     | (?P<text>'[^']*')
     | (?P<sign>\.\.|&&|\|\||[=!<>:+\-*/]=|[+\-*/&|^~!<>=?:();])
+    )
     """,
     re.VERBOSE,
 )
@@ -76,6 +79,10 @@ class TokenKind(enum.Enum):
     END = enum.auto()
 
 
+# Looked up once: Python takes a while to find a member of an enumeration.
+_LITERAL, _NAME_TOKEN, _SIGN = TokenKind.LITERAL, TokenKind.NAME, TokenKind.SIGN
+
+
 class Token(NamedTuple):
     """One word of a script.
 
@@ -100,17 +107,14 @@ def tokenize(text: str) -> Iterator[Token]:
     Raises:
         ScriptError: At what is no word of a script.
     """
-    position = 0
-    while position < len(text):
+    position, end = 0, len(text.rstrip(_SPACE))
+    while position < end:
         match = _TOKEN.match(text, position)
-        if match is None:
-            raise _no_token(text, position)
+        if match is None or match.lastgroup is None:
+            raise _no_token(text, end - len(text[position:end].lstrip(_SPACE)))
         position = match.end()
-        if match.lastgroup in {"real", "integer"}:
-            _check_end_of_number(text, match)
-        if match.lastgroup != "space":
-            yield _token(match)
-    yield Token(TokenKind.END, "", position, position)
+        yield _token(text, match.lastgroup, match[match.lastgroup], position)
+    yield Token(TokenKind.END, "", len(text), len(text))
 
 
 def excerpt(text: str) -> str:
@@ -118,17 +122,20 @@ def excerpt(text: str) -> str:
     return text if len(text) <= _LONGEST_EXCERPT else text[: _LONGEST_EXCERPT - 3] + "..."
 
 
-def _token(match: re.Match[str]) -> Token:
-    word, start, end = match.group(), match.start(), match.end()
-    if match.lastgroup == "integer":
-        return Token(TokenKind.LITERAL, word, start, end, _integer(word, start))
-    if match.lastgroup == "real":
-        return Token(TokenKind.LITERAL, word, start, end, _real(word, start))
-    if match.lastgroup == "text":
-        return Token(TokenKind.LITERAL, word, start, end, word[1:-1])
-    if word in _BOOLS:
-        return Token(TokenKind.LITERAL, word, start, end, _BOOLS[word])
-    return Token(TokenKind.NAME if match.lastgroup == "name" else TokenKind.SIGN, word, start, end)
+def _token(text: str, group: str, word: str, end: int) -> Token:
+    start = end - len(word)
+    if group == "sign":
+        return Token(_SIGN, word, start, end)
+    if group == "name":
+        return (
+            Token(_LITERAL, word, start, end, _BOOLS[word])
+            if word in _BOOLS
+            else Token(_NAME_TOKEN, word, start, end)
+        )
+    if group == "text":
+        return Token(_LITERAL, word, start, end, word[1:-1])
+    _check_end_of_number(text, word, start)
+    return Token(_LITERAL, word, start, end, (_integer if group == "integer" else _real)(word, start))
 
 
 def _integer(word: str, start: int) -> int:
@@ -151,16 +158,16 @@ def _real(word: str, start: int) -> float:
     return value
 
 
-def _check_end_of_number(text: str, number: re.Match[str]) -> None:
+def _check_end_of_number(text: str, number: str, start: int) -> None:
     """Refuse a number that something else is stuck to: `3m`, `1.`, `0xFG`."""
-    stuck = _STUCK.match(text, number.end())
+    stuck = _STUCK.match(text, start + len(number))
     rest = stuck.group() if stuck else ""
-    if not rest and number.group()[1:2] in {"x", "X"} and text.startswith(".", number.end()):
+    if not rest and number[1:2] in {"x", "X"} and text.startswith(".", start + len(number)):
         rest = "."
     if not rest:
         return
-    word = number.group() + rest
-    start, end = number.start(), number.start() + len(word)
+    word = number + rest
+    end = start + len(word)
     shown = excerpt(word)
     if re.fullmatch(r"[0-9]+\.", word):
         message = f"'{shown}' is not a number: digits are missing after the point"

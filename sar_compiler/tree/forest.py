@@ -13,6 +13,9 @@ from sar_compiler.tree.model import INCLUDE_TAG, Element, TreeFile
 MAX_FILES = 1000
 """More files than this are not read for one tree."""
 
+MAX_NEIGHBOURS = 20_000
+"""After so many names of files were compared with those of missing ones, nothing is suggested any more."""
+
 MAX_INCLUDE_DEPTH = 50
 """An include in an include, and so on, ends here."""
 
@@ -101,6 +104,7 @@ class _Loader:
         self.findings: list[Diagnostic] = []
         self.seen: set[Path] = set()
         self.full = False
+        self.compared = 0
 
     def included(self, path: Path, tree_file: TreeFile, around: tuple[Path, ...]) -> None:
         """Take a file in, after everything that it includes itself."""
@@ -135,13 +139,25 @@ class _Loader:
         try:
             tree_file = self.read(_as_written(target))
         except UnreadableFileError as error:
-            self._report(element, "unreadable-include", str(error), suggestion=_near(element, target))
+            self._report(element, "unreadable-include", str(error), suggestion=self._near(element, target))
         except TreeError as error:
             self.findings.extend(error.findings)
         else:
             self.included(target, tree_file, around)
             return
         self.seen.add(target)
+
+    def _near(self, element: Element, target: Path) -> str | None:
+        """Return the path of an include with the name of the tree file beside it that was probably meant."""
+        written, beside = element.attributes["path"], []
+        if self.compared < MAX_NEIGHBOURS:
+            with suppress(OSError):
+                beside = [path.name for path in target.parent.iterdir() if path.suffix in _ENDINGS]
+        self.compared += len(beside)
+        import difflib
+
+        near = difflib.get_close_matches(target.name, sorted(beside), n=1)
+        return written.removesuffix(target.name) + near[0] if near and written.endswith(target.name) else None
 
     def _target(self, element: Element, here: Path) -> Path | None:
         """Return the file that an include means, or None after a finding."""
@@ -203,17 +219,6 @@ class _Loader:
     ) -> None:
         span = element.value_span(attribute) if attribute in element.attributes else element.tag_span()
         self.findings.append(Diagnostic(code, message, element.source, span, **advice))  # type: ignore[arg-type]
-
-
-def _near(element: Element, target: Path) -> str | None:
-    """Return the path of an include with the name of the tree file beside it that was probably meant."""
-    written, beside = element.attributes["path"], []
-    with suppress(OSError):
-        beside = [path.name for path in target.parent.iterdir() if path.suffix in _ENDINGS]
-    import difflib
-
-    near = difflib.get_close_matches(target.name, sorted(beside), n=1)
-    return written.removesuffix(target.name) + near[0] if near and written.endswith(target.name) else None
 
 
 def _may_never_end(path: Path) -> bool:

@@ -82,6 +82,18 @@ class Element:
         """Return where the characters from *start* to *end* of an attribute's value are."""
         return self.source.spans.within_value(self.source, self, attribute, start, end)
 
+    def content(self) -> "Iterator[Comment | Element]":
+        """Yield its children and the comments before, between and after them, in the order of the file."""
+        comments = [each for each in self.comments if each.attribute is None and not each.trailing]
+        comments.sort(key=lambda each: each.index)
+        done = 0
+        for index, child in enumerate(self.children):
+            while done < len(comments) and comments[done].index <= index:
+                yield comments[done]
+                done += 1
+            yield child
+        yield from comments[done:]
+
     def iterate(self) -> Iterator["Element"]:
         """Yield it and everything in it, in the order of the file."""
         waiting = [self]

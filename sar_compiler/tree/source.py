@@ -3,6 +3,7 @@
 import bisect
 import functools
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, NamedTuple, Protocol
@@ -74,6 +75,13 @@ class Spans(Protocol):
         ...
 
 
+AttributePlaces = tuple[int, int, int, int]
+"""The offsets at which an attribute's name and its value begin and end."""
+
+_FEW = 16
+"""The places of so many attributes are looked for whenever they are asked for."""
+
+
 @dataclass(frozen=True)
 class Source:
     """The text of a file.
@@ -101,6 +109,28 @@ class Source:
     def line_starts(self) -> list[int]:
         """The offset of each line's first character."""
         return [0, *(end.end() for end in _LINE_END.finditer(self.text))]
+
+    @functools.cached_property
+    def _wide(self) -> dict[tuple[int, int], dict[str, AttributePlaces]]:
+        """The places of the attributes of those elements that have many."""
+        return {}
+
+    def attribute(
+        self, element: "Element", name: str, attributes: Iterator[tuple[str, AttributePlaces]]
+    ) -> AttributePlaces | None:
+        """Return the places of an attribute; None if the text of the element has none of this name.
+
+        Args:
+            element: The element.
+            name: The attribute.
+            attributes: Finds the attributes of the element one after the other.
+        """
+        if len(element.attributes) <= _FEW:
+            return next((places for each, places in attributes if each == name), None)
+        place = (element.line, element.column)
+        if place not in self._wide:
+            self._wide[place] = dict(attributes)
+        return self._wide[place].get(name)
 
     def offset(self, line: int, column: int) -> int:
         """Return the offset of a place given by line and column."""

@@ -6,7 +6,7 @@ in the text only when somebody asks, which is when there is something to say abo
 
 import dataclasses
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from xml.parsers import expat
 
 from sar_compiler.tree.comments import text_of_xml
@@ -14,7 +14,7 @@ from sar_compiler.tree.content import MAX_DEPTH, source_of
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import MODEL_TAG, Comment, Element, TreeFile
-from sar_compiler.tree.source import Form, Source, Span
+from sar_compiler.tree.source import AttributePlaces, Form, Source, Span
 
 _DECLARED_ENCODING = re.compile(rb"""^<\?xml\b[^>]*?\bencoding\s*=\s*["']([A-Za-z0-9._\-]+)["']""")
 _NAME = re.compile(r"<[^\s/>]+")
@@ -52,32 +52,36 @@ class _XmlSpans:
         return source.span(start, name.end() if name else start + 1)
 
     def attribute_name(self, source: Source, element: Element, name: str) -> Span:
-        match = self._attribute(source, element, name)
-        return source.span(*match.span(1)) if match else self.tag(source, element)
+        places = self._attribute(source, element, name)
+        return source.span(*places[:2]) if places else self.tag(source, element)
 
     def attribute_value(self, source: Source, element: Element, name: str) -> Span:
-        match = self._attribute(source, element, name)
-        return source.span(*match.span(3)) if match else self.tag(source, element)
+        places = self._attribute(source, element, name)
+        return source.span(*places[2:]) if places else self.tag(source, element)
 
     def within_value(self, source: Source, element: Element, name: str, start: int, end: int) -> Span:
-        match = self._attribute(source, element, name)
-        if match is None:
+        attribute = self._attribute(source, element, name)
+        if attribute is None:
             return self.tag(source, element)
-        first, last = match.span(3)
+        first, last = attribute[2:]
+        value = element.attributes[name]
+        if last - first == len(value) and source.text.startswith(value, first):  # nearly every value
+            return source.span(min(first + start, last), min(first + end, last))
         places = [found.start() for found in _CHARACTER.finditer(source.text, first, last)] + [last]
         return source.span(*(places[min(index, len(places) - 1)] for index in (start, end)))
 
     def follows_blank_line(self, source: Source, element: Element) -> bool:
         return source.blank_before(source.offset(element.line, element.column))
 
-    def _attribute(self, source: Source, element: Element, name: str) -> re.Match[str] | None:
+    def _attribute(self, source: Source, element: Element, name: str) -> AttributePlaces | None:
+        return source.attribute(element, name, self._attributes(source, element))
+
+    def _attributes(self, source: Source, element: Element) -> Iterator[tuple[str, AttributePlaces]]:
         tag = _NAME.match(source.text, source.offset(element.line, element.column))
         offset = tag.end() if tag else 0
         while match := _ATTRIBUTE.match(source.text, offset):
-            if match.group(1) == name:
-                return match
+            yield match[1], (*match.span(1), *match.span(3))
             offset = match.end()
-        return None
 
 
 _SPANS = _XmlSpans()
@@ -153,12 +157,20 @@ class _XmlReader:
 
     def _comment(self, data: str) -> None:
         depth, start, siblings = len(self._open), self._here(), self._levels[-1]
-        before = self._source.text[self._source.offset(self._parser.CurrentLineNumber, 1) : start].rstrip()
-        text = text_of_xml(data)
-        trailing = before.endswith(">") and "\n" not in text
+        text, written = text_of_xml(data), self._source.text
+        # What is before it in its line.
+        first, last = self._source.offset(self._parser.CurrentLineNumber, 1), start
+        while last > first and written[last - 1].isspace():
+            last -= 1
+        trailing = written.endswith(">", first, last) and "\n" not in text
         if trailing and depth and not siblings and depth not in self._comments:
             self._comments[depth] = [Comment(text, trailing=True)]
-        elif trailing and siblings and _ends_with_leaf(before, siblings[-1]):
+        elif (
+            trailing
+            and siblings
+            and _takes_comment(siblings[-1])
+            and written.endswith(("/>", f"</{siblings[-1].tag}>"), first, last)
+        ):
             comment = Comment(text, trailing=True)
             siblings[-1] = dataclasses.replace(siblings[-1], comments=(comment,))
         else:
@@ -201,7 +213,6 @@ class _XmlReader:
         return Diagnostic("malformed-xml", f"not well-formed XML: {words}", self._source, span, hint=hint)
 
 
-def _ends_with_leaf(text: str, element: Element) -> bool:
-    """Return whether a text ends with the end of an element that has no children, and no comment yet."""
-    ending = text.endswith(("/>", f"</{element.tag}>"))
-    return ending and not element.children and not element.comments
+def _takes_comment(element: Element) -> bool:
+    """Return whether a comment may follow an element's end: it has no children, and no comment yet."""
+    return not element.children and not element.comments

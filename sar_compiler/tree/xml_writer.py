@@ -41,35 +41,30 @@ def comment_in_xml(text: str) -> str:
 def _element(element: Element, indent: str, *, after_blank_line: bool) -> Iterator[str]:
     if after_blank_line:
         yield ""
-    inner = [comment for comment in element.comments if comment.attribute is None and not comment.trailing]
     for comment in element.comments:
         if comment.attribute is not None:  # XML has no place for it in a tag
             yield from _comment(comment, indent, after_blank_line=False)
     trailing = "".join(
         f"  <!-- {comment_in_xml(one.text)} -->" for one in element.comments if _is_trailing(one)
     )
-    if not (inner or element.children):
+    inner = list(element.content())
+    if not inner:
         end = f">{_escaped(element.text, _TEXT_ESCAPES)}</{element.tag}>" if element.text else "/>"
         yield from _start_tag(element, indent, end, trailing)
         return
     yield from _start_tag(element, indent, ">", trailing)
     if element.text:
         yield f"{indent}  {_escaped(element.text, _TEXT_ESCAPES)}"
-    yield from _content(element, inner, f"{indent}  ")
+    yield from _content(inner, f"{indent}  ")
     yield f"{indent}</{element.tag}>"
 
 
-def _content(element: Element, comments: list[Comment], indent: str) -> Iterator[str]:
-    first = True
-    for index in range(len(element.children) + 1):
-        for comment in comments:
-            if comment.index == index:
-                yield from _comment(comment, indent, after_blank_line=comment.after_blank_line and not first)
-                first = False
-        if index < len(element.children):
-            child = element.children[index]
-            yield from _element(child, indent, after_blank_line=not first and _follows_blank_line(child))
-            first = False
+def _content(content: list[Comment | Element], indent: str) -> Iterator[str]:
+    for number, each in enumerate(content):
+        if isinstance(each, Comment):
+            yield from _comment(each, indent, after_blank_line=each.after_blank_line and number > 0)
+        else:
+            yield from _element(each, indent, after_blank_line=number > 0 and _follows_blank_line(each))
 
 
 def _start_tag(element: Element, indent: str, end: str, trailing: str) -> Iterator[str]:

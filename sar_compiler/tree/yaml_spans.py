@@ -3,10 +3,10 @@
 import bisect
 import re
 from array import array
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 
 from sar_compiler.tree.model import Element
-from sar_compiler.tree.source import Form, Source, Span
+from sar_compiler.tree.source import AttributePlaces, Form, Source, Span
 
 _HEADER = re.compile(r"[|>][^\r\n]*(?:\r\n|\r|\n|$)")
 # What stands for the characters of a value: a fold, an escape, or a character for itself.
@@ -82,12 +82,16 @@ class YamlSpans:
     def _number(self, source: Source, element: Element) -> int:
         return bisect.bisect_left(self._tags, source.offset(element.line, element.column))
 
-    def _attribute(self, source: Source, element: Element, name: str) -> tuple[int, ...]:
+    def _attribute(self, source: Source, element: Element, name: str) -> AttributePlaces | None:
         if name not in element.attributes:
-            return ()
-        number = self._number(source, element)
-        first = self._first[number] + 4 * list(element.attributes).index(name)
-        return tuple(self._places[first : first + 4])
+            return None
+        return source.attribute(element, name, self._attributes(source, element))
+
+    def _attributes(self, source: Source, element: Element) -> Iterator[tuple[str, AttributePlaces]]:
+        first = self._first[self._number(source, element)]
+        for index, name in enumerate(element.attributes, first // 4):
+            start, end, begin, behind = self._places[4 * index : 4 * index + 4]
+            yield name, (start, end, begin, behind)
 
 
 def unquoted(text: str, start: int, end: int) -> tuple[int, int]:
@@ -104,9 +108,11 @@ def unquoted(text: str, start: int, end: int) -> tuple[int, int]:
     return begin, begin + len(stripped)
 
 
-def offsets_in_scalar(text: str, start: int, end: int, value: str) -> list[int]:
+def offsets_in_scalar(text: str, start: int, end: int, value: str) -> Sequence[int]:
     """Return the place of each character of a value, and of its end, in the scalar written for it."""
     first, last = unquoted(text, start, end)
+    if last - first == len(value) and text.startswith(value, first):  # nearly every value
+        return range(first, last + 1)
     header = _HEADER.match(text, start, end)
     if header is None:
         found = _offsets_in_line(text, start, first, last)

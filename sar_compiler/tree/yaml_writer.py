@@ -67,8 +67,11 @@ def _node(element: Element, indent: str, dash: str) -> Iterator[str]:
 
 def _attributes(element: Element, indent: str) -> Iterator[str]:
     written = [*element.attributes.items(), *([(TEXT_KEY, element.text)] if element.text else [])]
+    by_attribute: dict[str | None, list[Comment]] = {}
+    for comment in element.comments:
+        by_attribute.setdefault(comment.attribute, []).append(comment)
     for name, value in written:
-        comments = [comment for comment in element.comments if comment.attribute == name]
+        comments = by_attribute.get(name, [])
         above = [comment for comment in comments if not comment.trailing]
         for index, comment in enumerate(above):
             yield from _comment(comment, indent, after_blank_line=index > 0)
@@ -79,28 +82,19 @@ def _attributes(element: Element, indent: str) -> Iterator[str]:
 
 
 def _children(element: Element, indent: str) -> Iterator[str]:
-    inner = [comment for comment in element.comments if comment.attribute is None and not comment.trailing]
-    if not element.children:
-        for index, comment in enumerate(inner):
-            yield from _comment(comment, indent, after_blank_line=index > 0)
-        return
-    yield f"{indent}{CHILDREN_KEY}:"
-    indent += "  "
+    if element.children:
+        yield f"{indent}{CHILDREN_KEY}:"
+        indent += "  "
     last: Comment | Element | None = None
-    for index in range(len(element.children) + 1):
-        for comment in inner:
-            if comment.index == index:
-                after_blank_line = isinstance(last, Comment) or (
-                    last is not None and comment.after_blank_line
-                )
-                yield from _comment(comment, indent, after_blank_line=after_blank_line)
-                last = comment
-        if index < len(element.children):
-            child = element.children[index]
-            if last is not None and child.source.spans.follows_blank_line(child.source, child):
+    for each in element.content():
+        if isinstance(each, Comment):
+            after_blank_line = isinstance(last, Comment) or (last is not None and each.after_blank_line)
+            yield from _comment(each, indent, after_blank_line=after_blank_line)
+        else:
+            if last is not None and each.source.spans.follows_blank_line(each.source, each):
                 yield ""
-            yield from _node(child, indent, "- ")
-            last = child
+            yield from _node(each, indent, "- ")
+        last = each
 
 
 def _comment(comment: Comment, indent: str, *, after_blank_line: bool) -> Iterator[str]:

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from sar_compiler.checks import check
+from sar_compiler.checks import MOST, check
 from sar_compiler.checks.document import INCLUDE_ATTRIBUTES, ROOT_ATTRIBUTES
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
 from sar_compiler.nodes.binding.attributes import CONDITIONS, NOTES
 from sar_compiler.nodes.binding.nesting import MAX_LEVELS, MAX_NODES
 from sar_compiler.nodes.registry import Registry, default_registry
-from sar_compiler.nodes.values import ConversionError, value_type_of
+from sar_compiler.nodes.values import MOST_COMPARED, ConversionError, value_type_of
 from sar_compiler.runtime import script
 from sar_compiler.tree import content, forest
 from sar_compiler.tree.forest import Forest
@@ -80,6 +80,8 @@ def test_the_limits_are_those_of_the_code():
         MAX_LEVELS,
         script.MAX_DEPTH,
         100,
+        MOST,
+        MOST_COMPARED,
     ]
     assert [int(re.sub(r"\D", "", text)) for text in limits().values()] == figures
 

@@ -8,6 +8,7 @@ import pytest
 from sar_compiler.checks import check
 from sar_compiler.nodes.binding.main_tree import find_main_tree
 from sar_compiler.nodes.registry import default_registry
+from sar_compiler.tree import forest
 from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
 from sar_compiler.tree.forest import MAX_FILES, MAX_INCLUDE_DEPTH, load_forest
 from sar_compiler.tree.reading import read_tree_file
@@ -310,3 +311,11 @@ def test_an_include_of_a_pipe_is_refused_without_waiting_for_a_writer(tmp_path):
     (finding,) = load_forest(main, read_tree_file).findings
     assert finding.code == "unreadable-include"
     assert finding.message.endswith("pipe.xml is not a file")
+
+
+def test_names_for_missing_files_are_suggested_as_long_as_few_were_compared(monkeypatch):
+    monkeypatch.setattr(forest, "MAX_NEIGHBOURS", 2)
+    for name in ("arm.xml", "leg.xml"):
+        write(name, A)
+    write("main.xml", include("arn.xml"), include("lag.xml"), B)
+    assert [finding.suggestion for finding in load().findings] == ["arm.xml", None]

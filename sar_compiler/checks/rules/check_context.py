@@ -2,14 +2,16 @@
 
 import bisect
 import functools
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
+from sar_compiler.checks.rules.key_accesses import KeyAccesses, key_accesses_of
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes, is_telling
 from sar_compiler.nodes.binding.binder import BoundForest, bind_all
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.nesting import trees_in
 from sar_compiler.nodes.registry import Registry
+from sar_compiler.nodes.values import Guesses
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.model import SECTIONS, TreeFile
@@ -47,6 +49,16 @@ class CheckContext:
     def trees(self) -> tuple[BoundTree, ...]:
         """The trees within the limits of size and depth, the inner ones first."""
         return tuple({tree: None for top in self.bound.tops for tree in trees_in(top.tree)})
+
+    @functools.cached_property
+    def key_accesses(self) -> Mapping[BoundTree, KeyAccesses]:
+        """The accesses of the nodes of each of these trees to keys."""
+        return {tree: key_accesses_of(tree) for tree in self.trees}
+
+    @functools.cached_property
+    def guesses(self) -> Guesses:
+        """Guesses of what was meant."""
+        return Guesses()
 
     @functools.cached_property
     def is_foreign(self) -> bool:

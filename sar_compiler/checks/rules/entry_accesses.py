@@ -1,43 +1,157 @@
-"""The accesses to each blackboard entry, with all subtrees expanded."""
+"""The accesses to each blackboard entry, with all subtrees expanded, and which of them come first."""
 
+import bisect
 import functools
-import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from sar_compiler.checks.rules.key_accesses import (
-    AccessTime,
-    KeyAccess,
-    KeyAccesses,
-    is_of_root,
-    key_accesses_of,
-)
+from sar_compiler.checks.rules.key_accesses import AccessTime, KeyAccess, KeyAccesses, is_of_root
+from sar_compiler.nodes.binding.attributes import closed
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.semantics import AccessKind, Order
 from sar_compiler.runtime.blackboard import Scope
 
-Step = tuple[Instance, BoundNode]
 _READS = (AccessKind.READ, AccessKind.PEEK, AccessKind.BOTH, AccessKind.FIXED)
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, slots=True)
+class Place:
+    """The place of a node in a tree with its subtrees expanded.
+
+    Attributes:
+        bound: The node.
+        around: The place of the node around it; None for the root.
+        index: Its number among its siblings, from 0.
+        number: Its number among all nodes, parents before their children.
+        last: The number of the last node in it.
+    """
+
+    bound: BoundNode
+    around: "Place | None"
+    index: int
+    number: int
+    last: int
+
+    def holds(self, other: "Place") -> bool:
+        """Return whether another place is this one or within it."""
+        return self.number <= other.number <= self.last
+
+    def child(self, inner: "Place") -> "Place":
+        """Return the child that holds a place within this one."""
+        while inner.around is not None and inner.around is not self:
+            inner = inner.around
+        return inner
+
+
+class PlaceFinder:
+    """The places of all nodes of a tree with its subtrees expanded.
+
+    Args:
+        top: The tree.
+    """
+
+    def __init__(self, top: Instance) -> None:
+        self._top = top
+
+    def of(self, instance: Instance, bound: BoundNode) -> Place:
+        """Return the place of a node in one instance of its tree."""
+        return self._places[instance][bound]
+
+    @functools.cached_property
+    def _places(self) -> dict[Instance, dict[BoundNode, Place]]:
+        places: dict[Instance, dict[BoundNode, Place]] = {each: {} for each in self._top.iterate()}
+        in_order: list[Place] = []
+        waiting: list[tuple[Instance, BoundNode | None, Place | None, int]] = [
+            (self._top, self._top.tree.root, None, 0)
+        ]
+        while waiting:
+            instance, bound, around, index = waiting.pop()
+            if bound is None:
+                continue
+            number = len(in_order)
+            place = places[instance][bound] = Place(bound, around, index, number, number)
+            in_order.append(place)
+            if bound.children:
+                children = [(instance, child, place, index) for index, child in enumerate(bound.children)]
+                waiting += reversed(children)
+            elif bound in instance.inner:
+                inner = instance.inner[bound]
+                waiting.append((inner, inner.tree.root, place, 0))
+        for place in reversed(in_order):
+            if place.around is not None:
+                place.around.last = max(place.around.last, place.last)
+        return places
+
+
+@dataclass(eq=False, slots=True)
 class EntryAccess:
     """An access to an entry by a node in one instance of a tree."""
 
     instance: Instance
     access: KeyAccess
-    way: "PathFinder"
+    places: PlaceFinder
 
-    @functools.cached_property
-    def path(self) -> tuple[Step, ...]:
-        """The nodes from the root of the main tree down to this one."""
-        return self.way.to(self.instance, self.access.bound)
+    @property
+    def place(self) -> Place:
+        """The place of the node in the main tree with its subtrees expanded."""
+        return self.places.of(self.instance, self.access.bound)
 
     @property
     def bound(self) -> BoundNode:
         """The node."""
         return self.access.bound
+
+
+class OrderedAccesses:
+    """Accesses by the order of their places, to be asked for those in a part of the tree.
+
+    Args:
+        uses: The accesses.
+
+    Attributes:
+        uses: The accesses in their order.
+    """
+
+    def __init__(self, uses: Sequence[EntryAccess]) -> None:
+        numbered = sorted(((use.place.number, index) for index, use in enumerate(uses)))
+        self._numbers = [number for number, _ in numbered]
+        self.uses = [uses[index] for _, index in numbered]
+
+    def any_in(self, first: int, last: int) -> bool:
+        """Return whether one is at the places with the numbers from *first* to *last*."""
+        index = bisect.bisect_left(self._numbers, first)
+        return index < len(self._numbers) and self._numbers[index] <= last
+
+    def _at(self, place: Place) -> Sequence[EntryAccess]:
+        start = bisect.bisect_left(self._numbers, place.number)
+        return self.uses[start : bisect.bisect_right(self._numbers, place.number, start)]
+
+    def all_after(self, first: EntryAccess) -> bool:
+        """Return whether another access comes first for each of them, as `comes_first` decides for two."""
+        place: Place = first.place
+        if self.uses and self._numbers[0] < place.number and not self.uses[0].place.holds(place):
+            return False  # most often
+        is_before = first.access.is_certain and first.access.time is AccessTime.BEFORE
+        if self.any_in(place.number + 1, place.last) and not is_before:
+            return False
+        # In a script the last access is the first to contradict.
+        if not all(comes_first(first, use) for use in reversed(self._at(place)) if use is not first):
+            return False
+        inner = place
+        while inner.around is not None:
+            if not self._are_after(first, inner, inner.around):
+                return False
+            inner = inner.around
+        return True
+
+    def _are_after(self, first: EntryAccess, inner: Place, around: Place) -> bool:
+        """Return whether another access, in a child of a node, comes before those elsewhere in the node."""
+        return (
+            not self.any_in(around.number + 1, inner.number - 1)
+            and (not self.any_in(inner.last + 1, around.last) or _precedes(first, around))
+            and all(comes_first(first, use) for use in self._at(around))
+        )
 
 
 @dataclass(eq=False)
@@ -79,30 +193,20 @@ class EntryAccesses:
         """The uses that may read it."""
         return self.of(*_READS)
 
+    @functools.cached_property
+    def ordered_writers(self) -> OrderedAccesses:
+        """The same uses as `writers`, by their places."""
+        return OrderedAccesses(self.writers)
 
-class PathFinder:
-    """The path from the root to each node of a tree with its subtrees expanded."""
+    @functools.cached_property
+    def ordered_readers(self) -> OrderedAccesses:
+        """The same uses as `readers`, by their places."""
+        return OrderedAccesses(self.readers)
 
-    def __init__(self) -> None:
-        self._parents: dict[BoundTree, dict[BoundNode, BoundNode]] = {}
-
-    def to(self, instance: Instance, bound: BoundNode) -> tuple[Step, ...]:
-        """Return a node after its ancestors, each with its instance, from the outside in."""
-        steps: list[Step] = []
-        here: Instance | None = instance
-        node: BoundNode | None = bound
-        while here is not None:
-            parents = self._of(here.tree)
-            while node is not None:
-                steps.append((here, node))
-                node = parents.get(node)
-            node, here = here.place, here.around
-        return tuple(reversed(steps))
-
-    def _of(self, tree: BoundTree) -> dict[BoundNode, BoundNode]:
-        if tree not in self._parents:
-            self._parents[tree] = {child: node for node in tree.parents for child in node.children}
-        return self._parents[tree]
+    @functools.cached_property
+    def reading(self) -> frozenset[BoundNode]:
+        """The nodes that may read it."""
+        return frozenset(use.bound for use in self.readers)
 
 
 @dataclass(frozen=True)
@@ -112,34 +216,72 @@ class EntryTable:
     Attributes:
         top: The tree.
         entries: The entries, in the order in which the tree names them.
+        accesses: The key accesses of each tree.
         is_open: Whether a node may access any key in ways that the file does not show.
         is_foreign: Whether a node is only described: the tree runs elsewhere, where other programs may write as well.
     """
 
     top: Instance
     entries: Sequence[EntryAccesses]
+    accesses: Mapping[BoundTree, KeyAccesses]
     is_open: bool
     is_foreign: bool
 
+    @functools.cached_property
+    def written(self) -> Mapping[Scope, list[str]]:
+        """The keys of each scope that something may write."""
+        return self._keys(is_made=True)
 
-def entry_table_of(top: Instance, known: dict[BoundTree, KeyAccesses]) -> EntryTable:
+    @functools.cached_property
+    def unwritten(self) -> Mapping[Scope, list[str]]:
+        """The keys of each scope that nothing writes."""
+        return self._keys(is_made=False)
+
+    def _keys(self, *, is_made: bool) -> Mapping[Scope, list[str]]:
+        keys: dict[Scope, list[str]] = {}
+        for entry in self.entries:
+            if entry.is_made is is_made:
+                keys.setdefault(entry.scope, []).append(entry.key)
+        return keys
+
+    @functools.cached_property
+    def unused_arguments(self) -> frozenset[tuple[Scope, str]]:
+        """The entries that a subtree is passed by a key that it does not use."""
+        return frozenset(
+            instance.scope.owner(key)
+            for instance in self.top.iterate()
+            for place, inner in instance.inner.items()
+            for name, key in place.remapping.keys.items()
+            if name not in self.accesses[inner.tree].keys
+        )
+
+    @functools.cached_property
+    def unclosed(self) -> Mapping[BoundTree, frozenset[str | None]]:
+        """The keys of each tree that are written with one brace only, with both of them."""
+        return {
+            tree: frozenset(
+                closed(text) for bound in tree.nodes for text in bound.element.attributes.values()
+            )
+            for tree in {instance.tree: None for instance in self.top.iterate()}
+        }
+
+
+def entry_table_of(top: Instance, accesses: Mapping[BoundTree, KeyAccesses]) -> EntryTable:
     """Collect the accesses to each entry.
 
     Args:
         top: A tree with its subtrees expanded.
-        known: The key accesses of trees analysed so far; is added to.
+        accesses: The key accesses of each tree.
     """
     entries: dict[tuple[Scope, str], EntryAccesses] = {}
-    paths, is_open, is_foreign = PathFinder(), False, False
+    places, is_open, is_foreign = PlaceFinder(top), False, False
     for instance in top.iterate():
-        if instance.tree not in known:
-            known[instance.tree] = key_accesses_of(instance.tree)
-        of_tree = known[instance.tree]
+        of_tree = accesses[instance.tree]
         is_open = is_open or of_tree.is_open
         is_foreign = is_foreign or any(bound.spec.is_only_described for bound in instance.tree.demanding)
         for access in of_tree.accesses:
             entry = _entry(entries, instance.scope, access.key)
-            entry.uses.append(EntryAccess(instance, access, paths))
+            entry.uses.append(EntryAccess(instance, access, places))
             at_root = instance.around is None and access.kind is AccessKind.FIXED
             entry.is_parameter = entry.is_parameter or at_root or is_of_root(access.key)
         for place, inner in instance.inner.items():
@@ -148,7 +290,7 @@ def entry_table_of(top: Instance, known: dict[BoundTree, KeyAccesses]) -> EntryT
             for key in place.remapping.keys.values():
                 if is_of_root(key):
                     _entry(entries, instance.scope, key).is_parameter = True
-    return EntryTable(top, tuple(entries.values()), is_open, is_foreign)
+    return EntryTable(top, tuple(entries.values()), accesses, is_open, is_foreign)
 
 
 def _entry(entries: dict[tuple[Scope, str], EntryAccesses], scope: Scope, key: str) -> EntryAccesses:
@@ -173,32 +315,32 @@ def argument_of(use: EntryAccess, entry: EntryAccesses) -> tuple[BoundNode, str]
     return found
 
 
-def parting(first: EntryAccess, second: EntryAccess) -> int:
-    """Return the number of steps from the root that two uses have in common."""
-    together = 0
-    for mine, theirs in zip(first.path, second.path, strict=False):
-        if mine != theirs:
-            break
-        together += 1
-    return together
+def common_place(first: Place, second: Place) -> Place:
+    """Return the innermost place that holds two others."""
+    while first.around is not None and not first.holds(second):
+        first = first.around
+    return first
+
+
+def parted_in(first: EntryAccess, second: EntryAccess) -> Place | None:
+    """Return the place in which two uses are in different children; None if one node is in the other."""
+    place, other = first.place, second.place
+    return None if place.holds(other) or other.holds(place) else common_place(place, other)
 
 
 def comes_first(first: EntryAccess, second: EntryAccess) -> bool:
     """Return whether the first use has certainly happened when the second happens for the first time."""
     if not first.access.is_certain:
         return False
-    if first.path == second.path:
+    place, other = first.place, second.place
+    if place is other:
         return _comes_first_in_node(first.access, second.access)
-    together = parting(first, second)
-    if together == len(second.path):
-        return second.access.time is AccessTime.AFTER and _is_straight(first, together - 1)
-    if not _is_straight(first, together):
+    if other.holds(place):
+        return second.access.time is AccessTime.AFTER and _is_straight(first, other.around)
+    if other.number < place.number:
         return False
-    return (
-        first.access.time is AccessTime.BEFORE
-        if together == len(first.path)
-        else _precedes(first, second, together)
-    )
+    around = common_place(place, other)
+    return first.access.time is AccessTime.BEFORE if around is place else _precedes(first, around)
 
 
 def _comes_first_in_node(first: KeyAccess, second: KeyAccess) -> bool:
@@ -210,38 +352,41 @@ def _comes_first_in_node(first: KeyAccess, second: KeyAccess) -> bool:
     return first.time < second.time
 
 
-def _precedes(first: EntryAccess, second: EntryAccess, together: int) -> bool:
-    """Return whether a use comes before another in their common ancestor."""
-    around = first.path[together - 1][1]
-    if _place(first, together, around) >= _place(second, together, around):
+def _precedes(first: EntryAccess, around: Place) -> bool:
+    """Return whether a use comes before those in later children of a node around it."""
+    if not first.access.is_certain or not _is_straight(first, around):
         return False
-    means = around.spec.semantics
+    means = around.bound.spec.semantics
     if means.is_sequence:
         return True
-    return (means.is_selector or means.order is Order.TOGETHER) and _is_first(first, together)
+    return (means.is_selector or means.order is Order.TOGETHER) and _is_first(first.place, around)
 
 
-def _place(use: EntryAccess, together: int, around: BoundNode) -> int:
-    child = use.path[together][1]
-    return next((index for index, each in enumerate(around.children) if each is child), 0)
+def _is_straight(use: EntryAccess, around: Place | None) -> bool:
+    """Return whether the nodes between a use and one around it (None: all) continue only after the use has happened."""
+    return use.place is around or any(each is around for each in straight_around(use))
 
 
-def _is_straight(use: EntryAccess, together: int) -> bool:
-    """Return whether the nodes between a use and a common ancestor continue only after the use has happened."""
-    inner = [bound for _, bound in use.path[together:]]
-    for number, bound in enumerate(inner):
-        if bound.oneshot is not None or (bound.conditions and not (bound is inner[-1] and _asks(use))):
-            return False
+def straight_around(use: EntryAccess) -> Iterator[Place | None]:
+    """Yield the places around a use, as far as the nodes between continue only after it has happened.
+
+    None behind the root.
+    """
+    here: Place = use.place
+    place: Place | None = here
+    # In a selector, only the first access of its first child is certain.
+    is_first = True
+    while place is not None:
+        bound, is_inner = place.bound, place is here
+        if bound.oneshot is not None or (bound.conditions and not (is_inner and _asks(use))):
+            return
         means = bound.spec.semantics
-        if bound is inner[-1] or means.is_sequence or means.always_ends_with_child(bound):
-            continue
-        # In a selector, only the first access of its first child is certain.
-        return (
-            means.is_selector
-            and _is_first(use, together + number)
-            and _is_straight(use, together + number + 1)
-        )
-    return True
+        continues = is_inner or means.is_sequence or means.always_ends_with_child(bound)
+        if not continues and not (means.is_selector and is_first):
+            return
+        is_first = is_first and not place.index
+        place = place.around
+        yield place
 
 
 def _asks(use: EntryAccess) -> bool:
@@ -249,18 +394,17 @@ def _asks(use: EntryAccess) -> bool:
     return use.access.attribute == next(iter(use.bound.conditions), None)
 
 
-def _is_first(use: EntryAccess, together: int) -> bool:
-    """Return whether a use happens first in all the nodes around it, below a common ancestor."""
-    steps = use.path[together:]
-    return all(
-        not outer.children or outer.children[0] is inner
-        for (_, outer), (_, inner) in itertools.pairwise(steps)
-    )
+def _is_first(place: Place, around: Place) -> bool:
+    """Return whether a node is the first in all the nodes around it, up to a child of another one."""
+    while place.around is not None and place.around is not around:
+        if place.index:
+            return False
+        place = place.around
+    return True
 
 
-def between(first: EntryAccess, second: EntryAccess) -> Iterator[BoundNode]:
-    """Yield the nodes between two uses in the same sequence, including that of the first use."""
-    together = parting(first, second)
-    around = first.path[together - 1][1]
-    start, end = _place(first, together, around), _place(second, together, around)
-    yield from around.children[start:end]
+def between(first: EntryAccess, second: EntryAccess) -> Sequence[BoundNode]:
+    """Return the nodes between two uses in the same sequence, including that of the first use."""
+    around = common_place(first.place, second.place)
+    start, end = around.child(first.place), around.child(second.place)
+    return around.bound.children[start.index : end.index]

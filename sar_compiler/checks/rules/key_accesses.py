@@ -1,8 +1,10 @@
 """The accesses of a tree's nodes to blackboard keys: by ports, names of keys, scripts and subtrees."""
 
 import enum
+import functools
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
@@ -21,8 +23,7 @@ class AccessTime(enum.IntEnum):
     AFTER = 1
 
 
-@dataclass(frozen=True)
-class KeyAccess:
+class KeyAccess(NamedTuple):
     """An access of a node to a key.
 
     Attributes:
@@ -62,6 +63,11 @@ class KeyAccesses:
 
     accesses: tuple[KeyAccess, ...]
     is_open: bool
+
+    @functools.cached_property
+    def keys(self) -> frozenset[str]:
+        """The keys, by their names in the tree."""
+        return frozenset(access.key for access in self.accesses)
 
 
 _BY_DIRECTION = {

@@ -1,8 +1,7 @@
 """Blackboard keys that are read but never written, read too early, or written but never read."""
 
-import difflib
 import itertools
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 from sar_compiler.checks.rules.check_context import CheckContext, information, warning
 from sar_compiler.checks.rules.entry_accesses import (
@@ -12,18 +11,18 @@ from sar_compiler.checks.rules.entry_accesses import (
     argument_of,
     between,
     comes_first,
+    common_place,
     entry_table_of,
-    parting,
+    parted_in,
 )
-from sar_compiler.checks.rules.key_accesses import AccessTime, KeyAccesses, key_accesses_of
+from sar_compiler.checks.rules.key_accesses import AccessTime
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
 from sar_compiler.checks.rules.scripts import is_condition
-from sar_compiler.nodes.binding.attributes import closed
-from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.collector import file_of
 from sar_compiler.nodes.outcome_sets import K, S
 from sar_compiler.nodes.semantics import WRITES, AccessKind, Order
-from sar_compiler.nodes.values import nearest
+from sar_compiler.nodes.values import Guesses
 from sar_compiler.tree.diagnostic import Diagnostic
 
 _LIKE, _CLOSE = 0.7, 0.75
@@ -35,10 +34,9 @@ def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
     if not context.sound:
         return  # a mistake elsewhere may be the reason why a key is not written
     main = context.forest.main_tree()
-    known: dict[BoundTree, KeyAccesses] = {}
     reported: set[tuple[str, int, int]] = set()
     for top in context.bound.tops:
-        board = entry_table_of(top, known)
+        board = entry_table_of(top, context.key_accesses)
         model = context.bound.models.subtrees.get(top.tree.name)
         ports = model.ports if model is not None else {}
         for entry in board.entries if ports else ():
@@ -56,7 +54,7 @@ def _of_board(board: EntryTable, context: CheckContext, *, is_main: bool) -> Ite
         if entry.given or entry.is_parameter:
             continue
         if not entry.is_made:
-            yield from _unwritten(entry, board, is_main=is_main)
+            yield from _unwritten(entry, board, context, is_main=is_main)
             continue
         if not board.is_foreign:
             yield from _too_early(entry)
@@ -64,20 +62,21 @@ def _of_board(board: EntryTable, context: CheckContext, *, is_main: bool) -> Ite
         if not board.is_foreign:
             yield from _side_by_side(entry)
         if is_main and not board.is_open and not board.is_foreign:
-            yield from _unread(entry, board)
+            yield from _unread(entry, board, context)
 
 
-def _unwritten(entry: EntryAccesses, board: EntryTable, *, is_main: bool) -> Iterator[Diagnostic]:
+def _unwritten(
+    entry: EntryAccesses, board: EntryTable, context: CheckContext, *, is_main: bool
+) -> Iterator[Diagnostic]:
     readers = entry.of(AccessKind.READ, AccessKind.PEEK, AccessKind.CHANGE)
     if not readers:
         return
     use = readers[0]
     if use.access.kind is AccessKind.CHANGE and is_condition(use.bound, use.access.attribute):
         return  # `check_scripts` asks whether == is meant
-    if _is_given_another(use):
+    if _is_given_another(use, board):
         return  # `check_subtrees` finds the attribute that means nothing
-    written = [other.key for other in board.entries if other.scope is entry.scope and other.is_made]
-    near = _nearest(entry.key, written)
+    near = _nearest(entry.key, board.written.get(entry.scope, ()), context.guesses)
     if near is not None and (board.is_foreign or not is_main) and not _is_slip(entry, near):
         near = None
     is_open = board.is_open and not _is_name_of_key(use)
@@ -129,13 +128,13 @@ def _is_slip(entry: EntryAccesses, near: str) -> bool:
     return len(entry.uses) == 1 and close and not plural and not numbered
 
 
-def _is_given_another(use: EntryAccess) -> bool:
+def _is_given_another(use: EntryAccess, board: EntryTable) -> bool:
     """Return whether the tree of a use is passed a key that it does not use."""
     place = use.instance.place
     if place is None:
         return False
-    given = {*place.remapping.keys, *place.remapping.constants}
-    return bool(given - {access.key for access in key_accesses_of(use.instance.tree).accesses})
+    used = board.accesses[use.instance.tree].keys
+    return any(name not in used for name in (*place.remapping.keys, *place.remapping.constants))
 
 
 def _is_name_of_key(use: EntryAccess) -> bool:
@@ -144,12 +143,14 @@ def _is_name_of_key(use: EntryAccess) -> bool:
     return role is not None and role.indirect
 
 
-def _nearest(key: str, others: list[str]) -> str | None:
-    near = nearest(key.strip(), others)
+def _nearest(key: str, others: Collection[str], guesses: Guesses) -> str | None:
+    near = guesses.nearest(key.strip(), others)
     return near if near is not None and _likeness(key.strip(), near) >= _LIKE else None
 
 
 def _likeness(word: str, other: str) -> float:
+    import difflib
+
     return difflib.SequenceMatcher(None, word, other).ratio()
 
 
@@ -160,7 +161,7 @@ def _may_be_enumeration(use: EntryAccess) -> bool:
 
 def _too_early(entry: EntryAccesses) -> Iterator[Diagnostic]:
     for use in entry.of(AccessKind.READ):
-        if all(comes_first(use, writer) for writer in entry.writers):
+        if entry.ordered_writers.all_after(use):
             writer = entry.writers[0]
             message = (
                 f"{use.access.attribute}: '{use.access.key}' is read here before it can have been written: "
@@ -179,10 +180,10 @@ def _overwritten(entry: EntryAccesses, context: CheckContext) -> Iterator[Diagno
     for first, second in itertools.pairwise(writers):
         if not _follow_each_other(first, second):
             continue
-        lost = _only_read_after(entry, second) or all(
-            _just_succeeds(node, context.outcomes) for node in between(first, second)
-        )
-        if lost and not any(_lies_between(use, first, second) for use in entry.readers):
+        if _is_read_between(entry, first, second):
+            continue
+        only_read_after = bool(entry.readers) and entry.ordered_readers.all_after(second)
+        if only_read_after or all(_just_succeeds(node, context.outcomes) for node in between(first, second)):
             message = (
                 f"{second.access.attribute}: '{second.access.key}' is written again here, before anybody can have "
                 f"read what '{first.bound.name}' (line {first.bound.element.line}) wrote"
@@ -193,19 +194,18 @@ def _overwritten(entry: EntryAccesses, context: CheckContext) -> Iterator[Diagno
 
 def _side_by_side(entry: EntryAccesses) -> Iterator[Diagnostic]:
     for first, second in itertools.pairwise(entry.of(AccessKind.WRITE)):
-        together = parting(first, second)
-        if 0 < together < min(len(first.path), len(second.path)):
-            around = first.path[together - 1][1]
-            # A key that is also read there is a signal from one branch to the other.
-            is_signal = any(parting(use, first) >= together for use in entry.readers)
-            if around.spec.semantics.order is Order.TOGETHER and not is_signal:
-                message = (
-                    f"{second.access.attribute}: '{second.access.key}' is written here and by '{first.bound.name}' "
-                    f"(line {first.bound.element.line}), side by side in '{around.name}': which one stays is left to "
-                    "their timing"
-                )
-                yield warning("shared-key", message, second.bound, second.access.span(), hint="use two keys")
-                return
+        around = parted_in(first, second)
+        if around is None or around.bound.spec.semantics.order is not Order.TOGETHER:
+            continue
+        # A key that is also read there is a signal from one branch to the other.
+        if not entry.ordered_readers.any_in(around.number, around.last):
+            message = (
+                f"{second.access.attribute}: '{second.access.key}' is written here and by '{first.bound.name}' "
+                f"(line {first.bound.element.line}), side by side in '{around.bound.name}': which one stays is left to "
+                "their timing"
+            )
+            yield warning("shared-key", message, second.bound, second.access.span(), hint="use two keys")
+            return
 
 
 def _follow_each_other(first: EntryAccess, second: EntryAccess) -> bool:
@@ -215,47 +215,35 @@ def _follow_each_other(first: EntryAccess, second: EntryAccess) -> bool:
         return False
     if first.bound.spec.is_only_described or second.bound.spec.is_only_described:
         return False
-    together = parting(first, second)
-    within = together and together < min(len(first.path), len(second.path))
-    in_sequence = within and first.path[together - 1][1].spec.semantics.is_sequence
-    return bool(in_sequence) and comes_first(first, second)
+    around = parted_in(first, second)
+    return around is not None and around.bound.spec.semantics.is_sequence and comes_first(first, second)
 
 
-def _only_read_after(entry: EntryAccesses, second: EntryAccess) -> bool:
-    """Return whether all reads of an entry come after a write in the same sequence."""
-    return bool(entry.readers) and all(comes_first(second, use) for use in entry.readers)
-
-
-def _lies_between(use: EntryAccess, first: EntryAccess, second: EntryAccess) -> bool:
-    """Return whether a use may come between two successive writes in a sequence."""
-    together = parting(first, second)
-    if use.bound is second.bound:
-        return True
-    if parting(use, first) < together:
-        return False
-    around = first.path[together - 1][1]
-    order = list(around.children)
-    mine = use.path[together][1] if len(use.path) > together else around
-    if mine not in order:
-        return True
-    start, end = (order.index(each.path[together][1]) for each in (first, second))
-    return start <= order.index(mine) <= end
+def _is_read_between(entry: EntryAccesses, first: EntryAccess, second: EntryAccess) -> bool:
+    """Return whether an entry may be read between two successive writes in a sequence."""
+    around = common_place(first.place, second.place)
+    start, end = around.child(first.place), around.child(second.place)
+    readers = entry.ordered_readers
+    return (
+        second.bound in entry.reading
+        or readers.any_in(start.number, end.last)
+        or readers.any_in(around.number, around.number)
+    )
 
 
 def _just_succeeds(bound: BoundNode, outcomes: PossibleOutcomes) -> bool:
     return outcomes.may_return(bound) & ~K == S
 
 
-def _unread(entry: EntryAccesses, board: EntryTable) -> Iterator[Diagnostic]:
+def _unread(entry: EntryAccesses, board: EntryTable, context: CheckContext) -> Iterator[Diagnostic]:
     if entry.readers or entry.of(AccessKind.CHANGE):
         return
-    wanting = [other.key for other in board.entries if other.scope is entry.scope and not other.is_made]
-    if _nearest(entry.key, wanting) is not None:
+    if _nearest(entry.key, board.unwritten.get(entry.scope, ()), context.guesses) is not None:
         return  # the one that is misspelt is reported where it is read
-    if _is_given_for_nothing(entry, board):
+    if (entry.scope, entry.key) in board.unused_arguments:
         return  # `check_subtrees` finds the attribute that means nothing
     for use in entry.writers:
-        if _is_meant_elsewhere(use):
+        if f"{{{use.access.key}}}" in board.unclosed[use.instance.tree]:
             return  # `check_texts` finds the brace that is missing
         only_writes = use.bound.spec.kind.is_leaf and use.bound.spec.effects == WRITES
         if only_writes and use.access.attribute not in use.bound.conditions:
@@ -263,22 +251,3 @@ def _unread(entry: EntryAccesses, board: EntryTable) -> Iterator[Diagnostic]:
             hint = "delete it, unless somebody looks at the blackboard from outside"
             yield information("unread-key", message, use.bound, use.access.span(), hint=hint)
             return
-
-
-def _is_given_for_nothing(entry: EntryAccesses, board: EntryTable) -> bool:
-    """Return whether a subtree is passed an entry by a key that it does not use."""
-    owner = (entry.scope, entry.key)
-    return any(
-        instance.scope.owner(key) == owner
-        and name not in {access.key for access in key_accesses_of(inner.tree).accesses}
-        for instance in board.top.iterate()
-        for place, inner in instance.inner.items()
-        for name, key in place.remapping.keys.items()
-    )
-
-
-def _is_meant_elsewhere(use: EntryAccess) -> bool:
-    """Return whether a text in the same tree is the key of a use without one brace."""
-    meant = f"{{{use.access.key}}}"
-    texts = (text for bound in use.instance.tree.nodes for text in bound.element.attributes.values())
-    return any(closed(text) == meant for text in texts)

@@ -1,11 +1,20 @@
 """Leaves that come before the ones they depend on, by the facts that their registrations declare."""
 
+import bisect
 import functools
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from sar_compiler.checks.rules.check_context import CheckContext, warning
-from sar_compiler.checks.rules.entry_accesses import EntryAccess, PathFinder, comes_first, parting
+from sar_compiler.checks.rules.entry_accesses import (
+    EntryAccess,
+    OrderedAccesses,
+    Place,
+    PlaceFinder,
+    comes_first,
+    parted_in,
+    straight_around,
+)
 from sar_compiler.checks.rules.key_accesses import KeyAccess
 from sar_compiler.nodes.answers import SELF, filled_text, number_text
 from sar_compiler.nodes.binding.bound import BoundNode
@@ -30,12 +39,9 @@ def check_order(context: CheckContext) -> Iterator[Diagnostic]:
     reported: set[BoundNode] = set()
     for top in context.bound.tops:
         leaves = list(_leaves(top))
-        changing: dict[str, list[_Leaf]] = {}
+        effects = _Effects(leaves)
         for leaf in leaves:
-            for fact in leaf.words.changes:
-                changing.setdefault(fact, []).append(leaf)
-        for leaf in leaves:
-            finding = _too_early(leaf, changing) or _undone(leaf, changing, leaves)
+            finding = _too_early(leaf, effects) or _undone(leaf, effects)
             if finding is not None and leaf.use.bound not in reported:
                 reported.add(leaf.use.bound)
                 yield finding
@@ -87,7 +93,7 @@ def _leaves(top: Instance) -> Iterator[_Leaf]:
     def identifier(instance: Instance, bound: BoundNode) -> str:
         return numbers.setdefault((instance, bound), f"node{len(numbers)}")
 
-    paths = PathFinder()
+    places = PlaceFinder(top)
     for instance in top.iterate():
         for bound in instance.tree.demanding:
             spec = bound.spec
@@ -104,7 +110,7 @@ def _leaves(top: Instance) -> Iterator[_Leaf]:
                 known[key] = _Words(spec, names)
             words = known[key]
             if words.needs or words.reads or words.changes:
-                yield _Leaf(EntryAccess(instance, KeyAccess(bound, "", "", AccessKind.READ), paths), words)
+                yield _Leaf(EntryAccess(instance, KeyAccess(bound, "", "", AccessKind.READ), places), words)
 
 
 def _numbers(bound: BoundNode) -> dict[str, str]:
@@ -147,12 +153,87 @@ def _run(script: str, facts: PlainVariables) -> bool:
     return True
 
 
-def _too_early(leaf: _Leaf, changing: Mapping[str, list[_Leaf]]) -> Diagnostic | None:
-    others = {other: None for fact in leaf.words.needs for other in changing.get(fact, ())}
-    givers = [other for other in others if other is not leaf and other.words.enables(leaf.words)]
-    if not givers or not all(comes_first(leaf.use, giver.use) for giver in givers):
+class _Effects:
+    """The leaves of a tree by the facts that they read and change.
+
+    Args:
+        leaves: The leaves.
+    """
+
+    def __init__(self, leaves: Sequence[_Leaf]) -> None:
+        self._alike: dict[_Words, list[_Leaf]] = {}
+        for leaf in leaves:
+            self._alike.setdefault(leaf.words, []).append(leaf)
+        self._changing: dict[str, list[_Words]] = {}
+        for words in self._alike:
+            for fact in words.changes:
+                self._changing.setdefault(fact, []).append(words)
+        self._enabling: dict[_Words, list[OrderedAccesses]] = {}
+        self._readers = sorted((leaf for leaf in leaves if leaf.words.reads), key=_number)
+        self._untouched: dict[tuple[_Leaf, _Leaf, frozenset[str]], bool] = {}
+
+    def enabling(self, words: _Words) -> Sequence[OrderedAccesses]:
+        """Return the leaves with an effect that allows leaves of some words a result, those of equal words together."""
+        if words not in self._enabling:
+            others = {each: None for fact in sorted(words.needs) for each in self._changing.get(fact, ())}
+            self._enabling[words] = [
+                OrderedAccesses([leaf.use for leaf in self._alike[each]])
+                for each in others
+                if each.enables(words)
+            ]
+        return self._enabling[words]
+
+    @functools.cached_property
+    def _leading(self) -> dict[tuple[str, Place], list[_Leaf]]:
+        """The leaves that change a fact which is read, by the sequences in which others come after them."""
+        read = {fact for leaf in self._readers for fact in leaf.words.reads}
+        changing = {words: words.changes & read for words in self._alike if words.changes & read}
+        leading: dict[tuple[str, Place], list[_Leaf]] = {}
+        for leaf in sorted((leaf for words in changing for leaf in self._alike[words]), key=_number):
+            for around in straight_around(leaf.use):
+                if around is not None and around.bound.spec.semantics.is_sequence:
+                    for fact in changing[leaf.words]:
+                        leading.setdefault((fact, around), []).append(leaf)
+        return leading
+
+    def last_two_before(self, leaf: _Leaf) -> list[_Leaf]:
+        """Return the last two leaves in a sequence with another one, and before it, that change what it reads."""
+        found: dict[_Leaf, None] = {}
+        inner, around = leaf.use.place, leaf.use.place.around
+        while around is not None and len(found) < _DOING_AND_UNDOING:
+            before: list[_Leaf] = []
+            for fact in leaf.words.reads:
+                others = self._leading.get((fact, around), [])
+                count = bisect.bisect_left(others, inner.number, key=_number)
+                before += others[max(count - _DOING_AND_UNDOING, 0) : count]
+            found.update(dict.fromkeys(sorted(before, key=_number, reverse=True)))
+            inner, around = around, around.around
+        return list(found)[:_DOING_AND_UNDOING][::-1]
+
+    def is_read_between(self, first: _Leaf, second: _Leaf, facts: frozenset[str]) -> bool:
+        """Return whether a leaf in a sequence between two others reads one of some facts."""
+        key = (first, second, facts)
+        if key not in self._untouched:
+            start, end = (
+                bisect.bisect_left(self._readers, _number(leaf), key=_number) for leaf in (first, second)
+            )
+            self._untouched[key] = any(
+                other.words.reads & facts and _leads_to(first, other) and _leads_to(other, second)
+                for other in self._readers[start:end]
+            )
+        return self._untouched[key]
+
+
+def _number(leaf: _Leaf) -> int:
+    return leaf.use.place.number
+
+
+def _too_early(leaf: _Leaf, effects: _Effects) -> Diagnostic | None:
+    givers = [each for each in effects.enabling(leaf.words) if len(each.uses) > (leaf.use in each.uses[:1])]
+    if not givers or not all(each.all_after(leaf.use) for each in givers):
         return None
-    giver = givers[0].use.bound
+    uses = [next(use for use in each.uses if use is not leaf.use) for each in givers]
+    giver = min(uses, key=lambda use: use.place.number).bound
     message = (
         f"'{leaf.use.bound.name}' can only fail here: it needs what '{giver.name}' (line {giver.element.line}) does, "
         "which comes after it"
@@ -160,16 +241,14 @@ def _too_early(leaf: _Leaf, changing: Mapping[str, list[_Leaf]]) -> Diagnostic |
     return warning("wrong-order", message, leaf.use.bound, hint=f"put it behind '{giver.name}'")
 
 
-def _undone(leaf: _Leaf, changing: Mapping[str, list[_Leaf]], leaves: Sequence[_Leaf]) -> Diagnostic | None:
+def _undone(leaf: _Leaf, effects: _Effects) -> Diagnostic | None:
     """Return a finding about a leaf in a sequence that depends on an effect of an earlier leaf that another one undid."""
-    others = {other: None for fact in leaf.words.reads for other in changing.get(fact, ())}
-    before = [other for other in others if _leads_to(other, leaf)]
+    before = effects.last_two_before(leaf) if leaf.words.reads else []
     if len(before) < _DOING_AND_UNDOING:
         return None
-    doing, undoing = before[-2:]
+    doing, undoing = before
     facts = doing.words.changes & undoing.words.changes & leaf.words.reads
-    between = (other for other in leaves if other.words.reads & facts and _leads_to(doing, other))
-    if not facts or not undoing.words.writes or any(_leads_to(other, undoing) for other in between):
+    if not facts or not undoing.words.writes or effects.is_read_between(doing, undoing, facts):
         return None
     name, other = leaf.use.bound.name, undoing.use.bound
     message = (
@@ -181,8 +260,7 @@ def _undone(leaf: _Leaf, changing: Mapping[str, list[_Leaf]], leaves: Sequence[_
 
 def _leads_to(first: _Leaf, second: _Leaf) -> bool:
     """Return whether two leaves are in one sequence, the first before the second."""
-    together = parting(first.use, second.use)
-    inside = 0 < together < min(len(first.use.path), len(second.use.path))
-    if not inside or not first.use.path[together - 1][1].spec.semantics.is_sequence:
-        return False
-    return comes_first(first.use, second.use)
+    around = parted_in(first.use, second.use)
+    return (
+        around is not None and around.bound.spec.semantics.is_sequence and comes_first(first.use, second.use)
+    )

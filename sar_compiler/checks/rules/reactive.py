@@ -30,10 +30,7 @@ def check_reactive(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def _sequence(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    running = [index for index, child in enumerate(bound.children) if outcomes.takes_time(child)]
-    for index in range(running[-1]):
-        child = bound.children[index]
-        later = next(bound.children[number] for number in running if number > index)
+    for child, later in _with_later(bound, outcomes):
         if not outcomes.may_return(child) & S:
             return  # the nodes after it are never reached
         found = outcomes.begun_again(child, outcomes.works)
@@ -49,11 +46,20 @@ def _sequence(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnost
             yield warning("repeated-effect", message, found.place, hint=_remember(bound))
 
 
+def _with_later(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[tuple[BoundNode, BoundNode]]:
+    """Yield each child that has one after it which takes time, with the first of these."""
+    later: BoundNode | None = None
+    pairs: list[tuple[BoundNode, BoundNode]] = []
+    for child in reversed(bound.children):
+        if later is not None:
+            pairs.append((child, later))
+        if outcomes.takes_time(child):
+            later = child
+    return reversed(pairs)
+
+
 def _selector(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    for index, child in enumerate(bound.children[:-1]):
-        later = next((each for each in bound.children[index + 1 :] if outcomes.takes_time(each)), None)
-        if later is None:
-            return
+    for child, later in _with_later(bound, outcomes):
         found = outcomes.begun_again(_beginning(child), outcomes.works)
         if (
             found is not None
@@ -63,7 +69,8 @@ def _selector(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnost
             place = Found(found.leaf, child) if child.subtree is not None else found
             yield _restarted(place, later, bound, "after it has failed")
             return
-    yield from _lost_progress(bound, outcomes)
+    if outcomes.takes_time(bound.children[-1]):
+        yield from _lost_progress(bound, outcomes)
 
 
 def _beginning(bound: BoundNode) -> BoundNode:
@@ -84,14 +91,17 @@ def _restarted(found: Found, later: BoundNode, bound: BoundNode, when: str) -> D
 
 
 def _lost_progress(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    for index, child in enumerate(bound.children):
-        before = [each for each in bound.children[:index] if outcomes.known_to_return(each) & (S | R)]
-        if not before or not _starts_over(child):
+    before: BoundNode | None = None
+    for child in bound.children:
+        interrupting = before
+        if outcomes.known_to_return(child) & (S | R):
+            before = child
+        if interrupting is None or not _starts_over(child):
             continue
         steps = [found for step in child.children if (found := outcomes.begun_again(step, outcomes.is_work))]
         if len(steps) > 1:
             message = (
-                f"'{child.name}' begins again with {steps[0].name} whenever '{before[-1].name}' has interrupted it: "
+                f"'{child.name}' begins again with {steps[0].name} whenever '{interrupting.name}' has interrupted it: "
                 "memory lasts only while it runs"
             )
             hint = 'what must not be done twice takes oneshot="ON_SUCCESSFUL_COMPLETION"'
@@ -122,11 +132,11 @@ def _finished(root: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnosti
 
 def _done_again(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     for index, child in enumerate(bound.children):
-        # A branch that begins with a condition checks by itself whether there is anything to do.
-        if not outcomes.known_to_return(child) & S or is_question(_beginning(child)):
-            continue
         # A question before it may be whether it is done; a plan that gives up at once is none.
-        if not index or not all(_gives_up(earlier, outcomes) for earlier in bound.children[:index]):
+        if index and not _gives_up(bound.children[index - 1], outcomes):
+            return
+        # A branch that begins with a condition checks by itself whether there is anything to do.
+        if not index or not outcomes.known_to_return(child) & S or is_question(_beginning(child)):
             continue
         found = outcomes.begun_again(child, acts)
         if found is not None:

@@ -1,13 +1,13 @@
 """Unused trees, and keys that are passed to subtrees but not used there."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from sar_compiler.checks.rules.check_context import CheckContext, warning
-from sar_compiler.checks.rules.key_accesses import key_accesses_of
+from sar_compiler.checks.rules.key_accesses import KeyAccesses
 from sar_compiler.nodes.binding.attributes import underscored
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.nesting import trees_in
-from sar_compiler.nodes.values import nearest
+from sar_compiler.nodes.values import listed
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
 
@@ -16,7 +16,7 @@ def check_subtrees(context: CheckContext) -> Iterator[Diagnostic]:
     if not context.sound:
         return  # a mistake in a tree may be the reason why it does not use a key, or another tree
     yield from _unused_trees(context)
-    wanted = _Wanted()
+    wanted = _Wanted(context.key_accesses)
     for tree in context.trees:
         for use in tree.subtrees():
             yield from _unused_arguments(use, context, wanted)
@@ -48,9 +48,14 @@ def _unused_trees(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 class _Wanted:
-    """The keys that each tree uses."""
+    """The keys that each tree uses.
 
-    def __init__(self) -> None:
+    Args:
+        accesses: The key accesses of each tree.
+    """
+
+    def __init__(self, accesses: Mapping[BoundTree, KeyAccesses]) -> None:
+        self._accesses = accesses
         self._known: dict[BoundTree, frozenset[str] | None] = {}
 
     def by(self, tree: BoundTree) -> frozenset[str] | None:
@@ -60,10 +65,10 @@ class _Wanted:
         return self._known[tree]
 
     def _keys(self, tree: BoundTree) -> frozenset[str] | None:
-        accesses = key_accesses_of(tree)
+        accesses = self._accesses[tree]
         if accesses.is_open:
             return None
-        keys = {access.key for access in accesses.accesses}
+        keys = set(accesses.keys)
         for use in tree.subtrees():
             keys.update(use.remapping.keys.values())
             inner = (
@@ -83,10 +88,15 @@ def _unused_arguments(use: BoundNode, context: CheckContext, wanted: _Wanted) ->
     model = context.bound.models.subtrees.get(tree.name)
     declared = model.ports if model is not None else ()
     given = {*use.remapping.keys, *use.remapping.constants}
-    for name in use.element.attributes:
-        if name in given and name not in keys and name not in declared:
-            missing = sorted(key for key in keys if key not in given and not key.startswith("@"))
-            message = f"{name}: the tree '{tree.name}' does nothing with this key"
-            hint = f"it uses {', '.join(missing)}" if missing else "delete it"
-            near = "_autoremap" if name == "autoremap" else underscored(name) or nearest(name, missing)
-            yield warning("unused-argument", message, use, use.element.name_span(name), near, hint)
+    unused = [
+        name for name in use.element.attributes if name in given and name not in keys and name not in declared
+    ]
+    if not unused:
+        return
+    missing = sorted(key for key in keys if key not in given and not key.startswith("@"))
+    hint = f"it uses {listed(missing)}" if missing else "delete it"
+    for name in unused:
+        message = f"{name}: the tree '{tree.name}' does nothing with this key"
+        near = "_autoremap" if name == "autoremap" else underscored(name)
+        near = near or context.guesses.nearest(name, missing)
+        yield warning("unused-argument", message, use, use.element.name_span(name), near, hint)

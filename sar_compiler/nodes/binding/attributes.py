@@ -12,7 +12,7 @@ from sar_compiler.nodes.values import (
     ConversionError,
     ValueType,
     blackboard_key,
-    nearest,
+    listed,
     type_of,
 )
 from sar_compiler.runtime.expressions import Script
@@ -182,11 +182,10 @@ class AttributeBinder:
             self._collector.name(element, name, "conflicting-attributes", message, hint="write one of them")
             return None
         known = [parameter.name for parameter in spec.attributes] + [ONESHOT]
-        message = f"<{bound.spec.tag}> has no attribute '{name}'; it has {', '.join(known)}"
+        message = f"<{bound.spec.tag}> has no attribute '{name}'; it has {listed(known)}"
         candidates = [*known, *CONDITIONS] if name.startswith("_") else known
-        near = nearest(
-            name, [other for other in candidates if other not in element.attributes]
-        ) or underscored(name)
+        free = [other for other in candidates if other not in element.attributes]
+        near = self._collector.guesses.nearest(name, free) or underscored(name)
         missing = [p.name for p in spec.required if p.name not in element.attributes]
         if near is not None or not is_only or len(missing) != 1:
             self._collector.name(element, name, "unknown-attribute", message, suggestion=near)

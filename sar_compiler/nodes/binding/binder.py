@@ -5,6 +5,7 @@ become references, subtrees the trees that they refer to. The checks report its 
 builds from its result.
 """
 
+import functools
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -19,7 +20,7 @@ from sar_compiler.nodes.models.model_comparison import compare
 from sar_compiler.nodes.models.models import Model, Models, read_models
 from sar_compiler.nodes.registry import Registry, subtree
 from sar_compiler.nodes.spec import Kind, NodeSpec
-from sar_compiler.nodes.values import blackboard_key, nearest
+from sar_compiler.nodes.values import Guesses, blackboard_key, listed
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.gc_pause import gc_paused
@@ -28,9 +29,6 @@ from sar_compiler.tree.model import SUBTREE_TAG, TREE_TAG, Element, TreeFile
 _KIND_TAGS = frozenset(kind.value for kind in Kind)
 _FORMER_ATTRIBUTES = {"__autoremap": "_autoremap", "__shared_blackboard": "_autoremap"}
 """The names of a `SubTree`'s attributes in BehaviorTree.CPP 3."""
-_MOST_TREES = 8
-_MOST_GUESSES = 1000
-"""The largest number of unknown tags for which the probably meant one is suggested."""
 
 
 class BoundForest(NamedTuple):
@@ -133,6 +131,7 @@ class Binder:
         self._registry = registry
         self._models = models
         self._collector = collector
+        self._guesses = collector.guesses
         self._attributes = AttributeBinder(collector)
         self._trees: dict[int, BoundTree] = {}
         self._waiting: list[BoundTree] = []
@@ -187,7 +186,7 @@ class Binder:
             variants = self._meanings[tag] = self._variants(tag)
         if not variants:
             return self._unknown(element, tag)
-        spec = variants[0] if len(variants) == 1 else _best(variants, element)
+        spec = variants[0] if len(variants) == 1 else _best(variants, element, self._guesses)
         bound = BoundNode(element, spec, element.attributes.get("name") or tag)
         if tag != element.tag:
             self._kind(bound)
@@ -280,18 +279,18 @@ class Binder:
     def _meant_by(self, element: Element, tag: str) -> str | None:
         """Return the tag that was probably meant by an unknown one."""
         if "ID" in element.attributes and tag == element.tag and tag not in _KIND_TAGS:
-            explicit = nearest(tag, sorted(_KIND_TAGS))
+            explicit = self._guesses.nearest(tag, sorted(_KIND_TAGS))
             if explicit is not None:
                 return explicit
-        today = SUBTREE_TAG if tag in subtree().former_tags else self._registry.today(tag)
-        return today or self._nearest(tag)
+        if tag not in self._meant:
+            today = SUBTREE_TAG if tag in subtree().former_tags else self._registry.today(tag)
+            known = self._tags if tag != SUBTREE_TAG else self._tags[:-1]
+            self._meant[tag] = today or self._guesses.nearest(tag, known)
+        return self._meant[tag]
 
-    def _nearest(self, tag: str) -> str | None:
-        if tag not in self._meant and len(self._meant) < _MOST_GUESSES:
-            registered = [spec.tag for spec in self._registry.specs()]
-            known = [*registered, *self._models.nodes, SUBTREE_TAG]
-            self._meant[tag] = nearest(tag, [other for other in known if other != tag])
-        return self._meant.get(tag)
+    @functools.cached_property
+    def _tags(self) -> list[str]:
+        return [*(spec.tag for spec in self._registry.specs()), *self._models.nodes, SUBTREE_TAG]
 
     def _count_children(self, bound: BoundNode) -> None:
         element = bound.element
@@ -334,8 +333,9 @@ class Binder:
         target = self._forest.trees.get(tree_id)
         bound.remapping = self._remapping(bound, self._models.subtrees.get(tree_id))
         if target is None:
-            message, near = f"there is no tree '{tree_id}'", nearest(tree_id, self._forest.trees)
-            hint = f"the trees are {', '.join(list(self._forest.trees)[:_MOST_TREES])}; <include> adds those of other files"
+            trees = self._forest.trees
+            message, near = f"there is no tree '{tree_id}'", self._guesses.nearest(tree_id, trees)
+            hint = f"the trees are {listed(trees)}; <include> adds those of other files"
             self._collector.value(element, "ID", "unknown-tree", message, suggestion=near, hint=hint)
         else:
             bound.subtree = self._known(target)
@@ -374,11 +374,11 @@ class Binder:
     def _unknown_of_subtree(self, element: Element, name: str) -> None:
         known = ["_autoremap", *CONDITIONS]
         message = f"<{SUBTREE_TAG}> has no attribute '{name}'; keys do not begin with _"
-        near = _FORMER_ATTRIBUTES.get(name) or nearest(name, [*known, ONESHOT])
+        near = _FORMER_ATTRIBUTES.get(name) or self._guesses.nearest(name, [*known, ONESHOT])
         self._collector.name(element, name, "unknown-attribute", message, suggestion=near)
 
 
-def _best(variants: list[NodeSpec], element: Element) -> NodeSpec:
+def _best(variants: list[NodeSpec], element: Element, guesses: Guesses) -> NodeSpec:
     """Return the meaning of a tag that has the most of the written attributes, or the most similar ones.
 
     If two have equally many, the attribute that was written first decides.
@@ -387,7 +387,7 @@ def _best(variants: list[NodeSpec], element: Element) -> NodeSpec:
 
     def strangeness(spec: NodeSpec) -> tuple[int, int, int]:
         unknown = [name for name in written if name not in spec.parameters]
-        strangers = sum(nearest(name, spec.parameters) is None for name in unknown)
+        strangers = sum(guesses.nearest(name, spec.parameters) is None for name in unknown)
         return len(unknown), strangers, -written.index(unknown[0]) if unknown else 0
 
     return min(variants, key=strangeness)

@@ -146,10 +146,12 @@ class Binding:
     def trees(self) -> list[BoundTree]:
         """Return the main tree and the trees that it uses, each once."""
         found = [self.main]
+        known = {self.main}
         for tree in found:
-            found.extend(
-                node.subtree for node in tree.subtrees() if node.subtree and node.subtree not in found
-            )
+            for node in tree.subtrees():
+                if node.subtree is not None and node.subtree not in known:
+                    known.add(node.subtree)
+                    found.append(node.subtree)
         return found
 
     def nodes(self) -> Iterator[BoundNode]:

@@ -1,6 +1,6 @@
 """Collection of findings while a tree is bound."""
 
-from sar_compiler.nodes.values import ConversionError
+from sar_compiler.nodes.values import ConversionError, Guesses
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.model import Element
 from sar_compiler.tree.source import Span
@@ -16,10 +16,12 @@ class Collector:
 
     Attributes:
         findings: The findings.
+        guesses: Guesses of what was meant.
     """
 
     def __init__(self) -> None:
         self.findings: list[Diagnostic] = []
+        self.guesses = Guesses()
 
     def at(self, element: Element, span: Span, code: str, message: str, **advice: str | None) -> None:
         """Report a finding about a place in an element; *advice* as in `Diagnostic`."""

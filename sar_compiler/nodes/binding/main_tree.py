@@ -1,6 +1,6 @@
 """Choice of the tree to execute."""
 
-from sar_compiler.nodes.values import nearest
+from sar_compiler.nodes.values import listed, nearest
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.model import Element
@@ -25,7 +25,7 @@ def find_main_tree(forest: Forest, tree_id: str | None = None) -> Element:
 def _missing(forest: Forest, tree_id: str | None) -> Diagnostic:
     source, root = forest.main.source, forest.main.root
     ids = list(forest.trees)
-    there = f"the file has {', '.join(ids)}" if ids else "the file has no tree with an ID"
+    there = f"the file has {listed(ids)}" if ids else "the file has no tree with an ID"
     named = forest.main.main_tree_name
     if tree_id is not None:
         message = f"there is no tree '{tree_id}'; {there}"

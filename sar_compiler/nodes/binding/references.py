@@ -1,12 +1,13 @@
 """Resolution of references by name, within one tree."""
 
+import itertools
+from collections.abc import Collection, Mapping
+from graphlib import CycleError, TopologicalSorter
+
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.collector import Collector, file_of
 from sar_compiler.nodes.spec import Parameter
-from sar_compiler.nodes.values import nearest
-from sar_compiler.tree.model import Element
-
-_MOST_PLACES = 10
+from sar_compiler.nodes.values import MOST_LISTED, listed
 
 
 class Candidates:
@@ -17,18 +18,24 @@ class Candidates:
     """
 
     def __init__(self, nodes: list[BoundNode]) -> None:
-        self.nodes = nodes
-        self._fitting: dict[str, list[BoundNode]] = {}
+        self._nodes = nodes
+        # Those of a class in their order, and those of a class (None: of any) by their names.
+        self._fitting: dict[str, dict[BoundNode, None]] = {}
+        self._called: dict[str | None, dict[str, dict[BoundNode, None]]] = {}
 
-    def of(self, target: str) -> list[BoundNode]:
+    def of(self, target: str) -> Collection[BoundNode]:
         """Return the nodes of a class with a given import path."""
         if target not in self._fitting:
-            self._fitting[target] = [node for node in self.nodes if target in node.spec.ancestry]
+            self._fitting[target] = {node: None for node in self._nodes if target in node.spec.ancestry}
         return self._fitting[target]
 
-    def called(self, name: str) -> list[BoundNode]:
-        """Return the nodes of a name."""
-        return [node for node in self.nodes if node.name == name]
+    def names(self, target: str | None = None) -> Mapping[str, Collection[BoundNode]]:
+        """Return the nodes of a class by their names; by default those of any class."""
+        if target not in self._called:
+            by_name = self._called[target] = {}
+            for node in self._nodes if target is None else self.of(target):
+                by_name.setdefault(node.name, {})[node] = None
+        return self._called[target]
 
 
 def resolve_references(tree: BoundTree, collector: Collector) -> None:
@@ -51,22 +58,26 @@ def choose(
     Returns:
         The node; None if there is none of that name and class; False if there is a finding about it.
     """
-    fitting = [node for node in candidates.of(parameter.target_path) if node is not bound]
     named = bound.element.attributes.get(parameter.name)
-    found = fitting if named is None else [node for node in fitting if node.name == named]
-    if len(found) == 1:
-        return found[0]
-    if not found:
+    found = (
+        candidates.of(parameter.target_path)
+        if named is None
+        else candidates.names(parameter.target_path).get(named, ())
+    )
+    count = len(found) - (bound in found)
+    first = list(itertools.islice((node for node in found if node is not bound), MOST_LISTED))
+    if not count:
         return None
+    if count == 1:
+        return first[0]
     element, what = bound.element, parameter.target_name
+    places = f"lines {listed([str(node.element.line) for node in first], count)}{file_of(first[0].element, element)}"
     if named is None:
-        message = f"<{bound.spec.tag}> can mean {len(found)} {what} nodes ({_places(found, element)})"
-        hint = f'write {parameter.name}="{found[0].name}"'
+        message = f"<{bound.spec.tag}> can mean {count} {what} nodes ({places})"
+        hint = f'write {parameter.name}="{first[0].name}"'
         collector.tag(element, "ambiguous-reference", message, hint=hint)
     else:
-        message = (
-            f"{parameter.name}: {len(found)} {what} nodes are called '{named}' ({_places(found, element)})"
-        )
+        message = f"{parameter.name}: {count} {what} nodes are called '{named}' ({places})"
         hint = "give each a name of its own"
         collector.value(element, parameter.name, "ambiguous-reference", message, hint=hint)
     return False
@@ -86,23 +97,26 @@ def report_missing(
     element, what = bound.element, parameter.target_name
     named = element.attributes.get(parameter.name)
     where = "this tree" if len(within) == 1 else "this tree or one around it"
-    fitting = [
-        node for candidates in within for node in candidates.of(parameter.target_path) if node is not bound
-    ]
     if named is None:
         message = f"<{bound.spec.tag}> needs a {what} in {where} ({parameter.name}); there is none"
-        collector.tag(element, "missing-reference", message, hint=_choices([], what))
+        collector.tag(element, "missing-reference", message, hint=f"add a <{what}> to the tree")
         return
-    namesakes = [node for candidates in within for node in candidates.called(named)]
-    if namesakes:
-        message = f"{parameter.name}: '{named}' is a {namesakes[0].spec.tag}, not a {what}"
-        suggestion = fitting[0].name if len(fitting) == 1 else None
+    count = sum(
+        len(each.of(parameter.target_path)) - (bound in each.of(parameter.target_path)) for each in within
+    )
+    fitting = (node for each in within for node in each.of(parameter.target_path) if node is not bound)
+    names = [f"'{node.name}'" for node in itertools.islice(fitting, MOST_LISTED)]
+    namesake = next((node for each in within for node in each.names().get(named, ())), None)
+    if namesake is not None:
+        message = f"{parameter.name}: '{named}' is a {namesake.spec.tag}, not a {what}"
+        suggestion = names[0].strip("'") if count == 1 else None
         code = "wrong-reference"
     else:
         message = f"{parameter.name}: no node in {where} is called '{named}'"
-        suggestion = nearest(named, [node.name for node in fitting])
+        near = (collector.guesses.nearest(named, each.names(parameter.target_path)) for each in within)
+        suggestion = next((name for name in near if name is not None), None)
         code = "unknown-reference"
-    hint = _choices(fitting, what)
+    hint = f"{what} nodes of this tree: {listed(names, count)}" if count else f"add a <{what}> to the tree"
     collector.value(element, parameter.name, code, message, suggestion=suggestion, hint=hint)
 
 
@@ -120,30 +134,32 @@ def _resolve(
 
 
 def _report_circles(nodes: list[BoundNode], collector: Collector) -> None:
-    for bound in nodes:
-        if not bound.references:
-            continue
-        passed: list[BoundNode] = []
-        following = list(bound.references.values())
-        while following:
-            node = following.pop()
-            if node is bound:
-                message = f"'{bound.name}' refers to itself by way of {', '.join(n.name for n in passed)}"
-                collector.tag(bound.element, "circular-reference", message)
-                break
-            if node not in passed:
-                passed.append(node)
-                # A node is made after those it refers to, and after those in it.
-                following.extend([*node.references.values(), *node.children])
+    graph: dict[BoundNode, list[BoundNode]] = {}
+    waiting = list(nodes)
+    while waiting:
+        node = waiting.pop()
+        if node not in graph:
+            # A node is made after those it refers to, and after those in it.
+            graph[node] = [*node.references.values(), *node.children]
+            waiting.extend(graph[node])
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError:
+        for bound in nodes:
+            _report_circle(bound, graph, collector)
 
 
-def _places(nodes: list[BoundNode], seen_from: Element) -> str:
-    """Describe the places of nodes of one tree; of many only the first ones."""
-    lines = ", ".join(str(node.element.line) for node in nodes[:_MOST_PLACES])
-    more = f" and {len(nodes) - _MOST_PLACES} more" if len(nodes) > _MOST_PLACES else ""
-    return f"lines {lines}{more}{file_of(nodes[0].element, seen_from)}"
-
-
-def _choices(fitting: list[BoundNode], what: str) -> str:
-    names = [f"'{node.name}'" for node in fitting]
-    return f"{what} nodes of this tree: {', '.join(names)}" if names else f"add a <{what}> to the tree"
+def _report_circle(
+    bound: BoundNode, graph: Mapping[BoundNode, list[BoundNode]], collector: Collector
+) -> None:
+    passed: dict[BoundNode, None] = {}
+    following = list(bound.references.values())
+    while following:
+        node = following.pop()
+        if node is bound:
+            message = f"'{bound.name}' refers to itself by way of {listed([each.name for each in passed])}"
+            collector.tag(bound.element, "circular-reference", message)
+            return
+        if node not in passed:
+            passed[node] = None
+            following.extend(graph[node])

@@ -9,7 +9,6 @@ from sar_compiler.nodes.values import (
     ConversionError,
     ValueType,
     blackboard_key,
-    nearest,
     type_of,
     type_of_cpp_name,
 )
@@ -33,7 +32,7 @@ def compare(models: Models, registry: Registry, collector: Collector) -> None:
                 _check_default(port, parameter.value_type or _TEXT, collector)
             elif specs:
                 message = f"<{model.tag}> has no port '{port.name}'; it has {', '.join(known)}"
-                near = nearest(port.name, known)
+                near = collector.guesses.nearest(port.name, known)
                 collector.value(port.element, "name", "model-mismatch", message, suggestion=near)
             else:
                 _check_default(port, type_of_cpp_name(port.type_name) or ANYTHING, collector)

@@ -8,7 +8,7 @@ from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT
 from sar_compiler.nodes.binding.collector import Collector, file_of
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Signature
-from sar_compiler.nodes.values import ANYTHING, nearest, type_of_cpp_name, value_type_of
+from sar_compiler.nodes.values import ANYTHING, type_of_cpp_name, value_type_of
 from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
 from sar_compiler.tree.xml_names import is_name
 
@@ -130,7 +130,9 @@ def _model(element: Element, collector: Collector) -> Model | None:
     if kind is None and element.tag != SUBTREE_TAG:
         known = [*_KINDS, SUBTREE_TAG]
         message = f"<{element.tag}> cannot stand in a <{MODEL_TAG}>; it has {', '.join(known)}"
-        collector.tag(element, "unknown-element", message, suggestion=nearest(element.tag, known))
+        collector.tag(
+            element, "unknown-element", message, suggestion=collector.guesses.nearest(element.tag, known)
+        )
         return None
     tag = element.attributes.get("ID")
     if not tag:
@@ -156,7 +158,12 @@ def _port(element: Element, collector: Collector) -> Port | None:
     direction = _DIRECTIONS.get(element.tag)
     if direction is None:
         message = f"<{element.tag}> is no port; a model has {', '.join(_DIRECTIONS)}"
-        collector.tag(element, "unknown-element", message, suggestion=nearest(element.tag, _DIRECTIONS))
+        collector.tag(
+            element,
+            "unknown-element",
+            message,
+            suggestion=collector.guesses.nearest(element.tag, _DIRECTIONS),
+        )
         return None
     name = element.attributes.get("name")
     if not name:

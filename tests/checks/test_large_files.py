@@ -1,0 +1,243 @@
+"""Large files: what is done for them grows as they do, whatever is in them. Calls are counted; no clock is asked."""
+
+import itertools
+import sys
+from collections.abc import Callable, Iterable
+
+import pytest
+
+from sar_compiler import checks
+from sar_compiler.checks import check
+from sar_compiler.checks.fixing import fixed, fixes
+from sar_compiler.compiler import bind_main, preview_tree
+from sar_compiler.nodes import values
+from sar_compiler.nodes.registry import default_registry
+from sar_compiler.tree.diagnostic import Severity
+from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.xml import parse_xml
+from sar_compiler.tree.xml_writer import write_xml
+from sar_compiler.tree.yaml import parse_yaml
+from sar_compiler.tree.yaml_writer import write_yaml
+
+SIZE = 100
+MOST_GROWTH = 2.3
+"""How many times as many calls twice the size may take; what grows with the square takes up to four times as many."""
+
+
+def sequence(nodes: Iterable[str], tag: str = "Sequence") -> str:
+    return "\n".join([f"<{tag}>", *nodes, f"</{tag}>"])
+
+
+def balanced(nodes: Iterable[str]) -> str:
+    level = list(nodes)
+    while len(level) > 1:
+        level = [sequence(level[start : start + 5]) for start in range(0, len(level), 5)]
+    return level[0]
+
+
+def attributes(count: int, form: str) -> str:
+    return " ".join(form.format(number) for number in range(count))
+
+
+def each(form: str) -> Callable[[int], str]:
+    """Return a tree of so many nodes in one sequence, with a number in each."""
+    return lambda count: sequence(form.format(number) for number in range(count))
+
+
+def alternately(*forms: str) -> Callable[[int], str]:
+    return lambda count: sequence(
+        form.format(number // len(forms)) for number, form in zip(range(count), itertools.cycle(forms))
+    )
+
+
+def subtrees(use: str, tree: str, tree_id: str = "T{0}") -> Callable[[int], str]:
+    """Return so many subtrees, each with a tree of its own."""
+
+    def text(count: int) -> str:
+        trees = [another(tree.format(number), tree_id.format(number)) for number in range(count)]
+        return "\n".join([each(use)(count), *trees])
+
+    return text
+
+
+def another(body: str, tree_id: str) -> str:
+    """Return the end of a tree, and another one up to its own end."""
+    return f'</BehaviorTree>\n<BehaviorTree ID="{tree_id}">\n{body}'
+
+
+def one_subtree(argument: str, read: str) -> Callable[[int], str]:
+    """Return a subtree that is given so many keys, and reads so many."""
+    return lambda count: f'<SubTree ID="T" {attributes(count, argument)}/>' + another(each(read)(count), "T")
+
+
+def one(tag: str, attribute: str) -> Callable[[int], str]:
+    """Return an element with so many attributes."""
+    return lambda count: f"<{tag} {attributes(count, attribute)}/>"
+
+
+WRITES = '<Script code="k{0} := 1"/>'
+READS = '<ScriptCondition code="k{0} == 1"/>'
+KINDS: dict[str, Callable[[int], str]] = {
+    "leaves": each('<AlwaysSuccess name="n{0}"/>'),
+    "unknown attributes in one element": one("AlwaysSuccess", 'foo{0}="1"'),
+    "unknown attributes of a tag with several meanings": one("SetBlackboard", 'foo{0}="1"'),
+    "unknown attributes of a subtree": one("SubTree", '_foo{0}="1"'),
+    "keys of one subtree": one_subtree('x{0}="{0}"', '<ScriptCondition code="x{0} == 1"/>'),
+    "keys that one subtree does not use": one_subtree('x{0}="{0}"', '<ScriptCondition code="y{0} == 1"/>'),
+    "mistakes of two kinds": alternately("<Foo/>", '<Delay delay_msec="x"><AlwaysSuccess/></Delay>'),
+    "mistakes in one line": lambda count: "<Sequence>" + '<AlwaysSuccess x="1"/>' * count + "</Sequence>",
+    "unknown tags": each("<Foo{0}/>"),
+    "missing attributes": each("<SetBlackboard/>"),
+    "slips": each('<AlwaysSuccess NAME="a{0}"/>'),
+    "missing subtrees": each('<SubTree ID="Nope{0}"/>'),
+    "trees of one ID": subtrees("<AlwaysSuccess/>", "<AlwaysSuccess/>", "T"),
+    "subtrees": subtrees('<SubTree ID="T{0}" x="{{k{0}}}"/>', '<SetBlackboard output_key="x" value="1"/>'),
+    "postconditions that nobody reads": each('<AlwaysSuccess _onSuccess="k{0} := 1"/>'),
+    "postconditions that are read": alternately('<AlwaysSuccess _onSuccess="k{0} := 1"/>', READS),
+    "keys": alternately(WRITES, READS),
+    "keys in a deep tree": lambda count: balanced(
+        (WRITES, READS)[number % 2].format(number // 2) for number in range(count)
+    ),
+    "keys that are not written": each(READS),
+    "keys that are misspelt": alternately(
+        '<Script code="key{0} := 1"/>', '<ScriptCondition code="kye{0} == 1"/>'
+    ),
+    "one key, written and read in turn": alternately(
+        '<Script code="k := 1"/>', '<ScriptCondition code="k == 1"/>'
+    ),
+    "one key, written again and again, then read": lambda count: sequence(
+        ['<Script code="k := 1"/>'] * (count // 2) + ['<ScriptCondition code="k == 1"/>'] * (count // 2)
+    ),
+    "one key, read again and again, then written": lambda count: sequence(
+        ['<ScriptCondition code="k == 1"/>'] * (count // 2) + ['<Script code="k := 1"/>'] * (count // 2)
+    ),
+    "one key, written side by side": lambda count: sequence(
+        ['<Script code="k := 1"/>'] * count, "ParallelAll"
+    ),
+    "statements of one script": lambda count: (
+        '<Script code="' + "; ".join(map("k{0} := 1".format, range(count))) + '"/>'
+    ),
+    "references": alternately('<DetectSurvivor name="d{0}"/>', '<NotifyBase detect_node="d{0}"/>'),
+    "references to nothing": alternately('<DetectSurvivor name="d{0}"/>', '<NotifyBase detect_node="e{0}"/>'),
+    "references that are not clear": alternately("<DetectSurvivor/>", "<NotifyBase/>"),
+    "leaves that depend on each other": alternately(
+        "<ZonesRemaining/>", "<NavigateToZone/>", "<AdvanceZone/>", "<MissionComplete/>", "<DeliverReports/>"
+    ),
+    "questions before work, looked at again": lambda count: sequence(
+        ["<ZonesRemaining/>"] * count + ["<NavigateToZone/>"], "ReactiveSequence"
+    ),
+    "work that is looked at again": lambda count: sequence(["<NavigateToZone/>"] * count, "ReactiveFallback"),
+    "work side by side": lambda count: sequence(["<NavigateToZone/>"] * count, "ParallelAll"),
+    "comments": each("<!-- about {0} -->\n\n<AlwaysSuccess/>"),
+    "comments in one line": lambda count: "<Sequence>" + "<AlwaysSuccess/><!-- c -->" * count + "</Sequence>",
+    "suppressions": each('<!-- sar: allow same-name: so be it -->\n<AlwaysSuccess name="a"/>'),
+    "suppressions of unknown findings": each("<!-- sar: allow nothing{0}: so be it -->\n<AlwaysSuccess/>"),
+}
+
+
+def calls(action: Callable[[], object]) -> int:
+    """Return how many functions an action calls, Python's own among them."""
+    count = 0
+
+    def note(_frame: object, event: str, _argument: object) -> None:
+        nonlocal count
+        count += event in {"call", "c_call"}
+
+    before = sys.getprofile()
+    sys.setprofile(note)
+    try:
+        action()
+    finally:
+        sys.setprofile(before)
+    return count
+
+
+def document(body: str) -> str:
+    return (
+        '<root BTCPP_format="4" main_tree_to_execute="Main">\n<BehaviorTree ID="Main">\n'
+        f"{body}\n</BehaviorTree>\n</root>\n"
+    )
+
+
+def everything(text: str, *, yaml: bool) -> Callable[[], None]:
+    """Return an action that reads, checks, mends, writes, binds and compiles a file."""
+    read, write = (parse_yaml, write_yaml) if yaml else (parse_xml, write_xml)
+    written = write(parse_xml(document(text)))
+
+    def action() -> None:
+        tree_file = read(written)
+        forest = Forest.of(tree_file)
+        findings = check(forest, default_registry())
+        fixes(tree_file.source, tree_file, findings)
+        write(tree_file)
+        if all(finding.severity is not Severity.ERROR for finding in findings):
+            preview_tree(bind_main(forest, default_registry()))
+
+    return action
+
+
+@pytest.fixture(autouse=True)
+def _few_guesses(monkeypatch):
+    """Words are compared with each other as long as that takes little time, which it would in files of this size."""
+    monkeypatch.setattr(values, "MOST_COMPARED", SIZE)
+
+
+@pytest.mark.parametrize("yaml", [False, True], ids=["xml", "yaml"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_effort_grows_as_the_file_does(kind, yaml):
+    once, twice = (everything(KINDS[kind](count), yaml=yaml) for count in (SIZE, 2 * SIZE))
+    twice(), once()  # what is remembered from the first time on does not count
+    assert calls(twice) < MOST_GROWTH * calls(once)
+
+
+@pytest.mark.parametrize("yaml", [False, True], ids=["xml", "yaml"])
+def test_among_many_attributes_each_is_found_in_its_place(yaml):
+    # Each value looks like the attribute after it.
+    said = [f"a{number}=\"a{number + 1}='{number}'\"" for number in range(30)]
+    text = f"<AlwaysSuccess {' '.join(said)}/>"
+    read, write = (parse_yaml, write_yaml) if yaml else (parse_xml, write_xml)
+    (element,) = read(write(parse_xml(document(text)))).trees[0].children
+    for number in range(30):
+        name, value = element.name_span(f"a{number}"), element.value_span(f"a{number}")
+        line = element.source.line(name.line)
+        assert line[name.column - 1 : name.end_column - 1] == f"a{number}"
+        assert line[value.column - 1 : value.end_column - 1].replace("''", "'") == f"a{number + 1}='{number}'"
+
+
+def codes(body: str) -> list[str]:
+    return [finding.code for finding in check(Forest.of(parse_xml(document(body))), default_registry())]
+
+
+def test_the_schema_is_silent_while_the_rules_have_more_errors_than_are_shown(monkeypatch):
+    monkeypatch.setattr(checks, "MOST", 3)
+    assert codes(each('<Delay delay_msec="x{0}"><AlwaysSuccess/></Delay>')(5)) == ["wrong-value"] * 3
+
+
+def test_the_schema_is_asked_however_many_warnings_there_are(monkeypatch):
+    monkeypatch.setattr(checks, "MOST", 2)
+    found = codes("a stray text" + each("<Sequence><AlwaysSuccess/></Sequence>")(5))
+    assert sorted(found) == ["needless-node", "needless-node", "stray-text"]
+
+
+def test_of_many_names_a_message_lists_the_first():
+    assert values.listed(["a", "b"]) == "a, b"
+    assert values.listed(list("abcdefghij")) == "a, b, c, d, e, f, g, h, i, j"
+    assert values.listed(list("abcdefghijkl")) == "a, b, c, d, e, f, g, h, i, j and 2 more"
+    assert values.listed(list("abcdefghij"), 14) == "a, b, c, d, e, f, g, h, i, j and 4 more"
+
+
+def test_guesses_end_when_too_many_words_have_been_compared(monkeypatch):
+    monkeypatch.setattr(values, "MOST_COMPARED", 5)
+    guesses = values.Guesses()
+    assert guesses.nearest("speed", ["sped", "zone", "base"]) == "sped"
+    assert guesses.nearest("speed", ["sped", "zone", "base"]) is None
+    assert guesses.nearest("speed", ["sped", "zone"]) == "sped"
+    assert guesses.nearest("speed", ["sped"]) is None
+
+
+def test_several_slips_in_one_element_are_mended_each_in_its_place():
+    text = document('<Sequence Name="s" MEMORY="True "><AlwaysSuccess/></Sequence>')
+    tree_file = parse_xml(text)
+    findings = check(Forest.of(tree_file), default_registry())
+    mended = fixed(text, fixes(tree_file.source, tree_file, findings))
+    assert '<Sequence name="s" memory="True ">' in mended
