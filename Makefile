@@ -42,7 +42,7 @@ demo: env
 # where bytecode is not kept.
 test: export PYTHONDONTWRITEBYTECODE :=
 test: env
-	SAR_KERNEL=python $(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov --cov-report= $(KERNEL_TESTS)
+	SAR_KERNEL=python $(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov --cov-report= --cov-fail-under=0 $(KERNEL_TESTS)
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov --cov-append --cov-report=term
 
 # An environment for each Python, below build/; what pythonX.Y does not start is left out, and said.

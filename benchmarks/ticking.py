@@ -1,7 +1,8 @@
-"""What a tick costs in flat form, and how often that time it takes by the nodes' own `tick`, as py_trees calls it.
+"""What a tick costs, and how often the time that it takes to call the leaves' `update` alone; and what it costs with py_trees.
 
-Run it with `make bench`, or `python benchmarks/ticking.py 1000 10000`. Both forms tick trees with the same leaves, which
-do nothing but answer, in turns in one run; each figure is the median of several runs.
+Run it with `make bench`, or `python benchmarks/ticking.py 1000 10000`; `SAR_KERNEL=python` measures the kernel as Python.
+All of them tick trees with the same leaves, which do nothing but answer, in turns in one run; each figure is the median
+of several runs, in seconds of the processor.
 """
 
 import statistics
@@ -16,9 +17,8 @@ from py_trees.composites import Sequence
 
 from sar_compiler.compiler import bind_main, preview_tree
 from sar_compiler.nodes.registry import default_registry
-from sar_compiler.runtime.clock import WallClock
-from sar_compiler.runtime.flat.times import ClockTimes
-from sar_compiler.runtime.flat.tree import flatten
+from sar_compiler.runtime import kernel
+from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.tree.forest import load_forest
 from sar_compiler.tree.reading import read_tree_file
 
@@ -76,39 +76,47 @@ def balanced(leaves: int) -> Behaviour:
     return nodes[0]
 
 
-def measured(make: Callable[[], Behaviour]) -> tuple[float, float]:
-    """Return what a tick takes in flat form, and by py_trees, in seconds."""
+def measured(make: Callable[[], Behaviour]) -> tuple[float, float, float]:
+    """Return what a tick takes, what it takes with py_trees, and what calling the leaves takes, in seconds."""
     stock, root = make(), make()
-    flat, times = flatten(root), ClockTimes(WallClock())
-    cells = flat.initial()
-    ticks: tuple[Callable[[], object], ...] = (lambda: flat.tick(cells, times), stock.tick_once)
+    live = LiveTree(root)
+    live.tick()
+    ticked = [node for node in root.iterate() if not node.children and node.status is not Status.INVALID]
+
+    def call() -> None:
+        for leaf in ticked:
+            leaf.update()
+
+    ticks: tuple[Callable[[], object], ...] = (live.tick, stock.tick_once, call)
     counts = [max(1, int(RUN_SEC / _timed(tick, 1))) for tick in ticks]
     runs = [[_timed(tick, count) for tick, count in zip(ticks, counts, strict=True)] for _ in range(RUNS)]
-    flat.show(cells)
     same = [node.status for node in root.iterate()] == [node.status for node in stock.iterate()]
-    assert same, "the two forms do not do the same"
-    in_flat_form, by_py_trees = (statistics.median(column) for column in zip(*runs, strict=True))
-    return in_flat_form, by_py_trees
+    assert same, "the two do not do the same"
+    ours, theirs, alone = (statistics.median(column) for column in zip(*runs, strict=True))
+    return ours, theirs, alone
 
 
 def _timed(tick: Callable[[], object], count: int) -> float:
-    start = time.perf_counter()
+    start = time.process_time()
     for _ in range(count):
         tick()
-    return (time.perf_counter() - start) / count
+    return (time.process_time() - start) / count
 
 
 def _line(label: str, make: Callable[[], Behaviour]) -> str:
-    flat, stock = measured(make)
-    return f"{label:28} {flat * 1e6:12.2f} us {stock * 1e6:12.2f} us {stock / flat:8.1f}"
+    ours, theirs, alone = measured(make)
+    return (
+        f"{label:26} {ours * 1e6:10.2f} us {ours / alone:6.1f} {theirs * 1e6:12.2f} us {theirs / ours:6.1f}"
+    )
 
 
 def main() -> None:
     """Measure the shipped tree, and balanced trees of the given sizes."""
-    print(f"{'a tick':28} {'flat':>15} {'py_trees':>15} {'ratio':>8}")
+    print(f"kernel: {kernel.described()}")
+    print(f"{'a tick':26} {'takes':>13} {'x bare':>6} {'py_trees':>15} {'ratio':>6}")
     for label, answers in SITUATIONS.items():
         print(_line(label, lambda answers=answers: shipped(answers)))  # type: ignore[misc]
-    for leaves in [int(argument) for argument in sys.argv[1:]] or [10_000]:
+    for leaves in [int(argument) for argument in sys.argv[1:]] or [1_000, 10_000]:
         print(_line(f"{leaves} leaves", lambda leaves=leaves: balanced(leaves)))  # type: ignore[misc]
 
 

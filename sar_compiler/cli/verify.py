@@ -2,11 +2,12 @@
 
 import argparse
 import contextlib
+import signal
 import sys
 import time
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import FINDINGS, OK, USAGE, count
+from sar_compiler.cli.arguments import FINDINGS, INTERRUPTED, OK, USAGE, count
 from sar_compiler.cli.loading import FILE_HELP, add_project_options, workspace
 
 if TYPE_CHECKING:
@@ -50,10 +51,10 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
 
 
 def verify_file(arguments: argparse.Namespace) -> int:
-    """Verify the tree of a file, and print the results.
+    """Verify the tree of a file, and print the results, also after Ctrl-C.
 
     Returns:
-        0 if all properties are proved, 1 if one does not hold or is undecided, 2 if a file is invalid.
+        0 if all properties are proved, 1 if one does not hold or is undecided, 2 if a file is invalid, 130 after Ctrl-C.
     """
     from sar_compiler.checks.verify import UndecidableError
     from sar_compiler.tree.diagnostic import TreeError
@@ -70,6 +71,8 @@ def verify_file(arguments: argparse.Namespace) -> int:
         return FINDINGS
     view = verification_as_json if arguments.format == "json" else verification_as_text
     print(view(verification, time.monotonic() - started))
+    if verification.stopped:
+        return INTERRUPTED
     return OK if verification.proved else FINDINGS
 
 
@@ -105,24 +108,47 @@ def _assignment(text: str) -> tuple[str, str]:
 
 
 class _Shown:
-    """Progress on standard error: a line that is overwritten on a terminal, an occasional line elsewhere."""
+    """Progress on standard error: a line that is overwritten on a terminal, an occasional line elsewhere.
+
+    The first Ctrl-C has the search stopped, so that what was found so far is told; the second one ends the command.
+    """
 
     _EVERY_SEC = 0.5
     _EVERY_SEC_IN_A_LOG = 10.0
+    _PATIENCE_SEC = 1.0  # what takes no longer is told with the rest
 
     def __init__(self) -> None:
         self._terminal = sys.stderr.isatty()
         self._every = self._EVERY_SEC if self._terminal else self._EVERY_SEC_IN_A_LOG
         self._started = self._last = time.monotonic()
-        self._written = False
+        self._written = self._stopped = False
+        self._broken = 0
+        self._before = signal.signal(signal.SIGINT, self._stop)
+
+    def _stop(self, _number: int, _frame: object) -> None:
+        self._stopped = True
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def close(self) -> None:
         """Remove the line from a terminal."""
+        signal.signal(signal.SIGINT, self._before)
+        self._clear()
+
+    def _clear(self) -> None:
         if self._terminal and self._written:
             print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
-    def show(self, progress: "Progress") -> None:
-        """Show the progress, if it is due."""
+    def show(self, progress: "Progress") -> bool:
+        """Show the progress, if it is due, and what is broken; return whether to stop."""
+        if len(progress.broken) > self._broken and time.monotonic() - self._started > self._PATIENCE_SEC:
+            self._clear()
+            for name in progress.broken[self._broken :]:
+                print(f"sar-compile: {name}: does not hold (Ctrl-C stops and shows a run)", file=sys.stderr)
+            self._broken = len(progress.broken)
+        self._show_numbers(progress)
+        return self._stopped
+
+    def _show_numbers(self, progress: "Progress") -> None:
         now = time.monotonic()
         if now - self._last < self._every:
             return

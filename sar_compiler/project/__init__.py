@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
     from sar_compiler.checks.simulate.scenario_files import Stage
-    from sar_compiler.checks.verify import Progress, Verification
+    from sar_compiler.checks.verify import Report, Verification
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.documents.located import Document
     from sar_compiler.project.simulated import Simulated
@@ -358,7 +358,7 @@ class LoadedTree:
         facts: "Mapping[str, object] | Document | None" = None,
         tree_id: str | None = None,
         max_states: int = 1_000_000,
-        report: "Callable[[Progress], None]" = lambda _progress: None,
+        report: "Report" = lambda _progress: None,
     ) -> "Verification":
         """Check properties in all possible runs of the tree.
 
@@ -367,7 +367,7 @@ class LoadedTree:
             facts: The initial values of facts, in addition to the file's: `{"zones_left": 4}`.
             tree_id: The tree in the file; by default the one that the file executes.
             max_states: The largest number of states to explore.
-            report: Called from time to time with the progress.
+            report: Called with the progress from time to time, and when a property is broken; returns True to stop.
 
         Raises:
             TreeError: If there are errors, or a property makes no sense for the tree.

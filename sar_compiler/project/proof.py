@@ -1,14 +1,14 @@
 """Verifying a loaded tree, with a file of properties and the user's facts."""
 
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import yaml
 
 from sar_compiler.checks.assumptions import raise_disputes, read_assumptions
-from sar_compiler.checks.verify import Progress, PropertyFile, Verification, read_property_file, verify
+from sar_compiler.checks.verify import PropertyFile, Report, Verification, read_property_file, verify
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.documents.located import Document
 from sar_compiler.documents.yaml_files import parse_yaml
@@ -25,7 +25,7 @@ def verified(
     properties: str | Path | None,
     facts: Mapping[str, object] | Document | None,
     max_states: int,
-    report: Callable[[Progress], None],
+    report: Report,
 ) -> Verification:
     """Verify a bound tree; see `LoadedTree.verify`."""
     file = _properties(properties, binding, tree.project.checkout)

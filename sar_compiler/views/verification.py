@@ -38,6 +38,7 @@ def verification_as_json(verification: Verification, seconds: float) -> str:
         "ticks": verification.ticks,
         "depth": verification.depth,
         "complete": verification.complete,
+        "stopped": verification.stopped,
         "seconds": round(seconds, 3),
         "questions": [_as_dict(verdict) for verdict in verification.verdicts],
         "left_out": [
@@ -98,7 +99,8 @@ def _counted(number: int, word: str) -> str:
 
 
 def _bound(verification: Verification) -> Iterator[str]:
-    yield f"Not proved beyond {_counted(verification.states, 'state')}: there are more; --max-states says how many are looked at."
+    how = "it was stopped there" if verification.stopped else "--max-states says how many are looked at"
+    yield f"Not proved beyond {_counted(verification.states, 'state')}: there are more; {how}."
     if verification.growing:
         listed = ", ".join(f"{name} ({count})" for name, count in verification.growing)
         yield f"Most different values among the last ones had: {listed}."

@@ -1,11 +1,14 @@
 """`sar-compile verify`, as its users see it."""
 
 import json
+import signal
 
 import pytest
 
 from sar_compiler.cli import verify as command
 from sar_compiler.cli.compile import main
+from sar_compiler.resources import shipped
+from tests.processes import Command
 from tests.trees import document
 
 FINE = document("<Sequence><NavigateToZone/><DetectSurvivor/><AdvanceZone/></Sequence>")
@@ -230,3 +233,19 @@ def test_progress_goes_to_standard_error(run, monkeypatch, terminal, said):
     assert shown.text.startswith(said)
     assert "states/s" in shown.text
     assert shown.text.endswith("\r\x1b[K") == terminal
+
+
+def test_what_is_broken_is_told_when_it_is_found_and_ctrl_c_shows_what_was_found_so_far(tmp_path):
+    properties = tmp_path / "p.yaml"
+    properties.write_text("properties: {stays at home: {never: NavigateToZone starts}}", encoding="utf-8")
+    tree = shipped("trees", "search_and_rescue_resilient.xml")
+    words = ["verify", str(tree), "--properties", str(properties), "--set", "zones_left=9"]
+    process = Command("sar-compile", *words)
+    try:
+        process.wait_for("stays at home: does not hold (Ctrl-C stops and shows a run)")
+        process.send(signal.SIGINT)
+        assert process.end() == 130
+    finally:
+        process.kill()
+    assert "stays at home: does not hold\n  it is broken in the last tick:\n    1  " in process.output
+    assert "there are more; it was stopped there." in process.output

@@ -1,13 +1,13 @@
 """Searching the states of a tree breadth first."""
 
-from collections.abc import Callable, Hashable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from sar_compiler.checks.verify.graph import Breach, Graph
 
-# This many ticks take less than a tenth of a second.
-_REPORT_EVERY = 2048
+# Who waits for a report, or wants to stop, does not wait long for so many ticks.
+_REPORT_EVERY = 256
 
 
 class Transition(NamedTuple):
@@ -77,34 +77,44 @@ class Progress:
         expanded: How many of them were gone through.
         ticks: How many different ticks there were.
         depth: How many ticks lead to the state in hand.
+        broken: The properties that are broken so far, by their names.
     """
 
     states: int
     expanded: int
     ticks: int
     depth: int
+    broken: tuple[str, ...] = ()
+
+
+Report = Callable[[Progress], bool | None]
+"""Is told the progress; returns True to have the search stopped."""
 
 
 def keep_quiet(progress: Progress) -> None:
     """Report nothing."""
 
 
-def explore(stepper: Stepper, max_states: int, report: Callable[[Progress], None] = keep_quiet) -> Graph:
+def explore(
+    stepper: Stepper, max_states: int, report: Report = keep_quiet, names: Sequence[str] = ()
+) -> Graph:
     """Search all states that can be reached, breadth first.
 
     Args:
         stepper: Knows the states.
         max_states: How many to find at most; where there are more, the graph is not complete.
-        report: Is called with the progress now and then.
+        report: Is called with the progress now and then, and when a property is broken.
+        names: What the properties are called, by the number of the rule.
     """
-    return _Exploration(stepper, max_states, report).run()
+    return _Exploration(stepper, max_states, report, names).run()
 
 
 class _Exploration:
-    def __init__(self, stepper: Stepper, max_states: int, report: Callable[[Progress], None]) -> None:
+    def __init__(self, stepper: Stepper, max_states: int, report: Report, names: Sequence[str]) -> None:
         self._stepper = stepper
         self._max_states = max_states
         self._report = report
+        self._names = names
         self._graph = Graph()
         self._numbers: dict[Hashable, int] = {}
         self._waiting: dict[int, int] = {}
@@ -130,6 +140,8 @@ class _Exploration:
         idle = True
         for step in self._stepper.steps(graph.keys[index]):
             self._count()
+            if graph.stopped:
+                return
             if step.state is None:
                 self._note_error(index, step)
                 idle = False
@@ -152,8 +164,15 @@ class _Exploration:
         """Count a tick, and report the progress now and then."""
         self._played += 1
         if self._played % _REPORT_EVERY == 0:
-            graph = self._graph
-            self._report(Progress(len(graph.keys), graph.expanded, len(graph.targets), len(graph.levels) - 1))
+            self._tell()
+
+    def _tell(self) -> None:
+        """Report the progress; if nobody wants to know more, the graph is not complete."""
+        graph = self._graph
+        broken = tuple(self._names[rule] for rule in graph.breaches if rule < len(self._names))
+        numbers = len(graph.keys), graph.expanded, len(graph.targets), len(graph.levels) - 1
+        if self._report(Progress(*numbers, broken)):
+            graph.stopped, graph.complete = True, False
 
     def _write(self, edges: Iterable[tuple[int, int]]) -> None:
         """Write down what the ticks of a state lead to, and what they wait for."""
@@ -194,8 +213,9 @@ class _Exploration:
     def _note_breaches(self, breach: Breach, broken: int) -> None:
         rule = 0
         while broken:
-            if broken & 1:
-                self._graph.breaches.setdefault(rule, breach)
+            if broken & 1 and rule not in self._graph.breaches:
+                self._graph.breaches[rule] = breach
+                self._tell()
             broken >>= 1
             rule += 1
 

@@ -39,6 +39,7 @@ class Graph:
         breaches: The first breach of each rule, by the rule's number.
         error: The first tick that could not be finished; None if there is none.
         complete: Whether every state was gone through.
+        stopped: Whether somebody wanted the search to end before that.
     """
 
     keys: list[Hashable] = field(default_factory=list)
@@ -53,6 +54,7 @@ class Graph:
     breaches: dict[int, Breach] = field(default_factory=dict)
     error: Breach | None = None
     complete: bool = True
+    stopped: bool = False
 
     @property
     def expanded(self) -> int:

@@ -4,12 +4,24 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 from sar_compiler.checks.leaf_words import LeafWords
-from sar_compiler.checks.verify.monitors import LIMIT, MAIN, OTHER, Monitor, Monitors, PropertyPattern, Rules
+from sar_compiler.checks.verify.monitors import (
+    LIMIT,
+    MAIN,
+    OTHER,
+    AfterTickCondition,
+    Monitor,
+    Monitors,
+    PropertyPattern,
+    Rules,
+)
 from sar_compiler.checks.verify.property_conditions import Condition, Surroundings, names_of, read_condition
 from sar_compiler.checks.verify.property_files import EventProperty, PropertyFile
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.runtime.kernel.trail import Guarded
+
+NO_END = "none"
+"""What `end` says where runs have no end."""
 
 
 @dataclass(frozen=True)
@@ -34,12 +46,14 @@ class Properties:
         names: What they are called, by the number of the rule.
         owing: The rules that can be broken by a run that goes on for ever, with what it then owes.
         left_out: Those that say nothing about the tree.
+        has_end: Whether runs have an end, and so whether they come to it is asked.
     """
 
     rules: Rules
     names: tuple[str, ...] = ()
     owing: tuple[int, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
+    has_end: bool = True
 
 
 def without_properties() -> Properties:
@@ -61,17 +75,27 @@ def properties_of(file: PropertyFile, prepared: Prepared, tags: Collection[str])
     reading = _Reading(file.document, prepared, tags)
     for written in file.events:
         reading.take(written)
+    has_end = file.end is None or file.end.text != NO_END
+    if not has_end:
+        for name, value in file.ends.items():
+            message = f"'{name}' is to hold at the end, and end: {NO_END} says that there is none"
+            file.document.report(value, "conflicting-keys", message, hint="say when it must hold, with never")
     at_end = [reading.condition(value, name, after_a_tick=True) for name, value in file.ends.items()]
-    end = None if file.end is None else reading.condition(file.end, "end", after_a_tick=True)
+    end: AfterTickCondition = _never_over
+    if file.end is None:
+        end = _root_is_over
+    elif has_end:
+        condition = reading.condition(file.end, "end", after_a_tick=True)
+        end = _never_over if condition is None else condition.after_tick
     file.document.raise_findings()
     rules = Rules(
         Monitors(reading.monitors),
         reading.guarded,
-        _root_is_over if end is None else end.after_tick,
+        end,
         [condition.after_tick for condition in at_end if condition is not None],
     )
     owing = tuple(number for number, monitor in enumerate(reading.monitors) if monitor.owes)
-    return Properties(rules, (*reading.names, *file.ends), owing, tuple(reading.left_out))
+    return Properties(rules, (*reading.names, *file.ends), owing, tuple(reading.left_out), has_end)
 
 
 @dataclass
@@ -161,6 +185,10 @@ class _Reading:
         for number in numbers:
             self.guarded.setdefault(number, []).append(Guarded(companion, condition.holds, comes_first))
         return companion
+
+
+def _never_over(_root: str, _idle: bool | None) -> bool:
+    return False
 
 
 def _root_is_over(root: str, _: bool | None) -> bool:

@@ -51,6 +51,7 @@ class Verification:
         left_out: The properties that say nothing about this tree.
         growing: What had most values where not every state was gone through, with their number.
         leaves: The leaves that the runs speak of.
+        stopped: Whether somebody wanted the search to end before all was gone through.
     """
 
     verdicts: tuple[Verdict, ...]
@@ -61,6 +62,7 @@ class Verification:
     left_out: tuple[LeftOut, ...] = ()
     growing: tuple[tuple[str, int], ...] = ()
     leaves: tuple[StubLeaf, ...] = ()
+    stopped: bool = False
 
     @property
     def proved(self) -> bool:

@@ -1,8 +1,8 @@
 """Verifying a tree: its states are searched once, and every question is answered from them."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 
-from sar_compiler.checks.verify.exploring import Progress, explore, keep_quiet
+from sar_compiler.checks.verify.exploring import Report, explore, keep_quiet
 from sar_compiler.checks.verify.properties import properties_of, without_properties
 from sar_compiler.checks.verify.property_conditions import ConditionError
 from sar_compiler.checks.verify.property_files import PropertyFile
@@ -26,7 +26,7 @@ def verify(
     file: PropertyFile | None,
     tags: Collection[str],
     max_states: int,
-    report: Callable[[Progress], None] = keep_quiet,
+    report: Report = keep_quiet,
     *,
     forgets: bool = True,
 ) -> Verification:
@@ -37,7 +37,7 @@ def verify(
         file: What must hold; None for nothing but what is asked of every tree.
         tags: The tags of leaves that a tree can have.
         max_states: How many states to find at most.
-        report: Is told now and then how far it is.
+        report: Is told now and then how far it is, and when a property is broken.
         forgets: Whether states are the same that differ only in how nodes have ended, where that makes no difference.
 
     Raises:
@@ -51,12 +51,12 @@ def verify(
     properties = without_properties() if file is None else properties_of(file, prepared, tags)
     try:
         stepper = TreeStepper(prepared, properties.rules, forgets=forgets)
-        graph = explore(stepper, max_states, report)
+        graph = explore(stepper, max_states, report, properties.names)
         questions = Questions(graph, Retracing(stepper, graph), simulated.advice_on)
         verdicts = (
             questions.no_error(),
             questions.every_leaf([node for node in stepper.flat.nodes if not node.children], stepper.ran),
-            *questions.endings(),
+            *(questions.endings() if properties.has_end else ()),
             *questions.properties(properties),
         )
         growing = () if graph.complete else stepper.states.growing(graph.keys)
@@ -71,6 +71,7 @@ def verify(
         properties.left_out,
         growing,
         simulated.leaves,
+        graph.stopped,
     )
 
 

@@ -225,3 +225,22 @@ def test_slips_that_only_the_tree_shows_are_found_with_those_that_anybody_sees()
         verified(TWO, text)
     codes = [(finding.code, finding.span.line) for finding in caught.value.findings]
     assert codes == [("unknown-key", 1), ("unknown-fact", 2), ("unknown-leaf", 4), ("unknown-key", 5)]
+
+
+def test_a_tree_without_an_end_is_not_asked_whether_it_comes_to_one():
+    found = verified("<A/>", "properties: {p: {never: A starts}}\nend: none")
+    assert [each.question for each in found.verdicts] == [
+        "no tick raises an error",
+        "every leaf can run",
+        "p",
+    ]
+
+
+def test_nothing_can_hold_at_an_end_that_there_is_not():
+    with pytest.raises(TreeError) as caught:
+        verified("<A/>", "properties: {p: {at_end: idle}}\nend: none")
+    (finding,) = caught.value.findings
+    assert (finding.code, finding.message) == (
+        "conflicting-keys",
+        "'p' is to hold at the end, and end: none says that there is none",
+    )
