@@ -30,9 +30,12 @@ def digests(folder: Path = _FOLDER) -> dict[str, str]:
 
 
 def _state() -> str:
-    """Return whether the compiled modules can be used: `compiled`, `stale` or `absent`."""
+    """Return whether the compiled modules can be used; see `STATE`."""
     if not any((_FOLDER / f"cells{suffix}").exists() for suffix in EXTENSION_SUFFIXES):
         return "absent"
+    # What they share lies beside the package; whoever has only the package on its path cannot import them.
+    if importlib.util.find_spec("sar_compiler_kernel__mypyc") is None:
+        return "apart"
     try:
         recorded = json.loads(_RECORD.read_bytes())
     except (OSError, ValueError):
@@ -46,7 +49,7 @@ def _state() -> str:
 
 
 STATE = _state()
-"""`compiled`, `stale` (made of other sources, and not used) or `absent`."""
+"""`compiled`, or why not: `stale` (made of other sources), `apart` (from the library that they share) or `absent`."""
 _WANTED = os.environ.get("SAR_KERNEL", "")
 IS_COMPILED = STATE == "compiled" and _WANTED != "python"
 """Whether the compiled modules are in use."""
@@ -79,6 +82,7 @@ def described() -> str:
     words: Mapping[str, str] = {
         "compiled": "Python, although it is compiled (SAR_KERNEL=python)",
         "stale": "Python (the compiled one was made of other sources, and is not used; build the package anew)",
+        "apart": "Python (the compiled one lacks its library, and is not used; install the package anew)",
         "absent": "Python",
     }
     return "compiled" if IS_COMPILED else words[STATE]

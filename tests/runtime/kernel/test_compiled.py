@@ -1,0 +1,79 @@
+"""Which kernel is in use: the compiled one only where it was made of the sources beside it."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import sar_compiler
+from sar_compiler.cli.compile import main
+from sar_compiler.runtime import kernel
+
+PACKAGE = Path(sar_compiler.__file__).parent
+REPORT = (
+    "from sar_compiler.runtime import kernel; from sar_compiler.runtime.kernel import tree_nodes; "
+    "print(kernel.STATE, tree_nodes.__file__.endswith('.py'))"
+)
+compiled_here = pytest.mark.skipif(kernel.STATE != "compiled", reason="there is no compiled kernel here")
+
+
+def report(folder, wanted=""):
+    """Return what a program says that finds the package in a folder."""
+    library = [] if folder == PACKAGE.parent else [str(PACKAGE.parent)]
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(folder), *library]),
+        "SAR_KERNEL": wanted,
+    }
+    words = (
+        [sys.executable, "-P", "-c", REPORT]
+        if sys.version_info >= (3, 11)
+        else [sys.executable, "-c", REPORT]
+    )
+    run = subprocess.run(words, env=environment, cwd=folder, capture_output=True, text=True, check=False)
+    return run.stdout.strip() or run.stderr.strip().splitlines()[-1]
+
+
+@pytest.fixture
+def copy(tmp_path):
+    shutil.copytree(PACKAGE, tmp_path / "sar_compiler", ignore=shutil.ignore_patterns("__pycache__"))
+    return tmp_path
+
+
+@compiled_here
+def test_a_compiled_kernel_is_used_beside_the_sources_that_it_was_made_of(copy):
+    assert report(copy) == "compiled False"
+
+
+@compiled_here
+def test_one_that_was_made_of_other_sources_is_not_used(copy):
+    changed = copy / "sar_compiler" / "runtime" / "kernel" / "turning.py"
+    changed.write_text(changed.read_text(encoding="utf-8") + "# changed\n", encoding="utf-8")
+    assert report(copy) == "stale True"
+    assert report(copy, "compiled").startswith(
+        "ImportError: SAR_KERNEL=compiled: the compiled kernel is stale"
+    )
+
+
+@compiled_here
+def test_the_sources_can_be_wanted(copy):
+    assert report(copy, "python") == "compiled True"
+
+
+def test_without_a_compiled_one_the_sources_are_the_kernel(copy):
+    for binary in (copy / "sar_compiler" / "runtime" / "kernel").glob("*.so"):
+        binary.unlink()
+    assert report(copy) == "absent True"
+    assert report(copy, "compiled").startswith(
+        "ImportError: SAR_KERNEL=compiled: the compiled kernel is absent"
+    )
+
+
+def test_the_version_says_which_is_in_use(capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["--version"])
+    assert end.value.code == 0
+    assert f"kernel: {kernel.described()})" in capsys.readouterr().out
