@@ -13,6 +13,7 @@ COUNT ?= 60
 MATRIX ?= $(WANTED)/2.3.0 $(WANTED)/2.5.0 3.10/2.6.0 3.11/2.6.0 3.12/2.6.0 3.13/2.6.0
 
 BIN := $(VENV)/bin
+KERNEL := setup.py $(wildcard sar_compiler/runtime/kernel/*.py)
 # What ticks trees is tested compiled and as it is.
 KERNEL_TESTS := tests/runtime tests/conformance tests/checks/verify tests/checks/simulate
 INTERFACES := $(shell find interfaces pip_interfaces -type f 2>/dev/null)
@@ -33,7 +34,7 @@ help:
 	@echo "make env          only make .venv (PYTHON=$(PYTHON))"
 	@echo "make clean        delete everything that was made"
 
-env: $(VENV)/.interfaces
+env: $(VENV)/.interfaces $(VENV)/.kernel
 
 demo: env
 	$(BIN)/sar-run --sim --speed $(SPEED)
@@ -117,6 +118,11 @@ $(VENV)/.python-$(WANTED): | require
 
 $(VENV)/.packages: pyproject.toml pip_interfaces/requirements.txt $(VENV)/.python-$(WANTED)
 	$(BIN)/python -m pip install --quiet -e '.[ros,sim,dev]' -r pip_interfaces/requirements.txt
+	touch $@ $(VENV)/.kernel
+
+# Compiled anew when it has changed; see sar_compiler/runtime/kernel/__init__.py.
+$(VENV)/.kernel: $(KERNEL) $(VENV)/.packages
+	$(BIN)/python -m pip install --quiet --no-deps -e .
 	touch $@
 
 # A whole build takes a quarter of a minute; a build folder from another environment would only confuse CMake.
