@@ -237,7 +237,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
 
     def _live_tree(self) -> LiveTree:
         if self._live is None or self._live.root is not self.root or not self._live.is_whole():
-            self._live = LiveTree(self.root, is_strict=True)
+            self._live = LiveTree(self.root, is_strict=True, former=self._live)
         return self._live
 
     def wake(self) -> None:

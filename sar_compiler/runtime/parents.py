@@ -74,7 +74,7 @@ class Built(Behaviour):
             # Only now: what is only checked is never ticked.
             from sar_compiler.runtime.kernel.live import LiveTree
 
-            LiveTree(self)
+            LiveTree(self, former=self.place[0] if self.place else None)
         assert self.place is not None  # noqa: S101 - the tree has said so
         return self.place
 

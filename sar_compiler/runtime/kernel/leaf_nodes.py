@@ -164,7 +164,7 @@ class ForeignNode(TreeNode):
 
 
 class RememberingNode(LeafNode):
-    """A leaf that remembers something between two ticks, which is kept in a cell.
+    """A leaf that remembers something between two ticks, which is kept in a cell; a live one may keep it to itself.
 
     Attributes:
         kept: The cell.
@@ -184,6 +184,8 @@ class RememberingNode(LeafNode):
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the leaf."""
+        if ticker.is_live:
+            return super().begin(ticker)
         self.load(ticker.values[self.kept])
         outcome = super().begin(ticker)
         ticker.values[self.kept] = self.saved()
@@ -191,6 +193,9 @@ class RememberingNode(LeafNode):
 
     def stop(self, ticker: Ticker) -> None:
         """Stop the leaf."""
+        if ticker.is_live:
+            super().stop(ticker)
+            return
         self.load(ticker.values[self.kept])
         super().stop(ticker)
         ticker.values[self.kept] = self.saved()

@@ -21,16 +21,21 @@ class LiveTree:
     Args:
         root: The root.
         is_strict: Whether an answer that is no status raises a `NoStatusError`, and is not only logged.
+        former: The tree before its nodes got other children. A node goes on from where it was there, unless children that
+            it had are gone.
     """
 
-    def __init__(self, root: Any, *, is_strict: bool = False) -> None:
+    def __init__(self, root: Any, *, is_strict: bool = False, former: "LiveTree | None" = None) -> None:
         self._flat = flat_tree(root, _node_of, _below)
         self._ticker = self._flat.ticker(_NodeClocks(self._flat.nodes))
         self._ticker.is_live = True
         self._ticker.is_strict = is_strict
         # A plain leaf looks at its behaviour's status by itself.
         self._inner = [node for node in self._flat.nodes if not isinstance(node, LeafNode)]
-        self._children: list[list[Any]] = [list(_below(node.behaviour)) for node in self._inner]
+        self._parents = [node for node in self._inner if not isinstance(node, ForeignNode)]
+        self._children: list[list[Any]] = [list(node.behaviour.children) for node in self._parents]
+        if former is not None:
+            self._go_on_from(former)
         self._take_over()
         for node in self._flat.nodes:
             if isinstance(node.behaviour, Built) and not isinstance(node, ForeignNode):
@@ -48,8 +53,8 @@ class LiveTree:
 
     def is_whole(self) -> bool:
         """Return whether all nodes still have the children that they had."""
-        for node, children in zip(self._inner, self._children, strict=True):
-            if children and node.behaviour.children != children:
+        for node, children in zip(self._parents, self._children, strict=True):
+            if node.behaviour.children != children:
                 return False
         return True
 
@@ -97,6 +102,21 @@ class LiveTree:
             self._flat.nodes[index].stop(self._ticker)
         finally:
             self._show()
+
+    def _go_on_from(self, former: "LiveTree") -> None:
+        """Take over what nodes remember that were part of another tree."""
+        there, here = former._ticker, self._ticker
+        known = {id(node.behaviour): node for node in former._flat.nodes}
+        for node in self._flat.nodes:
+            old = known.get(id(node.behaviour))
+            if old is None or type(old) is not type(node):
+                continue
+            children = [child.behaviour for child in old.children]
+            if [child.behaviour for child in node.children[: len(children)]] != children:
+                continue
+            here.cells[node.at] = there.cells[old.at]
+            here.cells[node.first_cell : node.last_cell] = there.cells[old.first_cell : old.last_cell]
+            here.values[node.first_value : node.last_value] = there.values[old.first_value : old.last_value]
 
     def _take_over(self) -> None:
         """Take the statuses of the behaviours over; a node whose status has changed forgets where it was."""

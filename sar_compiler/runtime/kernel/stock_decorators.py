@@ -180,6 +180,8 @@ class StockOneShotNode(StockDecoratorNode):
         if ticker.cells[self.final] == INVALID and status in self.counts:
             self.behaviour.feedback_message = "oneshot completed"
             ticker.cells[self.final] = status
+            if ticker.is_live:
+                self.behaviour.final_status = STATUSES[status]
 
 
 class StockForEachNode(StockDecoratorNode):

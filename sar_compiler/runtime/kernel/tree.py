@@ -139,7 +139,10 @@ def flat_tree(
         behaviour, inner = behaviours[index], children[index]
         inner.reverse()
         at = inner[0].at if inner and getattr(behaviour, "is_its_child", False) else index
+        cells, values = len(layout.cells), len(layout.values)
         node = node_of(Part(index, at, behaviour, inner, layout))
+        node.first_cell, node.last_cell = cells, len(layout.cells)
+        node.first_value, node.last_value = values, len(layout.values)
         nodes.append(node)
         if parents[index] >= 0:
             children[parents[index]].append(node)

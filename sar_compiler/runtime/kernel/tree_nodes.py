@@ -89,6 +89,7 @@ class TreeNode:
         is_skippable: Whether the behaviour tells that it was skipped.
         heeds_end: Whether it matters, while the node does not run, if and how it has ended. It does not where each start is
             as the first.
+        first_cell, last_cell, first_value, last_value: Where the cells of its own begin, and the first behind them.
     """
 
     def __init__(self, part: Part) -> None:
@@ -98,6 +99,7 @@ class TreeNode:
         self.children = part.children
         self.is_skippable: bool = hasattr(part.behaviour, "skipped")
         self.heeds_end = False
+        self.first_cell = self.last_cell = self.first_value = self.last_value = 0
 
     def tick(self, ticker: "Ticker") -> int:
         """Return the outcome of a tick; CALLED, and itself in `ticker.called`, if that takes more than this call."""
