@@ -5,34 +5,29 @@ import math
 import os
 import platform
 import sys
-from collections.abc import Sequence
 from typing import Any
 
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, PIPE_CLOSED, USAGE, run
 
-__all__ = ["FINDINGS", "INTERRUPTED", "OK", "PIPE_CLOSED", "USAGE", "Parser", "count", "run", "speed"]
+__all__ = [
+    "FINDINGS",
+    "INTERRUPTED",
+    "OK",
+    "PIPE_CLOSED",
+    "USAGE",
+    "Parser",
+    "add_version",
+    "count",
+    "run",
+    "speed",
+]
 
 
 class Parser(argparse.ArgumentParser):
     """An argument parser that accepts no abbreviated options."""
 
-    def __init__(
-        self,
-        prog: str = "",
-        description: str = "",
-        parents: Sequence[argparse.ArgumentParser] = (),
-        **settings: Any,
-    ) -> None:
-        super().__init__(
-            prog=prog, description=description, parents=list(parents), allow_abbrev=False, **settings
-        )
-        if not parents and prog:
-            self.add_argument(
-                "--version",
-                action=_Version,
-                default=argparse.SUPPRESS,
-                help="show the version and what it runs on, and exit",
-            )
+    def __init__(self, prog: str = "", description: str = "", **settings: Any) -> None:
+        super().__init__(prog=prog, description=description, allow_abbrev=False, **settings)
 
     def _get_formatter(self) -> argparse.HelpFormatter:
         # It is made for every argument, to look at its name; what argparse asks for the width takes long to import.
@@ -41,6 +36,12 @@ class Parser(argparse.ArgumentParser):
         except (AttributeError, ValueError, OSError):
             columns = 80
         return argparse.HelpFormatter(prog=self.prog, width=columns - 2)
+
+
+def add_version(parser: argparse.ArgumentParser) -> None:
+    """Add `--version`, which every command has."""
+    shown = "show the version and what it runs on, and exit"
+    parser.add_argument("--version", action=_Version, default=argparse.SUPPRESS, help=shown)
 
 
 class _Version(argparse.Action):

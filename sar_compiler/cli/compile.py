@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import FINDINGS, OK, USAGE, Parser, run
+from sar_compiler.cli.arguments import FINDINGS, OK, USAGE, Parser, add_version, run
 from sar_compiler.cli.loading import FILE_HELP, add_nodes, add_project_options, workspace
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _parser(argv: Sequence[str] = ()) -> Parser:
     """Return the parser; of arguments that begin with a command, with this one alone, since each takes time."""
     parser = Parser(PROG, "Check, show and describe behaviour trees, before a robot moves.")
+    add_version(parser)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", prog=PROG)
     shared = Parser(add_help=False)
     add_nodes(shared)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from sar_compiler.cli.arguments import Parser, speed
+from sar_compiler.cli.arguments import Parser, add_version, speed
 from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_nodes, add_trust
 from sar_compiler.commands import USAGE, run
 from sar_compiler.missions.ending import Until
@@ -173,6 +173,7 @@ def _parser() -> Parser:
         metavar="SPEC",
         help="let the simulation misbehave, for instance report_survivor:drop=2; may be repeated",
     )
+    add_version(parser)
     add_nodes(parser)
     add_include_path(parser)
     add_trust(parser)

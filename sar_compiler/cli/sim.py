@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import OK, Parser, run, speed
+from sar_compiler.cli.arguments import OK, Parser, add_version, run, speed
 from sar_compiler.ros.arguments import init_arguments, split_arguments
 from sar_compiler.ros.faults import NAVIGATION_FAULTS, Fault, FaultError, FaultPlan, parse_fault
 from sar_compiler.ros.signals import StopSignals
@@ -38,6 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = Parser("sar-sim", "The simulated world, apart from the mission.")
+    add_version(parser)
     commands = parser.add_subparsers(dest="command", required=True)
     text = "Run the world and the stand-in for Nav2 until stopped."
     live = commands.add_parser(

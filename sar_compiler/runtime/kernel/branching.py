@@ -53,9 +53,7 @@ class IfThenElseNode(ControlNode):
             return RUNNING
         cells[self.chosen] = _NONE
         reset_all(self.children, ticker)
-        if outcome != SKIPPED:
-            cells[self.at] = outcome
-        return outcome
+        return self.pass_on(ticker, outcome)
 
     def forget(self, ticker: Ticker) -> None:
         """Forget which branch was chosen."""
@@ -101,9 +99,7 @@ class WhileDoElseNode(ControlNode):
         if outcome == RUNNING:
             return RUNNING
         reset_all(self.children, ticker)
-        if outcome != SKIPPED:
-            cells[self.at] = outcome
-        return outcome
+        return self.pass_on(ticker, outcome)
 
     def forget(self, ticker: Ticker) -> None:
         """Forget what belongs to a single tick."""

@@ -208,9 +208,7 @@ class ReactiveNode(OrderedNode):
         """End, with an outcome."""
         self.forget(ticker)
         reset_all(self.children, ticker)
-        if outcome != SKIPPED:
-            ticker.cells[self.at] = outcome
-        return outcome
+        return self.pass_on(ticker, outcome)
 
     def forget(self, ticker: Ticker) -> None:
         """Forget what belongs to a single tick."""

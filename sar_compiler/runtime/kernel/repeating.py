@@ -136,10 +136,7 @@ class LoopNode(DecoratorNode):
         """Answer what is wanted when no item is left."""
         behaviour = self.behaviour
         behaviour.feedback_message = "no item left"
-        outcome = number_of(behaviour._if_empty.get().status) or SKIPPED
-        if outcome != SKIPPED:
-            ticker.cells[self.at] = outcome
-        return outcome
+        return self.pass_on(ticker, number_of(behaviour._if_empty.get().status) or SKIPPED)
 
     def next_item(self, ticker: Ticker) -> bool:
         """Write the next item to the output, if there is one."""

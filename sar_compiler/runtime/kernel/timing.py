@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from sar_compiler.runtime.kernel.cells import ENDED, FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
+from sar_compiler.runtime.kernel.cells import ENDED, FAILURE, INVALID, RUNNING, SUCCESS
 from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, Part, Ticker, TreeNode, reset
 
 OFF: Final = 0
@@ -80,9 +80,7 @@ class DelayNode(DecoratorNode):
         """Pass the outcome on; after an end, the next start waits again."""
         if outcome & ENDED:
             self.timer.stop(ticker)
-        if outcome != SKIPPED:
-            ticker.cells[self.at] = outcome
-        return outcome
+        return self.pass_on(ticker, outcome)
 
     def forget(self, ticker: Ticker) -> None:
         """Stop the timer."""
@@ -131,9 +129,7 @@ class TimeoutNode(DecoratorNode):
         if outcome & ENDED:
             self.timer.stop(ticker)
             self.behaviour.feedback_message = ""
-        if outcome != SKIPPED:
-            ticker.cells[self.at] = outcome
-        return outcome
+        return self.pass_on(ticker, outcome)
 
     def forget(self, ticker: Ticker) -> None:
         """Stop the timer."""

@@ -313,6 +313,12 @@ class OwnNode(TreeNode):
         self.behaviour.feedback_message = ""
         ticker.cells[self.at] = INVALID
 
+    def pass_on(self, ticker: Ticker, outcome: int) -> int:
+        """Return an outcome, which is the node's status from now on unless it is SKIPPED."""
+        if outcome != SKIPPED:
+            ticker.cells[self.at] = outcome
+        return outcome
+
 
 class ControlNode(OwnNode):
     """A control: it has several children, and tells py_trees which of them is the current one."""
@@ -347,8 +353,8 @@ class DecoratorNode(OwnNode):
         return self.after(ticker, outcome)
 
     def after(self, ticker: Ticker, outcome: int) -> int:
-        """Return the outcome, given that of the child."""
-        raise NotImplementedError
+        """Return the outcome, given that of the child; as it is if the decorator says nothing else."""
+        return self.pass_on(ticker, outcome)
 
 
 def is_reset(behaviour: Any) -> bool:

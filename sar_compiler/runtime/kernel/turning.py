@@ -37,10 +37,7 @@ class TurningNode(DecoratorNode):
 
     def after(self, ticker: Ticker, outcome: int) -> int:
         """Turn the outcome."""
-        turned = self.turned[outcome]
-        if turned != SKIPPED:
-            ticker.cells[self.at] = turned
-        return turned
+        return self.pass_on(ticker, self.turned[outcome])
 
 
 class SubTreeNode(DecoratorNode):
@@ -51,12 +48,6 @@ class SubTreeNode(DecoratorNode):
         if ticker.cells[self.at] == INVALID:
             ticker.cells[self.at] = RUNNING
         return self.tick_child(ticker)
-
-    def after(self, ticker: Ticker, outcome: int) -> int:
-        """Pass the outcome on."""
-        if outcome != SKIPPED:
-            ticker.cells[self.at] = outcome
-        return outcome
 
 
 class RunOnceNode(DecoratorNode):
@@ -111,7 +102,7 @@ class GuardedNode(DecoratorNode):
             self.behaviour.feedback_message = ""
             return self.tick_child(ticker)
         self.behaviour.feedback_message = self.why_not
-        return self.answer(ticker, self.otherwise())
+        return self.pass_on(ticker, self.otherwise())
 
     def may_start(self, ticker: Ticker) -> bool:
         """Return whether the child may start."""
@@ -124,13 +115,7 @@ class GuardedNode(DecoratorNode):
     def after(self, ticker: Ticker, outcome: int) -> int:
         """Pass the outcome on."""
         ticker.cells[self.child_runs] = int(outcome == RUNNING)
-        return self.answer(ticker, outcome)
-
-    def answer(self, ticker: Ticker, outcome: int) -> int:
-        """Answer with an outcome."""
-        if outcome != SKIPPED:
-            ticker.cells[self.at] = outcome
-        return outcome
+        return self.pass_on(ticker, outcome)
 
     def forget(self, ticker: Ticker) -> None:
         """Forget that the child ran."""
@@ -239,9 +224,7 @@ class ConditionsNode(DecoratorNode):
         """Run the post-conditions, and pass the outcome on."""
         if outcome & ENDED:
             self.behaviour.run_after(outcome)
-        if outcome != SKIPPED:
-            ticker.cells[self.at] = outcome
-        return outcome
+        return self.pass_on(ticker, outcome)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
         """Return the node, if it runs."""
