@@ -16,13 +16,12 @@ import tracemalloc
 from collections.abc import Callable, Iterable, Mapping
 from typing import TypeVar
 
-from py_trees.behaviours import Success
+from port_leaves import Reader, Writer
 
 from sar_compiler.checks import check
 from sar_compiler.compiler import bind_main, preview_tree
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Kind, NodeSpec
-from sar_compiler.runtime.ports import Input, Output
 from sar_compiler.tree.diagnostic import Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
@@ -35,32 +34,6 @@ FAN_OUT = 10
 MEBIBYTE = 2**20
 # getrusage counts in these.
 KIBIBYTES = 1024
-
-
-class Reader(Success):
-    """A leaf with an input port.
-
-    Args:
-        name: The node's name.
-        x: What it reads.
-    """
-
-    def __init__(self, name: str, x: Input[str]) -> None:
-        super().__init__(name)
-        self.x = x
-
-
-class Writer(Success):
-    """A leaf with an output port.
-
-    Args:
-        name: The node's name.
-        y: What it writes.
-    """
-
-    def __init__(self, name: str, y: Output[str]) -> None:
-        super().__init__(name)
-        self.y = y
 
 
 def alternately(*forms: str) -> Callable[[int], str]:

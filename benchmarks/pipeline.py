@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import ClassVar
 from xml.parsers import expat
 
+from port_leaves import Leaf, Reader, Writer
 from py_trees import composites
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -34,7 +35,6 @@ from sar_compiler.checks import check
 from sar_compiler.compiler import bind_main, preview_tree
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Kind, NodeSpec
-from sar_compiler.runtime.ports import Input, Output
 from sar_compiler.tree.forest import Forest, load_forest
 from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.reading import read_tree_file
@@ -42,40 +42,6 @@ from sar_compiler.tree.xml import parse_xml
 
 FAN_OUT = 5
 RUNS = 7
-
-
-class Leaf(Behaviour):
-    """A leaf without ports, which may come to anything."""
-
-    def update(self) -> Status:
-        """Succeed."""
-        return Status.SUCCESS
-
-
-class Reader(Leaf):
-    """A leaf with an input port.
-
-    Args:
-        name: The node's name.
-        x: What it reads.
-    """
-
-    def __init__(self, name: str, x: Input[str]) -> None:
-        super().__init__(name)
-        self.x = x
-
-
-class Writer(Leaf):
-    """A leaf with an output port.
-
-    Args:
-        name: The node's name.
-        y: What it writes.
-    """
-
-    def __init__(self, name: str, y: Output[str]) -> None:
-        super().__init__(name)
-        self.y = y
 
 
 def registry_with_leaves() -> Registry:

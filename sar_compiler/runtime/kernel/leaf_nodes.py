@@ -92,24 +92,15 @@ class SkippableLeafNode(LeafNode):
     """A leaf that may be skipped: INVALID means that, and is no end."""
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the leaf."""
-        cells, behaviour = ticker.cells, self.behaviour
-        before = cells[self.at]
-        if before == RUNNING or not ticker.is_live:
-            before = self.before(ticker)
-        if before != RUNNING and self.initialises:
-            behaviour.initialise()
-        answer = behaviour.update()
-        now = ticker.number_of(behaviour, answer)
-        behaviour.skipped = now == INVALID
-        if now == INVALID:
-            return SKIPPED
-        if now != RUNNING and self.terminates:
-            behaviour.terminate(answer)
-        if now != RUNNING or before != RUNNING:
-            behaviour.status = answer
-            cells[self.at] = now
-        return now
+        """Tick the leaf, and tell whether it was skipped."""
+        outcome = super().begin(ticker)
+        self.behaviour.skipped = outcome == SKIPPED
+        return outcome
+
+    def end_without(self, ticker: Ticker, answer: Any) -> int:
+        """Leave the status as it was."""
+        ticker.number_of(self.behaviour, answer)
+        return SKIPPED
 
 
 class ForeignNode(TreeNode):
