@@ -7,3 +7,7 @@ of them as a message, without a traceback.
 
 class SarError(Exception):
     """Something a user did, wrote or lacks; the text says what it is and what to do."""
+
+
+class UndecidableError(SarError):
+    """The runs of a tree cannot be searched."""

@@ -8,13 +8,15 @@ instance of a subtree a path below that, so which entry a key means is settled w
 import functools
 import itertools
 import weakref
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.context import mission_context
-from sar_compiler.runtime.frozen import FrozenValueError, can_change, freeze, thaw
+
+if TYPE_CHECKING:
+    from sar_compiler.runtime.kernel.entry_cells import Memo
 
 ROOT_SIGN = "@"
 """The prefix of a key of the root scope."""
@@ -23,12 +25,6 @@ STROKE = "%2F"
 """The replacement of a `/` of a key or of a subtree's name in the absolute name of an entry."""
 
 _instances = itertools.count()
-
-
-Row = tuple[str, tuple[type | None] | None, Hashable, int]
-"""An entry of a snapshot: its name, its type if it is named, its frozen value if it is written, and its stamp."""
-Snapshot = tuple[Row, ...]
-"""All entries of a board, as `Board.snapshot` returns them."""
 
 
 class MissingEntryError(SarError, KeyError):
@@ -52,7 +48,12 @@ class Board:
 
     Args:
         name: What its keys on py_trees' blackboard begin with; made unique in this process.
+
+    Attributes:
+        is_numbered: Whether what its entries hold are numbers; see `NumberedBoard`.
     """
+
+    is_numbered = False
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -62,9 +63,6 @@ class Board:
         self._kinds: dict[str, type | None] = {}
         # The entries of which it counts how often they were written.
         self._watched: set[str] = set()
-        # Counts every change, and the last snapshot with the count at which it was taken.
-        self._changes = 0
-        self._taken: tuple[int, Snapshot] | None = None
         weakref.finalize(self, _forget, self._stamps)
 
     @functools.cached_property
@@ -90,19 +88,16 @@ class Board:
         """Write an entry, which is made if there is none."""
         self._storage[name] = value
         self._stamps[name] = self._stamps.get(name, 0) + 1
-        self._changes += 1
 
     def declare(self, name: str, kind: type | None) -> None:
         """Name an entry, which stays empty until it is written; the first type that it is given counts."""
         if name not in self._kinds:
             self._kinds[name] = kind
-            self._changes += 1
 
     def settle(self, name: str, kind: type) -> None:
         """Give an entry a type, if it has none of its own."""
         if self._kinds.get(name) is None:
             self._kinds[name] = kind
-            self._changes += 1
 
     def declared(self, name: str) -> bool:
         """Return whether an entry is named."""
@@ -117,7 +112,6 @@ class Board:
         self._storage.pop(name, None)
         self._stamps.pop(name, None)
         self._kinds.pop(name, None)
-        self._changes += 1
 
     def stamp(self, name: str) -> int:
         """Return how often an entry was written; 0 if there is none."""
@@ -128,61 +122,17 @@ class Board:
         yield from list(self._stamps)
 
     def watch(self, name: str) -> None:
-        """Have snapshots tell how often an entry was written, because a node's behaviour depends on it."""
+        """Have it count how often an entry is written, because a node's behaviour depends on it."""
         self._watched.add(name)
-        self._changes += 1
+
+    def memo(self, entries: "Sequence[Entry]") -> "Memo":
+        """Return what remembers the effect of code on some entries; there is nothing like it unless the board is numbered."""
+        raise NotImplementedError
 
     def restamp(self, name: str, stamp: int) -> None:
         """Have an entry, if there is one, count as written so often."""
         if self._stamps.get(name, stamp) != stamp:
             self._stamps[name] = stamp
-            self._changes += 1
-
-    def snapshot(self) -> Snapshot:
-        """Return all entries as they are now; snapshots of equal boards are equal, and can be hashed.
-
-        How often an entry was written is in it for those that are watched.
-
-        Raises:
-            FrozenValueError: If an entry holds a value that can neither be copied nor hashed.
-        """
-        if self._taken is not None and self._taken[0] == self._changes:
-            return self._taken[1]
-        taken = tuple(self._row(name) for name in sorted(self._stamps.keys() | self._kinds))
-        self._keep(taken)
-        return taken
-
-    def restore(self, snapshot: Snapshot) -> None:
-        """Make all entries as they were when a snapshot was taken of this board."""
-        if self._taken is not None and self._taken[0] == self._changes and self._taken[1] is snapshot:
-            return
-        _forget(self._stamps)
-        self._stamps.clear()
-        self._kinds.clear()
-        for name, kind, value, stamp in snapshot:
-            if kind is not None:
-                (self._kinds[name],) = kind
-            if value is not None:
-                self._storage[name] = thaw(value)
-                self._stamps[name] = stamp
-        self._changes += 1
-        self._keep(snapshot)
-
-    def _row(self, name: str) -> Row:
-        kind = (self._kinds[name],) if name in self._kinds else None
-        if name not in self._stamps:
-            return name, kind, None, 0
-        try:
-            value = freeze(self._storage[name])
-        except FrozenValueError as error:
-            message = f"the entry '{name.removeprefix(self.prefix + '/')}' holds {error}"
-            raise FrozenValueError(message) from error
-        return name, kind, value, self._stamps[name] if name in self._watched else 1
-
-    def _keep(self, snapshot: Snapshot) -> None:
-        """Remember a snapshot, unless what is in it can be changed without anything being written."""
-        changeable = any(can_change(self._storage[name]) for name in self._stamps)
-        self._taken = None if changeable else (self._changes, snapshot)
 
 
 @dataclass(frozen=True)

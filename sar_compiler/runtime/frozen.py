@@ -5,15 +5,16 @@ from collections import deque
 from collections.abc import Hashable
 from typing import Any
 
-from sar_compiler.errors import SarError
+from sar_compiler.errors import UndecidableError
 
-_PLAIN = (bool, int, str, bytes, type(None))
+PLAIN = (bool, int, str, bytes, type(None))
+"""The types of values that are kept as they are, with their type before them."""
 # What is copied item by item; dictionaries are, too.
 _COLLECTIONS = (list, tuple, deque, set, frozenset)
 _NAN = "nan"
 
 
-class FrozenValueError(SarError):
+class FrozenValueError(UndecidableError):
     """A value can neither be copied nor kept as it is."""
 
 
@@ -28,7 +29,7 @@ def freeze(value: object) -> Hashable:
     """
     kind = type(value)
     # With its type: 1, 1.0 and True are equal to Python.
-    if kind in _PLAIN:
+    if kind in PLAIN:
         return kind, value
     if kind is float:
         return kind, _NAN if math.isnan(value) else value, math.copysign(1.0, value)  # type: ignore[arg-type]

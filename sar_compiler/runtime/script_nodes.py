@@ -44,15 +44,18 @@ class ScriptCondition(Behaviour):
         code: The script; its value is true or false, 1 or 0.
         scope: Where its variables are.
         enums: The names that stand for numbers.
+
+    Attributes:
+        script: The script.
     """
 
     def __init__(self, name: str, code: Input[Script], scope: Scope, enums: Enums) -> None:
         super().__init__(name)
-        self._script = NodeScript(code, name, "code", scope, enums)
+        self.script = NodeScript(code, name, "code", scope, enums)
 
     def update(self) -> Status:
         """Run the script."""
-        return Status.SUCCESS if self._script.holds() else Status.FAILURE
+        return Status.SUCCESS if self.script.holds() else Status.FAILURE
 
 
 class Precondition(Wrapper):

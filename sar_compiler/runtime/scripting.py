@@ -1,16 +1,19 @@
 """Scripts of nodes: where their variables are, and what is said if one cannot be run."""
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.blackboard import Entry, MissingEntryError, Scope
 from sar_compiler.runtime.entry_types import assigned, value_of
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.evaluation import EvaluationError, Program
-from sar_compiler.runtime.expressions import Script
+from sar_compiler.runtime.expressions import Access, Script, name_uses
 from sar_compiler.runtime.ports import Input, PortError
 from sar_compiler.runtime.variables import ScriptValue, UnknownVariableError, VariableError
+
+if TYPE_CHECKING:
+    from sar_compiler.runtime.kernel.entry_cells import Memo
 
 T = TypeVar("T")
 
@@ -64,7 +67,7 @@ class ScopeVariables:
         Raises:
             VariableError: If the entry holds something that the value cannot replace.
         """
-        self._entry(name).declare()
+        self.entry(name).declare()
         return self.assign(name, value)
 
     def assign(self, name: str, value: ScriptValue) -> ScriptValue:
@@ -74,23 +77,24 @@ class ScopeVariables:
             UnknownVariableError: If there is none.
             VariableError: If it holds something that the value cannot replace.
         """
-        entry = self._entry(name)
+        entry = self.entry(name)
         held = None if entry.declared and not entry.exists else self._held(name)
         stored = assigned(held, entry.kind, value, self._numbers)
         entry.write(stored)
         return _seen(name, stored)
 
-    def _held(self, name: str) -> object:
-        try:
-            return self._entry(name).read()
-        except MissingEntryError as error:
-            raise UnknownVariableError(name) from error
-
-    def _entry(self, name: str) -> Entry:
+    def entry(self, name: str) -> Entry:
+        """Return the entry that a name means."""
         entry = self._entries.get(name)
         if entry is None:
             entry = self._entries[name] = self._scope.resolve(name)
         return entry
+
+    def _held(self, name: str) -> object:
+        try:
+            return self.entry(name).read()
+        except MissingEntryError as error:
+            raise UnknownVariableError(name) from error
 
 
 class NodeScript:
@@ -102,6 +106,9 @@ class NodeScript:
         attribute: The attribute that has the script.
         scope: Where its variables are.
         enums: The names that stand for numbers.
+
+    Attributes:
+        is_remembered: Whether somebody else remembers what it does.
     """
 
     def __init__(self, code: Input[Script], node: str, attribute: str, scope: Scope, enums: Enums) -> None:
@@ -111,6 +118,18 @@ class NodeScript:
         self._enums = enums
         self._variables = ScopeVariables(scope, enums)
         self._program: Program | None = Program(code.get(), enums.numbers) if code.entry is None else None
+        self._board = scope.board
+        self.is_remembered = False
+        self._memos: dict[Callable[..., Any], Memo] = {}
+
+    @property
+    def entry(self) -> Entry | None:
+        """The only entry that it uses, and does not write; None if there are others, or it writes."""
+        if self._code.entry is not None:
+            return None
+        uses = list(name_uses(self._code.get()))
+        entries = {self._variables.entry(use.name) for use in uses}
+        return entries.pop() if len(entries) == 1 and all(use.access is Access.READ for use in uses) else None
 
     def run(self) -> ScriptValue:
         """Run it and return its value.
@@ -118,7 +137,7 @@ class NodeScript:
         Raises:
             NodeScriptError: If it cannot be run; names the node, the attribute and the place.
         """
-        return self._explained(lambda program: program.run(self._variables))
+        return self._remembered(Program.run)
 
     def holds(self) -> bool:
         """Run it and say whether its value is true.
@@ -126,16 +145,28 @@ class NodeScript:
         Raises:
             NodeScriptError: As `run`, and if its value is neither true nor false.
         """
-        return self._explained(lambda program: program.holds(self._variables))
+        return self._remembered(Program.holds)
 
-    def _explained(self, run: Callable[[Program], T]) -> T:
+    def _remembered(self, run: Callable[[Program, ScopeVariables], T]) -> T:
+        """Run it; on a numbered board it is not run twice where its variables have the same values."""
+        if not self._board.is_numbered or self._code.entry is not None or self.is_remembered:
+            return self._explained(run)
+        memo = self._memos.get(run)
+        if memo is None:
+            memo = self._memos[run] = self._board.memo(
+                [self._variables.entry(use.name) for use in name_uses(self._code.get())]
+            )
+        answer: T = memo.call(lambda: self._explained(run))
+        return answer
+
+    def _explained(self, run: Callable[[Program, ScopeVariables], T]) -> T:
         try:
             program = self._current()
         except PortError as error:
             message = f"'{self._node}': {error}"
             raise NodeScriptError(message, self._node, self._attribute, None, None) from error
         try:
-            return run(program)
+            return run(program, self._variables)
         except EvaluationError as error:
             raise self._failure(error, program.script.text) from error
 

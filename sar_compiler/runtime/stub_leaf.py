@@ -4,20 +4,21 @@ It has no state of its own but py_trees' status. What the answers change are fac
 tree's, so that scripts and snapshots work on them as on any entry.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
 from py_trees.common import Status
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.answers import Answer, nominal
-from sar_compiler.runtime.blackboard import Scope
+from sar_compiler.runtime.blackboard import Entry, Scope
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.evaluation import EvaluationError, Program
+from sar_compiler.runtime.expressions import name_uses
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.scripting import ScopeVariables
 from sar_compiler.runtime.skipping import SKIPPED, SkippableLeaf
-from sar_compiler.runtime.variables import ScriptValue, Variables
+from sar_compiler.runtime.variables import ScriptValue
 
 STATUSES: Mapping[str, Status] = {
     "SUCCESS": Status.SUCCESS,
@@ -87,7 +88,7 @@ class FactVariables:
         self._scope = facts
         self._facts = ScopeVariables(facts, enums)
         self._keys = ScopeVariables(keys, enums)
-        self._known: dict[str, Variables] = {}
+        self._known: dict[str, ScopeVariables] = {}
 
     def read(self, name: str) -> ScriptValue:
         """Return the value; raises as `Variables` says."""
@@ -101,7 +102,11 @@ class FactVariables:
         """Write the value of what is there; raises likewise."""
         return self._of(name).assign(name, value)
 
-    def _of(self, name: str) -> Variables:
+    def entry(self, name: str) -> Entry:
+        """Return the entry that a name means."""
+        return self._of(name).entry(name)
+
+    def _of(self, name: str) -> ScopeVariables:
         known = self._known.get(name)
         if known is None:
             # Which names are facts is settled before the first tick.
@@ -117,7 +122,7 @@ class StubLeaf(SkippableLeaf):
         name: The node's name.
         tag: The tag of the leaf that it stands for.
         answers: What that leaf can answer; no placeholders are left in the scripts.
-        variables: What the scripts read and write.
+        variables: What the scripts read and write: facts, and keys of the tree.
         enums: The names that stand for numbers.
 
     Attributes:
@@ -129,7 +134,7 @@ class StubLeaf(SkippableLeaf):
     """
 
     def __init__(
-        self, name: str, tag: str, answers: Sequence[Answer], variables: Variables, enums: Enums
+        self, name: str, tag: str, answers: Sequence[Answer], variables: FactVariables, enums: Enums
     ) -> None:
         super().__init__(name)
         self.tag = tag
@@ -168,6 +173,10 @@ class StubLeaf(SkippableLeaf):
                 effect.run(self._variables)
             except EvaluationError as error:
                 raise self._unusable(answer, "then", answer.then, error) from error
+
+    def entries(self, scripts: Iterable[str]) -> list[Entry]:
+        """Return the entries that scripts of its answers can read or write."""
+        return [self._variables.entry(use.name) for script in scripts for use in name_uses(parse(script))]
 
     def initialise(self) -> None:
         """Note the start."""

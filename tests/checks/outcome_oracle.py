@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.checks.rules.check_context import CheckContext
-from sar_compiler.checks.verify.exploring import explore
 from sar_compiler.checks.verify.properties import without_properties
-from sar_compiler.checks.verify.state import Prepared, State
+from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.simulated_tree import compile_simulated
@@ -18,6 +17,7 @@ from sar_compiler.nodes.outcome_sets import BITS
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.runtime.kernel.cells import WORDS
+from sar_compiler.runtime.kernel.searching import explore
 from tests.node_forms import Form, forms, reads_keys
 from tests.trees import forest_of
 
@@ -90,15 +90,12 @@ def answers_of(body: str) -> Answers | None:
         return None
     root = context.trees[-1].root
     assert root is not None
-    graph = explore(
-        TreeStepper(
-            Prepared.of(compile_simulated(bind_main(forest, REGISTRY), {})), without_properties().rules
-        ),
-        MOST_STATES,
-    )
+    prepared = Prepared.of(compile_simulated(bind_main(forest, REGISTRY), {}))
+    stepper = TreeStepper(prepared, without_properties().rules)
+    graph = explore(stepper.steps, MOST_STATES)
     if graph.error is not None:
         return None
-    seen = frozenset(WORDS[key.outcome] for key in graph.keys if isinstance(key, State)) - {""}
+    seen = frozenset(WORDS[stepper.states.outcome_in(key)] for key in graph.keys) - {""}
     return Answers(
         seen,
         _words(context.outcomes.may_return(root)),

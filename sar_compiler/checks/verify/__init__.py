@@ -4,10 +4,11 @@ The tree is compiled with stub leaves and brought into flat form; every combinat
 every state that can be reached, those that fewest ticks lead to first.
 """
 
-from sar_compiler.checks.verify.exploring import Progress, Report
 from sar_compiler.checks.verify.property_files import PropertyFile, parse_property_file, read_property_file
 from sar_compiler.checks.verify.verdicts import ProofStatus, Verdict, Verification
-from sar_compiler.checks.verify.verifying import UndecidableError, verify
+from sar_compiler.checks.verify.verifying import verify
+from sar_compiler.errors import UndecidableError
+from sar_compiler.runtime.kernel.searching import Progress, Report
 
 __all__ = [
     "Progress",

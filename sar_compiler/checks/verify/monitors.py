@@ -1,11 +1,13 @@
 """Watching a run for what the properties forbid: an automaton for each, all of them as one, and its end."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 
-from sar_compiler.checks.verify.exploring import Judgement
 from sar_compiler.checks.verify.property_conditions import IdleUnknownError
+from sar_compiler.runtime.blackboard import Entry
+from sar_compiler.runtime.kernel.cells import WORDS
+from sar_compiler.runtime.kernel.searching import Judgement
 from sar_compiler.runtime.kernel.trail import Guarded
 
 
@@ -93,7 +95,6 @@ class Monitors:
 
     def __init__(self, monitors: Sequence[Monitor]) -> None:
         self._monitors = tuple(monitors)
-        self._known: dict[tuple[int, tuple[int, ...]], tuple[int, int]] = {}
         self._owing = sum(1 << bit for bit, monitor in enumerate(self._monitors) if monitor.owes)
 
     @property
@@ -101,26 +102,23 @@ class Monitors:
         """How many there are."""
         return len(self._monitors)
 
-    def after(self, state: int, events: tuple[int, ...]) -> tuple[int, int]:
-        """Return the state after the events of a tick, and the monitors that they break, as bits."""
-        known = self._known.get((state, events))
-        if known is None:
-            known = self._known[state, events] = self._worked_out(state, events)
-        return known
+    @property
+    def heard(self) -> set[int]:
+        """The events that mean something to one of them."""
+        return {event for monitor in self._monitors for event in monitor.roles}
+
+    def after(self, state: int, event: int) -> tuple[int, int]:
+        """Return the state after an event, and the monitors that it breaks, as bits."""
+        following = broken = 0
+        for bit, monitor in enumerate(self._monitors):
+            flag, wrong = monitor.after(bool(state >> bit & 1), event)
+            following |= flag << bit
+            broken |= wrong << bit
+        return following, broken
 
     def owed(self, state: int) -> int:
         """Return the monitors that still owe something in a state, as bits."""
         return state & self._owing
-
-    def _worked_out(self, state: int, events: tuple[int, ...]) -> tuple[int, int]:
-        following = broken = 0
-        for bit, monitor in enumerate(self._monitors):
-            flag = bool(state >> bit & 1)
-            for event in events:
-                flag, wrong = monitor.after(flag, event)
-                broken |= wrong << bit
-            following |= flag << bit
-        return following, broken
 
 
 AfterTickCondition = Callable[[str, bool | None], bool]
@@ -137,22 +135,25 @@ class Rules:
         guarded: The events that count only while a condition holds, by the number of the event without it.
         ends: Says whether a run is over.
         at_end: What must hold when it is over; the rules behind those over events.
+        entries: The entries that these and the end look at.
     """
 
     monitors: Monitors
     guarded: Mapping[int, Sequence[Guarded]]
     ends: AfterTickCondition
-    at_end: Sequence[AfterTickCondition] = field(default_factory=tuple)
+    at_end: Sequence[AfterTickCondition] = ()
+    entries: Sequence[Entry] = ()
 
-    def judge(self, root: str, watched: int, *, idle: bool | None) -> Judgement:
+    def judge(self, outcome: int, watched: int, idle: bool | None) -> Judgement:
         """Judge the state after a tick.
 
         Args:
-            root: What the root came to; empty before the first tick.
+            outcome: The outcome of the root, as a number; INVALID before the first tick.
             watched: What the monitors remember.
             idle: Whether every tick leaves it as it is; None if that is not known yet.
         """
         owed = self.monitors.owed(watched)
+        root = WORDS[outcome]
         if not root:
             return Judgement(pending=owed)
         ends = _answer(self.ends, root, idle=idle)

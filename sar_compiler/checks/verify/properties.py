@@ -81,18 +81,16 @@ def properties_of(file: PropertyFile, prepared: Prepared, tags: Collection[str])
             message = f"'{name}' is to hold at the end, and end: {NO_END} says that there is none"
             file.document.report(value, "conflicting-keys", message, hint="say when it must hold, with never")
     at_end = [reading.condition(value, name, after_a_tick=True) for name, value in file.ends.items()]
-    end: AfterTickCondition = _never_over
-    if file.end is None:
-        end = _root_is_over
-    elif has_end:
-        condition = reading.condition(file.end, "end", after_a_tick=True)
-        end = _never_over if condition is None else condition.after_tick
+    end = reading.condition(file.end, "end", after_a_tick=True) if file.end is not None and has_end else None
     file.document.raise_findings()
+    over: AfterTickCondition = _root_is_over if file.end is None else _never_over
+    conditions = [condition for condition in at_end if condition is not None]
     rules = Rules(
         Monitors(reading.monitors),
         reading.guarded,
-        end,
-        [condition.after_tick for condition in at_end if condition is not None],
+        over if end is None else end.after_tick,
+        [condition.after_tick for condition in conditions],
+        [entry for condition in (*conditions, *([end] if end else ())) for entry in condition.entries],
     )
     owing = tuple(number for number, monitor in enumerate(reading.monitors) if monitor.owes)
     return Properties(rules, (*reading.names, *file.ends), owing, tuple(reading.left_out), has_end)
@@ -129,7 +127,7 @@ class _Reading:
         self._words = LeafWords(prepared.simulated)
         self._tags = tags
         self._known = names_of(prepared.simulated)
-        self._surroundings = Surroundings(prepared.simulated, prepared.facts)
+        self._surroundings = Surroundings(prepared.simulated)
 
     def take(self, written: EventProperty) -> None:
         """Add a property."""

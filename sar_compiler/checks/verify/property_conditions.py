@@ -1,13 +1,13 @@
 """Conditions of properties: scripts over facts, keys of the tree, and how the last tick ended."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 
 from sar_compiler.checks import typed_values
-from sar_compiler.checks.verify.state import RememberedFacts
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.documents.located import Document, Value
-from sar_compiler.errors import SarError
+from sar_compiler.errors import SarError, UndecidableError
 from sar_compiler.nodes.values import nearest
+from sar_compiler.runtime.blackboard import Entry
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.expressions import Access, Script, name_uses
@@ -22,7 +22,7 @@ AFTER_A_TICK = (ROOT, IDLE)
 """The names that are known only when a tick is over."""
 
 
-class ConditionError(SarError):
+class ConditionError(UndecidableError):
     """A condition of a property cannot be evaluated in a state that a run reaches."""
 
 
@@ -34,16 +34,15 @@ class Surroundings(FactVariables):
     """The variables of conditions: facts, keys of the tree, and the end of the last tick.
 
     Args:
-        simulated: The tree.
-        facts: Its facts.
+        simulated: The tree, on numbered boards.
 
     Attributes:
-        facts: Its facts.
+        board: One of these.
     """
 
-    def __init__(self, simulated: SimulatedTree, facts: RememberedFacts) -> None:
+    def __init__(self, simulated: SimulatedTree) -> None:
         super().__init__(simulated.facts, simulated.compiled.instance.scope, Enums())
-        self.facts = facts
+        self.board = simulated.facts.board
         self._ended: dict[str, ScriptValue | None] = {}
 
     def end_tick(self, root: str, *, idle: bool | None) -> None:
@@ -81,21 +80,32 @@ class Condition:
         self._program = Program(script)
         self._surroundings = surroundings
         self._owner = owner
-        self.holds: Callable[[], bool] = surroundings.facts.remembering(script, self._holds)
-        """Says whether it holds now.
+        self._memo = surroundings.board.memo(self.entries)
+
+    @property
+    def entries(self) -> list[Entry]:
+        """The entries that it reads."""
+        names = {use.name for use in name_uses(self._program.script)}.difference(AFTER_A_TICK)
+        return [self._surroundings.entry(name) for name in names]
+
+    def holds(self) -> bool:
+        """Return whether it holds now, in a tick.
 
         Raises:
             ConditionError: If it cannot be evaluated, because a key has no value yet or one that does not fit.
         """
+        held: bool = self._memo.call(self._holds)
+        return held
 
     def after_tick(self, root: str, idle: bool | None) -> bool:
         """Return whether it holds when a tick is over; see `Surroundings.end_tick`.
 
         Raises:
+            ConditionError: As `holds`.
             IdleUnknownError: If it asks whether the tree idles, and that is not known.
         """
         self._surroundings.end_tick(root, idle=idle)
-        return self.holds()
+        return self._holds()
 
     def _holds(self) -> bool:
         try:

@@ -4,10 +4,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from sar_compiler.checks.verify.exploring import Transition
-from sar_compiler.checks.verify.graph import Breach, Graph
-from sar_compiler.checks.verify.liveness import Lasso
 from sar_compiler.checks.verify.stepping import TreeStepper
+from sar_compiler.runtime.kernel.graph import Breach, Graph
+from sar_compiler.runtime.kernel.liveness import Lasso
+from sar_compiler.runtime.kernel.steps import TickSteps
 from sar_compiler.runtime.stub_leaf import Event
 
 ValueChange = tuple[object, object]
@@ -70,7 +70,7 @@ class Retracing:
         """Return a shortest run to a breach."""
         stem = self._stem(self._graph.stem(breach.source))
         if breach.path is not None:
-            stem.append(self._tick(breach.source, lambda _: self._stepper.path == breach.path))
+            stem.append(self._tick(breach.source, lambda step: step.path == breach.path))
         return Trace(tuple(stem))
 
     def lasso(self, lasso: Lasso) -> Trace:
@@ -96,11 +96,14 @@ class Retracing:
         end, waits = graph.keys[graph.targets[edge]], graph.waiting[graph.waits[edge]]
         return self._tick(source, lambda step: step.state == end and step.waits == waits)
 
-    def _tick(self, source: int, wanted: Callable[[Transition], bool]) -> TraceTick:
+    def _tick(self, source: int, wanted: Callable[[TickSteps], bool]) -> TraceTick:
         """Play the first tick of a state that is wanted."""
         key = self._graph.keys[source]
         before = self._stepper.states.values_in(key)
-        step = next(step for step in self._stepper.steps(key) if wanted(step))
+        step = self._stepper.steps
+        step.enter(key)
+        while step.step() and not wanted(step):
+            pass
         played = self._stepper.played()
         after = played.values
         changes = {

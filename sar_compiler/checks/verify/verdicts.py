@@ -4,10 +4,10 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
-from sar_compiler.checks.verify.graph import Graph
-from sar_compiler.checks.verify.liveness import endings, lasso, owing_for_ever
 from sar_compiler.checks.verify.properties import LeftOut, Properties
 from sar_compiler.checks.verify.traces import Retracing, Trace
+from sar_compiler.runtime.kernel.graph import Graph
+from sar_compiler.runtime.kernel.liveness import endings, lasso, owing_for_ever
 from sar_compiler.runtime.kernel.tree_nodes import TreeNode
 from sar_compiler.runtime.stub_leaf import StubLeaf
 

@@ -2,23 +2,15 @@
 
 from collections.abc import Collection
 
-from sar_compiler.checks.verify.exploring import Report, explore, keep_quiet
 from sar_compiler.checks.verify.properties import properties_of, without_properties
-from sar_compiler.checks.verify.property_conditions import ConditionError
 from sar_compiler.checks.verify.property_files import PropertyFile
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.checks.verify.traces import Retracing
 from sar_compiler.checks.verify.verdicts import Questions, Verification
 from sar_compiler.compiler.simulated_tree import SimulatedTree
-from sar_compiler.errors import SarError
-from sar_compiler.runtime.frozen import FrozenValueError
-from sar_compiler.runtime.kernel.choices import UnsteadyError
-from sar_compiler.runtime.kernel.table import NotFlatError
-
-
-class UndecidableError(SarError):
-    """The runs of a tree cannot be searched."""
+from sar_compiler.errors import UndecidableError
+from sar_compiler.runtime.kernel.searching import Report, explore, keep_quiet
 
 
 def verify(
@@ -49,19 +41,16 @@ def verify(
         raise UndecidableError(_unknown_nodes(simulated))
     prepared = Prepared.of(simulated)
     properties = without_properties() if file is None else properties_of(file, prepared, tags)
-    try:
-        stepper = TreeStepper(prepared, properties.rules, forgets=forgets)
-        graph = explore(stepper, max_states, report, properties.names)
-        questions = Questions(graph, Retracing(stepper, graph), simulated.advice_on)
-        verdicts = (
-            questions.no_error(),
-            questions.every_leaf([node for node in stepper.flat.nodes if not node.children], stepper.ran),
-            *(questions.endings() if properties.has_end else ()),
-            *questions.properties(properties),
-        )
-        growing = () if graph.complete else stepper.states.growing(graph.keys)
-    except (NotFlatError, UnsteadyError, ConditionError, FrozenValueError) as error:
-        raise UndecidableError(str(error)) from error
+    stepper = TreeStepper(prepared, properties.rules, forgets=forgets)
+    graph = explore(stepper.steps, max_states, report, properties.names)
+    questions = Questions(graph, Retracing(stepper, graph), simulated.advice_on)
+    verdicts = (
+        questions.no_error(),
+        questions.every_leaf([node for node in stepper.flat.nodes if not node.children], stepper.ran),
+        *(questions.endings() if properties.has_end else ()),
+        *questions.properties(properties),
+    )
+    growing = () if graph.complete else stepper.states.growing(graph.keys)
     return Verification(
         verdicts,
         len(graph.keys),

@@ -1,5 +1,7 @@
 """Branches of BehaviorTree.CPP: which child is ticked depends on another one, or on a value."""
 
+from typing import Final
+
 from sar_compiler.runtime.kernel.cells import CALLED, FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
 from sar_compiler.runtime.kernel.tree_nodes import (
     ControlNode,
@@ -11,7 +13,7 @@ from sar_compiler.runtime.kernel.tree_nodes import (
     running,
 )
 
-_NONE = 0
+_NONE: Final = 0
 
 
 class IfThenElseNode(ControlNode):

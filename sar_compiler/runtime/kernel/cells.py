@@ -24,9 +24,9 @@ STATUSES: Final = (Status.INVALID, Status.RUNNING, Status.SUCCESS, Status.FAILUR
 """py_trees' status for each number."""
 
 # Names of this module: to look up a member of an enumeration is slow.
-_RUNNING: Any = Status.RUNNING
-_SUCCESS: Any = Status.SUCCESS
-_FAILURE: Any = Status.FAILURE
+_RUNNING: Final[Any] = Status.RUNNING
+_SUCCESS: Final[Any] = Status.SUCCESS
+_FAILURE: Final[Any] = Status.FAILURE
 
 
 IS_2_3: Final = not hasattr(decorators, "ForEach")

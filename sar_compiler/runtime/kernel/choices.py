@@ -1,19 +1,18 @@
 """The possible results of one tick: every combination of choices, one after another."""
 
-from sar_compiler.errors import SarError
+from sar_compiler.errors import UndecidableError
 
 
-class UnsteadyError(SarError):
+class UnsteadyError(UndecidableError):
     """The same tick, played twice with the same choices, did not ask the same questions."""
 
 
 class Choices:
     """Goes through the combinations of a tick in order, like the digits of a number.
 
-    A tick cannot be forked in the middle, where leaves and timers choose: what has happened in it is on Python's
-    stack. So it is restarted from the state before it, once for each combination. Each time it asks `pick` as it
-    goes; the first answers are those of the combination in hand, and where that ends the first option is taken.
-    Restarting is right only if the same choices lead to the same questions, which `pick` checks.
+    Each time the tick, or the rest of it, is played again, it asks `pick` as it goes; the first answers are those of the
+    combination in hand, and where that ends the first option is taken. That is right only if the same choices lead to
+    the same questions, which `pick` checks.
     """
 
     def __init__(self) -> None:
@@ -25,6 +24,11 @@ class Choices:
     def path(self) -> tuple[int, ...]:
         """The options picked so far in this tick; questions with one option are left out."""
         return tuple(self._path[: self._asked])
+
+    @property
+    def asked(self) -> int:
+        """How many choices there were so far in this tick."""
+        return self._asked
 
     def begin(self) -> None:
         """Begin with the first combination."""
@@ -55,16 +59,22 @@ class Choices:
             raise UnsteadyError(message)
         return self._path[asked]
 
-    def advance(self) -> bool:
-        """Go to the next combination; return False if that was the last one."""
+    def advance(self) -> int:
+        """Go to the next combination; return the index of the choice that is another one, -1 if there is none left."""
         path, counts = self._path, self._counts
         # What is left of a longer combination was not asked for this time.
-        del path[self._asked :], counts[self._asked :]
+        while len(path) > self._asked:
+            path.pop()
+            counts.pop()
         while path and path[-1] + 1 == counts[-1]:
             path.pop()
             counts.pop()
         if not path:
-            return False
+            return -1
         path[-1] += 1
         self._asked = 0
-        return True
+        return len(path) - 1
+
+    def go_back(self, asked: int) -> None:
+        """Go back to where so many choices had been asked for; the next one is one of those that follow."""
+        self._asked = asked

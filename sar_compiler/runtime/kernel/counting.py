@@ -123,7 +123,8 @@ class ParallelNode(CountingNode):
     def decide_at_the_end(self, ticker: Ticker) -> int:
         """Return SKIPPED if all children were skipped, else RUNNING."""
         cells = ticker.cells
-        self.behaviour.feedback_message = f"{cells[self.successes]} of {cells[self.enough]}"
+        if ticker.tells:
+            self.behaviour.feedback_message = f"{cells[self.successes]} of {cells[self.enough]}"
         return SKIPPED if cells[self.skips] == len(self.children) else RUNNING
 
     def leave(self, ticker: Ticker, outcome: int) -> int:
@@ -161,5 +162,6 @@ class ParallelAllNode(CountingNode):
             return SKIPPED
         if skips + ended == count:
             return FAILURE if cells[self.failures] >= too_many else SUCCESS
-        self.behaviour.feedback_message = f"{ended} of {count}"
+        if ticker.tells:
+            self.behaviour.feedback_message = f"{ended} of {count}"
         return RUNNING

@@ -1,6 +1,6 @@
 """Leaves: the behaviours that do the work; their own methods are called, at the same times as by py_trees."""
 
-from typing import Any
+from typing import Any, Final
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -10,10 +10,10 @@ from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode, Visit
 from sar_compiler.runtime.kernel.turning import is_news
 from sar_compiler.runtime.parents import Built
 
-_INVALID: Any = Status.INVALID
-_RUNNING: Any = Status.RUNNING
-_SUCCESS: Any = Status.SUCCESS
-_FAILURE: Any = Status.FAILURE
+_INVALID: Final[Any] = Status.INVALID
+_RUNNING: Final[Any] = Status.RUNNING
+_SUCCESS: Final[Any] = Status.SUCCESS
+_FAILURE: Final[Any] = Status.FAILURE
 
 
 class LeafNode(TreeNode):

@@ -29,8 +29,10 @@ class OrderedNode(ControlNode):
         """Make the child in hand the current one."""
         self.point_at(ticker.cells[self.position])
 
-    def tell(self, index: int, outcome: int) -> None:
+    def tell(self, ticker: Ticker, index: int, outcome: int) -> None:
         """Say which child has decided."""
+        if not ticker.tells:
+            return
         how = "failed" if outcome == FAILURE else "succeeded"
         self.behaviour.feedback_message = f"{self.children[index].behaviour.name} {how}"
 
@@ -89,7 +91,7 @@ class ResumingNode(OrderedNode):
     def decide(self, ticker: Ticker, outcome: int) -> int:
         """End because of the child in hand."""
         cells, index = ticker.cells, ticker.cells[self.position]
-        self.tell(index, outcome)
+        self.tell(ticker, index, outcome)
         cells[self.skips] = 0
         if self.goes_back:
             cells[self.position] = index = 0
@@ -199,7 +201,7 @@ class ReactiveNode(OrderedNode):
             else:
                 cells[self.end] = outcome
                 if outcome != self.hands_over:
-                    self.tell(index, outcome)
+                    self.tell(ticker, index, outcome)
                     return self.finish(ticker, outcome)
             index += 1
             outcome = INVALID

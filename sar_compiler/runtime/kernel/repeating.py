@@ -1,13 +1,13 @@
 """Decorators of BehaviorTree.CPP that tick their child again when it has ended."""
 
 from collections import deque
-from typing import Any
+from typing import Any, Final
 
 from sar_compiler.runtime.frozen import freeze, thaw
 from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SKIPPED, number_of
 from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, Part, Ticker, is_reset, reset
 
-_ENDLESS = -1
+_ENDLESS: Final = -1
 
 
 class AgainNode(DecoratorNode):
@@ -70,6 +70,8 @@ class AgainNode(DecoratorNode):
 
     def tell(self, ticker: Ticker, wanted: int) -> None:
         """Tell how often the child has been ticked."""
+        if not ticker.tells:
+            return
         number = (self.told if self.endless else ticker.cells[self.done]) + 1
         limit = "" if wanted < 0 else f" of {wanted}"
         self.behaviour.feedback_message = f"{self.behaviour._counted} {number}{limit}"
@@ -94,7 +96,7 @@ class AgainNode(DecoratorNode):
         self.told = 0
 
 
-_UNSEEN = 0
+_UNSEEN: Final = 0
 """In place of a queue that was not read yet."""
 
 

@@ -4,8 +4,9 @@ What such a decorator remembers between two ticks is moved between its attribute
 """
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, Final
 
+from py_trees import decorators
 from py_trees.common import Status
 
 from sar_compiler.runtime.frozen import freeze, thaw
@@ -19,18 +20,41 @@ from sar_compiler.runtime.kernel.cells import (
     SUCCESS,
     number_of,
 )
+from sar_compiler.runtime.kernel.leaf_nodes import is_own
 from sar_compiler.runtime.kernel.timing import Countdown
 from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
 
-_FAILURE: Any = Status.FAILURE
+_FAILURE: Final[Any] = Status.FAILURE
+
+TURNING: tuple[type, ...] = (
+    decorators.Condition,
+    decorators.Inverter,
+    decorators.PassThrough,
+    decorators.FailureIsRunning,
+    decorators.FailureIsSuccess,
+    decorators.RunningIsFailure,
+    decorators.RunningIsSuccess,
+    decorators.SuccessIsFailure,
+    decorators.SuccessIsRunning,
+)
+"""The classes of py_trees that do nothing but to make another status of their child's."""
 
 
 class StockDecoratorNode(TreeNode):
-    """A decorator of py_trees."""
+    """A decorator of py_trees.
+
+    Attributes:
+        turns: Whether its class does nothing but to make another status of the child's.
+        turned: What it has made of each status; CALLED where that is not known yet.
+        terminates: Whether its class has a `terminate` of its own.
+    """
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
         self.child = part.children[0]
+        self.turns: bool = type(part.behaviour) in TURNING
+        self.turned = [CALLED] * len(STATUSES)
+        self.terminates: bool = is_own(part.behaviour, "terminate")
 
     def begin(self, ticker: Ticker) -> int:
         """Start, unless the node runs, and tick the child."""
@@ -66,12 +90,22 @@ class StockDecoratorNode(TreeNode):
 
     def update(self, ticker: Ticker) -> int:
         """Return what the `update` of its class makes of the child's status."""
-        self.child.behaviour.status = STATUSES[ticker.cells[self.child.at]]
+        status = ticker.cells[self.child.at]
+        if ticker.tells or not self.turns:
+            return self.updated(ticker, status)
+        if self.turned[status] == CALLED:
+            self.turned[status] = self.updated(ticker, status)
+        return self.turned[status]
+
+    def updated(self, ticker: Ticker, status: int) -> int:
+        """Call the `update` of its class."""
+        self.child.behaviour.status = STATUSES[status]
         return ticker.number_of(self.behaviour, self.behaviour.update())
 
     def terminate(self, ticker: Ticker, status: int) -> None:  # noqa: ARG002
         """Do what the `terminate` of its class does."""
-        self.behaviour.terminate(STATUSES[status])
+        if self.terminates:
+            self.behaviour.terminate(STATUSES[status])
 
 
 class StockCountingNode(StockDecoratorNode):

@@ -1,50 +1,62 @@
 """Nodes of stub leaves, and timers, that try every possibility."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any, Final
 
+from sar_compiler.errors import SarError
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.kernel.cells import INVALID, RUNNING, SKIPPED, WORDS
 from sar_compiler.runtime.kernel.choices import Choices
+from sar_compiler.runtime.kernel.entry_cells import Memo, OutcomeMemo
 from sar_compiler.runtime.kernel.table import known_node
 from sar_compiler.runtime.kernel.times import Times
 from sar_compiler.runtime.kernel.trail import Trail
 from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
+from sar_compiler.runtime.script_nodes import ScriptCondition
 from sar_compiler.runtime.stub_leaf import ANSWERED, HALTED, STARTED, StubLeaf
 
 
-class _Reply(NamedTuple):
-    """An answer that is possible.
+class _Reply:
+    """An answer of a leaf.
 
     Attributes:
         event: The number of its event.
         outcome: The outcome of the tick.
-        change: The answer, if it changes facts or keys.
+        change: Changes facts and keys; None if the answer changes nothing.
+        effect: Remembers what that changes.
     """
 
-    event: int
-    outcome: int
-    change: Answer | None
+    def __init__(self, event: int, leaf: StubLeaf, answer: Answer, memo: Callable[..., Memo]) -> None:
+        self.event = event
+        self.outcome = WORDS.index(answer.status)
+        self.change: Callable[[], None] | None = None
+        if answer.then:
+            self.change = lambda: leaf.change(answer)
+            self.effect = memo(leaf.entries([answer.then]))
 
 
 class LeafNodes:
     """Builds the nodes of leaves.
 
     Args:
-        facts: What answers depend on and change: `number` tells the facts as they are now; see `RememberedFacts`.
+        board: The tree's blackboard, numbered.
         numbers: The number of each event, by the identities of the leaf and of the answer (or of None).
         choices: Decide what is answered.
-        trail: Is told what happens; the bit of a leaf is that of its node.
+        trail: Is told what happens.
 
     Attributes:
         ran: The indexes of the leaves that were ticked.
     """
 
     def __init__(
-        self, facts: Any, numbers: Mapping[tuple[int, str, int], int], choices: Choices, trail: Trail
+        self,
+        board: Any,
+        numbers: Mapping[tuple[int, str, int], int],
+        choices: Choices,
+        trail: Trail,
     ) -> None:
         self.ran: set[int] = set()
-        self.facts = facts
+        self.board = board
         self.numbers = numbers
         self.choices = choices
         self.trail = trail
@@ -55,10 +67,19 @@ class LeafNodes:
         Raises:
             NotFlatError: If its rules are not known.
         """
-        if isinstance(part.behaviour, StubLeaf):
+        behaviour = part.behaviour
+        if isinstance(behaviour, StubLeaf):
             return StubNode(part, self)
         node: TreeNode = known_node(part)
-        return node if part.children else NotedNode(part, node, self.ran)
+        if part.children:
+            return node
+        if isinstance(behaviour, ScriptCondition):
+            script = behaviour.script
+            if script.entry is not None:
+                script.is_remembered = True
+                memo = OutcomeMemo(self.board.cells, self.board.cells.place_of(script.entry.name))
+                return ConditionLeafNode(part, node, self.ran, memo)
+        return NotedNode(part, node, self.ran)
 
 
 class NotedNode(TreeNode):
@@ -77,17 +98,53 @@ class NotedNode(TreeNode):
         self.heeds_end = node.heeds_end
 
     def tick(self, ticker: Ticker) -> int:
+        """Tick the leaf, unless it may go on in several ways."""
+        return super().tick(ticker) if self._node.ways(ticker) > 1 else self.begin(ticker)
+
+    def ways(self, ticker: Ticker) -> int:
+        """Return in how many ways it may go on."""
+        return self._node.ways(ticker)
+
+    def begin(self, ticker: Ticker) -> int:
         """Tick the leaf."""
         self._ran.add(self.index)
         return self._node.tick(ticker)
 
-    def begin(self, ticker: Ticker) -> int:
-        """Tick the leaf."""
-        return self.tick(ticker)
-
     def stop(self, ticker: Ticker) -> None:
         """Stop the leaf."""
         self._node.stop(ticker)
+
+
+class ConditionLeafNode(NotedNode):
+    """A condition on one entry, which is not looked at again where that holds the same.
+
+    Args:
+        part: What it is built of.
+        node: What ticks it.
+        ran: Where its index is noted.
+        memo: Remembers what comes of it.
+    """
+
+    def __init__(self, part: Part, node: TreeNode, ran: set[int], memo: OutcomeMemo) -> None:
+        super().__init__(part, node, ran)
+        self._memo = memo
+        self._ticker: Ticker | None = None
+
+    def tick(self, ticker: Ticker) -> int:
+        """Tick the leaf."""
+        return self.begin(ticker)
+
+    def begin(self, ticker: Ticker) -> int:
+        """Tick the leaf."""
+        self._ran.add(self.index)
+        self._ticker = ticker
+        outcome = self._memo.call(self._tick)
+        ticker.cells[self.at] = outcome
+        return outcome
+
+    def _tick(self) -> int:
+        assert self._ticker is not None  # noqa: S101 - it is the one that ticks
+        return self._node.tick(self._ticker)
 
 
 class StubNode(TreeNode):
@@ -100,28 +157,48 @@ class StubNode(TreeNode):
 
     def __init__(self, part: Part, leaves: LeafNodes) -> None:
         super().__init__(part)
-        self._leaves = leaves
-        self._bit = 1 << part.index
-        leaf = part.behaviour
-        self._started = leaves.numbers[id(leaf), STARTED, id(None)]
-        self._halted = leaves.numbers[id(leaf), HALTED, id(None)]
-        self._known: dict[int, Sequence[_Reply]] = {}
+        self._trail = leaves.trail
+        self._choices = leaves.choices
+        self._ran = leaves.ran
+        self._bit = leaves.trail.bit(part.index)
+        leaf: StubLeaf = part.behaviour
+        numbers = leaves.numbers
+        self._started = numbers[id(leaf), STARTED, id(None)]
+        self._halted = numbers[id(leaf), HALTED, id(None)]
+        # The last one comes first: leaves name their setbacks after their successes, and among runs of as many
+        # ticks those with setbacks are found first, which are shorter to read.
+        self._replies = [
+            (answer, _Reply(numbers[id(leaf), ANSWERED, id(answer)], leaf, answer, leaves.board.memo))
+            for answer in reversed(leaf.answers)
+        ]
+        self._all = [reply for _, reply in self._replies]
+        conditions = [answer.when for answer in leaf.answers if answer.when]
+        self._asked: Memo | None = leaves.board.memo(leaf.entries(conditions)) if conditions else None
 
     def tick(self, ticker: Ticker) -> int:
+        """Tick the leaf, unless it may answer several things."""
+        return super().tick(ticker) if self.ways(ticker) > 1 else self.begin(ticker)
+
+    def ways(self, ticker: Ticker) -> int:  # noqa: ARG002
+        """Return how many answers there are now; if that cannot be said, its tick will say why."""
+        try:
+            return len(self._possible())
+        except SarError:
+            return 1
+
+    def begin(self, ticker: Ticker) -> int:
         """Start the leaf, unless it runs, and take one of its answers."""
-        leaves, cells = self._leaves, ticker.cells
-        trail, facts = leaves.trail, leaves.facts
-        leaves.ran.add(self.index)
+        cells, trail = ticker.cells, self._trail
+        self._ran.add(self.index)
         if cells[self.at] != RUNNING:
             trail.changed |= self._bit
             trail.take(self._started)
-        replies = self._known.get(facts.number)
-        if replies is None:
-            replies = self._replies()
-        event, outcome, change = replies[leaves.choices.pick(len(replies))]
-        trail.take(event)
-        if change is not None:
-            facts.change(self.behaviour, change)
+        replies = self._possible()
+        reply = replies[self._choices.pick(len(replies))]
+        trail.take(reply.event)
+        if reply.change is not None:
+            reply.effect.call(reply.change)
+        outcome = reply.outcome
         if outcome == RUNNING:
             trail.going_on |= self._bit
         else:
@@ -130,39 +207,27 @@ class StubNode(TreeNode):
             cells[self.at] = outcome
         return outcome
 
-    def begin(self, ticker: Ticker) -> int:
-        """Tick the leaf."""
-        return self.tick(ticker)
-
     def stop(self, ticker: Ticker) -> None:
         """Halt the leaf if it runs."""
-        trail = self._leaves.trail
         if ticker.cells[self.at] == RUNNING:
-            trail.changed |= self._bit
-            trail.take(self._halted)
+            self._trail.changed |= self._bit
+            self._trail.take(self._halted)
         ticker.cells[self.at] = INVALID
 
-    def _replies(self) -> Sequence[_Reply]:
-        """Return what the leaf can answer now, and keep it if it depends on facts only.
+    def _possible(self) -> list[_Reply]:
+        """Return what the leaf can answer now."""
+        if self._asked is None:
+            return self._all
+        possible: list[_Reply] = self._asked.call(self._worked_out)
+        return possible
 
-        The last one comes first: leaves name their setbacks after their successes, and among runs of as many
-        ticks those with setbacks are found first, which are shorter to read.
-        """
-        leaf, facts = self.behaviour, self._leaves.facts
-        replies = [
-            _Reply(
-                self._leaves.numbers[id(leaf), ANSWERED, id(answer)],
-                WORDS.index(answer.status),
-                answer if answer.then else None,
-            )
-            for answer in reversed(facts.options(leaf))
-        ]
-        if facts.decide_alone(leaf):
-            self._known[facts.number] = replies
-        return replies
+    def _worked_out(self) -> list[_Reply]:
+        possible = self.behaviour.options()
+        return [reply for answer, reply in self._replies if any(answer is each for each in possible)]
 
 
-_STARTED, _UP = 1, 2
+_STARTED: Final = 1
+_UP: Final = 2
 
 
 class ChosenTimes(Times):
@@ -170,7 +235,7 @@ class ChosenTimes(Times):
 
     Args:
         choices: Decide whether a timer is up.
-        trail: Is told what is waited for; the bit of a timer is that of its node.
+        trail: Is told what is waited for.
     """
 
     def __init__(self, choices: Choices, trail: Trail) -> None:
@@ -179,15 +244,15 @@ class ChosenTimes(Times):
 
     def start(self, index: int, seconds: float) -> int:
         """Start a timer; one without any time is up at once."""
-        self._trail.changed |= 1 << index
+        self._trail.changed |= self._trail.bit(index)
         return _STARTED if seconds > 0 else _UP
 
     def is_up(self, index: int, token: int) -> bool:
         """Choose whether a timer is up."""
         if token == _UP or self._choices.pick(2) == 1:
-            self._trail.changed |= 1 << index
+            self._trail.changed |= self._trail.bit(index)
             return True
-        self._trail.going_on |= 1 << index
+        self._trail.going_on |= self._trail.bit(index)
         return False
 
     def remaining(self, index: int, token: int) -> float:  # noqa: ARG002 - as the protocol has it

@@ -7,7 +7,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.composites import Composite
 from py_trees.decorators import Decorator
 
-from sar_compiler.errors import SarError
+from sar_compiler.errors import UndecidableError
 from sar_compiler.runtime.kernel import leaf_nodes, stock_composites, stock_decorators
 from sar_compiler.runtime.kernel.cells import IS_2_3
 from sar_compiler.runtime.kernel.tree import FlatTree, flat_tree
@@ -24,17 +24,9 @@ STOCK: dict[type[Behaviour], NodeClass] = {
     # What Count counts makes no difference to any tick.
     **dict.fromkeys(
         (
-            decorators.Condition,
+            *stock_decorators.TURNING,
             decorators.Count,
-            decorators.Inverter,
-            decorators.PassThrough,
             decorators.StatusToBlackboard,
-            decorators.FailureIsRunning,
-            decorators.FailureIsSuccess,
-            decorators.RunningIsFailure,
-            decorators.RunningIsSuccess,
-            decorators.SuccessIsFailure,
-            decorators.SuccessIsRunning,
         ),
         stock_decorators.StockDecoratorNode,
     ),
@@ -53,7 +45,7 @@ if not IS_2_3:
     STOCK[decorators.ForEach] = stock_decorators.StockForEachNode
 
 
-class NotFlatError(SarError):
+class NotFlatError(UndecidableError):
     """A tree has a node whose rules the kernel does not know.
 
     Attributes:

@@ -37,8 +37,14 @@ class Countdown:
             self.stop(ticker, UP)
         return ticker.cells[self.state] == UP
 
+    def ways(self, ticker: Ticker) -> int:
+        """Return in how many ways it may go on to count."""
+        return 2 if ticker.cells[self.state] == COUNTING else 1
+
     def left(self, ticker: Ticker) -> str:
         """Return what is told of the time that is left."""
+        if not ticker.tells:
+            return ""
         return time_left(ticker.times.remaining(self.index, ticker.values[self.token]))
 
     def stop(self, ticker: Ticker, state: int = OFF) -> None:
@@ -58,6 +64,10 @@ class DelayNode(DecoratorNode):
     def __init__(self, part: Part) -> None:
         super().__init__(part)
         self.timer = Countdown(part)
+
+    def ways(self, ticker: Ticker) -> int:
+        """Return whether the time may be over, or not."""
+        return self.timer.ways(ticker)
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the child if the time is over."""
@@ -93,6 +103,10 @@ class TimeoutNode(DecoratorNode):
     def __init__(self, part: Part) -> None:
         super().__init__(part)
         self.timer = Countdown(part)
+
+    def ways(self, ticker: Ticker) -> int:
+        """Return whether the time may be over, or not."""
+        return self.timer.ways(ticker)
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the child, unless it runs and its time is over."""
@@ -142,6 +156,10 @@ class WaitingNode(TreeNode):
     def __init__(self, part: Part) -> None:
         super().__init__(part)
         self.timer = Countdown(part)
+
+    def ways(self, ticker: Ticker) -> int:  # noqa: ARG002
+        """Return whether the time may be over, or not; it may be as soon as it has started."""
+        return 2
 
     def tick(self, ticker: Ticker) -> int:
         """Look at the time."""

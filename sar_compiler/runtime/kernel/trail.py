@@ -1,6 +1,6 @@
 """What happens in a tick, as numbers, and what is still waited for."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 
@@ -21,26 +21,45 @@ class Guarded:
 
 
 class Trail:
-    """The events of one tick.
+    """The events of one tick, and what the properties make of them.
 
     Args:
         guarded: What may go with an event, by the event's number.
+        heard: The events that mean something to a property.
+        after: Returns what the properties remember after an event, given what they remember before it, and which of
+            them it breaks, as bits.
 
     Attributes:
         numbers: What has happened, in order.
         going_on: The leaves that have answered RUNNING, and the timers that were not up, as bits.
         changed: The leaves and timers that have started or come to an end, as bits.
+        watched: What the properties remember.
+        broken: The properties that were broken, as bits.
     """
 
-    def __init__(self, guarded: Mapping[int, Sequence[Guarded]]) -> None:
+    def __init__(
+        self,
+        guarded: Mapping[int, Sequence[Guarded]],
+        heard: Iterable[int],
+        after: Callable[[int, int], tuple[int, int]],
+    ) -> None:
         self._guarded = guarded
+        self._heard = {*heard, *guarded}
+        self._after = after
+        self._known: dict[tuple[int, int], tuple[int, int]] = {}
+        self._bits: dict[int, int] = {}
         self.numbers: list[int] = []
-        self.going_on = self.changed = 0
+        self.going_on = self.changed = self.watched = self.broken = 0
 
-    def begin(self) -> None:
-        """Begin a tick."""
+    def bit(self, index: int) -> int:
+        """Return the bit of the leaf or timer of a node, by the node's index."""
+        return self._bits.setdefault(index, 1 << len(self._bits))
+
+    def begin(self, watched: int) -> None:
+        """Begin a tick, with what the properties remember."""
         self.numbers.clear()
-        self.going_on = self.changed = 0
+        self.going_on = self.changed = self.broken = 0
+        self.watched = watched
 
     @property
     def waits(self) -> int:
@@ -53,10 +72,23 @@ class Trail:
 
     def take(self, number: int) -> None:
         """Take an event, and what goes with it."""
-        if number not in self._guarded:
+        if number not in self._heard:
             self.numbers.append(number)
             return
-        holding = [each for each in self._guarded[number] if each.holds()]
-        self.numbers += [each.number for each in holding if each.comes_first]
+        holding = [each for each in self._guarded.get(number, ()) if each.holds()]
+        for each in holding:
+            if each.comes_first:
+                self._note(each.number)
+        self._note(number)
+        for each in holding:
+            if not each.comes_first:
+                self._note(each.number)
+
+    def _note(self, number: int) -> None:
         self.numbers.append(number)
-        self.numbers += [each.number for each in holding if not each.comes_first]
+        place = (self.watched, number)
+        known = self._known.get(place)
+        if known is None:
+            known = self._known[place] = self._after(self.watched, number)
+        self.watched = known[0]
+        self.broken |= known[1]

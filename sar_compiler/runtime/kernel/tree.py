@@ -1,15 +1,15 @@
 """A compiled tree in flat form: nodes, and the cells that hold all that they remember."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 from sar_compiler.runtime.kernel.cells import INVALID, STATUSES
 from sar_compiler.runtime.kernel.times import Times
 from sar_compiler.runtime.kernel.tree_nodes import Layout, Part, Ticker, TreeNode
 
-_MANY = 2
+_MANY: Final = 2
 """A count of writes that represents all larger ones. After 1 an entry may be removed, and written once more."""
-_LONG_AGO = -1
+_LONG_AGO: Final = -1
 """A count of writes that does not come again."""
 
 
@@ -50,7 +50,7 @@ class FlatTree:
         try:
             return ticker.run(self.nodes[0])
         finally:
-            self._share(ticker.cells)
+            self.share(ticker)
 
     def stop(self, ticker: Ticker, index: int = 0) -> None:
         """Stop a node as `Behaviour.stop(Status.INVALID)` does, whatever its status is.
@@ -62,7 +62,7 @@ class FlatTree:
         try:
             self.nodes[index].stop(ticker)
         finally:
-            self._share(ticker.cells)
+            self.share(ticker)
 
     def put_to_rest(self, ticker: Ticker, index: int = 0) -> None:
         """Forget how a node has ended, as `nodes.reset` does with one that is not running.
@@ -72,7 +72,7 @@ class FlatTree:
             index: The node; by default the root.
         """
         ticker.cells[self.nodes[index].at] = INVALID
-        self._share(ticker.cells)
+        self.share(ticker)
 
     def show(self, ticker: Ticker) -> None:
         """Write the statuses back to the behaviours, for the views that look at these."""
@@ -101,7 +101,9 @@ class FlatTree:
                     cells[number] = _LONG_AGO
             board.restamp(name, stamp)
 
-    def _share(self, cells: list[int]) -> None:
+    def share(self, ticker: Ticker) -> None:
+        """Copy the statuses of nodes that are one with another."""
+        cells = ticker.cells
         for node in self._shared:
             cells[node.index] = cells[node.at]
 

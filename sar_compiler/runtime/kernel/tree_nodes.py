@@ -5,7 +5,7 @@ children says in `begin` and `resume` which child it needs next, and the `Ticker
 """
 
 from collections.abc import Hashable
-from typing import Any
+from typing import Any, Final
 
 from py_trees.common import Status
 
@@ -20,7 +20,7 @@ from sar_compiler.runtime.kernel.cells import (
 from sar_compiler.runtime.kernel.times import Times
 from sar_compiler.runtime.leaf_protocol import NoStatusError
 
-_INVALID: Any = Status.INVALID
+_INVALID: Final[Any] = Status.INVALID
 
 
 class Layout:
@@ -106,6 +106,10 @@ class TreeNode:
         ticker.called = self
         return CALLED
 
+    def ways(self, ticker: "Ticker") -> int:  # noqa: ARG002
+        """Return in how many ways the node may begin a tick, as far as that is known before: it saves time, no more."""
+        return 1
+
     def begin(self, ticker: "Ticker") -> int:
         """Begin a tick; return its outcome, or what a child's `tick` returned if that is CALLED."""
         raise NotImplementedError
@@ -177,6 +181,7 @@ class Ticker:
         is_live: Whether the cells are changed by ticks only, so that the statuses of behaviours agree with them.
         is_strict: Whether an answer that is no status raises a `NoStatusError`, and is not only logged.
         by_step: Whether leaves are called like all other nodes, and not in passing.
+        tells: Whether anybody reads what nodes tell of themselves.
         visits: Where the nodes go that are ticked, in the order of their ends; None where nobody looks.
     """
 
@@ -188,6 +193,7 @@ class Ticker:
         self.is_live = False
         self.is_strict = False
         self.by_step = False
+        self.tells = True
         self.visits: list[Visit] | None = None
 
     def state(self) -> tuple[tuple[int, ...], tuple[Any, ...]]:

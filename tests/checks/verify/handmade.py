@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from sar_compiler.checks.verify.exploring import Judgement, Transition, explore
+from sar_compiler.runtime.kernel.searching import Judgement, explore
 
 
 class HandMade:
@@ -28,24 +28,32 @@ class HandMade:
     ) -> None:
         self._ticks = ticks
         self._ends = ends
-        self._broken = broken or {}
+        self._breaks = broken or {}
         self._owing = owing or {}
         self._idle_ends = idle_ends
         self.path: tuple[int, ...] = ()
+        self.state, self.waits, self.broken = 0, 0, 0
+        self.error: Exception | None = None
+        self._left: list[tuple[int, int | tuple[int, int]]] = []
 
     def start(self):
         return 0
 
-    def steps(self, state):
-        for place, tick in enumerate(self._ticks.get(state, [state])):
-            self.path = (place,)
-            target, waits = tick if isinstance(tick, tuple) else (tick, 0)
-            yield Transition(target, waits)
+    def enter(self, state):
+        self._left = list(enumerate(self._ticks.get(state, [state])))
 
-    def judge(self, state, *, idle):
+    def step(self):
+        if not self._left:
+            return False
+        place, tick = self._left.pop(0)
+        self.path = (place,)
+        self.state, self.waits = tick if isinstance(tick, tuple) else (tick, 0)
+        return True
+
+    def judge(self, state, idle):
         ends = state in self._ends or bool(idle and state in self._idle_ends)
         is_open = idle is None and bool(self._idle_ends)
-        return Judgement(ends, self._broken.get(state, 0), self._owing.get(state, 0), is_open)
+        return Judgement(ends, self._breaks.get(state, 0), self._owing.get(state, 0), is_open)
 
 
 def explored(ticks, max_states=1000, **judged):

@@ -14,7 +14,7 @@ def played(tick):
     found = []
     while True:
         found.append(tick(choices))
-        if not choices.advance():
+        if choices.advance() < 0:
             return found
 
 

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from sar_compiler.checks.verify.liveness import components, endings, is_fair, lasso, owing_for_ever
+from sar_compiler.runtime.kernel.liveness import components, endings, is_fair, lasso, owing_for_ever
 from tests.checks.verify.handmade import explored
 
 

@@ -4,13 +4,13 @@ import contextlib
 
 import pytest
 
-from sar_compiler.checks.verify.exploring import explore
 from sar_compiler.checks.verify.properties import without_properties
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.checks.verify.traces import Retracing
 from sar_compiler.runtime.kernel.cells import STATUSES
 from sar_compiler.runtime.kernel.choices import Choices
+from sar_compiler.runtime.kernel.searching import explore
 from sar_compiler.runtime.stub_leaf import ANSWERED
 from sar_compiler.tree.diagnostic import TreeError
 from tests.checks.verify.random_trees import random_tree
@@ -46,7 +46,7 @@ class Explored:
 
     def __init__(self, simulated, max_states):
         self.stepper = TreeStepper(Prepared.of(simulated), without_properties().rules, forgets=False)
-        self.graph = explore(self.stepper, max_states)
+        self.graph = explore(self.stepper.steps, max_states)
         self._simulated = simulated
         # As `iterate` of py_trees goes through a tree: children before parents.
         index = {id(node.behaviour): node.index for node in self.stepper.flat.nodes}
@@ -55,7 +55,7 @@ class Explored:
     def looked_at(self, number):
         state = self.graph.keys[number]
         self.stepper.states.values_in(state)
-        cells = list(state.cells)
+        cells = self.stepper.ticker.cells
         return (
             tuple(STATUSES[cells[index]] for index in self._order),
             values(self._simulated.compiled.board),
@@ -96,7 +96,7 @@ def tick_sequences(binding):
             except Exception:  # noqa: BLE001 - scripts of random trees go wrong
                 break
             yield looked_at(simulated)
-        if not choices.advance():
+        if choices.advance() < 0:
             return
     yield None
 

@@ -13,13 +13,16 @@ from py_trees.common import Status
 from sar_compiler.compiler import CompiledTree, bind_main, compile_tree
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.nodes.registry import Registry, default_registry
-from sar_compiler.runtime.blackboard import Snapshot
+from sar_compiler.runtime.blackboard import Board
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.enums import Enums
+from sar_compiler.runtime.frozen import freeze
 from sar_compiler.runtime.kernel.cells import SKIPPED, STATUSES
+from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.kernel.table import flatten
 from sar_compiler.runtime.kernel.times import ClockTimes
+from sar_compiler.runtime.numbered_board import NumberedBoard
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.forest import Forest
@@ -96,7 +99,7 @@ class Seen:
     skipped: list[bool]
     messages: list[str]
     tip: str | None
-    entries: Snapshot
+    entries: tuple[tuple[str, object, object, int], ...]
     woken: int
 
 
@@ -140,10 +143,7 @@ class Stage:
             [was_skipped(node) for node in nodes if not node.children],
             [node.feedback_message for node in nodes],
             tip.name if tip else None,
-            tuple(
-                (name.removeprefix(board.prefix), kind, value, board.stamp(name))
-                for name, kind, value, _ in board.snapshot()
-            ),
+            entries_of(board),
             self.woken,
         )
 
@@ -152,6 +152,21 @@ class Stage:
 
     def stop(self) -> None:
         raise NotImplementedError
+
+
+def entries_of(board: Board) -> tuple[tuple[str, object, object, int], ...]:
+    """Return the name, the type, the value and the count of writes of each entry that was written or named."""
+    names = board.cells.names if isinstance(board, NumberedBoard) else {*board.names(), *board._kinds}
+    return tuple(
+        (
+            name.removeprefix(board.prefix),
+            (board.kind(name), board.declared(name)),
+            freeze(board.get(name)) if board.has(name) else None,
+            board.stamp(name),
+        )
+        for name in sorted(names)
+        if board.has(name) or board.declared(name)
+    )
 
 
 class PyTreesStage(Stage):
@@ -186,7 +201,7 @@ class Saved:
     """A state of a tree in flat form, and when it had it."""
 
     cells: Any
-    board: Snapshot
+    entries: list[int]
     time: float
 
 
@@ -198,6 +213,7 @@ class FlatStage(Stage):
         self.flat = flatten(self.tree.root)
         self.times = ClockTimes(self.clock)
         self.ticker = self.flat.ticker(self.times)
+        self.entries: EntryCells | None = None
 
     def tick(self) -> str:
         outcome = self.flat.tick(self.ticker)
@@ -208,13 +224,18 @@ class FlatStage(Stage):
 
     def save(self) -> Saved:
         """Return the state of the tree: its cells and its blackboard."""
+        if self.entries is None:
+            self.entries = EntryCells()
+            NumberedBoard.of(self.tree.board, self.entries)
         self.flat.renumber(self.ticker)
-        return Saved(self.ticker.state(), self.tree.board.snapshot(), self.clock.now())
+        self.entries.settle()
+        return Saved(self.ticker.state(), self.entries.now[:], self.clock.now())
 
     def restore(self, saved: Saved) -> None:
         """Go back to a state."""
+        assert self.entries is not None, "nothing was saved"
         self.ticker.restore(saved.cells)
-        self.tree.board.restore(saved.board)
+        self.entries.restore(saved.entries)
         self.clock.advance(saved.time - self.clock.now())
         self.ticker.times = ClockTimes(self.clock)
 

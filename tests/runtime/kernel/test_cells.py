@@ -4,7 +4,6 @@ import random
 
 import pytest
 
-from sar_compiler.runtime.blackboard import Snapshot
 from tests.runtime.kernel.random_trees import HAS_FOR_EACH
 from tests.runtime.kernel.stage import Beat, FlatStage, Saved, Seen, bound, random_beats, random_bindings
 
@@ -37,14 +36,14 @@ def test_a_tree_that_is_put_back_into_an_earlier_state_does_the_same_again(skips
             assert again == first[index:], f"seed {seed}, from tick {index}"
 
 
-def states_of(body: str, ticks: int = 60) -> list[tuple[object, Snapshot]]:
+def states_of(body: str, ticks: int = 60) -> list[tuple[object, tuple[int, ...]]]:
     """Return the states that a tree comes to."""
     stage = FlatStage(bound(body), seed=1)
     seen = []
     for number in range(ticks):
         stage.play(Beat(number, 0.0, halt=False))
         saved = stage.save()
-        seen.append((saved.cells, saved.board))
+        seen.append((saved.cells, tuple(saved.entries)))
     return seen
 
 

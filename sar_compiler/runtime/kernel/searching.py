@@ -1,29 +1,17 @@
 """Searching the states of a tree breadth first."""
 
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from array import array
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
-from sar_compiler.checks.verify.graph import Breach, Graph
+from sar_compiler.runtime.kernel.graph import Breach, Graph
+from sar_compiler.runtime.kernel.numbering import Numbering
 
 # Who waits for a report, or wants to stop, does not wait long for so many ticks.
-_REPORT_EVERY = 256
-
-
-class Transition(NamedTuple):
-    """One possible result of a tick.
-
-    Attributes:
-        state: The state after it; None if it raised.
-        waits: The leaves and timers that it goes on waiting for, as bits.
-        broken: The rules that it breaks, as bits.
-        error: What it raised.
-    """
-
-    state: Hashable | None
-    waits: int = 0
-    broken: int = 0
-    error: Exception | None = None
+_REPORT_EVERY: Final = 256
+_SHORT: Final = 1 << 16
+"""So many numbers fit into two bytes."""
 
 
 class Judgement(NamedTuple):
@@ -43,28 +31,44 @@ class Judgement(NamedTuple):
 
 
 class Stepper(Protocol):
-    """The states that can be searched."""
+    """The states that can be searched, and the steps between them.
 
-    def start(self) -> Hashable:
-        """Return the state before the first tick."""
+    Attributes:
+        state: The state after the last step; None if it raised.
+        waits: The leaves and timers that it goes on waiting for, as bits.
+        broken: The rules that it breaks, as bits.
+        error: What it raised.
+    """
+
+    state: Any
+    waits: int
+    broken: int
+    error: Exception | None
+
+    def start(self) -> Any:
+        """Return the state before the first step."""
         ...
 
-    def steps(self, state: Hashable) -> Iterator[Transition]:
-        """Yield every possible result of the next tick."""
+    def enter(self, state: Any) -> None:
+        """Go to a state."""
         ...
 
-    def judge(self, state: Hashable, *, idle: bool | None) -> Judgement:
+    def step(self) -> bool:
+        """Do the next one of the steps that are possible in the state; return False if there is none."""
+        ...
+
+    def judge(self, state: Any, idle: bool | None) -> Judgement:
         """Judge a state.
 
         Args:
             state: The state.
-            idle: Whether every tick leaves it as it is; None if that is not known yet.
+            idle: Whether every step leaves it as it is; None if that is not known yet.
         """
         ...
 
     @property
     def path(self) -> tuple[int, ...]:
-        """The choices of the step that was yielded last."""
+        """The choices of the last step."""
         ...
 
 
@@ -115,8 +119,8 @@ class _Exploration:
         self._max_states = max_states
         self._report = report
         self._names = names
-        self._graph = Graph()
-        self._numbers: dict[Hashable, int] = {}
+        self._numbering = Numbering()
+        self._graph = Graph(self._numbering.keys)
         self._waiting: dict[int, int] = {}
         self._open: set[int] = set()
         self._played = 0
@@ -135,26 +139,28 @@ class _Exploration:
 
     def _expand(self, index: int) -> None:
         """Find the successors of a state; one whose successors do not all fit does not count as expanded."""
-        graph, numbers, waiting = self._graph, self._numbers, self._waiting
+        graph, stepper, waiting = self._graph, self._stepper, self._waiting
         edges: dict[tuple[int, int], None] = {}
         idle = True
-        for step in self._stepper.steps(graph.keys[index]):
+        stepper.enter(graph.keys[index])
+        while stepper.step():
             self._count()
             if graph.stopped:
                 return
-            if step.state is None:
-                self._note_error(index, step)
+            state = stepper.state
+            if state is None:
+                self._note_error(index)
                 idle = False
                 continue
-            target = numbers.get(step.state)
-            if target is None:
+            target = self._numbering.find(state)
+            if target < 0:
                 if len(graph.keys) >= self._max_states:
                     graph.complete = False
                     return
-                target = self._add(step.state, index)
-            if step.broken:
-                self._note_breaches(Breach(index, self._stepper.path), step.broken)
-            edges[target, waiting.setdefault(step.waits, len(waiting))] = None
+                target = self._add(state, index)
+            if stepper.broken:
+                self._note_breaches(Breach(index, stepper.path), stepper.broken)
+            edges[target, waiting.setdefault(stepper.waits, len(waiting))] = None
             idle = idle and target == index
         self._write(edges)
         if index in self._open:
@@ -177,12 +183,14 @@ class _Exploration:
     def _write(self, edges: Iterable[tuple[int, int]]) -> None:
         """Write down what the ticks of a state lead to, and what they wait for."""
         graph = self._graph
+        if len(self._waiting) > len(graph.waiting):
+            graph.waiting = list(self._waiting)
+            if len(graph.waiting) > _SHORT and graph.waits.typecode == "H":
+                graph.waits = array("I", graph.waits)
         for target, wait in edges:
             graph.targets.append(target)
             graph.waits.append(wait)
         graph.offsets.append(len(graph.targets))
-        if len(self._waiting) > len(graph.waiting):
-            graph.waiting = list(self._waiting)
 
     def _judge_again(self, index: int, *, idle: bool) -> None:
         """Judge a state again now that all of its ticks are known.
@@ -192,16 +200,15 @@ class _Exploration:
         is for `liveness`, after the search.
         """
         self._open.remove(index)
-        judgement = self._stepper.judge(self._graph.keys[index], idle=idle)
+        judgement = self._stepper.judge(self._graph.keys[index], idle)
         self._graph.ends[index] = judgement.ends
         self._note_breaches(Breach(index), judgement.broken)
 
-    def _add(self, state: Hashable, source: int) -> int:
+    def _add(self, state: Any, source: int) -> int:
         graph = self._graph
-        number = self._numbers[state] = len(graph.keys)
-        graph.keys.append(state)
+        number = self._numbering.add(state)
         graph.origins.append(source)
-        judgement = self._stepper.judge(state, idle=None)
+        judgement = self._stepper.judge(state, None)
         graph.ends.append(judgement.ends)
         graph.pending.append(judgement.pending)
         if judgement.is_open:
@@ -219,6 +226,6 @@ class _Exploration:
             broken >>= 1
             rule += 1
 
-    def _note_error(self, source: int, step: Transition) -> None:
+    def _note_error(self, source: int) -> None:
         if self._graph.error is None:
-            self._graph.error = Breach(source, self._stepper.path, step.error)
+            self._graph.error = Breach(source, self._stepper.path, self._stepper.error)

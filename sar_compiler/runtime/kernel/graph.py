@@ -2,8 +2,9 @@
 
 import bisect
 from array import array
-from collections.abc import Hashable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -42,11 +43,11 @@ class Graph:
         stopped: Whether somebody wanted the search to end before that.
     """
 
-    keys: list[Hashable] = field(default_factory=list)
+    keys: list[Any]
     origins: "array[int]" = field(default_factory=lambda: array("I"))
     offsets: "array[int]" = field(default_factory=lambda: array("I", [0]))
     targets: "array[int]" = field(default_factory=lambda: array("I"))
-    waits: "array[int]" = field(default_factory=lambda: array("I"))
+    waits: "array[int]" = field(default_factory=lambda: array("H"))
     waiting: list[int] = field(default_factory=list)
     ends: bytearray = field(default_factory=bytearray)
     pending: list[int] = field(default_factory=list)

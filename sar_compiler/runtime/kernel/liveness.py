@@ -13,8 +13,9 @@ from array import array
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Final
 
-from sar_compiler.checks.verify.graph import Graph
+from sar_compiler.runtime.kernel.graph import Graph
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ def _first(component: Iterable[int], known: int | None) -> int:
     return least if known is None else min(least, known)
 
 
-_NEW = 0
+_NEW: Final = 0
 
 
 def components(graph: Graph, excluded: bytearray) -> Iterator[list[int]]:

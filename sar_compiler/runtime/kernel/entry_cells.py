@@ -1,0 +1,134 @@
+"""What entries of the blackboard hold as small numbers, for states that are kept and compared by the million.
+
+An entry has few different contents in all runs of a tree. Each gets a number when it is seen first, so what all entries
+hold is a list of numbers; and what a script makes of some entries is remembered by the numbers of these.
+"""
+
+from collections.abc import Callable, Hashable
+from typing import Any, Final
+
+NOTHING: Final = 0
+"""The number of an entry that is not there."""
+
+
+class EntryCells:
+    """The contents of entries.
+
+    Attributes:
+        now: The number of what each entry holds now.
+        names: The names of the entries.
+        lent: What was read that can be changed in place, by the place of its entry.
+        freeze: Returns the content of an entry, given its place and what was lent.
+    """
+
+    def __init__(self) -> None:
+        self.now: list[int] = []
+        self.names: list[str] = []
+        self.lent: dict[int, Any] = {}
+        self.freeze: Callable[[int, Any], Hashable] | None = None
+        self._places: dict[str, int] = {}
+        self._contents: list[list[Any]] = []
+        self._numbers: list[dict[Any, int]] = []
+
+    def place_of(self, name: str) -> int:
+        """Return the place of an entry, which is made if there is none."""
+        place = self._places.get(name, -1)
+        if place < 0:
+            place = self._places[name] = len(self.names)
+            self.names.append(name)
+            self.now.append(NOTHING)
+            self._contents.append([None])
+            self._numbers.append({None: NOTHING})
+        return place
+
+    def content(self, place: int) -> Any:
+        """Return what an entry holds; None if it is not there."""
+        return self._contents[place][self.now[place]]
+
+    def put(self, place: int, content: Any) -> None:
+        """Replace what an entry holds; None if it is to be there no more."""
+        numbers = self._numbers[place]
+        number = numbers.get(content, -1)
+        if number < 0:
+            contents = self._contents[place]
+            number = numbers[content] = len(contents)
+            contents.append(content)
+        self.now[place] = number
+
+    def restore(self, now: list[int]) -> None:
+        """Make all entries what they were; those that were not known then are not there."""
+        self.lent.clear()
+        missing = len(self.names) - len(now)
+        self.now = now + [NOTHING] * missing
+
+    def settle(self) -> None:
+        """Look at what was lent, which may have been changed in place."""
+        if self.lent:
+            freeze = self.freeze
+            assert freeze is not None  # noqa: S101 - whoever lends sets it
+            for place, value in self.lent.items():
+                self.put(place, freeze(place, value))
+            self.lent.clear()
+
+
+_UNKNOWN: Final[Any] = object()
+
+
+class Memo:
+    """What a piece of code does, remembered by what is in the entries that it uses.
+
+    Args:
+        cells: The contents of entries.
+        places: The places of all entries that it can read or write; it depends on nothing else, and changes nothing else.
+    """
+
+    def __init__(self, cells: EntryCells, places: list[int]) -> None:
+        self._cells = cells
+        self._places = places
+        self._alone = places[0] if len(places) == 1 else -1
+        self._known: dict[Any, Any] = {}
+        self._changes: dict[Any, list[tuple[int, int]]] = {}
+
+    def call(self, run: Callable[[], Any]) -> Any:
+        """Return what the code returns, and change what it changes; what it raises is raised, and not remembered."""
+        now = self._cells.now
+        key: Any = now[self._alone] if self._alone >= 0 else tuple([now[place] for place in self._places])
+        answer = self._known.get(key, _UNKNOWN)
+        if answer is _UNKNOWN:
+            before = [now[place] for place in self._places]
+            answer = self._known[key] = run()
+            changes = [
+                (place, now[place]) for index, place in enumerate(self._places) if now[place] != before[index]
+            ]
+            if changes:
+                self._changes[key] = changes
+        elif self._changes:
+            for place, number in self._changes.get(key, ()):
+                now[place] = number
+        return answer
+
+
+class OutcomeMemo:
+    """The outcome of a piece of code that changes nothing, remembered by what is in the only entry that it reads.
+
+    It takes a byte for each content of the entry: a tree may have a thousand conditions on one with a thousand contents.
+
+    Args:
+        cells: The contents of entries.
+        place: The place of the entry.
+    """
+
+    def __init__(self, cells: EntryCells, place: int) -> None:
+        self._cells = cells
+        self._place = place
+        self._known = bytearray()
+
+    def call(self, run: Callable[[], int]) -> int:
+        """Return what the code returns, a number of `cells` but INVALID."""
+        number = self._cells.now[self._place]
+        known = self._known
+        if number >= len(known):
+            known.extend(bytes(number + 1 - len(known)))
+        if not known[number]:
+            known[number] = run()
+        return known[number]

@@ -1,0 +1,124 @@
+"""The ticks of a tree as steps of a search."""
+
+from collections.abc import Callable
+
+from sar_compiler.errors import UndecidableError
+from sar_compiler.runtime.kernel.entry_cells import Memo
+from sar_compiler.runtime.kernel.forking import KNOWN, ForkingTicker
+from sar_compiler.runtime.kernel.searching import Judgement
+from sar_compiler.runtime.kernel.state_code import StateCode
+from sar_compiler.runtime.kernel.tree import FlatTree
+
+Judge = Callable[[int, int, bool | None], Judgement]
+"""Judges a state by the outcome of the last tick, what the properties remember, and whether every tick leaves it as it is.
+
+That is None while it is not known. Of the entries of the blackboard it looks at some that are known."""
+
+
+class TickSteps:
+    """The steps between the states of a tree: all of its possible ticks.
+
+    Args:
+        flat: The tree.
+        ticker: What ticks it.
+        forgets: Whether states are the same that differ only in how nodes have ended, where that makes no difference.
+        judge: Judges a state.
+        judged_by: The places of the entries that it looks at.
+
+    Attributes:
+        state: The state after the last step; None if the tick raised.
+        waits: The leaves and timers that it goes on waiting for, as bits.
+        broken: The properties that it breaks, as bits.
+        error: What it raised.
+        outcome: The outcome of the tick; INVALID if it raised.
+    """
+
+    def __init__(
+        self, flat: FlatTree, ticker: ForkingTicker, judge: Judge, judged_by: list[int], *, forgets: bool
+    ) -> None:
+        self._flat = flat
+        self._ticker = ticker
+        heeded = {node.at for node in flat.nodes if node.heeds_end}
+        forgotten = [index not in heeded for index in range(len(flat.nodes))] if forgets else []
+        self._code = StateCode(ticker.cells, ticker.values, forgotten)
+        self._judge = judge
+        self._judged_by = judged_by
+        self._judged: dict[tuple[int, int, bool | None], Memo] = {}
+        self._is_fresh = True
+        self._first = self._taken(0, 0)
+        self.state: bytes | None = self._first
+        self.waits = self.broken = self.outcome = 0
+        self.error: Exception | None = None
+
+    def start(self) -> bytes:
+        """Return the state before the first tick."""
+        return self._first
+
+    @property
+    def path(self) -> tuple[int, ...]:
+        """The choices of the last step."""
+        return self._ticker.choices.path
+
+    def enter(self, state: bytes) -> None:
+        """Go to a state, to play its ticks."""
+        watched = self.restore(state)[1]
+        self._ticker.begin(self._flat.nodes[0], watched)
+        self._is_fresh = True
+
+    def step(self) -> bool:
+        """Play the next tick; return False if there is none.
+
+        Raises:
+            UndecidableError: If the steps of the tree cannot be known.
+        """
+        ticker = self._ticker
+        while True:
+            if self._is_fresh:
+                self._is_fresh = False
+            elif not ticker.advance():
+                return False
+            self.state, self.outcome, self.error = None, 0, None
+            try:
+                outcome = ticker.play()
+                if outcome == KNOWN:
+                    continue
+                self._flat.share(ticker)
+                self._flat.renumber(ticker)
+                trail = ticker.trail
+                self.state = self._taken(outcome, trail.watched)
+                self.outcome, self.waits, self.broken = outcome, trail.waits, trail.broken
+            except UndecidableError:
+                raise
+            except Exception as error:  # noqa: BLE001 - whatever a node raises would end the mission
+                self.error = error
+            return True
+
+    def judge(self, state: bytes, idle: bool | None) -> Judgement:
+        """Judge a state.
+
+        Args:
+            state: The state.
+            idle: Whether every tick leaves it as it is; None if that is not known yet.
+        """
+        if state is self.state:
+            outcome, watched = self.outcome, self._ticker.trail.watched
+        else:
+            outcome, watched = self.restore(state)
+        place = (outcome, watched, idle)
+        memo = self._judged.get(place)
+        if memo is None:
+            memo = self._judged[place] = Memo(self._ticker.entries, self._judged_by)
+        judgement: Judgement = memo.call(lambda: self._judge(outcome, watched, idle))
+        return judgement
+
+    def restore(self, state: bytes) -> tuple[int, int]:
+        """Make the tree what it was in a state; return the outcome of the last tick, and what the properties remembered."""
+        ticker = self._ticker
+        ticker.entries.restore(self._code.read(state, ticker.cells, ticker.values))
+        head = self._code.head(state)
+        return head[0], head[1]
+
+    def _taken(self, outcome: int, watched: int) -> bytes:
+        ticker = self._ticker
+        ticker.entries.settle()
+        return self._code.written([outcome, watched], ticker.cells, ticker.values, ticker.entries.now)

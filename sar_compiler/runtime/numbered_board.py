@@ -1,0 +1,148 @@
+"""A board of which states are taken by the million: what its entries hold are numbers."""
+
+from collections.abc import Hashable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+from sar_compiler.runtime.blackboard import Board, Entry
+from sar_compiler.runtime.frozen import PLAIN, FrozenValueError, can_change, freeze, thaw
+from sar_compiler.runtime.kernel.entry_cells import EntryCells, Memo
+
+
+class Content(NamedTuple):
+    """What an entry holds.
+
+    Attributes:
+        kind: Its type, None if it has none of its own, in a tuple; None if nobody has named it.
+        frozen: Its value, as `freeze` returns it; None if nothing was written.
+        stamp: How often it was written, where somebody watches that; else 1 if it was.
+    """
+
+    kind: tuple[type | None] | None = None
+    frozen: Any = None
+    stamp: int = 0
+
+
+_NOTHING = Content()
+
+
+class NumberedBoard(Board):
+    """A board whose entries are in cells, and no longer on py_trees' blackboard.
+
+    Attributes:
+        cells: Where they are, perhaps beside those of other boards.
+    """
+
+    is_numbered = True
+    cells: EntryCells
+
+    @classmethod
+    def of(cls, board: Board, cells: EntryCells) -> None:
+        """Turn a board into a numbered one, which remains the same object: the ports of all nodes refer to it.
+
+        Raises:
+            FrozenValueError: If an entry holds a value that can neither be copied nor hashed.
+        """
+        kinds, values = dict(board._kinds), {name: board.get(name) for name in board.names()}
+        for name in values:
+            board.remove(name)
+        board.__class__ = cls
+        assert isinstance(board, NumberedBoard)  # noqa: S101 - the line above says so
+        board.cells = cells
+        cells.freeze = board._frozen_again
+        for name in {**values, **kinds}:
+            if name in kinds:
+                board.declare(name, kinds[name])
+            if name in values:
+                board.set(name, values[name])
+
+    def memo(self, entries: Sequence[Entry]) -> Memo:
+        """Return what remembers the effect of code on entries of this board, and of those that share its cells."""
+        return Memo(self.cells, sorted({self.cells.place_of(entry.name) for entry in entries}))
+
+    def has(self, name: str) -> bool:
+        """Return whether there is an entry with an absolute name."""
+        return self._held(name).frozen is not None
+
+    def get(self, name: str) -> object:
+        """Return an entry's value; a `KeyError` if there is none."""
+        frozen = self._held(name).frozen
+        if frozen is None:
+            raise KeyError(name)
+        kind, held, *_ = frozen
+        if kind in PLAIN:
+            return held
+        place = self.cells.place_of(name)
+        if place in self.cells.lent:
+            return self.cells.lent[place]
+        value: object = thaw(frozen)
+        if can_change(value):
+            self.cells.lent[place] = value
+        return value
+
+    def set(self, name: str, value: object) -> None:
+        """Write an entry, which is made if there is none."""
+        held = self._held(name)
+        self._put(name, held._replace(frozen=self._frozen(name, value), stamp=self._next_stamp(name)))
+
+    def declare(self, name: str, kind: type | None) -> None:
+        """Name an entry, which stays empty until it is written; the first type that it is given counts."""
+        held = self._held(name)
+        if held.kind is None:
+            self._put(name, held._replace(kind=(kind,)))
+
+    def settle(self, name: str, kind: type) -> None:
+        """Give an entry a type, if it has none of its own."""
+        held = self._held(name)
+        if held.kind in (None, (None,)):
+            self._put(name, held._replace(kind=(kind,)))
+
+    def declared(self, name: str) -> bool:
+        """Return whether an entry is named."""
+        return self._held(name).kind is not None
+
+    def kind(self, name: str) -> type | None:
+        """Return the type of an entry; None if it has none of its own."""
+        kind = self._held(name).kind
+        return None if kind is None else kind[0]
+
+    def remove(self, name: str) -> None:
+        """Remove an entry, if there is one, and forget its type."""
+        self._put(name, _NOTHING)
+
+    def stamp(self, name: str) -> int:
+        """Return how often an entry was written, if that is watched; 0 if there is none."""
+        return self._held(name).stamp
+
+    def names(self) -> Iterator[str]:
+        """Yield the absolute names of all entries."""
+        folder = f"{self.prefix}/"
+        yield from [name for name in self.cells.names if name.startswith(folder) and self.has(name)]
+
+    def restamp(self, name: str, stamp: int) -> None:
+        """Have an entry, if there is one, count as written so often."""
+        held = self._held(name)
+        if held.stamp not in (0, stamp):
+            self._put(name, held._replace(stamp=stamp))
+
+    def _held(self, name: str) -> Content:
+        held: Content | None = self.cells.content(self.cells.place_of(name))
+        return held or _NOTHING
+
+    def _put(self, name: str, content: Content) -> None:
+        place = self.cells.place_of(name)
+        self.cells.lent.pop(place, None)
+        self.cells.put(place, None if content == _NOTHING else content)
+
+    def _next_stamp(self, name: str) -> int:
+        return self.stamp(name) + 1 if name in self._watched else 1
+
+    def _frozen(self, name: str, value: object) -> Hashable:
+        try:
+            return freeze(value)
+        except FrozenValueError as error:
+            message = f"the entry '{name.removeprefix(self.prefix + '/')}' holds {error}"
+            raise FrozenValueError(message) from error
+
+    def _frozen_again(self, place: int, value: object) -> Hashable:
+        name, held = self.cells.names[place], self.cells.content(place)
+        return held._replace(frozen=self._frozen(name, value)) if held else None
