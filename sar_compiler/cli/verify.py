@@ -8,7 +8,7 @@ import time
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, INTERRUPTED, OK, USAGE, count
-from sar_compiler.cli.loading import FILE_HELP, add_project_options, workspace
+from sar_compiler.cli.loading import FILE_HELP, add_params, add_project_options, workspace
 
 if TYPE_CHECKING:
     from sar_compiler.checks.verify import Progress, Verification
@@ -36,6 +36,7 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
         metavar="FACT=VALUE",
         help="what a fact is at the start, such as zones_left=4; may be repeated",
     )
+    add_params(parser)
     parser.add_argument(
         "--max-states",
         type=count,
@@ -82,6 +83,7 @@ def _verify(arguments: argparse.Namespace) -> "Verification":
         return tree.verify(
             arguments.properties,
             facts=_typed(arguments.set),
+            params=arguments.params,
             tree_id=arguments.tree,
             max_states=arguments.max_states,
             report=shown.show,

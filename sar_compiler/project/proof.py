@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import yaml
 
-from sar_compiler.checks.assumptions import raise_disputes, read_assumptions
+from sar_compiler.checks.assumptions import StartValues, raise_disputes, read_assumptions, start_assumptions
 from sar_compiler.checks.verify import PropertyFile, Report, Verification, read_property_file, verify
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.documents.located import Document
@@ -24,22 +24,22 @@ def verified(
     binding: Binding,
     properties: str | Path | None,
     facts: Mapping[str, object] | Document | None,
+    start: StartValues,
     max_states: int,
     report: Report,
 ) -> Verification:
     """Verify a bound tree; see `LoadedTree.verify`."""
     file = _properties(properties, binding, tree.project.checkout)
-    parameters = {} if file is None else file.parameters
+    parameters = {**start.parameters, **({} if file is None else file.parameters)}
     # The findings about the file are raised when all of them are known.
     with contextlib.nullcontext() if file is None else file.document.findings_first():
         simulated = compile_simulated(binding, parameters)
-        assumed = Assumptions()
+        assumed = start_assumptions(start, simulated)
         if file is not None:
-            assumed = read_assumptions(file.document, file.facts, file.answers, simulated)
+            assumed |= read_assumptions(file.document, file.facts, file.answers, simulated)
         if facts:
             # The file may declare facts of its own.
-            typed = _of_the_user(facts, compile_simulated(binding, parameters, assumed))
-            assumed = Assumptions({**assumed.facts, **typed.facts}, assumed.answers)
+            assumed |= _of_the_user(facts, compile_simulated(binding, parameters, assumed))
         simulated = compile_simulated(binding, parameters, assumed)
         raise_disputes(simulated)
         tags = {spec.tag for spec in tree.project.registry if spec.kind.is_leaf}

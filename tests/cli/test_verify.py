@@ -134,6 +134,35 @@ def test_facts_are_set_on_the_command_line(run):
     assert int(states[0]) < int(states[1])
 
 
+def test_a_parameter_file_says_how_many_zones_the_mission_has(run):
+    zones = "".join(f", {zone}: {{x: 0, y: 0, yaw: 0}}" for zone in "abcd")[2:]
+    params = f"/**: {{ros__parameters: {{zone_order: [a, b, c, d], zones: {{{zones}}}, goal: 2}}}}"
+    arguments = ("--params", "{folder}/params.yaml", "--format", "json")
+
+    def states(*more, **files):
+        status, out, err = run(FINE, *more, **files)
+        assert (status, err) == (0, "")
+        return json.loads(out)["states"]
+
+    with_params = states(*arguments, params=params)
+    assert with_params == states("--set", "zones_left=4", "--format", "json")
+    assert with_params != states("--format", "json")
+    file = {"params": params, "p": "facts: {zones_left: 2}\nproperties: {}"}
+    properties = (*arguments, "--properties", "{folder}/p.yaml")
+    assert states(*properties, **file) == states("--set", "zones_left=2", "--format", "json")
+    assert states(*properties, "--set", "zones_left=4", **file) == with_params
+
+
+def test_a_tree_without_a_mission_takes_parameters_as_keys(run):
+    tree = document('<Sequence><ScriptCondition code="@goal == 2"/><AlwaysSuccess/></Sequence>')
+    params = "sar_run: {ros__parameters: {goal: 2, tick_rat_hz: 1.0}}"
+    status, _, err = run(tree, "--params", "{folder}/params.yaml", params=params)
+    assert status == 0
+    assert err.endswith("params.yaml: parameter 'tick_rat_hz' is not read; did you mean 'tick_rate_hz'?\n")
+    status, _, err = run(tree, "--params", "{folder}/params.yaml", params=params.replace("sar_run", "other"))
+    assert "the file's sections are for /other; this node is /sar_run\n" in err
+
+
 def test_the_command_line_wins_over_the_file(run):
     properties = "facts: {zones_left: 0}\nproperties: {none: {never: AdvanceZone advanced}}"
     arguments = ("--properties", "{folder}/p.yaml")
