@@ -21,6 +21,11 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `verify`."""
     parser.add_argument("file", metavar="FILE", help=FILE_HELP)
     parser.add_argument(
+        "--against",
+        metavar="OTHER",
+        help="a tree file from before a change, or a shipped tree: say which answers are other than for it",
+    )
+    parser.add_argument(
         "--properties",
         metavar="P.yaml",
         help="what must hold in every run (default for a mission with zones: config/mission_properties.yaml)",
@@ -52,42 +57,74 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
 
 
 def verify_file(arguments: argparse.Namespace) -> int:
-    """Verify the tree of a file, and print the results, also after Ctrl-C.
+    """Verify the tree of a file, or compare it with another one, and print the results, also after Ctrl-C.
 
     Returns:
-        0 if all properties are proved, 1 if one does not hold or is undecided, 2 if a file is invalid, 130 after Ctrl-C.
+        0 if all properties are proved, 1 if one does not hold or is undecided, 2 if a file is invalid, 130 after
+        Ctrl-C. With another tree: 0 if no answer is worse than the one for that, 1 if one is.
     """
     from sar_compiler.checks.verify import UndecidableError
     from sar_compiler.tree.diagnostic import TreeError
-    from sar_compiler.views.verification import verification_as_json, verification_as_text
 
     started = time.monotonic()
+    files = [file for file in (arguments.file, arguments.against) if file is not None]
+    done: list[Verification] = []
     try:
-        verification = _verify(arguments)
+        _verify_into(done, files, arguments)
     except TreeError as error:
         print("\n".join(finding.render() for finding in error.findings), file=sys.stderr)
+        if done:
+            print(f"sar-compile: {files[1]} cannot be verified like this", file=sys.stderr)
         return USAGE
     except UndecidableError as error:
-        print(f"sar-compile: nothing can be decided: {error}", file=sys.stderr)
+        whose = f"{files[len(done)]}: " if len(files) > 1 else ""
+        print(f"sar-compile: {whose}nothing can be decided: {error}", file=sys.stderr)
         return FINDINGS
-    view = verification_as_json if arguments.format == "json" else verification_as_text
-    print(view(verification, time.monotonic() - started))
-    if verification.stopped:
+    return _print(done, files, time.monotonic() - started, arguments.format)
+
+
+def _verify_into(done: "list[Verification]", files: "list[str]", arguments: argparse.Namespace) -> None:
+    """Verify one tree after the other by the same properties, until Ctrl-C."""
+    space = workspace(arguments)
+    trees = [space.load(file) for file in files]
+    properties = arguments.properties
+    if properties is None and len(trees) > 1:
+        defaults = (tree.default_properties(arguments.tree) for tree in trees)
+        properties = next((path for path in defaults if path is not None), None)
+    for tree, file in zip(trees, files, strict=True):
+        with contextlib.closing(_Shown(f"{file}: " if len(files) > 1 else "")) as shown:
+            done.append(
+                tree.verify(
+                    properties,
+                    facts=_typed(arguments.set),
+                    params=arguments.params,
+                    tree_id=arguments.tree,
+                    max_states=arguments.max_states,
+                    report=shown.show,
+                )
+            )
+        if done[-1].stopped:
+            return
+
+
+def _print(done: "list[Verification]", files: "list[str]", seconds: float, form: str) -> int:
+    """Print the result, or the comparison of two, and return the exit status."""
+    from sar_compiler.checks.verify import VerificationComparison
+    from sar_compiler.views import verification as views
+
+    if len(done) == 1:
+        show = views.verification_as_json if form == "json" else views.verification_as_text
+        print(show(done[0], seconds))
+        fine = done[0].proved
+    else:
+        now, before = done
+        comparison = VerificationComparison(before, now)
+        compare = views.comparison_as_json if form == "json" else views.comparison_as_text
+        print(compare(comparison, (files[1], files[0]), seconds))
+        fine = not comparison.worse
+    if done[-1].stopped:
         return INTERRUPTED
-    return OK if verification.proved else FINDINGS
-
-
-def _verify(arguments: argparse.Namespace) -> "Verification":
-    tree = workspace(arguments).load(arguments.file)
-    with contextlib.closing(_Shown()) as shown:
-        return tree.verify(
-            arguments.properties,
-            facts=_typed(arguments.set),
-            params=arguments.params,
-            tree_id=arguments.tree,
-            max_states=arguments.max_states,
-            report=shown.show,
-        )
+    return OK if fine else FINDINGS
 
 
 def _typed(pairs: "list[tuple[str, str]]") -> "Document | None":
@@ -113,13 +150,17 @@ class _Shown:
     """Progress on standard error: a line that is overwritten on a terminal, an occasional line elsewhere.
 
     The first Ctrl-C has the search stopped, so that what was found so far is told; the second one ends the command.
+
+    Args:
+        whose: What stands before everything, to tell the trees apart where there are several.
     """
 
     _EVERY_SEC = 0.5
     _EVERY_SEC_IN_A_LOG = 10.0
     _PATIENCE_SEC = 1.0  # what takes no longer is told with the rest
 
-    def __init__(self) -> None:
+    def __init__(self, whose: str = "") -> None:
+        self._whose = whose
         self._terminal = sys.stderr.isatty()
         self._every = self._EVERY_SEC if self._terminal else self._EVERY_SEC_IN_A_LOG
         self._started = self._last = time.monotonic()
@@ -145,7 +186,8 @@ class _Shown:
         if len(progress.broken) > self._broken and time.monotonic() - self._started > self._PATIENCE_SEC:
             self._clear()
             for name in progress.broken[self._broken :]:
-                print(f"sar-compile: {name}: does not hold (Ctrl-C stops and shows a run)", file=sys.stderr)
+                told = f"{self._whose}{name}: does not hold (Ctrl-C stops and shows a run)"
+                print(f"sar-compile: {told}", file=sys.stderr)
             self._broken = len(progress.broken)
         self._show_numbers(progress)
         return self._stopped
@@ -157,7 +199,7 @@ class _Shown:
         self._last, self._written = now, True
         rate = progress.states / (now - self._started)
         text = (
-            f"{progress.states:,} states, {progress.states - progress.expanded:,} of them to go through, "
+            f"{self._whose}{progress.states:,} states, {progress.states - progress.expanded:,} of them to go through, "
             f"{progress.depth} ticks deep, {rate:,.0f} states/s"
         )
         if self._terminal:

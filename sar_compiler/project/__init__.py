@@ -371,6 +371,16 @@ class LoadedTree:
 
         return simulated(self, {**(scenario or {}), "leaves": {**(leaves or {}), **scripts}})
 
+    def default_properties(self, tree_id: str | None = None) -> Path | None:
+        """Return the file of the properties that `verify` checks if none is named; None for none.
+
+        Raises:
+            TreeError: If there are errors.
+        """
+        from sar_compiler.project.proof import default_properties
+
+        return default_properties(self, self.binding(tree_id))
+
     def verify(
         self,
         properties: str | Path | None = None,

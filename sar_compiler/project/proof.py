@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import yaml
 
 from sar_compiler.checks.assumptions import StartValues, raise_disputes, read_assumptions, start_assumptions
-from sar_compiler.checks.verify import PropertyFile, Report, Verification, read_property_file, verify
+from sar_compiler.checks.verify import Report, Verification, read_property_file, verify
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.documents.located import Document
 from sar_compiler.documents.yaml_files import parse_yaml
@@ -29,7 +29,8 @@ def verified(
     report: Report,
 ) -> Verification:
     """Verify a bound tree; see `LoadedTree.verify`."""
-    file = _properties(properties, binding, tree.project.checkout)
+    path = properties or default_properties(tree, binding)
+    file = None if path is None else read_property_file(path)
     parameters = {**start.parameters, **({} if file is None else file.parameters)}
     # The findings about the file are raised when all of them are known.
     with contextlib.nullcontext() if file is None else file.document.findings_first():
@@ -46,12 +47,12 @@ def verified(
         return verify(simulated, file, tags, max_states, report)
 
 
-def _properties(path: str | Path | None, binding: Binding, checkout: Path) -> PropertyFile | None:
-    """Return the properties: those that the user names, else those of the tree's mission."""
-    mission = choose_mission(binding, checkout=checkout) if path is None else None
-    if mission is not None:
-        path = mission.default_properties({bound.spec.cls for bound in binding.nodes() if bound.spec.cls})
-    return None if path is None else read_property_file(path)
+def default_properties(tree: "LoadedTree", binding: Binding) -> Path | None:
+    """Return the file of the properties that the mission of a bound tree brings along; None for none."""
+    mission = choose_mission(binding, checkout=tree.project.checkout)
+    if mission is None:
+        return None
+    return mission.default_properties({bound.spec.cls for bound in binding.nodes() if bound.spec.cls})
 
 
 def _of_the_user(facts: Mapping[str, object] | Document, simulated: SimulatedTree) -> Assumptions:

@@ -235,6 +235,80 @@ def test_a_condition_that_cannot_be_evaluated_everywhere_is_named(run):
     assert "counted: 'n == 1' cannot be evaluated in every state: there is no variable 'n'" in err
 
 
+SEARCHED = "properties: {searched on: {never: DetectSurvivor halted}, kept: {never: KeepReport starts}}"
+AGAINST = ("--against", "{folder}/before.xml", "--properties", "{folder}/p.yaml")
+
+
+def reactive(tree):
+    return tree.replace("Sequence>", "ReactiveSequence>")
+
+
+def test_what_is_worse_than_for_another_tree_is_told_with_its_run_and_has_status_1(run, tmp_path):
+    status, out, err = run(reactive(FINE), *AGAINST, before=FINE, p=SEARCHED)
+    assert (status, err) == (1, "")
+    assert (
+        "searched on: does not hold\n  it is broken in the last tick:\n    1  NavigateToZone arrived" in out
+    )
+    table = out.splitlines()[-8:]
+    assert table[0].startswith(f"before: {tmp_path}/before.xml  ")
+    assert table[1].startswith(f"now:    {tmp_path}/tree.xml    ")
+    assert [line.split(":")[1].strip() for line in table[2:7]] == [
+        *("proved", "proved", "proved", "does not hold; before", "does not hold; before")
+    ]
+    assert table[7].startswith("5 answers: 2 worse, 3 the same; ")
+
+
+def test_what_is_better_than_for_another_tree_has_status_0_and_no_run(run):
+    status, out, _ = run(FINE, *AGAINST, before=reactive(FINE), p=SEARCHED)
+    assert status == 0
+    assert out.startswith("before: ")
+    assert "  searched on:                           proved; before: does not hold\n" in out
+
+
+def test_what_does_not_hold_for_both_trees_is_nothing_new(run):
+    status, out, _ = run(FINE, *AGAINST, before=FINE, p="properties: {p: {never: DetectSurvivor starts}}")
+    assert status == 0
+    assert "  p:                                     does not hold\n5 answers: 5 the same; " in out
+
+
+def test_both_trees_are_held_against_the_properties_of_the_mission_of_either(run):
+    mission = shipped("trees", "search_and_rescue.xml").read_text(encoding="utf-8")
+    arguments = ("--against", "{folder}/before.xml", "--set", "zones_left=1")
+    for tree, before in ((FINE, mission), (mission, FINE)):
+        out = run(tree, *arguments, before=before)[1]
+        assert "home only when no zone remains:" in out
+        assert "left out" in out
+
+
+def test_json_has_both_answers_to_every_question(run):
+    status, out, _ = run(reactive(FINE), *AGAINST, "--format", "json", before=FINE, p=SEARCHED)
+    told = json.loads(out)
+    assert (status, told["worse"], told["before"]["complete"]) == (1, True, True)
+    assert told["now"]["file"].endswith("tree.xml")
+    last = told["questions"][-1]
+    assert (last["question"], last["change"], last["before"]["verdict"]) == ("searched on", "worse", "proved")
+    assert last["now"]["trace"]["ticks"][-1]["events"][-1]["what"] == "halted"
+
+
+def test_the_bounds_of_both_searches_are_told(run):
+    status, out, _ = run(reactive(FINE), *AGAINST, "--max-states", "20", before=FINE, p=SEARCHED)
+    assert status == 1  # a run that is short is found, and whether the other tree has one is not known
+    assert out.count(".xml: Not proved beyond 20 states: there are more;") == 2
+
+
+def test_which_of_two_trees_cannot_be_verified_is_said(run):
+    only_before = "properties: {p: {never: Again starts}}"
+    named = FINE.replace("<DetectSurvivor/>", '<DetectSurvivor name="Again"/>')
+    status, out, err = run(named, *AGAINST, before=FINE, p=only_before)
+    assert (status, out) == (2, "")
+    assert err.endswith("before.xml cannot be verified like this\n")
+    model = '<TreeNodesModel><Control ID="Recover"/></TreeNodesModel></root>'
+    described = document("<Recover><AlwaysSuccess/></Recover>").replace("</root>", model)
+    status, _, err = run(FINE, *AGAINST, before=described, p="properties: {}")
+    assert status == 1
+    assert "before.xml: nothing can be decided: <Recover> is only described" in err
+
+
 class Terminal:
     """Standard error as a terminal is."""
 
@@ -264,11 +338,12 @@ def test_progress_goes_to_standard_error(run, monkeypatch, terminal, said):
     assert shown.text.endswith("\r\x1b[K") == terminal
 
 
-def test_what_is_broken_is_told_when_it_is_found_and_ctrl_c_shows_what_was_found_so_far(tmp_path):
+@pytest.mark.parametrize("more", [[], ["--against", "search_and_rescue"]])
+def test_what_is_broken_is_told_when_it_is_found_and_ctrl_c_shows_what_was_found_so_far(tmp_path, more):
     properties = tmp_path / "p.yaml"
     properties.write_text("properties: {stays at home: {never: NavigateToZone starts}}", encoding="utf-8")
     tree = shipped("trees", "search_and_rescue_resilient.xml")
-    words = ["verify", str(tree), "--properties", str(properties), "--set", "zones_left=9"]
+    words = ["verify", str(tree), "--properties", str(properties), "--set", "zones_left=9", *more]
     process = Command("sar-compile", *words)
     try:
         process.wait_for("stays at home: does not hold (Ctrl-C stops and shows a run)")

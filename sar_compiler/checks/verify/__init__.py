@@ -4,12 +4,14 @@ The tree is compiled with stub leaves and brought into flat form; every combinat
 every state that can be reached, those that fewest ticks lead to first.
 """
 
+from sar_compiler.checks.verify.comparing import ComparedAnswer, VerificationComparison
 from sar_compiler.checks.verify.exploring import Progress, Report
 from sar_compiler.checks.verify.property_files import PropertyFile, parse_property_file, read_property_file
 from sar_compiler.checks.verify.verdicts import ProofStatus, Verdict, Verification
 from sar_compiler.checks.verify.verifying import UndecidableError, verify
 
 __all__ = [
+    "ComparedAnswer",
     "Progress",
     "ProofStatus",
     "PropertyFile",
@@ -17,6 +19,7 @@ __all__ = [
     "UndecidableError",
     "Verdict",
     "Verification",
+    "VerificationComparison",
     "parse_property_file",
     "read_property_file",
     "verify",
