@@ -5,6 +5,7 @@ import contextlib
 import signal
 import sys
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, INTERRUPTED, OK, USAGE, count
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from sar_compiler.documents.located import Document
 
 _MAX_STATES = 1_000_000
+_MOST_CODES = 20
 
 
 def add_verify(parser: argparse.ArgumentParser) -> None:
@@ -41,6 +43,13 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
         metavar="FACT=VALUE",
         help="what a fact is at the start, such as zones_left=4; may be repeated",
     )
+    parser.add_argument(
+        "--export",
+        type=Path,
+        metavar="PREFIX",
+        help="write the states and ticks for other tools, as PRISM's explicit files PREFIX.sta, .tra and .lab; in a "
+        "folder, they are called as the tree is",
+    )
     add_params(parser)
     parser.add_argument(
         "--max-states",
@@ -66,6 +75,9 @@ def verify_file(arguments: argparse.Namespace) -> int:
     from sar_compiler.checks.verify import UndecidableError
     from sar_compiler.tree.diagnostic import TreeError
 
+    if arguments.against is not None and arguments.export is not None:
+        print("sar-compile: --export is for one tree: leave --against out", file=sys.stderr)
+        return USAGE
     started = time.monotonic()
     files = [file for file in (arguments.file, arguments.against) if file is not None]
     done: list[Verification] = []
@@ -80,7 +92,10 @@ def verify_file(arguments: argparse.Namespace) -> int:
         whose = f"{files[len(done)]}: " if len(files) > 1 else ""
         print(f"sar-compile: {whose}nothing can be decided: {error}", file=sys.stderr)
         return FINDINGS
-    return _print(done, files, time.monotonic() - started, arguments.format)
+    status = _print(done, files, time.monotonic() - started, arguments.format)
+    if arguments.export is not None:
+        _export(done[0], arguments.export, Path(arguments.file).stem)
+    return status
 
 
 def _verify_into(done: "list[Verification]", files: "list[str]", arguments: argparse.Namespace) -> None:
@@ -101,10 +116,29 @@ def _verify_into(done: "list[Verification]", files: "list[str]", arguments: argp
                     tree_id=arguments.tree,
                     max_states=arguments.max_states,
                     report=shown.show,
+                    keep_states=arguments.export is not None,
                 )
             )
         if done[-1].stopped:
             return
+
+
+def _export(verification: "Verification", prefix: Path, name: str) -> None:
+    """Write the states of a tree as PRISM's files, and say what the numbers in them stand for."""
+    from sar_compiler.cli.writing import write_lines
+    from sar_compiler.views.prism import PrismModel
+
+    assert verification.space is not None  # noqa: S101 - that was asked for
+    prefix = prefix / name if prefix.is_dir() else prefix
+    model = PrismModel(verification.space)
+    for ending, lines in (("sta", model.states()), ("tra", model.transitions()), ("lab", model.labels())):
+        write_lines(Path(f"{prefix}.{ending}"), lines)
+    for variable in model.variables:
+        if variable.codes:
+            first = list(variable.codes.items())[:_MOST_CODES]
+            listed = ", ".join(f"{number} for {value}" for value, number in first)
+            listed += ", ..." if len(first) < len(variable.codes) else ""
+            print(f"sar-compile: in {prefix}.sta, {variable.name} is {listed}", file=sys.stderr)
 
 
 def _print(done: "list[Verification]", files: "list[str]", seconds: float, form: str) -> int:

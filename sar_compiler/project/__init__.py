@@ -390,6 +390,7 @@ class LoadedTree:
         tree_id: str | None = None,
         max_states: int = 1_000_000,
         report: "Report" = lambda _progress: None,
+        keep_states: bool = False,
     ) -> "Verification":
         """Check properties in all possible runs of the tree.
 
@@ -400,6 +401,7 @@ class LoadedTree:
             tree_id: The tree in the file; by default the one that the file executes.
             max_states: The largest number of states to explore.
             report: Called with the progress from time to time, and when a property is broken; returns True to stop.
+            keep_states: Whether the result has all states, as `space`.
 
         Raises:
             TreeError: If there are errors, or a property makes no sense for the tree.
@@ -410,7 +412,7 @@ class LoadedTree:
 
         binding = self.binding(tree_id)
         start = self._start_values(params, binding)
-        return verified(self, binding, properties, facts, start, max_states, report)
+        return verified(self, binding, properties, facts, start, max_states, report, keep_states=keep_states)
 
 
 def load(

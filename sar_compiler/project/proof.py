@@ -27,6 +27,8 @@ def verified(
     start: StartValues,
     max_states: int,
     report: Report,
+    *,
+    keep_states: bool,
 ) -> Verification:
     """Verify a bound tree; see `LoadedTree.verify`."""
     path = properties or default_properties(tree, binding)
@@ -44,7 +46,7 @@ def verified(
         simulated = compile_simulated(binding, parameters, assumed)
         raise_disputes(simulated)
         tags = {spec.tag for spec in tree.project.registry if spec.kind.is_leaf}
-        return verify(simulated, file, tags, max_states, report)
+        return verify(simulated, file, tags, max_states, report, keep_states=keep_states)
 
 
 def default_properties(tree: "LoadedTree", binding: Binding) -> Path | None:

@@ -3,10 +3,12 @@
 from collections.abc import Collection
 
 from sar_compiler.checks.verify.exploring import Report, explore, keep_quiet
-from sar_compiler.checks.verify.properties import properties_of, without_properties
+from sar_compiler.checks.verify.graph import Graph
+from sar_compiler.checks.verify.properties import Properties, properties_of, without_properties
 from sar_compiler.checks.verify.property_conditions import ConditionError
 from sar_compiler.checks.verify.property_files import PropertyFile
 from sar_compiler.checks.verify.state import Prepared
+from sar_compiler.checks.verify.state_space import StateSpace
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.checks.verify.traces import Retracing
 from sar_compiler.checks.verify.verdicts import Questions, Verification
@@ -29,6 +31,7 @@ def verify(
     report: Report = keep_quiet,
     *,
     forgets: bool = True,
+    keep_states: bool = False,
 ) -> Verification:
     """Search the states of a tree and answer every question.
 
@@ -39,6 +42,7 @@ def verify(
         max_states: How many states to find at most.
         report: Is told now and then how far it is, and when a property is broken.
         forgets: Whether states are the same that differ only in how nodes have ended, where that makes no difference.
+        keep_states: Whether the result has the states that were found.
 
     Raises:
         TreeError: If the file says something that makes no sense for the tree; carries the findings.
@@ -72,7 +76,15 @@ def verify(
         growing,
         simulated.leaves,
         graph.stopped,
+        _space(graph, stepper, properties) if keep_states else None,
     )
+
+
+def _space(graph: Graph, stepper: TreeStepper, properties: Properties) -> StateSpace:
+    def values(state: int) -> dict[str, object]:
+        return stepper.states.values_in(graph.keys[state])
+
+    return StateSpace(graph, values, properties.names, properties.owing)
 
 
 def _unknown_nodes(simulated: SimulatedTree) -> str:
