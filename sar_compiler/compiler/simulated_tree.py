@@ -148,7 +148,7 @@ def compile_simulated(
 class SimulationArguments(Arguments):
     """The arguments of the nodes that are real; stub leaves need none."""
 
-    parameter_advice = "give it a value: --params FILE, or parameters: {{{name}: ...}}"
+    parameter_advice = "give it a value: --params FILE, or parameters: {{{name}: ...}} in the scenario or the file of properties"
 
     def of(self, instance: Instance, bound: BoundNode) -> dict[str, Any]:
         """Return the arguments of a node, by its parameters' names.
