@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 
 from sar_compiler.checks.verify.comparing import BETTER, OTHER, SAME, WORSE, VerificationComparison
 from sar_compiler.checks.verify.traces import Trace, TraceTick, ValueChange
-from sar_compiler.checks.verify.verdicts import Verdict, Verification
+from sar_compiler.checks.verify.verdicts import ProofStatus, Verdict, Verification
 from sar_compiler.runtime.stub_leaf import ANSWERED, HALTED, Event, StubLeaf
 from sar_compiler.views.plain import plain
 from sar_compiler.views.trace import leaf_labels
@@ -92,16 +92,16 @@ def _changes_in(comparison: VerificationComparison, names: tuple[str, str], seco
     for name, side, when in zip(names, sides, ("before", "now"), strict=True):
         size = f"{_counted(side.states, 'state')}, {_counted(side.ticks, 'tick')} between them"
         yield f"{when + ':':8}{name:{named}}{size}"
-    width = max(len(answer.question) for answer in answers) + 2
-    for answer in answers:
-        line = f"  {answer.question + ':':{width}}{_answer_or_none(answer.now)}"
-        changed = answer.change != SAME
-        yield f"{line}; before: {_answer_or_none(answer.before)}" if changed else line
     counts = Counter(answer.change for answer in answers)
     listed = ", ".join(
         f"{counts[change]} {change}" for change in (WORSE, BETTER, OTHER, SAME) if counts[change]
     )
     yield f"{_counted(len(answers), 'answer')}: {listed}; {seconds:.1f} s"
+    width = max(len(answer.question) for answer in answers) + 2
+    for answer in answers:
+        line = f"  {answer.question + ':':{width}}{_answer_or_none(answer.now)}"
+        changed = answer.change != SAME
+        yield f"{line}; before: {_answer_or_none(answer.before)}" if changed else line
     for name, side in zip(names, sides, strict=True):
         if not side.complete:
             yield from (f"{name}: {line}" for line in _bound(side))
@@ -148,12 +148,27 @@ def _summary(verification: Verification, seconds: float) -> Iterator[str]:
     states = _counted(verification.states, "state")
     ticks, depth = (_counted(number, "tick") for number in (verification.ticks, verification.depth))
     yield f"{states}, {ticks} between them, {depth} deep, {seconds:.1f} s"
+    yield _tally(verification)
     for verdict in verdicts:
         yield f"  {verdict.question + ':':{width}}{_answer(verdict)}"
     for left in verification.left_out:
         yield f"  {left.name + ':':{width}}left out: this tree has no {', no '.join(left.missing)}"
     if not verification.complete:
         yield from _bound(verification)
+
+
+def _tally(verification: Verification) -> str:
+    """Return how many answers there are of each kind."""
+    counts = Counter(verdict.outcome for verdict in verification.verdicts)
+    broken = "does not hold" if counts[ProofStatus.BROKEN] == 1 else "do not hold"
+    kinds = [
+        (counts[ProofStatus.PROVED], "proved"),
+        (counts[ProofStatus.BROKEN], broken),
+        (counts[ProofStatus.UNDECIDED], "not decided"),
+        (len(verification.left_out), "left out"),
+    ]
+    listed = ", ".join(f"{count} {kind}" for count, kind in kinds if count)
+    return f"{_counted(sum(count for count, _ in kinds), 'answer')}: {listed}"
 
 
 def _answer(verdict: Verdict) -> str:

@@ -35,8 +35,9 @@ def run(tmp_path, capsys):
 def test_a_tree_that_is_proved_has_status_0_and_a_line_for_each_question(run):
     status, out, err = run(FINE)
     assert (status, err) == (0, "")
-    first, *questions = out.splitlines()
+    first, tally, *questions = out.splitlines()
     assert first.split(", ")[0].endswith("states")
+    assert tally == "4 answers: 4 proved"
     assert [line.rsplit(maxsplit=1)[-1] for line in questions] == ["proved"] * 4
 
 
@@ -118,6 +119,7 @@ def test_a_property_about_leaves_that_are_not_there_is_said_to_be_left_out(run):
     properties = "properties: {kept: {never: KeepReport kept}}"
     status, out, _ = run(FINE, "--properties", "{folder}/p.yaml", p=properties)
     assert status == 0
+    assert "\n5 answers: 4 proved, 1 left out\n" in out
     assert out.splitlines()[-1].split(":")[1].strip() == "left out"
     assert out.endswith("this tree has no KeepReport\n")
 
@@ -252,10 +254,10 @@ def test_what_is_worse_than_for_another_tree_is_told_with_its_run_and_has_status
     table = out.splitlines()[-8:]
     assert table[0].startswith(f"before: {tmp_path}/before.xml  ")
     assert table[1].startswith(f"now:    {tmp_path}/tree.xml    ")
-    assert [line.split(":")[1].strip() for line in table[2:7]] == [
+    assert [line.split(":")[1].strip() for line in table[3:]] == [
         *("proved", "proved", "proved", "does not hold; before", "does not hold; before")
     ]
-    assert table[7].startswith("5 answers: 2 worse, 3 the same; ")
+    assert table[2].startswith("5 answers: 2 worse, 3 the same; ")
 
 
 def test_what_is_better_than_for_another_tree_has_status_0_and_no_run(run):
@@ -268,7 +270,8 @@ def test_what_is_better_than_for_another_tree_has_status_0_and_no_run(run):
 def test_what_does_not_hold_for_both_trees_is_nothing_new(run):
     status, out, _ = run(FINE, *AGAINST, before=FINE, p="properties: {p: {never: DetectSurvivor starts}}")
     assert status == 0
-    assert "  p:                                     does not hold\n5 answers: 5 the same; " in out
+    assert "\n5 answers: 5 the same; " in out
+    assert out.endswith("  p:                                     does not hold\n")
 
 
 def test_both_trees_are_held_against_the_properties_of_the_mission_of_either(run):
