@@ -31,7 +31,7 @@ def verified(
     keep_states: bool,
 ) -> Verification:
     """Verify a bound tree; see `LoadedTree.verify`."""
-    path = properties or default_properties(tree, binding)
+    path = default_properties(tree, binding) if properties is None else properties
     file = None if path is None else read_property_file(path)
     parameters = {**start.parameters, **({} if file is None else file.parameters)}
     # The findings about the file are raised when all of them are known.

@@ -5,7 +5,9 @@ from collections import deque
 
 from sar_compiler.checks.verify import parse_property_file, verify
 from sar_compiler.checks.verify.verdicts import AN_END
+from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.views.prism import PrismModel
+from tests.checks.verify.random_trees import random_tree
 from tests.checks.verify.stage import TAGS, bound, simulated_tree, verdict
 
 
@@ -89,6 +91,26 @@ def test_what_no_end_can_be_reached_from_follows_from_the_files():
     trace = verdict(verification, AN_END).trace
     assert trace is not None
     assert min(distances[state] for state in lost) == len(trace.ticks)
+
+
+def test_of_random_trees_the_files_say_the_same_about_ends_as_the_verification():
+    seen = set()
+    for seed in range(60):
+        try:
+            verification, files = exported(random_tree(seed), max_states=2_000)
+        except TreeError:
+            continue
+        if not verification.complete or files.labels["error"]:
+            continue
+        distances = files.distances()
+        assert (len(distances), max(distances.values())) == (verification.states, verification.depth), seed
+        lost = set(distances) - files.can_end()
+        found = verdict(verification, AN_END)
+        assert (found.trace is not None) == bool(lost), seed
+        if found.trace is not None:
+            assert min(distances[state] for state in lost) == len(found.trace.ticks), seed
+        seen.add(bool(lost))
+    assert seen == {True, False}
 
 
 def test_numbers_and_truth_values_stand_for_themselves_and_other_values_are_numbered():
