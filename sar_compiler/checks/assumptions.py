@@ -1,6 +1,7 @@
 """What a file says of the world around a tree: `facts:` and `answers:`, in the same words wherever they stand."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.typed_values import report_script, word
@@ -17,6 +18,21 @@ from sar_compiler.runtime.script import parse
 _KINDS: Mapping[type, str] = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
 
 
+@dataclass(frozen=True)
+class StartValues:
+    """What the parameters of a mission say of its runs; a scenario or a file of properties counts before them.
+
+    Attributes:
+        parameters: The keys of the root blackboard.
+        facts: The facts that they decide; those that a tree does not know do not count.
+        period_sec: The time between two ticks, seconds; None if they do not say it.
+    """
+
+    parameters: Mapping[str, object] = field(default_factory=dict)
+    facts: Mapping[str, Fact] = field(default_factory=dict)
+    period_sec: float | None = None
+
+
 class DisputedFactError(SarError):
     """Leaves give a fact different initial values, and no file decides between them."""
 
@@ -29,6 +45,12 @@ def raise_disputes(simulated: SimulatedTree) -> None:
     """
     if simulated.disputes:
         raise DisputedFactError("; ".join(simulated.disputes.values()))
+
+
+def start_assumptions(start: StartValues, simulated: SimulatedTree) -> Assumptions:
+    """Return what the parameters of a mission say of the facts of a tree, simulated without it."""
+    known = simulated.fact_values()
+    return Assumptions({name: fact for name, fact in start.facts.items() if name in known})
 
 
 def read_assumptions(

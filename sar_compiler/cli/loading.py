@@ -78,3 +78,13 @@ def workspace(arguments: argparse.Namespace) -> "Workspace":
 def tell_passed_over(text: str) -> None:
     """Report on standard error what was ignored."""
     print(f"note: {text}", file=sys.stderr)
+
+
+def add_params(parser: argparse.ArgumentParser) -> None:
+    """Add `--params`."""
+    parser.add_argument(
+        "--params",
+        type=Path,
+        metavar="FILE",
+        help="the mission's ROS 2 parameter file, as sar-run takes it: it decides facts and {@parameters}",
+    )

@@ -21,6 +21,7 @@ from sar_compiler.cli.output import RunOutput
 from sar_compiler.commands import FINDINGS, OK
 from sar_compiler.compiler import CompiledTree, compile_tree
 from sar_compiler.errors import SarError
+from sar_compiler.missions.beginning import begin_run, node_name
 from sar_compiler.missions.choosing import choose_mission
 from sar_compiler.missions.ending import EndCondition, RunResult, Until
 from sar_compiler.missions.mission import Mission, MissionRun
@@ -38,10 +39,10 @@ from sar_compiler.ros.engine import Engine, EngineFactory, find_engine
 from sar_compiler.ros.errors import readable_ros_errors
 from sar_compiler.ros.faults import NAVIGATION, NAVIGATION_FAULTS, Fault, FaultPlan, parse_fault
 from sar_compiler.ros.parameter_file import sections_elsewhere
-from sar_compiler.ros.parameter_reader import ParameterReader, lookalikes
+from sar_compiler.ros.parameter_reader import ParameterReader
 from sar_compiler.ros.parameters import flat_parameters, mission_node
 from sar_compiler.ros.readiness import NotReadyError, Readiness, wait_until_ready
-from sar_compiler.ros.run_parameters import RUN_PARAMETER_NAMES, RunParameters, read_run
+from sar_compiler.ros.run_parameters import RunParameters
 from sar_compiler.ros.setting_up import SetupFailedError
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.runtime.clock import Clock
@@ -54,9 +55,6 @@ if TYPE_CHECKING:
     from sar_compiler.sim.world import World
 
 NOT_READY = 3
-
-# The node of a tree that belongs to no mission.
-_PLAIN_NODE_NAME = "sar_run"
 
 # A signal is noticed between two turns of the executor.
 _TURN_SEC = 0.05
@@ -90,18 +88,18 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
         context = stack.enter_context(_ros(options, signals, mission))
         if signals.came:
             return signals.exit_status
-        name = mission.name if mission is not None else _PLAIN_NODE_NAME
         node = mission_node(
-            name, context, cli_args=node_arguments(options.ros), parameter_overrides=_simulated_time(options)
+            node_name(mission),
+            context,
+            cli_args=node_arguments(options.ros),
+            parameter_overrides=_simulated_time(options),
         )
         stack.callback(node.destroy_node)
         reader = ParameterReader(flat_parameters(node), _sections_elsewhere(options, node))
-        begun = mission.begin(reader) if mission is not None else None
-        parameters = read_run(reader)
-        reader.complain()
+        begun, parameters, notes = begin_run(mission, reader, binding)
         run = _Run(options, signals, node, parameters, begun, make_engine)
         tree = compile_tree(binding, run.context, reader.parameters)
-        for note in [*_slips(reader, mission, tree), *reader.notes]:
+        for note in notes:
             node.get_logger().warning(note)
         try:
             if world is not None:
@@ -141,14 +139,6 @@ def _require_navigation(tree: CompiledTree, world: "World") -> None:
 def _sections_elsewhere(options: "Options", node: Node) -> str:
     files = parameter_files(options.ros, options.params)
     return sections_elsewhere(files, node.get_fully_qualified_name())
-
-
-def _slips(reader: ParameterReader, mission: Mission | None, tree: CompiledTree) -> list[str]:
-    """Return a note for each unread parameter with a name similar to one that is read."""
-    bound = [origin.bound for origin in tree.origins.values()]
-    taken = [key.removeprefix("@") for each in bound for key in each.keys.values()]
-    own = mission.parameter_names if mission is not None else ()
-    return lookalikes(reader.parameters, (*RUN_PARAMETER_NAMES, *own, *taken))
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE, count
-from sar_compiler.cli.loading import FILE_HELP, add_project_options, workspace
+from sar_compiler.cli.loading import FILE_HELP, add_params, add_project_options, workspace
 from sar_compiler.errors import SarError
 
 if TYPE_CHECKING:
@@ -47,6 +47,7 @@ def add_simulate(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--coverage", action="store_true", help="say which nodes and outcomes the scenarios have not shown"
     )
+    add_params(parser)
     add_project_options(parser)
     parser.add_argument(
         "--format",
@@ -67,7 +68,7 @@ def simulate_file(arguments: argparse.Namespace) -> int:
     from sar_compiler.tree.diagnostic import TreeError
 
     try:
-        stage = workspace(arguments).load(arguments.file).stage(arguments.tree)
+        stage = workspace(arguments).load(arguments.file).stage(arguments.tree, arguments.params)
         stage.binding()
     except TreeError as error:
         print(error, file=sys.stderr)

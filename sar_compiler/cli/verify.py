@@ -5,21 +5,28 @@ import contextlib
 import signal
 import sys
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, INTERRUPTED, OK, USAGE, count
-from sar_compiler.cli.loading import FILE_HELP, add_project_options, workspace
+from sar_compiler.cli.loading import FILE_HELP, add_params, add_project_options, workspace
 
 if TYPE_CHECKING:
     from sar_compiler.checks.verify import Progress, Verification
     from sar_compiler.documents.located import Document
 
 _MAX_STATES = 1_000_000
+_MOST_CODES = 20
 
 
 def add_verify(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `verify`."""
     parser.add_argument("file", metavar="FILE", help=FILE_HELP)
+    parser.add_argument(
+        "--against",
+        metavar="OTHER",
+        help="a tree file from before a change, or a shipped tree: say which answers are other than for it",
+    )
     parser.add_argument(
         "--properties",
         metavar="P.yaml",
@@ -37,6 +44,14 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
         help="what a fact is at the start, such as zones_left=4; may be repeated",
     )
     parser.add_argument(
+        "--export",
+        type=Path,
+        metavar="PREFIX",
+        help="write the states and ticks for other tools, as PRISM's explicit files PREFIX.sta, .tra and .lab; in a "
+        "folder, they are called as the tree is",
+    )
+    add_params(parser)
+    parser.add_argument(
         "--max-states",
         type=count,
         default=_MAX_STATES,
@@ -51,41 +66,99 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
 
 
 def verify_file(arguments: argparse.Namespace) -> int:
-    """Verify the tree of a file, and print the results, also after Ctrl-C.
+    """Verify the tree of a file, or compare it with another one, and print the results, also after Ctrl-C.
 
     Returns:
-        0 if all properties are proved, 1 if one does not hold or is undecided, 2 if a file is invalid, 130 after Ctrl-C.
+        0 if all properties are proved, 1 if one does not hold or is undecided, 2 if a file is invalid, 130 after
+        Ctrl-C. With another tree: 0 if no answer is worse than the one for that, 1 if one is.
     """
     from sar_compiler.checks.verify import UndecidableError
     from sar_compiler.tree.diagnostic import TreeError
-    from sar_compiler.views.verification import verification_as_json, verification_as_text
 
+    if arguments.against is not None and arguments.export is not None:
+        print("sar-compile: --export is for one tree: leave --against out", file=sys.stderr)
+        return USAGE
     started = time.monotonic()
+    files = [file for file in (arguments.file, arguments.against) if file is not None]
+    done: list[Verification] = []
     try:
-        verification = _verify(arguments)
+        _verify_into(done, files, arguments)
     except TreeError as error:
         print("\n".join(finding.render() for finding in error.findings), file=sys.stderr)
+        if done:
+            print(f"sar-compile: {files[1]} cannot be verified like this", file=sys.stderr)
         return USAGE
     except UndecidableError as error:
-        print(f"sar-compile: nothing can be decided: {error}", file=sys.stderr)
+        whose = f"{files[len(done)]}: " if len(files) > 1 else ""
+        print(f"sar-compile: {whose}nothing can be decided: {error}", file=sys.stderr)
         return FINDINGS
-    view = verification_as_json if arguments.format == "json" else verification_as_text
-    print(view(verification, time.monotonic() - started))
-    if verification.stopped:
+    status = _print(done, files, time.monotonic() - started, arguments.format)
+    if arguments.export is not None:
+        _export(done[0], arguments.export, Path(arguments.file).stem)
+    return status
+
+
+def _verify_into(done: "list[Verification]", files: "list[str]", arguments: argparse.Namespace) -> None:
+    """Verify one tree after the other by the same properties, until Ctrl-C."""
+    space = workspace(arguments)
+    trees = [space.load(file) for file in files]
+    properties = arguments.properties
+    if properties is None and len(trees) > 1:
+        defaults = (tree.default_properties(arguments.tree) for tree in trees)
+        properties = next((path for path in defaults if path is not None), None)
+    for tree, file in zip(trees, files, strict=True):
+        with contextlib.closing(_Shown(f"{file}: " if len(files) > 1 else "")) as shown:
+            done.append(
+                tree.verify(
+                    properties,
+                    facts=_typed(arguments.set),
+                    params=arguments.params,
+                    tree_id=arguments.tree,
+                    max_states=arguments.max_states,
+                    report=shown.show,
+                    keep_states=arguments.export is not None,
+                )
+            )
+        if done[-1].stopped:
+            return
+
+
+def _export(verification: "Verification", prefix: Path, name: str) -> None:
+    """Write the states of a tree as PRISM's files, and say what the numbers in them stand for."""
+    from sar_compiler.cli.writing import write_lines
+    from sar_compiler.views.prism import PrismModel
+
+    assert verification.space is not None  # noqa: S101 - that was asked for
+    prefix = prefix / name if prefix.is_dir() else prefix
+    model = PrismModel(verification.space)
+    for ending, lines in (("sta", model.states()), ("tra", model.transitions()), ("lab", model.labels())):
+        write_lines(Path(f"{prefix}.{ending}"), lines)
+    for variable in model.variables:
+        if variable.codes:
+            first = list(variable.codes.items())[:_MOST_CODES]
+            listed = ", ".join(f"{number} for {value}" for value, number in first)
+            listed += ", ..." if len(first) < len(variable.codes) else ""
+            print(f"sar-compile: in {prefix}.sta, {variable.name} is {listed}", file=sys.stderr)
+
+
+def _print(done: "list[Verification]", files: "list[str]", seconds: float, form: str) -> int:
+    """Print the result, or the comparison of two, and return the exit status."""
+    from sar_compiler.checks.verify import VerificationComparison
+    from sar_compiler.views import verification as views
+
+    if len(done) == 1:
+        show = views.verification_as_json if form == "json" else views.verification_as_text
+        print(show(done[0], seconds))
+        fine = done[0].proved
+    else:
+        now, before = done
+        comparison = VerificationComparison(before, now)
+        compare = views.comparison_as_json if form == "json" else views.comparison_as_text
+        print(compare(comparison, (files[1], files[0]), seconds))
+        fine = not comparison.worse
+    if done[-1].stopped:
         return INTERRUPTED
-    return OK if verification.proved else FINDINGS
-
-
-def _verify(arguments: argparse.Namespace) -> "Verification":
-    tree = workspace(arguments).load(arguments.file)
-    with contextlib.closing(_Shown()) as shown:
-        return tree.verify(
-            arguments.properties,
-            facts=_typed(arguments.set),
-            tree_id=arguments.tree,
-            max_states=arguments.max_states,
-            report=shown.show,
-        )
+    return OK if fine else FINDINGS
 
 
 def _typed(pairs: "list[tuple[str, str]]") -> "Document | None":
@@ -111,13 +184,17 @@ class _Shown:
     """Progress on standard error: a line that is overwritten on a terminal, an occasional line elsewhere.
 
     The first Ctrl-C has the search stopped, so that what was found so far is told; the second one ends the command.
+
+    Args:
+        whose: What stands before everything, to tell the trees apart where there are several.
     """
 
     _EVERY_SEC = 0.5
     _EVERY_SEC_IN_A_LOG = 10.0
     _PATIENCE_SEC = 1.0  # what takes no longer is told with the rest
 
-    def __init__(self) -> None:
+    def __init__(self, whose: str = "") -> None:
+        self._whose = whose
         self._terminal = sys.stderr.isatty()
         self._every = self._EVERY_SEC if self._terminal else self._EVERY_SEC_IN_A_LOG
         self._started = self._last = time.monotonic()
@@ -143,7 +220,8 @@ class _Shown:
         if len(progress.broken) > self._broken and time.monotonic() - self._started > self._PATIENCE_SEC:
             self._clear()
             for name in progress.broken[self._broken :]:
-                print(f"sar-compile: {name}: does not hold (Ctrl-C stops and shows a run)", file=sys.stderr)
+                told = f"{self._whose}{name}: does not hold (Ctrl-C stops and shows a run)"
+                print(f"sar-compile: {told}", file=sys.stderr)
             self._broken = len(progress.broken)
         self._show_numbers(progress)
         return self._stopped
@@ -155,7 +233,7 @@ class _Shown:
         self._last, self._written = now, True
         rate = progress.states / (now - self._started)
         text = (
-            f"{progress.states:,} states, {progress.states - progress.expanded:,} of them to go through, "
+            f"{self._whose}{progress.states:,} states, {progress.states - progress.expanded:,} of them to go through, "
             f"{progress.depth} ticks deep, {rate:,.0f} states/s"
         )
         if self._terminal:

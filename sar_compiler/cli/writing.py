@@ -1,6 +1,7 @@
 """Writing files atomically: there is always a complete one, the old or the new."""
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 from sar_compiler.errors import SarError
@@ -23,16 +24,26 @@ def write_text(path: Path, text: str) -> None:
     write_bytes(path, text.encode())
 
 
+def write_lines(path: Path, lines: Iterable[str]) -> None:
+    """Write a file in UTF-8 line by line, as `write_bytes` does; the lines come with their ends."""
+    _write(path, (line.encode() for line in lines))
+
+
 def write_bytes(path: Path, data: bytes) -> None:
     """Write a file atomically; its permissions are kept, and a link remains a link.
 
     Raises:
         WriteError: If that is not possible; the file is then unchanged.
     """
+    _write(path, [data])
+
+
+def _write(path: Path, data: Iterable[bytes]) -> None:
     target = path.resolve()
     try:
         if target.exists() and not target.is_file():
-            target.write_bytes(data)  # a device or a pipe cannot be replaced
+            with target.open("wb") as stream:  # a device or a pipe cannot be replaced
+                stream.writelines(data)
         else:
             _replace(target, data)
     except OSError as error:
@@ -40,16 +51,16 @@ def write_bytes(path: Path, data: bytes) -> None:
         raise WriteError(message) from error
 
 
-def _replace(target: Path, data: bytes) -> None:
+def _replace(target: Path, data: Iterable[bytes]) -> None:
     new = target.with_name(f".{target.name}.{os.getpid()}.new")
     try:
         with new.open("xb") as stream:
-            stream.write(data)
+            stream.writelines(data)
             stream.flush()
             os.fsync(stream.fileno())
         if target.exists():
             new.chmod(target.stat().st_mode & 0o7777)
         new.replace(target)
-    except OSError:
+    except BaseException:
         new.unlink(missing_ok=True)
         raise

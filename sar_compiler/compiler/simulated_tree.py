@@ -52,6 +52,10 @@ class Assumptions:
     facts: Mapping[str, Fact] = field(default_factory=dict)
     answers: Mapping[str, tuple[Answer, ...]] = field(default_factory=dict)
 
+    def __or__(self, other: "Assumptions") -> "Assumptions":
+        """Return both; where they differ, the other one counts."""
+        return Assumptions({**self.facts, **other.facts}, {**self.answers, **other.answers})
+
 
 @dataclass(eq=False)
 class SimulatedTree:
@@ -144,7 +148,7 @@ def compile_simulated(
 class SimulationArguments(Arguments):
     """The arguments of the nodes that are real; stub leaves need none."""
 
-    parameter_advice = "give it a value: parameters: {{{name}: ...}}"
+    parameter_advice = "give it a value: --params FILE, or parameters: {{{name}: ...}} in the scenario or the file of properties"
 
     def of(self, instance: Instance, bound: BoundNode) -> dict[str, Any]:
         """Return the arguments of a node, by its parameters' names.

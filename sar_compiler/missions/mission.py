@@ -31,6 +31,13 @@ class MissionRun:
         """Return the lines to log before the start."""
         return []
 
+    def facts(self) -> Mapping[str, bool | int | float | str]:
+        """Return the facts that its parameters decide, as they are at the start: `{"zones_left": 4}`.
+
+        They count in runs without a robot (`simulate`, `verify`), for leaves that know these facts.
+        """
+        return {}
+
     def places(self) -> Mapping[str, tuple[float, float]] | None:
         """Return the places that a fault may name: x and y in metres, frame `map`; None for the world's zones."""
         return None

@@ -25,6 +25,7 @@ from sar_compiler.tree.source import Source
 if TYPE_CHECKING:
     from rclpy.node import Node
 
+    from sar_compiler.checks.assumptions import StartValues
     from sar_compiler.checks.simulate.scenario_files import Stage
     from sar_compiler.checks.verify import Report, Verification
     from sar_compiler.compiler import CompiledTree
@@ -153,7 +154,7 @@ class Workspace:
             TreeError: If the project's configuration has mistakes.
         """
         path = find_tree(str(tree))
-        return LoadedTree(path, self.project_of(path), self.read)
+        return LoadedTree(path, self.project_of(path), self.read, self._note)
 
     def project_of(self, path: Path) -> Project:
         """Return the project of a tree file.
@@ -192,14 +193,22 @@ class LoadedTree:
         path: The file.
         project: The settings of its project.
         read: Reads one tree file.
+        note: Is told what is surprising, but no mistake.
 
     Raises:
         UnreadableFileError: If the file does not exist or cannot be read.
     """
 
-    def __init__(self, path: Path, project: Project, read: Read = read_tree_file) -> None:
+    def __init__(
+        self,
+        path: Path,
+        project: Project,
+        read: Read = read_tree_file,
+        note: Callable[[str], None] = lambda _text: None,
+    ) -> None:
         self.path = path
         self.project = project
+        self._note = note
         self._forest: Forest | None = None
         self._malformed: tuple[Diagnostic, ...] = ()
         try:
@@ -270,11 +279,21 @@ class LoadedTree:
         if errors:
             raise TreeError(errors)
 
-    def stage(self, tree_id: str | None = None) -> "Stage":
+    def _start_values(self, params: str | Path | None, binding: Binding) -> "StartValues":
+        from sar_compiler.checks.assumptions import StartValues
+
+        if params is None:
+            return StartValues()
+        from sar_compiler.project.start_values import start_values
+
+        return start_values(params, binding, self.project.checkout, self._note)
+
+    def stage(self, tree_id: str | None = None, params: str | Path | None = None) -> "Stage":
         """Return the stage on which scenarios are played.
 
         Args:
             tree_id: The tree that is played if a scenario names none; by default the one that the file executes.
+            params: The mission's ROS parameter file; by default, leaves say what facts are at the start.
 
         Raises:
             TreeError: If there are errors.
@@ -282,7 +301,8 @@ class LoadedTree:
         from sar_compiler.checks.simulate.scenario_files import Stage
 
         self._require_no_errors(tree_named=True)
-        return Stage(self.forest, self.project.registry, self.project.palettes, tree_id)
+        start = functools.partial(self._start_values, params)
+        return Stage(self.forest, self.project.registry, self.project.palettes, tree_id, start)
 
     def compile(
         self,
@@ -351,31 +371,48 @@ class LoadedTree:
 
         return simulated(self, {**(scenario or {}), "leaves": {**(leaves or {}), **scripts}})
 
+    def default_properties(self, tree_id: str | None = None) -> Path | None:
+        """Return the file of the properties that `verify` checks if none is named; None for none.
+
+        Raises:
+            TreeError: If there are errors.
+        """
+        from sar_compiler.project.proof import default_properties
+
+        return default_properties(self, self.binding(tree_id))
+
     def verify(
         self,
         properties: str | Path | None = None,
         *,
         facts: "Mapping[str, object] | Document | None" = None,
+        params: str | Path | None = None,
         tree_id: str | None = None,
         max_states: int = 1_000_000,
         report: "Report" = lambda _progress: None,
+        keep_states: bool = False,
     ) -> "Verification":
         """Check properties in all possible runs of the tree.
 
         Args:
             properties: A file with the properties; by default the mission's own for a mission with zones.
             facts: The initial values of facts, in addition to the file's: `{"zones_left": 4}`.
+            params: The mission's ROS parameter file; *properties* and *facts* override what it says.
             tree_id: The tree in the file; by default the one that the file executes.
             max_states: The largest number of states to explore.
             report: Called with the progress from time to time, and when a property is broken; returns True to stop.
+            keep_states: Whether the result has all states, as `space`.
 
         Raises:
             TreeError: If there are errors, or a property makes no sense for the tree.
             UndecidableError: If the runs of the tree cannot be enumerated.
+            ParameterFileError, ParameterError: If the mission cannot begin with the parameters.
         """
         from sar_compiler.project.proof import verified
 
-        return verified(self, self.binding(tree_id), properties, facts, max_states, report)
+        binding = self.binding(tree_id)
+        start = self._start_values(params, binding)
+        return verified(self, binding, properties, facts, start, max_states, report, keep_states=keep_states)
 
 
 def load(

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import yaml
 
-from sar_compiler.checks.assumptions import raise_disputes, read_assumptions
-from sar_compiler.checks.verify import PropertyFile, Report, Verification, read_property_file, verify
+from sar_compiler.checks.assumptions import StartValues, raise_disputes, read_assumptions, start_assumptions
+from sar_compiler.checks.verify import Report, Verification, read_property_file, verify
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.documents.located import Document
 from sar_compiler.documents.yaml_files import parse_yaml
@@ -24,34 +24,37 @@ def verified(
     binding: Binding,
     properties: str | Path | None,
     facts: Mapping[str, object] | Document | None,
+    start: StartValues,
     max_states: int,
     report: Report,
+    *,
+    keep_states: bool,
 ) -> Verification:
     """Verify a bound tree; see `LoadedTree.verify`."""
-    file = _properties(properties, binding, tree.project.checkout)
-    parameters = {} if file is None else file.parameters
+    path = default_properties(tree, binding) if properties is None else properties
+    file = None if path is None else read_property_file(path)
+    parameters = {**start.parameters, **({} if file is None else file.parameters)}
     # The findings about the file are raised when all of them are known.
     with contextlib.nullcontext() if file is None else file.document.findings_first():
         simulated = compile_simulated(binding, parameters)
-        assumed = Assumptions()
+        assumed = start_assumptions(start, simulated)
         if file is not None:
-            assumed = read_assumptions(file.document, file.facts, file.answers, simulated)
+            assumed |= read_assumptions(file.document, file.facts, file.answers, simulated)
         if facts:
             # The file may declare facts of its own.
-            typed = _of_the_user(facts, compile_simulated(binding, parameters, assumed))
-            assumed = Assumptions({**assumed.facts, **typed.facts}, assumed.answers)
+            assumed |= _of_the_user(facts, compile_simulated(binding, parameters, assumed))
         simulated = compile_simulated(binding, parameters, assumed)
         raise_disputes(simulated)
         tags = {spec.tag for spec in tree.project.registry if spec.kind.is_leaf}
-        return verify(simulated, file, tags, max_states, report)
+        return verify(simulated, file, tags, max_states, report, keep_states=keep_states)
 
 
-def _properties(path: str | Path | None, binding: Binding, checkout: Path) -> PropertyFile | None:
-    """Return the properties: those that the user names, else those of the tree's mission."""
-    mission = choose_mission(binding, checkout=checkout) if path is None else None
-    if mission is not None:
-        path = mission.default_properties({bound.spec.cls for bound in binding.nodes() if bound.spec.cls})
-    return None if path is None else read_property_file(path)
+def default_properties(tree: "LoadedTree", binding: Binding) -> Path | None:
+    """Return the file of the properties that the mission of a bound tree brings along; None for none."""
+    mission = choose_mission(binding, checkout=tree.project.checkout)
+    if mission is None:
+        return None
+    return mission.default_properties({bound.spec.cls for bound in binding.nodes() if bound.spec.cls})
 
 
 def _of_the_user(facts: Mapping[str, object] | Document, simulated: SimulatedTree) -> Assumptions:

@@ -8,7 +8,7 @@ the rest, whichever nodes the file is for. The parser also has its own rules for
 import difflib
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -82,19 +82,45 @@ def sections_elsewhere(paths: Iterable[Path | str], node: str) -> str:
         The note; empty if there are no files, or a section is for the node.
     """
     files = [yaml.compose(_text_of(Path(path)), Loader=yaml.BaseLoader) for path in paths]
-    names = list(dict.fromkeys(name for root in files if root is not None for name in _sections(root, "")))
+    names = list(dict.fromkeys(name for root in files if root is not None for name, _ in _sections(root, "")))
     if not names or any(_is_for(name, node) for name in names):
         return ""
     whose = "the file's" if len(files) == 1 else "the files'"
     return f"{whose} sections are for {', '.join(names)}; this node is {node}"
 
 
-def _sections(root: yaml.Node, above: str) -> Iterator[str]:
-    """Yield the full names of a file's sections, with wildcards as written."""
+def read_parameter_file(path: Path | str, node: str) -> dict[str, object]:
+    """Return the parameters that a file gives to a node, as ROS reads them.
+
+    Args:
+        path: The file.
+        node: The full name of the node, with its namespace.
+
+    Returns:
+        The values by their flat names (`zones.zone_a.x`). Of sections for the node, the later one counts.
+
+    Raises:
+        ParameterFileError: If there are mistakes; has all of them, each with its place.
+    """
+    check_parameter_file(path)
+    text = _text_of(Path(path))
+    walk, sections = _Walk(text), dict[str, dict[str, object]]()
+    for name, parameters in _sections(yaml.compose(text, Loader=yaml.BaseLoader), ""):
+        sections.setdefault(name, {}).update(walk.values(parameters, ""))
+    return {
+        key: value
+        for name, values in sections.items()
+        if _is_for(name, node)
+        for key, value in values.items()
+    }
+
+
+def _sections(root: yaml.Node | None, above: str) -> Iterator[tuple[str, yaml.MappingNode]]:
+    """Yield the sections of a file, by their full names with wildcards as written."""
     if isinstance(root, yaml.MappingNode):
         for key, value in root.value:
             if key.value == _SECTION:
-                yield above
+                yield above, value
             else:
                 yield from _sections(value, f"{above}/{key.value.strip('/')}")
 
@@ -220,6 +246,20 @@ class _Walk:
             else:
                 yield _at(key, f"{_SECTION} must hold parameters, 'name: value'")
 
+    def values(self, mapping: yaml.MappingNode, prefix: str) -> Iterator[tuple[str, object]]:
+        """Yield the parameters of a section without mistakes, with their flat names."""
+        for key, value in mapping.value:
+            name = prefix + key.value
+            if isinstance(value, yaml.MappingNode):
+                yield from self.values(value, f"{name}.")
+            elif isinstance(value, yaml.SequenceNode):
+                yield name, [self._value(entry) for entry in value.value]
+            else:
+                yield name, self._value(value)
+
+    def _value(self, node: yaml.ScalarNode) -> object:
+        return _READ[self._kind(node)](node.value)
+
     def _keys(self, mapping: yaml.MappingNode) -> Iterator[FileProblem]:
         seen: dict[str, int] = {}
         for key, _ in mapping.value:
@@ -342,6 +382,20 @@ def _c_integer(text: str) -> int:
     digits = text.lstrip("+-").lower()
     base = 16 if digits.startswith("0x") else 8 if digits.startswith("0") else 10
     return int(text, base)
+
+
+def _c_double(text: str) -> float:
+    # C writes infinity and NaN as Python does, YAML puts a point before them.
+    plain = text.lower().replace(".inf", "inf").replace(".nan", "nan")
+    return float.fromhex(plain) if "0x" in plain else float(plain)
+
+
+_READ: Mapping[str, Callable[[str], object]] = {
+    "a truth value": lambda text: text.lower() in ("y", "yes", "true", "on"),
+    "a whole number": _c_integer,
+    "a number": _c_double,
+    "text": str,
+}
 
 
 def _means_number(text: str) -> bool:

@@ -2,10 +2,12 @@
 
 import json
 import textwrap
+from collections import Counter
 from collections.abc import Iterator, Mapping
 
+from sar_compiler.checks.verify.comparing import BETTER, OTHER, SAME, WORSE, VerificationComparison
 from sar_compiler.checks.verify.traces import Trace, TraceTick, ValueChange
-from sar_compiler.checks.verify.verdicts import Verdict, Verification
+from sar_compiler.checks.verify.verdicts import ProofStatus, Verdict, Verification
 from sar_compiler.runtime.stub_leaf import ANSWERED, HALTED, Event, StubLeaf
 from sar_compiler.views.plain import plain
 from sar_compiler.views.trace import leaf_labels
@@ -34,18 +36,79 @@ def verification_as_json(verification: Verification, seconds: float) -> str:
     """Return the results as a JSON object; see `verification_as_text`."""
     data = {
         "proved": verification.proved,
-        "states": verification.states,
-        "ticks": verification.ticks,
-        "depth": verification.depth,
-        "complete": verification.complete,
-        "stopped": verification.stopped,
+        **_numbers(verification),
         "seconds": round(seconds, 3),
-        "questions": [_as_dict(verdict) for verdict in verification.verdicts],
+        "questions": [
+            {"question": verdict.question, **_as_dict(verdict)} for verdict in verification.verdicts
+        ],
         "left_out": [
             {"property": each.name, "missing": list(each.missing)} for each in verification.left_out
         ],
     }
     return json.dumps(data, indent=2, ensure_ascii=False)
+
+
+def comparison_as_text(comparison: VerificationComparison, names: tuple[str, str], seconds: float) -> str:
+    """Return how the answers have changed: a run for each that is worse, and a line for each question.
+
+    Args:
+        comparison: The answers.
+        names: What the trees are called, the one before and the one now.
+        seconds: The duration of both verifications, in seconds.
+    """
+    labels = leaf_labels(comparison.now.leaves)
+    told = [
+        line
+        for answer in comparison.answers
+        if answer.change == WORSE and answer.now and answer.now.trace
+        for line in _told(answer.now, answer.now.trace, labels)
+    ]
+    return "\n".join([*told, *_changes_in(comparison, names, seconds)])
+
+
+def comparison_as_json(comparison: VerificationComparison, names: tuple[str, str], seconds: float) -> str:
+    """Return how the answers have changed as a JSON object; see `comparison_as_text`."""
+    sides = zip(("before", "now"), names, (comparison.before, comparison.now), strict=True)
+    data = {
+        "worse": comparison.worse,
+        "seconds": round(seconds, 3),
+        **{side: {"file": name, **_numbers(verification)} for side, name, verification in sides},
+        "questions": [
+            {
+                "question": answer.question,
+                "change": answer.change,
+                "before": answer.before and _as_dict(answer.before),
+                "now": answer.now and _as_dict(answer.now),
+            }
+            for answer in comparison.answers
+        ],
+    }
+    return json.dumps(data, indent=2, ensure_ascii=False)
+
+
+def _changes_in(comparison: VerificationComparison, names: tuple[str, str], seconds: float) -> Iterator[str]:
+    answers, sides = comparison.answers, (comparison.before, comparison.now)
+    named = max(map(len, names)) + 2
+    for name, side, when in zip(names, sides, ("before", "now"), strict=True):
+        size = f"{_counted(side.states, 'state')}, {_counted(side.ticks, 'tick')} between them"
+        yield f"{when + ':':8}{name:{named}}{size}"
+    counts = Counter(answer.change for answer in answers)
+    listed = ", ".join(
+        f"{counts[change]} {change}" for change in (WORSE, BETTER, OTHER, SAME) if counts[change]
+    )
+    yield f"{_counted(len(answers), 'answer')}: {listed}; {seconds:.1f} s"
+    width = max(len(answer.question) for answer in answers) + 2
+    for answer in answers:
+        line = f"  {answer.question + ':':{width}}{_answer_or_none(answer.now)}"
+        changed = answer.change != SAME
+        yield f"{line}; before: {_answer_or_none(answer.before)}" if changed else line
+    for name, side in zip(names, sides, strict=True):
+        if not side.complete:
+            yield from (f"{name}: {line}" for line in _bound(side))
+
+
+def _answer_or_none(verdict: Verdict | None) -> str:
+    return "left out" if verdict is None else _answer(verdict)
 
 
 def _told(verdict: Verdict, trace: Trace, labels: Mapping[StubLeaf, str]) -> Iterator[str]:
@@ -85,13 +148,33 @@ def _summary(verification: Verification, seconds: float) -> Iterator[str]:
     states = _counted(verification.states, "state")
     ticks, depth = (_counted(number, "tick") for number in (verification.ticks, verification.depth))
     yield f"{states}, {ticks} between them, {depth} deep, {seconds:.1f} s"
+    yield _tally(verification)
     for verdict in verdicts:
-        line = f"  {verdict.question + ':':{width}}{verdict.outcome.value}"
-        yield line if verdict.trace or not verdict.reason else f"{line}: {verdict.reason}"
+        yield f"  {verdict.question + ':':{width}}{_answer(verdict)}"
     for left in verification.left_out:
         yield f"  {left.name + ':':{width}}left out: this tree has no {', no '.join(left.missing)}"
     if not verification.complete:
         yield from _bound(verification)
+
+
+def _tally(verification: Verification) -> str:
+    """Return how many answers there are of each kind."""
+    counts = Counter(verdict.outcome for verdict in verification.verdicts)
+    broken = "does not hold" if counts[ProofStatus.BROKEN] == 1 else "do not hold"
+    kinds = [
+        (counts[ProofStatus.PROVED], "proved"),
+        (counts[ProofStatus.BROKEN], broken),
+        (counts[ProofStatus.UNDECIDED], "not decided"),
+        (len(verification.left_out), "left out"),
+    ]
+    listed = ", ".join(f"{count} {kind}" for count, kind in kinds if count)
+    return f"{_counted(sum(count for count, _ in kinds), 'answer')}: {listed}"
+
+
+def _answer(verdict: Verdict) -> str:
+    """Return an answer, with what no run shows."""
+    shown = verdict.trace is not None or not verdict.reason
+    return verdict.outcome.value if shown else f"{verdict.outcome.value}: {verdict.reason}"
 
 
 def _counted(number: int, word: str) -> str:
@@ -106,9 +189,18 @@ def _bound(verification: Verification) -> Iterator[str]:
         yield f"Most different values among the last ones had: {listed}."
 
 
+def _numbers(verification: Verification) -> dict[str, object]:
+    return {
+        "states": verification.states,
+        "ticks": verification.ticks,
+        "depth": verification.depth,
+        "complete": verification.complete,
+        "stopped": verification.stopped,
+    }
+
+
 def _as_dict(verdict: Verdict) -> dict[str, object]:
     return {
-        "question": verdict.question,
         "verdict": verdict.outcome.value,
         "reason": verdict.reason,
         "trace": None if verdict.trace is None else _trace(verdict.trace),

@@ -272,3 +272,59 @@ def test_what_a_leaf_answers_is_there_for_scripts(capsys):
     }
     assert leaf["facts"] == {"zones_left": 3}
     assert {"reads", "writes"} <= leaf.keys()
+
+
+PARAMS = """
+/**:
+  ros__parameters: {zone_order: [a, b], tick_rate_hz: 4.0, patience: 0.6}
+search_and_rescue:
+  ros__parameters:
+    zones: {a: {x: 0, y: 0, yaw: 0}, b: {x: 1, y: 0, yaw: 0}}
+"""
+PATIENT = '<Timeout duration="{@patience}"><NavigateToZone/></Timeout>'
+
+
+@pytest.fixture
+def patient(tmp_path, scenario):
+    path = tmp_path / "patient.xml"
+    path.write_text(document(PATIENT), encoding="utf-8")
+    return [path, "--params", scenario(PARAMS, "params.yaml")]
+
+
+def test_a_parameter_file_says_how_the_mission_starts_how_often_it_ticks_and_what_a_tree_takes_from_it(
+    capsys, patient, scenario
+):
+    waiting = scenario("leaves: {NavigateToZone: RUNNING}\nexpect: {root: FAILURE}")
+    status, out, err = run(capsys, *patient, "--scenario", waiting)
+    assert (status, err) == (0, "")
+    assert "ended after tick 4 (0.75 s): root FAILURE\nfacts at the end: zones_left = 2, at = ''" in out
+
+
+def test_a_parameter_file_counts_without_a_scenario(capsys, patient):
+    assert "facts at the end: zones_left = 2" in run(capsys, *patient)[1]
+
+
+def test_a_scenario_counts_before_the_parameter_file(capsys, patient, scenario):
+    own = "facts: {zones_left: 7}\nparameters: {patience: 2.0}\nperiod: 1s\nleaves: {NavigateToZone: RUNNING}"
+    out = run(capsys, *patient, "--scenario", scenario(own))[1]
+    assert "ended after tick 3 (2 s): root FAILURE\nfacts at the end: zones_left = 7" in out
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("/**: {ros__parameters: {x: [1, a]}}", "params.yaml:1:32: 'x' mixes a whole number with text"),
+        ("/**: {ros__parameters: {patience: long}}", "parameter zone_order: is missing"),
+        (PARAMS.replace("b]", "c]"), "parameter zone_order: names 'c', which has no pose"),
+        (PARAMS.replace("0.6", "long"), "error[wrong-value]: duration"),
+        ("/robot1/search_and_rescue: {ros__parameters: {x: 1}}", "this node is /search_and_rescue"),
+        (None, "there is no such parameter file"),
+    ],
+)
+def test_a_wrong_parameter_file_has_status_2_and_its_mistakes(capsys, patient, scenario, text, said):
+    path = scenario(text or "", "params.yaml")
+    if text is None:
+        path.unlink()
+    status, out, err = run(capsys, *patient)
+    assert (status, out) == (2, "")
+    assert said in err

@@ -35,8 +35,9 @@ def run(tmp_path, capsys):
 def test_a_tree_that_is_proved_has_status_0_and_a_line_for_each_question(run):
     status, out, err = run(FINE)
     assert (status, err) == (0, "")
-    first, *questions = out.splitlines()
+    first, tally, *questions = out.splitlines()
     assert first.split(", ")[0].endswith("states")
+    assert tally == "4 answers: 4 proved"
     assert [line.rsplit(maxsplit=1)[-1] for line in questions] == ["proved"] * 4
 
 
@@ -118,6 +119,7 @@ def test_a_property_about_leaves_that_are_not_there_is_said_to_be_left_out(run):
     properties = "properties: {kept: {never: KeepReport kept}}"
     status, out, _ = run(FINE, "--properties", "{folder}/p.yaml", p=properties)
     assert status == 0
+    assert "\n5 answers: 4 proved, 1 left out\n" in out
     assert out.splitlines()[-1].split(":")[1].strip() == "left out"
     assert out.endswith("this tree has no KeepReport\n")
 
@@ -132,6 +134,35 @@ def test_a_bound_that_is_reached_is_said_and_has_status_1(run):
 def test_facts_are_set_on_the_command_line(run):
     states = [run(FINE, "--set", f"zones_left={zones}")[1].split()[0] for zones in (1, 6)]
     assert int(states[0]) < int(states[1])
+
+
+def test_a_parameter_file_says_how_many_zones_the_mission_has(run):
+    zones = "".join(f", {zone}: {{x: 0, y: 0, yaw: 0}}" for zone in "abcd")[2:]
+    params = f"/**: {{ros__parameters: {{zone_order: [a, b, c, d], zones: {{{zones}}}, goal: 2}}}}"
+    arguments = ("--params", "{folder}/params.yaml", "--format", "json")
+
+    def states(*more, **files):
+        status, out, err = run(FINE, *more, **files)
+        assert (status, err) == (0, "")
+        return json.loads(out)["states"]
+
+    with_params = states(*arguments, params=params)
+    assert with_params == states("--set", "zones_left=4", "--format", "json")
+    assert with_params != states("--format", "json")
+    file = {"params": params, "p": "facts: {zones_left: 2}\nproperties: {}"}
+    properties = (*arguments, "--properties", "{folder}/p.yaml")
+    assert states(*properties, **file) == states("--set", "zones_left=2", "--format", "json")
+    assert states(*properties, "--set", "zones_left=4", **file) == with_params
+
+
+def test_a_tree_without_a_mission_takes_parameters_as_keys(run):
+    tree = document('<Sequence><ScriptCondition code="@goal == 2"/><AlwaysSuccess/></Sequence>')
+    params = "sar_run: {ros__parameters: {goal: 2, tick_rat_hz: 1.0}}"
+    status, _, err = run(tree, "--params", "{folder}/params.yaml", params=params)
+    assert status == 0
+    assert err.endswith("params.yaml: parameter 'tick_rat_hz' is not read; did you mean 'tick_rate_hz'?\n")
+    status, _, err = run(tree, "--params", "{folder}/params.yaml", params=params.replace("sar_run", "other"))
+    assert "the file's sections are for /other; this node is /sar_run\n" in err
 
 
 def test_the_command_line_wins_over_the_file(run):
@@ -206,6 +237,114 @@ def test_a_condition_that_cannot_be_evaluated_everywhere_is_named(run):
     assert "counted: 'n == 1' cannot be evaluated in every state: there is no variable 'n'" in err
 
 
+SEARCHED = "properties: {searched on: {never: DetectSurvivor halted}, kept: {never: KeepReport starts}}"
+AGAINST = ("--against", "{folder}/before.xml", "--properties", "{folder}/p.yaml")
+
+
+def reactive(tree):
+    return tree.replace("Sequence>", "ReactiveSequence>")
+
+
+def test_what_is_worse_than_for_another_tree_is_told_with_its_run_and_has_status_1(run, tmp_path):
+    status, out, err = run(reactive(FINE), *AGAINST, before=FINE, p=SEARCHED)
+    assert (status, err) == (1, "")
+    assert (
+        "searched on: does not hold\n  it is broken in the last tick:\n    1  NavigateToZone arrived" in out
+    )
+    table = out.splitlines()[-8:]
+    assert table[0].startswith(f"before: {tmp_path}/before.xml  ")
+    assert table[1].startswith(f"now:    {tmp_path}/tree.xml    ")
+    assert [line.split(":")[1].strip() for line in table[3:]] == [
+        *("proved", "proved", "proved", "does not hold; before", "does not hold; before")
+    ]
+    assert table[2].startswith("5 answers: 2 worse, 3 the same; ")
+
+
+def test_what_is_better_than_for_another_tree_has_status_0_and_no_run(run):
+    status, out, _ = run(FINE, *AGAINST, before=reactive(FINE), p=SEARCHED)
+    assert status == 0
+    assert out.startswith("before: ")
+    assert "  searched on:                           proved; before: does not hold\n" in out
+
+
+def test_what_does_not_hold_for_both_trees_is_nothing_new(run):
+    status, out, _ = run(FINE, *AGAINST, before=FINE, p="properties: {p: {never: DetectSurvivor starts}}")
+    assert status == 0
+    assert "\n5 answers: 5 the same; " in out
+    assert out.endswith("  p:                                     does not hold\n")
+
+
+def test_both_trees_are_held_against_the_properties_of_the_mission_of_either(run):
+    mission = shipped("trees", "search_and_rescue.xml").read_text(encoding="utf-8")
+    arguments = ("--against", "{folder}/before.xml", "--set", "zones_left=1")
+    for tree, before in ((FINE, mission), (mission, FINE)):
+        out = run(tree, *arguments, before=before)[1]
+        assert "home only when no zone remains:" in out
+        assert "left out" in out
+
+
+def test_json_has_both_answers_to_every_question(run):
+    status, out, _ = run(reactive(FINE), *AGAINST, "--format", "json", before=FINE, p=SEARCHED)
+    told = json.loads(out)
+    assert (status, told["worse"], told["before"]["complete"]) == (1, True, True)
+    assert told["now"]["file"].endswith("tree.xml")
+    last = told["questions"][-1]
+    assert (last["question"], last["change"], last["before"]["verdict"]) == ("searched on", "worse", "proved")
+    assert last["now"]["trace"]["ticks"][-1]["events"][-1]["what"] == "halted"
+
+
+def test_the_bounds_of_both_searches_are_told(run):
+    status, out, _ = run(reactive(FINE), *AGAINST, "--max-states", "20", before=FINE, p=SEARCHED)
+    assert status == 1  # a run that is short is found, and whether the other tree has one is not known
+    assert out.count(".xml: Not proved beyond 20 states: there are more;") == 2
+
+
+def test_which_of_two_trees_cannot_be_verified_is_said(run):
+    only_before = "properties: {p: {never: Again starts}}"
+    named = FINE.replace("<DetectSurvivor/>", '<DetectSurvivor name="Again"/>')
+    status, out, err = run(named, *AGAINST, before=FINE, p=only_before)
+    assert (status, out) == (2, "")
+    assert err.endswith("before.xml cannot be verified like this\n")
+    model = '<TreeNodesModel><Control ID="Recover"/></TreeNodesModel></root>'
+    described = document("<Recover><AlwaysSuccess/></Recover>").replace("</root>", model)
+    status, _, err = run(FINE, *AGAINST, before=described, p="properties: {}")
+    assert status == 1
+    assert "before.xml: nothing can be decided: <Recover> is only described" in err
+
+
+def test_the_states_are_written_as_explicit_files_of_prism(run, tmp_path):
+    status, out, err = run(FINE, "--export", "{folder}/fine", "--format", "json")
+    told = json.loads(out)
+    assert status == 0
+    assert err == f"sar-compile: in {tmp_path}/fine.sta, at is 0 for '', 1 for 'zone'\n"
+    states, ticks, labels = (
+        (tmp_path / f"fine.{end}").read_text().splitlines() for end in ("sta", "tra", "lab")
+    )
+    assert ticks[0] == f"{told['states']} {told['ticks']} {told['ticks']}"
+    assert (len(states), len(ticks)) == (told["states"] + 1, told["ticks"] + 1)
+    assert states[:2] == [
+        *("(state,at,found_by_DetectSurvivor,named_by_DetectSurvivor,zones_left)", "0:(0,0,false,false,3)")
+    ]
+    assert labels[:2] == ['0="init" 1="deadlock" 2="end" 3="unexplored" 4="error"', "0: 0"]
+
+
+def test_in_a_folder_the_files_are_called_as_the_tree(run, tmp_path):
+    assert run(FINE, "--export", "{folder}")[0] == 0
+    assert {path.name for path in tmp_path.iterdir()} == {"tree.xml", "tree.sta", "tree.tra", "tree.lab"}
+
+
+def test_what_was_found_is_told_even_if_the_states_cannot_be_written(run):
+    status, out, err = run(FINE, "--export", "{folder}/nowhere/fine")
+    assert status == 2
+    assert out.endswith("proved\n")
+    assert "nowhere/fine.sta: No such file or directory" in err
+
+
+def test_the_states_of_two_trees_are_not_written_together(run):
+    status, out, err = run(FINE, "--export", "fine", "--against", "search_and_rescue")
+    assert (status, out, err) == (2, "", "sar-compile: --export is for one tree: leave --against out\n")
+
+
 class Terminal:
     """Standard error as a terminal is."""
 
@@ -235,11 +374,12 @@ def test_progress_goes_to_standard_error(run, monkeypatch, terminal, said):
     assert shown.text.endswith("\r\x1b[K") == terminal
 
 
-def test_what_is_broken_is_told_when_it_is_found_and_ctrl_c_shows_what_was_found_so_far(tmp_path):
+@pytest.mark.parametrize("more", [[], ["--against", "search_and_rescue"]])
+def test_what_is_broken_is_told_when_it_is_found_and_ctrl_c_shows_what_was_found_so_far(tmp_path, more):
     properties = tmp_path / "p.yaml"
     properties.write_text("properties: {stays at home: {never: NavigateToZone starts}}", encoding="utf-8")
     tree = shipped("trees", "search_and_rescue_resilient.xml")
-    words = ["verify", str(tree), "--properties", str(properties), "--set", "zones_left=9"]
+    words = ["verify", str(tree), "--properties", str(properties), "--set", "zones_left=9", *more]
     process = Command("sar-compile", *words)
     try:
         process.wait_for("stays at home: does not hold (Ctrl-C stops and shows a run)")

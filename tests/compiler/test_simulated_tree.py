@@ -190,7 +190,10 @@ def test_ports_of_a_described_control_or_decorator_are_none_of_what_stands_for_i
 def test_a_parameter_that_is_missing_says_where_a_value_is_given():
     with pytest.raises(TreeError, match=r"the mission has no parameter 'patience'") as error:
         simulated_tree('<Timeout duration="{@patience}"><NavigateToZone/></Timeout>')
-    assert error.value.findings[0].hint == "give it a value: parameters: {patience: ...}"
+    hint = error.value.findings[0].hint
+    assert hint == (
+        "give it a value: --params FILE, or parameters: {patience: ...} in the scenario or the file of properties"
+    )
     assert simulated_tree(
         '<Timeout duration="{@patience}"><NavigateToZone/></Timeout>', {"patience": 30.0}
     ).leaves

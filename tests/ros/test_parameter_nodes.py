@@ -11,6 +11,7 @@ from sar_compiler.ros.parameter_file import (
     ParameterFileError,
     check_parameter_file,
     rcl_kind,
+    read_parameter_file,
 )
 from sar_compiler.ros.parameter_reader import ParameterReader
 from sar_compiler.ros.run_parameters import read_run
@@ -126,6 +127,19 @@ class TestFiles:
         path = launch.file(section("/**", "all") + section("/g/mine", "own"))
         arguments = ["-r", "__node:=mine", "-r", "__ns:=/g", "-p", "x:=given"]
         assert launch.values(arguments, path)["x"] == "given"
+
+    def test_a_file_read_without_ros_says_what_ros_reads(self, launch: Launch) -> None:
+        scalars = "1 -3 +0x10 -0x1.8p3 .5 1e3 .inf -.INF .NaN inf yes OFF tRUE '12' \"off\" a 3m,5"
+        lines = "".join(f"    k{i}: {text}\n" for i, text in enumerate([*scalars.split(), "!!str 3"]))
+        path = launch.file(
+            f"/**:\n  ros__parameters:\n{lines}    a: {{b: {{c: [1.5, 2.0]}}, d: [x, 'y']}}\n    over: 1\n"
+            f"{NAME}:\n  ros__parameters: {{over: 2, a.b.e: [on, n]}}\n"
+            "/other/*:\n  ros__parameters: {over: 3, mine: false}\n"
+        )
+        read, given = read_parameter_file(path, f"/{NAME}"), launch.values(params=path)
+        assert {"a.b.c", "a.b.e", "over"} < set(read)
+        assert {key: repr(value) for key, value in read.items()} == {key: repr(given[key]) for key in read}
+        assert set(given) - set(read) <= {"use_sim_time", "start_type_description_service"}
 
     def test_the_users_own_file_wins_over_the_first(self, launch: Launch) -> None:
         first, second = launch.file(section("/**", 1)), launch.file(section("/**", 2), "own.yaml")

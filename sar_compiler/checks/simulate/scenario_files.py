@@ -1,10 +1,10 @@
 """Reading scenarios; every mistake in one is a finding with its place."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from sar_compiler.checks.assumptions import raise_disputes, read_assumptions
+from sar_compiler.checks.assumptions import StartValues, raise_disputes, read_assumptions, start_assumptions
 from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.simulate.expecting import read_expectations
 from sar_compiler.checks.simulate.scenario import MAX_TICKS, PERIOD_SEC, Scenario
@@ -30,6 +30,7 @@ class Stage:
         registry: What tags mean.
         palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
         tree_id: The tree that is played where a scenario names none; by default the one that the file executes.
+        start: Returns what the parameters of a mission say of the runs of a tree.
     """
 
     def __init__(
@@ -38,11 +39,13 @@ class Stage:
         registry: Registry,
         palettes: tuple[TreeFile, ...] = (),
         tree_id: str | None = None,
+        start: Callable[[Binding], StartValues] = lambda _binding: StartValues(),
     ) -> None:
         self.forest = forest
         self._registry = registry
         self._palettes = palettes
         self._tree_id = tree_id
+        self.start = start
         self._bindings: dict[str | None, Binding] = {}
 
     def binding(self, tree_id: str | None = None) -> Binding:
@@ -63,9 +66,11 @@ class Stage:
             TreeError: If the tree cannot be used.
             DisputedFactError: If its leaves start a fact with different values.
         """
-        simulated = compile_simulated(self.binding(), {})
+        binding = self.binding()
+        start = self.start(binding)
+        simulated = _simulated(binding, start.parameters, lambda plain: start_assumptions(start, plain))
         raise_disputes(simulated)
-        return Play(simulated, Scenario())
+        return Play(simulated, Scenario(period_sec=start.period_sec or PERIOD_SEC))
 
 
 @dataclass(frozen=True)
@@ -108,13 +113,21 @@ def understand(document: Document, stage: Stage) -> Play:
     parts = document.hold("scenario").mapping
     with document.findings_first():
         binding = _binding(document, parts.get("tree"), stage)
-        simulated = _simulated(document, parts, binding, parameters(parts.get("parameters")))
+        start = stage.start(binding)
+        facts, answers = parts.get("facts"), parts.get("answers")
+        simulated = _simulated(
+            binding,
+            {**start.parameters, **parameters(parts.get("parameters"))},
+            lambda plain: start_assumptions(start, plain) | read_assumptions(document, facts, answers, plain),
+        )
+        for message in simulated.disputes.values():
+            document.report(facts or document.root, "missing-value", message)
     words = LeafWords(simulated)
     path = document.source.path
     scenario = Scenario(
         name=(parts["name"].text if "name" in parts else None) or Path(path).stem,
         path=path,
-        period_sec=seconds(parts["period"]) if "period" in parts else PERIOD_SEC,
+        period_sec=seconds(parts["period"]) if "period" in parts else start.period_sec or PERIOD_SEC,
         max_ticks=int(parts["ticks"].data) if "ticks" in parts else MAX_TICKS,
         until=script(document, parts.get("until")),
         scripts=read_scripts(document, parts["leaves"], words) if "leaves" in parts else {},
@@ -132,14 +145,12 @@ def _binding(document: Document, tree: Value | None, stage: Stage) -> Binding:
 
 
 def _simulated(
-    document: Document, parts: Mapping[str, Value], binding: Binding, parameters: Mapping[str, object]
+    binding: Binding,
+    parameters: Mapping[str, object],
+    assumptions_for: Callable[[SimulatedTree], Assumptions],
 ) -> SimulatedTree:
-    """Rehearse the tree with all that the scenario assumes."""
-    facts, answers = parts.get("facts"), parts.get("answers")
-    # What a scenario may say depends on the leaves, so the tree is looked at first.
+    """Simulate a tree with what is assumed of it."""
+    # What may be assumed depends on the leaves, so the tree is looked at first.
     plain = compile_simulated(binding, parameters)
-    assumed = read_assumptions(document, facts, answers, plain)
-    simulated = plain if assumed == Assumptions() else compile_simulated(binding, parameters, assumed)
-    for message in simulated.disputes.values():
-        document.report(facts or document.root, "missing-value", message)
-    return simulated
+    assumed = assumptions_for(plain)
+    return plain if assumed == Assumptions() else compile_simulated(binding, parameters, assumed)

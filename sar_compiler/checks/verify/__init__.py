@@ -4,6 +4,7 @@ The tree is compiled with stub leaves and brought into flat form; every combinat
 every state that can be reached, those that fewest ticks lead to first.
 """
 
+from sar_compiler.checks.verify.comparing import ComparedAnswer, VerificationComparison
 from sar_compiler.checks.verify.property_files import PropertyFile, parse_property_file, read_property_file
 from sar_compiler.checks.verify.verdicts import ProofStatus, Verdict, Verification
 from sar_compiler.checks.verify.verifying import verify
@@ -11,6 +12,7 @@ from sar_compiler.errors import UndecidableError
 from sar_compiler.runtime.kernel.searching import Progress, Report
 
 __all__ = [
+    "ComparedAnswer",
     "Progress",
     "ProofStatus",
     "PropertyFile",
@@ -18,6 +20,7 @@ __all__ = [
     "UndecidableError",
     "Verdict",
     "Verification",
+    "VerificationComparison",
     "parse_property_file",
     "read_property_file",
     "verify",

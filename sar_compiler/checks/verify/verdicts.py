@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from sar_compiler.checks.verify.properties import LeftOut, Properties
+from sar_compiler.checks.verify.state_space import StateSpace
 from sar_compiler.checks.verify.traces import Retracing, Trace
 from sar_compiler.runtime.kernel.graph import Graph
 from sar_compiler.runtime.kernel.liveness import endings, lasso, owing_for_ever
@@ -52,6 +53,7 @@ class Verification:
         growing: What had most values where not every state was gone through, with their number.
         leaves: The leaves that the runs speak of.
         stopped: Whether somebody wanted the search to end before all was gone through.
+        space: The states that were found, and the ticks between them, if they were to be kept.
     """
 
     verdicts: tuple[Verdict, ...]
@@ -63,6 +65,7 @@ class Verification:
     growing: tuple[tuple[str, int], ...] = ()
     leaves: tuple[StubLeaf, ...] = ()
     stopped: bool = False
+    space: StateSpace | None = None
 
     @property
     def proved(self) -> bool:

@@ -2,14 +2,16 @@
 
 from collections.abc import Collection
 
-from sar_compiler.checks.verify.properties import properties_of, without_properties
+from sar_compiler.checks.verify.properties import Properties, properties_of, without_properties
 from sar_compiler.checks.verify.property_files import PropertyFile
 from sar_compiler.checks.verify.state import Prepared
+from sar_compiler.checks.verify.state_space import StateSpace
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.checks.verify.traces import Retracing
 from sar_compiler.checks.verify.verdicts import Questions, Verification
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.errors import UndecidableError
+from sar_compiler.runtime.kernel.graph import Graph
 from sar_compiler.runtime.kernel.searching import Report, explore, keep_quiet
 
 
@@ -21,6 +23,7 @@ def verify(
     report: Report = keep_quiet,
     *,
     forgets: bool = True,
+    keep_states: bool = False,
 ) -> Verification:
     """Search the states of a tree and answer every question.
 
@@ -31,6 +34,7 @@ def verify(
         max_states: How many states to find at most.
         report: Is told now and then how far it is, and when a property is broken.
         forgets: Whether states are the same that differ only in how nodes have ended, where that makes no difference.
+        keep_states: Whether the result has the states that were found.
 
     Raises:
         TreeError: If the file says something that makes no sense for the tree; carries the findings.
@@ -61,7 +65,15 @@ def verify(
         growing,
         simulated.leaves,
         graph.stopped,
+        _space(graph, stepper, properties) if keep_states else None,
     )
+
+
+def _space(graph: Graph, stepper: TreeStepper, properties: Properties) -> StateSpace:
+    def values(state: int) -> dict[str, object]:
+        return stepper.states.values_in(graph.keys[state])
+
+    return StateSpace(graph, values, properties.names, properties.owing)
 
 
 def _unknown_nodes(simulated: SimulatedTree) -> str:

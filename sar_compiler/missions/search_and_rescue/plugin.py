@@ -71,6 +71,10 @@ class Search(MissionRun):
             f"Base station at ({base['x']:.2f}, {base['y']:.2f}, yaw={base['yaw']:.2f}).",
         ]
 
+    def facts(self) -> dict[str, int]:
+        """Return the number of zones."""
+        return {"zones_left": self._zones.total_zones()}
+
     def places(self) -> dict[str, tuple[float, float]]:
         """Return the positions of the zones."""
         return {zone["id"]: (zone["x"], zone["y"]) for zone in self._zones.remaining_zones()}

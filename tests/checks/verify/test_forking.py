@@ -49,11 +49,15 @@ def test_where_ticks_meet_nothing_is_lost(binding):
     "body",
     [
         "<Sequence><Fallback><A/><A/><A/></Fallback><Fallback><A/><A/></Fallback><A/></Sequence>",
-        ('<Parallel success_count="2"><RetryUntilSuccessful num_attempts="-1"><A/></RetryUntilSuccessful>'
-        "<Fallback><A/><A/></Fallback><A/></Parallel>"),
+        (
+            '<Parallel success_count="2"><RetryUntilSuccessful num_attempts="-1"><A/></RetryUntilSuccessful>'
+            "<Fallback><A/><A/></Fallback><A/></Parallel>"
+        ),
         '<Sequence><Timeout msec="10"><A/></Timeout><Fallback><A/><Sleep msec="10"/></Fallback><A/></Sequence>',
-        ('<Sequence><Fallback><A/><Script code="a := 1"/></Fallback><Fallback><A/><Script code="a := 2"/></Fallback>'
-        '<ScriptCondition code="a > 1"/></Sequence>'),
+        (
+            '<Sequence><Fallback><A/><Script code="a := 1"/></Fallback><Fallback><A/><Script code="a := 2"/></Fallback>'
+            '<ScriptCondition code="a > 1"/></Sequence>'
+        ),
     ],
 )
 def test_where_ticks_meet_that_have_broken_other_properties_nothing_is_lost(body):

@@ -1,0 +1,50 @@
+"""Beginning a run: what the parameters of its node say of the mission, of the run and of the tree."""
+
+from typing import NamedTuple
+
+from sar_compiler.missions.mission import Mission, MissionRun
+from sar_compiler.nodes.binding.bound import Binding
+from sar_compiler.ros.parameter_reader import ParameterReader, lookalikes
+from sar_compiler.ros.run_parameters import RUN_PARAMETER_NAMES, RunParameters, read_run
+
+# The node of a tree that belongs to no mission.
+_PLAIN_NODE_NAME = "sar_run"
+
+
+class Beginning(NamedTuple):
+    """The beginning of a run.
+
+    Attributes:
+        mission: The run of the mission; None for a tree that belongs to none.
+        parameters: The parameters that any run has.
+        notes: What is surprising about the parameters, such as a name like one that is read.
+    """
+
+    mission: MissionRun | None
+    parameters: RunParameters
+    notes: tuple[str, ...]
+
+
+def node_name(mission: Mission | None) -> str:
+    """Return the name of the node on which a mission runs."""
+    return mission.name if mission is not None else _PLAIN_NODE_NAME
+
+
+def begin_run(mission: Mission | None, reader: ParameterReader, binding: Binding) -> Beginning:
+    """Begin a run.
+
+    Args:
+        mission: The mission; None for a tree that belongs to none.
+        reader: The parameters of the node.
+        binding: The tree.
+
+    Raises:
+        ParameterError: If there are mistakes in the parameters; has all of them.
+    """
+    run = mission.begin(reader) if mission is not None else None
+    parameters = read_run(reader)
+    reader.complain()
+    own = mission.parameter_names if mission is not None else ()
+    keys = (key.removeprefix("@") for bound in binding.nodes() for key in bound.keys.values())
+    slips = lookalikes(reader.parameters, (*RUN_PARAMETER_NAMES, *own, *keys))
+    return Beginning(run, parameters, (*slips, *reader.notes))
