@@ -8,7 +8,7 @@ from sar_compiler.runtime.frozen import PLAIN, FrozenValueError, can_change, fre
 from sar_compiler.runtime.kernel.entry_cells import EntryCells, Memo
 
 
-class Content(NamedTuple):
+class EntryContent(NamedTuple):
     """What an entry holds.
 
     Attributes:
@@ -22,7 +22,7 @@ class Content(NamedTuple):
     stamp: int = 0
 
 
-_NOTHING = Content()
+_NOTHING = EntryContent()
 
 
 class NumberedBoard(Board):
@@ -124,11 +124,11 @@ class NumberedBoard(Board):
         if held.stamp not in (0, stamp):
             self._put(name, held._replace(stamp=stamp))
 
-    def _held(self, name: str) -> Content:
-        held: Content | None = self.cells.content(self.cells.place_of(name))
+    def _held(self, name: str) -> EntryContent:
+        held: EntryContent | None = self.cells.content(self.cells.place_of(name))
         return held or _NOTHING
 
-    def _put(self, name: str, content: Content) -> None:
+    def _put(self, name: str, content: EntryContent) -> None:
         place = self.cells.place_of(name)
         self.cells.lent.pop(place, None)
         self.cells.put(place, None if content == _NOTHING else content)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from sar_compiler.checks.verify.events import Alphabet
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
-from sar_compiler.runtime.kernel.steps import TickSteps
+from sar_compiler.runtime.kernel.tick_steps import TickSteps
 from sar_compiler.runtime.numbered_board import NumberedBoard
 
 # How many states are searched for what grows, and how many names are reported.
@@ -58,11 +58,11 @@ class StateValues:
         return self._steps.restore(state)[0]
 
     def values(self) -> dict[str, object]:
-        """Return the keys of the tree and the facts as they are now."""
+        """Return the keys of the tree and then the facts as they are now, each by their names."""
         board = self._simulated.compiled.board
         prefix = f"{board.prefix}/"
-        keys = {name.removeprefix(prefix): board.get(name) for name in board.names()}
-        return {**keys, **self._simulated.fact_values()}
+        keys = {name.removeprefix(prefix): board.get(name) for name in sorted(board.names())}
+        return {**keys, **dict(sorted(self._simulated.fact_values().items()))}
 
     def values_in(self, state: bytes) -> dict[str, object]:
         """Return the keys of the tree and the facts in a state."""

@@ -7,9 +7,9 @@ from sar_compiler.checks.verify.state import Prepared, StateValues
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.choices import Choices
 from sar_compiler.runtime.kernel.forking import FEW, ForkingTicker
-from sar_compiler.runtime.kernel.steps import TickSteps
 from sar_compiler.runtime.kernel.stub_nodes import ChosenTimes, LeafNodes
 from sar_compiler.runtime.kernel.table import flatten
+from sar_compiler.runtime.kernel.tick_steps import TickSteps
 from sar_compiler.runtime.kernel.trail import Trail
 from sar_compiler.runtime.stub_leaf import Event
 

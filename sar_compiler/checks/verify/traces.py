@@ -7,7 +7,7 @@ from itertools import pairwise
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.runtime.kernel.graph import Breach, Graph
 from sar_compiler.runtime.kernel.liveness import Lasso
-from sar_compiler.runtime.kernel.steps import TickSteps
+from sar_compiler.runtime.kernel.tick_steps import TickSteps
 from sar_compiler.runtime.stub_leaf import Event
 
 ValueChange = tuple[object, object]
