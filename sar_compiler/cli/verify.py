@@ -2,6 +2,7 @@
 
 import argparse
 import contextlib
+import os
 import signal
 import sys
 import time
@@ -57,6 +58,13 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
         default=_MAX_STATES,
         metavar="N",
         help=f"go through so many states at most (default {_MAX_STATES})",
+    )
+    parser.add_argument(
+        "--jobs",
+        type=count,
+        default=len(os.sched_getaffinity(0)),
+        metavar="N",
+        help="search with so many processes (default: the number of processors)",
     )
     add_project_options(parser)
     parser.add_argument(
@@ -117,6 +125,7 @@ def _verify_into(done: "list[Verification]", files: "list[str]", arguments: argp
                     max_states=arguments.max_states,
                     report=shown.show,
                     keep_states=arguments.export is not None,
+                    jobs=arguments.jobs,
                 )
             )
         if done[-1].stopped:

@@ -391,6 +391,7 @@ class LoadedTree:
         max_states: int = 1_000_000,
         report: "Report" = lambda _progress: None,
         keep_states: bool = False,
+        jobs: int = 1,
     ) -> "Verification":
         """Check properties in all possible runs of the tree.
 
@@ -402,17 +403,22 @@ class LoadedTree:
             max_states: The largest number of states to explore.
             report: Called with the progress from time to time, and when a property is broken; returns True to stop.
             keep_states: Whether the result has all states, as `space`.
+            jobs: The number of processes that search; a program with threads searches alone. The result is the same.
 
         Raises:
             TreeError: If there are errors, or a property makes no sense for the tree.
             UndecidableError: If the runs of the tree cannot be enumerated.
             ParameterFileError, ParameterError: If the mission cannot begin with the parameters.
         """
+        from sar_compiler.checks.verify import verify
         from sar_compiler.project.proof import verified
 
         binding = self.binding(tree_id)
         start = self._start_values(params, binding)
-        return verified(self, binding, properties, facts, start, max_states, report, keep_states=keep_states)
+        search = functools.partial(
+            verify, max_states=max_states, report=report, keep_states=keep_states, jobs=jobs
+        )
+        return verified(self, binding, properties, facts, start, search)
 
 
 def load(

@@ -1,14 +1,14 @@
 """Verifying a loaded tree, with a file of properties and the user's facts."""
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import yaml
 
 from sar_compiler.checks.assumptions import StartValues, raise_disputes, read_assumptions, start_assumptions
-from sar_compiler.checks.verify import Report, Verification, read_property_file, verify
+from sar_compiler.checks.verify import PropertyFile, Verification, read_property_file
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.documents.located import Document
 from sar_compiler.documents.yaml_files import parse_yaml
@@ -18,6 +18,9 @@ from sar_compiler.nodes.binding.bound import Binding
 if TYPE_CHECKING:
     from sar_compiler.project import LoadedTree
 
+Search = Callable[[SimulatedTree, PropertyFile | None, Collection[str]], Verification]
+"""Verifies a tree, as `checks.verify.verify` does, given what else that takes."""
+
 
 def verified(
     tree: "LoadedTree",
@@ -25,10 +28,7 @@ def verified(
     properties: str | Path | None,
     facts: Mapping[str, object] | Document | None,
     start: StartValues,
-    max_states: int,
-    report: Report,
-    *,
-    keep_states: bool,
+    search: Search,
 ) -> Verification:
     """Verify a bound tree; see `LoadedTree.verify`."""
     path = default_properties(tree, binding) if properties is None else properties
@@ -46,7 +46,7 @@ def verified(
         simulated = compile_simulated(binding, parameters, assumed)
         raise_disputes(simulated)
         tags = {spec.tag for spec in tree.project.registry if spec.kind.is_leaf}
-        return verify(simulated, file, tags, max_states, report, keep_states=keep_states)
+        return search(simulated, file, tags)
 
 
 def default_properties(tree: "LoadedTree", binding: Binding) -> Path | None:

@@ -1,7 +1,10 @@
 """Verifying a tree: its states are searched once, and every question is answered from them."""
 
+import contextlib
+import threading
 from collections.abc import Collection
 
+from sar_compiler.checks.verify.processes import SearchProcesses
 from sar_compiler.checks.verify.properties import Properties, properties_of, without_properties
 from sar_compiler.checks.verify.property_files import PropertyFile
 from sar_compiler.checks.verify.state import Prepared
@@ -24,6 +27,7 @@ def verify(
     *,
     forgets: bool = True,
     keep_states: bool = False,
+    jobs: int = 1,
 ) -> Verification:
     """Search the states of a tree and answer every question.
 
@@ -35,6 +39,7 @@ def verify(
         report: Is told now and then how far it is, and when a property is broken.
         forgets: Whether states are the same that differ only in how nodes have ended, where that makes no difference.
         keep_states: Whether the result has the states that were found.
+        jobs: How many processes search, where there is enough to do and this one has a single thread.
 
     Raises:
         TreeError: If the file says something that makes no sense for the tree; carries the findings.
@@ -46,7 +51,10 @@ def verify(
     prepared = Prepared.of(simulated)
     properties = without_properties() if file is None else properties_of(file, prepared, tags)
     stepper = TreeStepper(prepared, properties.rules, forgets=forgets)
-    graph = explore(stepper.steps, max_states, report, properties.names)
+    # A copy of a process with threads may wait for ever for what one of them held.
+    jobs = jobs if threading.active_count() == 1 else 1
+    with contextlib.closing(SearchProcesses(stepper, jobs)) as helpers:
+        graph = explore(stepper.steps, max_states, report, properties.names, helpers)
     questions = Questions(graph, Retracing(stepper, graph), simulated.advice_on)
     verdicts = (
         questions.no_error(),

@@ -17,12 +17,14 @@ class EntryCells:
     Attributes:
         now: The number of what each entry holds now.
         names: The names of the entries.
+        known: How many entries and contents there are.
         lent: What was read that can be changed in place, by the place of its entry.
         freeze: Returns the content of an entry, given its place and what was lent.
     """
 
     def __init__(self) -> None:
         self.now: list[int] = []
+        self.known = 0
         self.names: list[str] = []
         self.lent: dict[int, Any] = {}
         self.freeze: Callable[[int, Any], Hashable] | None = None
@@ -36,6 +38,7 @@ class EntryCells:
         if place < 0:
             place = self._places[name] = len(self.names)
             self.names.append(name)
+            self.known += 1
             self.now.append(NOTHING)
             self._contents.append([None])
             self._numbers.append({None: NOTHING})
@@ -53,6 +56,7 @@ class EntryCells:
             contents = self._contents[place]
             number = numbers[content] = len(contents)
             contents.append(content)
+            self.known += 1
         self.now[place] = number
 
     def restore(self, now: list[int]) -> None:

@@ -1,7 +1,7 @@
 """Searching the states of a tree breadth first."""
 
 from array import array
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple, Protocol
 
@@ -99,8 +99,30 @@ def keep_quiet(progress: Progress) -> None:
     """Report nothing."""
 
 
+Step = tuple[Any, int, int]
+"""One step from a state: the state that it leads to, what it goes on waiting for, and the rules that it breaks."""
+
+
+class Helpers(Protocol):
+    """Whoever finds out what the steps of some states are, while their steps are put together here.
+
+    Attributes:
+        many: How many states at the same distance are worth their help.
+    """
+
+    many: int
+
+    def steps_of(self, states: list[Any]) -> Iterator[list[Step] | None]:
+        """Yield for each state all of its steps; None for one that is left undone."""
+        ...
+
+
 def explore(
-    stepper: Stepper, max_states: int, report: Report = keep_quiet, names: Sequence[str] = ()
+    stepper: Stepper,
+    max_states: int,
+    report: Report = keep_quiet,
+    names: Sequence[str] = (),
+    helpers: Helpers | None = None,
 ) -> Graph:
     """Search all states that can be reached, breadth first.
 
@@ -109,62 +131,113 @@ def explore(
         max_states: How many to find at most; where there are more, the graph is not complete.
         report: Is called with the progress now and then, and when a property is broken.
         names: What the properties are called, by the number of the rule.
+        helpers: Who does a part of the work, where there are many states at the same distance. The graph is the same.
     """
-    return _Exploration(stepper, max_states, report, names).run()
+    return _Exploration(stepper, max_states, report, names, helpers).run()
 
 
 class _Exploration:
-    def __init__(self, stepper: Stepper, max_states: int, report: Report, names: Sequence[str]) -> None:
+    def __init__(
+        self,
+        stepper: Stepper,
+        max_states: int,
+        report: Report,
+        names: Sequence[str],
+        helpers: Helpers | None,
+    ) -> None:
         self._stepper = stepper
         self._max_states = max_states
         self._report = report
         self._names = names
+        self._helpers = helpers
         self._numbering = Numbering()
         self._graph = Graph(self._numbering.keys)
         self._waiting: dict[int, int] = {}
         self._open: set[int] = set()
         self._played = 0
+        # The step in hand.
+        self._source = 0
+        self._state: Any = None
+        self._waits = self._broken = 0
+        self._is_here = True
 
     def run(self) -> Graph:
         graph = self._graph
-        self._add(self._stepper.start(), 0)
+        self._add(self._stepper.start())
         level_end, index = 1, 0
         while index < len(graph.keys) and graph.complete:
             if index == level_end:
                 graph.levels.append(index)
                 level_end = len(graph.keys)
+                helpers = self._helpers
+                if helpers is not None and level_end - index >= helpers.many:
+                    index = self._expand_level(helpers, index, level_end)
+                    continue
             self._expand(index)
             index += 1
         return graph
 
+    def _expand_level(self, helpers: Helpers, index: int, end: int) -> int:
+        """Find the successors of all states at a distance with the help of others; return the first state behind them."""
+        for steps in helpers.steps_of(self._graph.keys[index:end]):
+            if steps is None:
+                self._expand(index)
+            else:
+                self._put_together(index, steps)
+            index += 1
+            if not self._graph.complete:
+                break
+        return index
+
     def _expand(self, index: int) -> None:
         """Find the successors of a state; one whose successors do not all fit does not count as expanded."""
-        graph, stepper, waiting = self._graph, self._stepper, self._waiting
+        stepper = self._stepper
         edges: dict[tuple[int, int], None] = {}
-        idle = True
-        stepper.enter(graph.keys[index])
+        self._source, self._is_here = index, True
+        stepper.enter(self._graph.keys[index])
         while stepper.step():
-            self._count()
-            if graph.stopped:
+            self._state, self._waits, self._broken = stepper.state, stepper.waits, stepper.broken
+            if not self._take(edges):
                 return
-            state = stepper.state
-            if state is None:
-                self._note_error(index)
-                idle = False
-                continue
-            target = self._numbering.find(state)
+        self._finish(edges)
+
+    def _put_together(self, index: int, steps: list[Step]) -> None:
+        """Take the steps that somebody else has found."""
+        edges: dict[tuple[int, int], None] = {}
+        self._source, self._is_here = index, False
+        for self._state, self._waits, self._broken in steps:
+            if not self._take(edges):
+                return
+        self._finish(edges)
+
+    def _take(self, edges: dict[tuple[int, int], None]) -> bool:
+        """Take the step in hand; return False if the search is over."""
+        graph, waiting = self._graph, self._waiting
+        self._count()
+        if graph.stopped:
+            return False
+        target = -1
+        if self._state is None:
+            self._note_error()
+        else:
+            target = self._numbering.find(self._state)
             if target < 0:
                 if len(graph.keys) >= self._max_states:
                     graph.complete = False
-                    return
-                target = self._add(state, index)
-            if stepper.broken:
-                self._note_breaches(Breach(index, stepper.path), stepper.broken)
-            edges[target, waiting.setdefault(stepper.waits, len(waiting))] = None
-            idle = idle and target == index
+                    return False
+                target = self._add(self._state)
+            if self._broken:
+                self._note_breaches(self._broken)
+        # One that raises leads nowhere: it is no edge, but the state is not idle.
+        edges[target, waiting.setdefault(self._waits, len(waiting))] = None
+        return True
+
+    def _finish(self, edges: dict[tuple[int, int], None]) -> None:
+        """Write down the steps of the state in hand."""
+        index = self._source
         self._write(edges)
         if index in self._open:
-            self._judge_again(index, idle=idle)
+            self._judge_again(index, idle=not any(target != index for target, _ in edges))
 
     def _count(self) -> None:
         """Count a tick, and report the progress now and then."""
@@ -188,8 +261,9 @@ class _Exploration:
             if len(graph.waiting) > _SHORT and graph.waits.typecode == "H":
                 graph.waits = array("I", graph.waits)
         for target, wait in edges:
-            graph.targets.append(target)
-            graph.waits.append(wait)
+            if target >= 0:
+                graph.targets.append(target)
+                graph.waits.append(wait)
         graph.offsets.append(len(graph.targets))
 
     def _judge_again(self, index: int, *, idle: bool) -> None:
@@ -199,33 +273,52 @@ class _Exploration:
         state is found its ticks are not known, so it is judged twice. Nothing asks for its end in between: that
         is for `liveness`, after the search.
         """
+        graph = self._graph
         self._open.remove(index)
-        judgement = self._stepper.judge(self._graph.keys[index], idle)
-        self._graph.ends[index] = judgement.ends
-        self._note_breaches(Breach(index), judgement.broken)
+        judgement = self._stepper.judge(graph.keys[index], idle)
+        graph.ends[index] = judgement.ends
+        for rule in self._new(judgement.broken):
+            graph.breaches[rule] = Breach(index)
+            self._tell()
 
-    def _add(self, state: Any, source: int) -> int:
+    def _add(self, state: Any) -> int:
         graph = self._graph
         number = self._numbering.add(state)
-        graph.origins.append(source)
+        graph.origins.append(self._source)
         judgement = self._stepper.judge(state, None)
         graph.ends.append(judgement.ends)
         graph.pending.append(judgement.pending)
         if judgement.is_open:
             self._open.add(number)
         if judgement.broken:
-            self._note_breaches(Breach(source, self._stepper.path), judgement.broken)
+            self._note_breaches(judgement.broken)
         return number
 
-    def _note_breaches(self, breach: Breach, broken: int) -> None:
-        rule = 0
-        while broken:
-            if broken & 1 and rule not in self._graph.breaches:
-                self._graph.breaches[rule] = breach
-                self._tell()
-            broken >>= 1
-            rule += 1
+    def _note_breaches(self, broken: int) -> None:
+        """Note that the step in hand breaks rules."""
+        for rule in self._new(broken):
+            self._graph.breaches[rule] = Breach(self._source, self._path())
+            self._tell()
 
-    def _note_error(self, source: int) -> None:
+    def _new(self, broken: int) -> list[int]:
+        """Return the rules of some bits that were not broken before."""
+        return [
+            rule
+            for rule in range(broken.bit_length())
+            if broken >> rule & 1 and rule not in self._graph.breaches
+        ]
+
+    def _note_error(self) -> None:
         if self._graph.error is None:
-            self._graph.error = Breach(source, self._stepper.path, self._stepper.error)
+            path = self._path()
+            self._graph.error = Breach(self._source, path, self._stepper.error)
+
+    def _path(self) -> tuple[int, ...]:
+        """Return the choices of the step in hand; one that somebody else has found is looked up."""
+        stepper = self._stepper
+        if not self._is_here:
+            stepper.enter(self._graph.keys[self._source])
+            wanted = self._state, self._waits, self._broken
+            while stepper.step() and (stepper.state, stepper.waits, stepper.broken) != wanted:
+                pass
+        return stepper.path

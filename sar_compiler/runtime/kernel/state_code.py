@@ -25,7 +25,12 @@ class StateCode:
         self._values = list(values)
         self._forgotten = forgotten
         self._numbers: dict[Any, int] = {}
-        self._known: list[Any] = []
+        self._numbered: list[Any] = []
+
+    @property
+    def known(self) -> int:
+        """How many other values have a number."""
+        return len(self._numbered)
 
     def written(self, head: list[int], cells: list[int], values: list[Any], entries: list[int]) -> bytes:
         """Return a state as bytes.
@@ -43,9 +48,9 @@ class StateCode:
         count = len(cells)
         for place, value in enumerate(values):
             if value != self._values[place]:
-                number = self._numbers.setdefault(value, len(self._known))
-                if number == len(self._known):
-                    self._known.append(value)
+                number = self._numbers.setdefault(value, len(self._numbered))
+                if number == len(self._numbered):
+                    self._numbered.append(value)
                 _append_pair(code, count + place - last, number)
                 last = count + place
         count += len(values)
@@ -94,7 +99,7 @@ class StateCode:
             if place < count:
                 cells[place] = held - 1
             elif place < count + others:
-                values[place - count] = self._known[held]
+                values[place - count] = self._numbered[held]
             else:
                 entries.extend([0] * (place - count - others - len(entries)))
                 entries.append(held)

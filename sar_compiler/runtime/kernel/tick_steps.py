@@ -50,6 +50,11 @@ class TickSteps:
         self.waits = self.broken = self.outcome = 0
         self.error: Exception | None = None
 
+    @property
+    def known(self) -> int:
+        """How much was numbered so far: a state means the same elsewhere as long as nothing is added to that."""
+        return self._ticker.entries.known + self._code.known + self._ticker.trail.known
+
     def start(self) -> bytes:
         """Return the state before the first tick."""
         return self._first
@@ -77,7 +82,8 @@ class TickSteps:
                 self._is_fresh = False
             elif not ticker.advance():
                 return False
-            self.state, self.outcome, self.error = None, 0, None
+            self.state, self.error = None, None
+            self.outcome = self.waits = self.broken = 0
             try:
                 outcome = ticker.play()
                 if outcome == KNOWN:

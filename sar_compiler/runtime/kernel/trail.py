@@ -62,6 +62,11 @@ class Trail:
         self.watched = watched
 
     @property
+    def known(self) -> int:
+        """How many leaves and timers have a bit."""
+        return len(self._bits)
+
+    @property
     def waits(self) -> int:
         """The leaves and timers that this tick has left running as they were, as bits.
 
