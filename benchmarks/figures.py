@@ -20,6 +20,7 @@ LOOP = "a loop in Python"
 _KIBIBYTE = 1024
 _AT_LEAST_SEC = 0.05
 _LOOPS = 200_000
+_FEW = 3
 
 
 class Figure(NamedTuple):
@@ -68,6 +69,11 @@ class Effort(NamedTuple):
 
     rounds: int
     share: float
+
+    @property
+    def few(self) -> int:
+        """How often something that takes long is measured."""
+        return min(self.rounds, _FEW)
 
     def size(self, whole: int) -> int:
         """Return a size for this effort."""

@@ -33,8 +33,6 @@ SIZES = (100, SIZE, 100_000)
 SHAPES = ("balanced", "ports", "scripts")
 PARSED = f"read, bind, compile {SIZE:,} leaves"
 PARSED_WITH_PORTS = f"{PARSED} with a port each"
-# py_trees' own parser takes seconds.
-_ROUNDS_WITH_THEIRS = 3
 
 
 def subject(shape: str) -> str:
@@ -45,9 +43,8 @@ def subject(shape: str) -> str:
 def measure(effort: Effort) -> Iterator[Result]:
     """Yield the figures of every step, of every shape, and beside the other libraries."""
     for size in SIZES:
-        yield from _steps(
-            size, trees.document(trees.balanced(trees.leaves(effort.size(size)))), effort.rounds
-        )
+        text = trees.document(trees.balanced(trees.leaves(effort.size(size))))
+        yield from _steps(size, text, effort.few if size > SIZE else effort.rounds)
     with tempfile.TemporaryDirectory() as folder, peers(COMPILED, PY_TREES) as others:
         for engine in {COMPILED, PY_TREES} - others.keys():
             yield Missing("", THEIR_PARSER if engine == PY_TREES else engine, "it is not installed")
@@ -59,7 +56,7 @@ def measure(effort: Effort) -> Iterator[Result]:
         ports = ['<Writer y="{key}"/>', *['<Reader x="{key}"/>'] * (effort.size(SIZE) - 1)]
         for name, nodes in ((PARSED, trees.leaves(effort.size(SIZE))), (PARSED_WITH_PORTS, ports)):
             path.write_text(trees.document(trees.balanced(nodes)), encoding="utf-8")
-            yield from _parsed(name, path, others.get(PY_TREES), min(effort.rounds, _ROUNDS_WITH_THEIRS))
+            yield from _parsed(name, path, others.get(PY_TREES), effort.few)
 
 
 def _steps(size: int, text: str, rounds: int) -> Iterator[Result]:

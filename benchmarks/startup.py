@@ -59,9 +59,8 @@ _SERVERS: Mapping[str, Sequence[str]] = {
 }
 _DOMAIN, _DOMAIN_OF_MISSIONS = "87", "88"
 _TICKS_PER_SEC = os.sysconf("SC_CLK_TCK")
-# A short process needs more rounds than others, a mission fewer.
+# A short process needs more rounds than others.
 _MORE = 3
-_MISSIONS = 3
 
 
 def measure(effort: Effort) -> Iterator[Result]:
@@ -107,7 +106,7 @@ def _with_ros(effort: Effort) -> Iterator[Result]:
     (cpu, wall), (bare_cpu, bare_wall) = (zip(*taken[name], strict=True) for name in ("", BARE_NODE))
     yield from compared(FIRST_TICK, cpu, {BARE_NODE: bare_cpu})
     yield from compared(f"{FIRST_TICK}, time that passes", wall, {WAITING: bare_wall})
-    missions = [_mission() for _ in range(min(effort.rounds, _MISSIONS))]
+    missions = [_mission() for _ in range(effort.few)]
     yield from compared(MISSION, [each[0] for each in missions], {BARE_NODE: bare_cpu[: len(missions)]})
     yield plain(f"{MISSION}, simulated time", statistics.median(each[1] for each in missions), "s")
 

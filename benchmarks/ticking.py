@@ -82,7 +82,7 @@ def _of_file(name: str, path: Path, others: Mapping[str, Peer], effort: Effort) 
             actions[engine] = often(peer.tick)
         except RefusedError as error:
             yield Missing(name, engine, str(error))
-    taken = in_turns(actions, effort.rounds)
+    taken = in_turns(actions, effort.few if len(live.nodes) > MANY else effort.rounds)
     yield from compared(name, taken.pop(""), taken)
     if name == subject("balanced", SIZES[-1]):
         watched = {"": _often(lambda: live.tick_and_visit([])), UNSEEN: actions[""]}

@@ -57,7 +57,6 @@ _STATES_FOR_MEMORY = 200_000
 _LEAVES = 200
 # A search is repeated as long as all of them together take no longer.
 _REPEATED_SEC = 8.0
-_SEARCHES = 3
 
 
 class Search(NamedTuple):
@@ -97,7 +96,7 @@ def measure(effort: Effort) -> Iterator[Result]:
 
 def _goes_on(searches: Sequence[Search], effort: Effort) -> bool:
     taken = sum(search.seconds for search in searches)
-    return len(searches) < min(effort.rounds, _SEARCHES) and taken + searches[0].seconds < _REPEATED_SEC
+    return len(searches) < effort.few and taken + searches[0].seconds < _REPEATED_SEC
 
 
 def _of_search(
@@ -156,7 +155,7 @@ def _beside_spin(effort: Effort) -> Iterator[Result]:
         else:
             _compile_model(Path(folder), zones)
             actions[SPIN] = lambda: _spun(Path(folder))
-        taken = in_turns(actions, min(effort.rounds, _SEARCHES))
+        taken = in_turns(actions, effort.few)
     ours = taken.pop("")
     for counted, unit in (("states", "s/state"), ("ticks", "s/tick")):
         yield from compared(
@@ -212,7 +211,7 @@ def _command(name: str, arguments: Sequence[str], effort: Effort) -> Iterator[Re
     seconds: list[float] = []
     loops: list[float] = []
     try:
-        while not seconds or (len(seconds) < min(effort.rounds, _SEARCHES) and sum(seconds) < _REPEATED_SEC):
+        while not seconds or (len(seconds) < effort.few and sum(seconds) < _REPEATED_SEC):
             seconds.append(_to_the_end(command))
             loops.append(loop())
     except subprocess.TimeoutExpired:
