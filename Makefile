@@ -136,7 +136,7 @@ $(VENV)/.interfaces: $(INTERFACES) $(VENV)/.packages
 
 # What the project is compared with, and the project as it is installed without ROS. A library that cannot be installed is left
 # out, and the benchmarks say so. What setuptools leaves in build/ would be installed the next time.
-$(PEERS)/.installed: pyproject.toml setup.py $(shell find sar_compiler trees -type f -not -name '*.pyc') $(VENV)/.python-$(WANTED)
+$(PEERS)/.installed: pyproject.toml setup.py $(shell find sar_compiler schemas trees -name '*.py' -o -name '*.json*' -o -name '*.x*') $(VENV)/.python-$(WANTED)
 	rm -rf $(PEERS)
 	$(PYTHON) -m venv $(PEERS)
 	-for library in py_trees behaviortreepy; do $(PEERS)/bin/python -m pip install --quiet $$library; done

@@ -1,7 +1,7 @@
-"""What large files cost, and how that grows when they are twice as large: correct ones, and ones full of mistakes.
+"""What large files cost, and how that grows when they are ten times as large: correct ones, and ones full of mistakes.
 
 Read, check and, without errors, bind and compile. Each kind of file is measured in a process of its own, one with as many of
-it as said and one with half of them in turns; so the most memory that the process had is that of the larger one.
+it as said and one with a tenth of them in turns; so the most memory that the process had is that of the larger one.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -29,7 +29,7 @@ from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
 
 SIZE = 100_000
-HALF = "half of it"
+TENTH = "a tenth of it"
 SLOWEST = "the slowest of these"
 # The longest part of all benchmarks.
 _ROUNDS = 2
@@ -76,10 +76,10 @@ def measure(effort: Effort) -> Iterator[Result]:
 
 def _of_kind(name: str, effort: Effort) -> list[Figure]:
     registry = registry_with_leaves()
-    whole, half = (document(FILES[name](effort.size(SIZE) // parts)) for parts in (1, 2))
+    whole, tenth = (document(FILES[name](effort.size(SIZE) // parts)) for parts in (1, 10))
     actions = {
         "": lambda: timed(lambda: _processed(whole, registry)),
-        HALF: lambda: timed(lambda: _processed(half, registry)),
+        TENTH: lambda: timed(lambda: _processed(tenth, registry)),
         LOOP: loop,
     }
     taken = in_turns(actions, min(effort.rounds, _ROUNDS))

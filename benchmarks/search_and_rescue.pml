@@ -4,7 +4,7 @@
  * the leaves say they can give. Every node ends as py_trees has it: a Sequence that starts again resets its children,
  * a Selector that comes back to an earlier child halts the later ones.
  *
- *     spin -a -DZONES=2000 search_and_rescue.pml && gcc -O2 -o pan pan.c && ./pan -m10000000
+ *     spin -a -DZONES=2000 search_and_rescue.pml && gcc -O2 -o pan pan.c && ./pan -m1000000
  */
 #ifndef ZONES
 #define ZONES 4
