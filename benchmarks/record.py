@@ -33,7 +33,7 @@ def worse(run: Run, recorded: Run) -> list[str]:
     for name, figures in run.figures.items():
         for figure in figures:
             ratio = before.get((name, *figure[:2]))
-            if ratio is not None and figure.ratio >= WORSE * ratio:
+            if ratio and figure.ratio >= WORSE * ratio:
                 beside = f" beside {figure.against}" if figure.against else ""
                 lines.append(
                     f"{name}: {figure.subject}{beside}: {figure.ratio:.3g}, recorded was {ratio:.3g}: "

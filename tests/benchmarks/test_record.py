@@ -32,6 +32,10 @@ def test_a_ratio_that_is_a_little_worse_or_better_is_not_named(ratio):
     assert record.worse(run_of(figure(ratio)), run_of(figure(2.0))) == []
 
 
+def test_a_figure_that_was_too_small_to_be_recorded_is_not_named():
+    assert record.worse(run_of(figure(9.0)), run_of(figure(0.0))) == []
+
+
 def test_a_figure_that_only_the_run_or_only_the_record_has_is_not_named():
     assert record.worse(run_of(figure(9.0)), run_of(figure(1.0, "py_trees"))) == []
 
