@@ -8,6 +8,10 @@ SPEED ?= 5
 JOBS ?= auto
 SEED ?= 1
 COUNT ?= 60
+# For `make bench`: which benchmarks (all), whether on small trees only, and whether this is the record from now on.
+ONLY ?=
+QUICK ?=
+SAVE ?=
 # Each cell is Python/py_trees: the versions of a robot's apt with the Python that is here, and every Python
 # (where pythonX.Y starts it) with the newest py_trees.
 MATRIX ?= $(WANTED)/2.3.0 $(WANTED)/2.5.0 3.10/2.6.0 3.11/2.6.0 3.12/2.6.0 3.13/2.6.0
@@ -16,6 +20,7 @@ BIN := $(VENV)/bin
 KERNEL := setup.py $(wildcard sar_compiler/runtime/kernel/*.py)
 # What ticks trees is tested compiled and as it is.
 KERNEL_TESTS := tests/runtime tests/conformance tests/checks/verify tests/checks/simulate
+PEERS := build/peers
 INTERFACES := $(shell find interfaces pip_interfaces -type f 2>/dev/null)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
@@ -27,7 +32,7 @@ help:
 	@echo "make test-matrix  run the tests with every Python of this machine and older py_trees, too"
 	@echo "make lint         style and types"
 	@echo "make soak         the long tests"
-	@echo "make bench        the benchmarks"
+	@echo "make bench        the benchmarks, against the record and other libraries (QUICK=1 a trial, ONLY=verify some, SAVE=1 a new record)"
 	@echo "make mutants      whether the tests notice mistakes: COUNT=$(COUNT) made by chance, chosen by SEED=$(SEED)"
 	@echo "make schemas      renew schemas/ and the records of the shipped nodes from their classes, and the kinds of findings"
 	@echo "make golden       renew the golden files of compiled trees"
@@ -71,13 +76,8 @@ format: env
 soak: env
 	$(BIN)/python -m pytest -m slow
 
-bench: env
-	$(BIN)/python benchmarks/startup.py validate
-	$(BIN)/python benchmarks/startup.py first-tick
-	$(BIN)/python benchmarks/pipeline.py
-	$(BIN)/python benchmarks/large_files.py
-	$(BIN)/python benchmarks/ticking.py
-	$(BIN)/python benchmarks/verify.py
+bench: env $(PEERS)/.installed
+	$(BIN)/python -m benchmarks $(if $(QUICK),--quick) $(if $(SAVE),--save) $(foreach name,$(ONLY),--only $(name))
 
 mutants: env
 	$(BIN)/python -m tests.mutants --seed $(SEED) --count $(COUNT)
@@ -132,4 +132,14 @@ $(VENV)/.interfaces: $(INTERFACES) $(VENV)/.packages
 	  $(BIN)/colcon --log-base build/log build --build-base build/interfaces --base-paths interfaces pip_interfaces \
 	  --merge-install --install-base "$(abspath $(VENV))" --event-handlers console_direct- \
 	  --cmake-args -DPython3_EXECUTABLE="$(abspath $(BIN))/python" -DBUILD_TESTING=OFF
+	touch $@
+
+# What the project is compared with, and the project as it is installed without ROS. A library that cannot be installed is left
+# out, and the benchmarks say so. What setuptools leaves in build/ would be installed the next time.
+$(PEERS)/.installed: pyproject.toml setup.py $(shell find sar_compiler schemas trees -name '*.py' -o -name '*.json*' -o -name '*.x*') $(VENV)/.python-$(WANTED)
+	rm -rf $(PEERS)
+	$(PYTHON) -m venv $(PEERS)
+	-for library in py_trees behaviortreepy; do $(PEERS)/bin/python -m pip install --quiet $$library; done
+	SAR_KERNEL=python $(PEERS)/bin/python -m pip install --quiet .
+	rm -rf build/lib build/bdist.*
 	touch $@

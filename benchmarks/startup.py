@@ -1,36 +1,42 @@
-"""What it costs to begin: to validate the shipped tree from a shell, and to come to the first tick of `sar-run`.
+"""What it costs to begin: to validate the shipped tree from a shell, to come to the first tick of `sar-run`, to fly a mission.
 
-Both are compared with the least that such a command needs: an import of lxml, and a bare node of rclpy with an action
-client and a subscription. CPU time is user and system time of the process with all its threads. Each figure is the
-median of many runs; what is compared runs in turn, so that all have the same share of a busy machine.
-
-    python benchmarks/startup.py             # validate
-    python benchmarks/startup.py first-tick  # sar-run, with `sar-sim` and the mission's servers in processes of their own
-
-The first is best run with an environment that has this project, and not the ROS packages from PyPI, which do something
-whenever an interpreter starts:
-
-    python3 -m venv build/startup && build/startup/bin/pip install .
-    cd build && startup/bin/python ../benchmarks/startup.py
-
-An installation has its modules compiled; in a checkout Python may have to do that first (PYTHONDONTWRITEBYTECODE).
+Validating is compared with an import of lxml, in the environment of the peers: it has this project, and not the ROS packages
+from PyPI, which do something whenever an interpreter starts. `sar-run` is compared with a bare node of rclpy that has an action
+client and a subscription, with `sar-sim` and the mission's servers in processes of their own. CPU time is user and system
+time of a process with all its threads.
 """
 
+import importlib.util
 import os
-import resource
+import re
 import signal
 import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
-RUNS = {"validate": 40, "first-tick": 10}
+from benchmarks.figures import Effort, Missing, Result, compared, cpu_of_children, in_turns, plain
+from benchmarks.peers import PYTHON
+
 TREE = "search_and_rescue"
-_PYTHON = sys.executable
-_VALIDATE = "import sys; from sar_compiler.cli.compile import main; sys.exit(main(sys.argv[1:]))"
+LXML, BARE_NODE, WAITING = "import lxml.etree", "a bare node", "a bare node, time that passes"
+VALIDATE = f"sar-compile validate {TREE}"
+FIRST_TICK = f"sar-run {TREE}, to the first tick"
+MISSION = f"sar-run {TREE} --sim, the whole mission"
+_MAIN = "import sys; from sar_compiler.cli.compile import main; "
+_ARGUMENTS = f"['validate', '{TREE}']"
+_AGAIN = f"import time; main({_ARGUMENTS}); start = time.process_time(); main({_ARGUMENTS}); "
+_SHORT: Mapping[str, str] = {
+    LXML: "import lxml.etree",
+    "python, nothing else": "pass",
+    "import py_trees": "import py_trees",
+    "sar-compile --help": f"{_MAIN}main(['--help'])",
+    VALIDATE: f"{_MAIN}sys.exit(main({_ARGUMENTS}))",
+}
 _BARE_NODE = """
 import rclpy
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -45,43 +51,87 @@ node.create_subscription(PoseWithCovarianceStamped, "amcl_pose", lambda _: None,
 node.create_timer(0.05, lambda: client.server_is_ready() and print("ready", flush=True))
 rclpy.spin(node)
 """
-_TICKS_PER_SEC = os.sysconf("SC_CLK_TCK")
-_SCRIPTS = Path(_PYTHON).parent
-VALIDATING = {
-    "import lxml.etree": [_PYTHON, "-c", "import lxml.etree"],
-    "python, nothing else": [_PYTHON, "-c", "pass"],
-    "import py_trees": [_PYTHON, "-c", "import py_trees"],
-    "sar-compile --help": [_PYTHON, "-c", _VALIDATE, "--help"],
-    f"sar-compile validate {TREE}": [_PYTHON, "-c", _VALIDATE, "validate", TREE],
-}
-BEGINNING = {
-    "a bare node finds its action server": [_PYTHON, "-c", _BARE_NODE],
-    f"sar-run {TREE}, to the first tick": [str(_SCRIPTS / "sar-run"), TREE, "--view", "text"],
-}
-SERVERS = {
+_SCRIPTS = Path(sys.executable).parent
+_SERVERS: Mapping[str, Sequence[str]] = {
     "sar-sim": ["run"],
     "sar-detect-survivor-server": [],
     "sar-report-survivor-server": [],
 }
+_DOMAIN, _DOMAIN_OF_MISSIONS = "87", "88"
+_TICKS_PER_SEC = os.sysconf("SC_CLK_TCK")
+# A short process needs more rounds than others.
+_MORE = 3
 
-Seconds = tuple[float, float]
-"""CPU time and wall time."""
+
+def measure(effort: Effort) -> Iterator[Result]:
+    """Yield the figures of short commands, of the first tick and of a mission."""
+    if PYTHON.exists():
+        yield from _short(effort)
+    else:
+        yield Missing("", LXML, "the environment of the peers is not there")
+    # The message packages are what is missing where only the wheels are.
+    if importlib.util.find_spec("rclpy") and importlib.util.find_spec("nav2_msgs"):
+        yield from _with_ros(effort)
+    else:
+        yield Missing("", BARE_NODE, "there is no ROS 2")
 
 
-def to_the_end(command: Sequence[str]) -> Seconds:
-    """Return how long a command takes.
+def _short(effort: Effort) -> Iterator[Result]:
+    actions = {name: partial(_to_the_end, [str(PYTHON), "-c", code]) for name, code in _SHORT.items()}
+    actions["validate, again in the same process"] = partial(
+        _printed, f"{_MAIN}{_AGAIN}print(time.process_time() - start)"
+    )
+    for action in actions.values():
+        action()  # which fills the caches
+    taken = in_turns(actions, effort.rounds * _MORE)
+    reference = {LXML: taken.pop(LXML)}
+    for name, seconds in taken.items():
+        yield from compared(name, seconds, reference)
+    counted = _printed(
+        f"{_MAIN}main({_ARGUMENTS}); print(sum(name.startswith('sar_compiler') for name in sys.modules))"
+    )
+    yield plain("modules of this project that it imports", counted, "modules")
+
+
+def _with_ros(effort: Effort) -> Iterator[Result]:
+    bare = [sys.executable, "-c", _BARE_NODE]
+    with _servers():
+        taken = in_turns(
+            {
+                BARE_NODE: lambda: _to_the_first_line(bare),
+                "": lambda: _to_the_first_line([str(_SCRIPTS / "sar-run"), TREE, "--view", "text"]),
+            },
+            effort.rounds,
+        )
+    (cpu, wall), (bare_cpu, bare_wall) = (zip(*taken[name], strict=True) for name in ("", BARE_NODE))
+    yield from compared(FIRST_TICK, cpu, {BARE_NODE: bare_cpu})
+    yield from compared(f"{FIRST_TICK}, time that passes", wall, {WAITING: bare_wall})
+    missions = [_mission() for _ in range(effort.few)]
+    yield from compared(MISSION, [each[0] for each in missions], {BARE_NODE: bare_cpu[: len(missions)]})
+    yield plain(f"{MISSION}, simulated time", statistics.median(each[1] for each in missions), "s")
+
+
+def _to_the_end(command: Sequence[str]) -> float:
+    """Return the CPU seconds of a command.
 
     Raises:
         CalledProcessError: If it fails.
     """
-    before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    wall, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, wall
+    before = cpu_of_children()
+    # A folder from which nothing can be imported in place of what is installed.
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, cwd=PYTHON.parent)
+    return cpu_of_children() - before
 
 
-def to_the_first_line(command: Sequence[str]) -> Seconds:
-    """Return how long a command takes until it has written its first line; it is interrupted then."""
+def _printed(code: str) -> float:
+    """Return the number that a piece of code prints last."""
+    command = [str(PYTHON), "-c", code]
+    done = subprocess.run(command, check=True, capture_output=True, text=True, cwd=PYTHON.parent)
+    return float(done.stdout.splitlines()[-1])
+
+
+def _to_the_first_line(command: Sequence[str]) -> tuple[float, float]:
+    """Return the CPU seconds and the seconds until a command has written its first line; it is interrupted then."""
     start = time.perf_counter()
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
         assert process.stdout is not None
@@ -94,16 +144,28 @@ def to_the_first_line(command: Sequence[str]) -> Seconds:
     return (int(fields[11]) + int(fields[12])) / _TICKS_PER_SEC, wall
 
 
+def _mission() -> tuple[float, float]:
+    """Return the CPU seconds of a simulated mission, and how many seconds it takes in the simulation."""
+    before = cpu_of_children()
+    # Apart from the servers of before: what has just gone may still be seen, and a call to it waits for its deadline.
+    os.environ["ROS_DOMAIN_ID"] = _DOMAIN_OF_MISSIONS
+    command = [str(_SCRIPTS / "sar-run"), TREE, "--sim", "--speed", "1000", "--view", "none"]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    duration = re.search(r"duration: +([\d.]+) s", done.stdout + done.stderr)
+    assert duration, "the mission has no summary"
+    return cpu_of_children() - before, float(duration[1])
+
+
 @contextmanager
-def servers() -> Iterator[None]:
+def _servers() -> Iterator[None]:
     """Run the simulator and the mission's servers, apart from any other ROS on this machine."""
-    os.environ.setdefault("ROS_DOMAIN_ID", "87")
+    os.environ["ROS_DOMAIN_ID"] = _DOMAIN
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     running = [
         subprocess.Popen(
             [str(_SCRIPTS / name), *arguments], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
         )
-        for name, arguments in SERVERS.items()
+        for name, arguments in _SERVERS.items()
     ]
     try:
         assert running[0].stdout is not None
@@ -114,37 +176,3 @@ def servers() -> Iterator[None]:
             process.send_signal(signal.SIGINT)
         for process in running:
             process.communicate()
-
-
-def compare(
-    commands: Mapping[str, Sequence[str]], seconds: Callable[[Sequence[str]], Seconds], runs: int
-) -> None:
-    """Measure and print; the first command is what the others are compared with."""
-    taken: dict[str, list[Seconds]] = {name: [] for name in commands}
-    for _ in range(runs + 1):
-        for name, command in commands.items():
-            taken[name].append(seconds(command))
-    # The first run of each fills the caches.
-    medians = {
-        name: [statistics.median(each) for each in zip(*all_[1:], strict=True)]
-        for name, all_ in taken.items()
-    }
-    reference = next(iter(medians.values()))
-    for name, (cpu, wall) in medians.items():
-        ratios = f"{cpu / reference[0]:5.2f} x CPU  {wall / reference[1]:5.2f} x wall"
-        print(f"{name:45} {cpu * 1e3:7.1f} ms CPU {wall * 1e3:8.1f} ms wall  {ratios}")
-
-
-def main() -> None:
-    """Measure what is asked for: `validate` or `first-tick`, and how many runs of it."""
-    what = sys.argv[1] if len(sys.argv) > 1 else "validate"
-    runs = int(sys.argv[2]) if len(sys.argv) > 2 else RUNS[what]  # noqa: PLR2004
-    if what == "validate":
-        compare(VALIDATING, to_the_end, runs)
-    else:
-        with servers():
-            compare(BEGINNING, to_the_first_line, runs)
-
-
-if __name__ == "__main__":
-    main()

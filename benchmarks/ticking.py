@@ -1,31 +1,37 @@
-"""What a tick costs, and how often the time that it takes to call the leaves' `update` alone; and what it costs with py_trees.
+"""What a tick costs, beside calling the leaves' `update` alone, and beside other libraries.
 
-Run it with `make bench`, or `python benchmarks/ticking.py 1000 10000`; `SAR_KERNEL=python` measures the kernel as Python.
-All of them tick trees with the same leaves, which do nothing but answer, in turns in one run; each figure is the median
-of several runs, in seconds of the processor.
+All of them tick the tree of the same file. The leaves do nothing but answer; a bare call of one is what no engine can
+do without. BehaviorTree.CPP has leaves in C++ in their place and, in another column, leaves in Python.
 """
 
-import statistics
-import sys
-import time
-from collections.abc import Callable, Mapping
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
-from py_trees.composites import Sequence
 
-from sar_compiler.compiler import bind_main, preview_tree
+from benchmarks.figures import Effort, Missing, Result, compared, in_turns, often, timed
+from benchmarks.leaves import Leaf, registry_with_leaves
+from benchmarks.peers import COMPILED, COMPILED_WITH_PYTHON, PY_TREES, Peer, RefusedError, peers
+from benchmarks.trees import SHAPES, document
+from sar_compiler.compiler import bind_main, compile_tree, preview_tree
 from sar_compiler.nodes.registry import default_registry
-from sar_compiler.runtime import kernel
+from sar_compiler.resources import shipped
 from sar_compiler.runtime.kernel.live import LiveTree
-from sar_compiler.tree.forest import load_forest
+from sar_compiler.runtime.kernel.tree_nodes import Visit
+from sar_compiler.tree.forest import Forest, load_forest
 from sar_compiler.tree.reading import read_tree_file
+from sar_compiler.tree.xml import parse_xml
 
-SHIPPED = Path(__file__).parents[1] / "trees" / "search_and_rescue.xml"
-FAN_OUT = 10
-RUNS = 7
-RUN_SEC = 0.1
+BARE = "bare calls"
+OWN_METHODS = "py_trees on the same objects"
+UNSEEN = "the same without a visitor"
+TREE = "search_and_rescue"
+SIZES = (100, 1_000, 10_000)
+# Tree files are nested no deeper than 200 elements.
+LEVELS = (100, 190)
+MANY = 100_000
 # What the leaves of the shipped tree answer; those that are not named succeed.
 SITUATIONS: Mapping[str, Mapping[str, Status]] = {
     "driving to a zone": {"NavigateToZone": Status.RUNNING},
@@ -35,26 +41,77 @@ SITUATIONS: Mapping[str, Mapping[str, Status]] = {
 }
 
 
-class Leaf(Behaviour):
-    """Answers always the same.
-
-    Args:
-        name: Its name.
-        answer: What it answers.
-    """
-
-    def __init__(self, name: str, answer: Status = Status.SUCCESS) -> None:
-        super().__init__(name)
-        self._answer = answer
-
-    def update(self) -> Status:
-        """Answer."""
-        return self._answer
+def subject(shape: str, size: int) -> str:
+    """Return what a tree is called in the tables."""
+    return f"{shape}, {size:,} {'levels' if shape == 'deep' else 'leaves'}"
 
 
-def shipped(answers: Mapping[str, Status]) -> Behaviour:
+def measure(effort: Effort) -> Iterator[Result]:
+    """Yield the figures of the shipped tree in its situations, and of trees of all shapes and sizes."""
+    for situation, answers in SITUATIONS.items():
+        yield from _in_situation(situation, answers, effort)
+    with peers(COMPILED, COMPILED_WITH_PYTHON, PY_TREES) as others, tempfile.TemporaryDirectory() as folder:
+        for engine in {COMPILED, COMPILED_WITH_PYTHON, PY_TREES} - others.keys():
+            yield Missing("", engine, "it is not installed")
+        for shape in SHAPES:
+            sizes = LEVELS if shape == "deep" else (*SIZES, MANY) if shape == "balanced" else SIZES
+            for size in sizes:
+                path = Path(folder, "tree.xml")
+                path.write_text(document(SHAPES[shape](effort.size(size))), encoding="utf-8")
+                yield from _of_file(subject(shape, size), path, others, effort)
+
+
+def _in_situation(situation: str, answers: Mapping[str, Status], effort: Effort) -> Iterator[Result]:
+    live, stock = LiveTree(_shipped(answers)), _shipped(answers)
+    actions = _ticks(live) | {OWN_METHODS: _often(stock.tick_once)}
+    taken = in_turns(actions, effort.rounds)
+    same = [node.status for node in live.root.iterate()] == [node.status for node in stock.iterate()]
+    assert same, "the two do not do the same"
+    yield from compared(f"{TREE}, {situation}", taken.pop(""), taken)
+
+
+def _of_file(name: str, path: Path, others: Mapping[str, Peer], effort: Effort) -> Iterator[Result]:
+    binding = bind_main(Forest.of(parse_xml(path.read_bytes())), registry_with_leaves())
+    live = LiveTree(compile_tree(binding, {}, {}).root)
+    actions = _ticks(live)
+    for engine, peer in others.items():
+        if engine == COMPILED_WITH_PYTHON and BARE not in actions:
+            continue  # its leaves in Python are those that this project has in Python
+        try:
+            peer.load(path)
+            actions[engine] = often(peer.tick)
+        except RefusedError as error:
+            yield Missing(name, engine, str(error))
+    taken = in_turns(actions, effort.few if len(live.nodes) > MANY else effort.rounds)
+    yield from compared(name, taken.pop(""), taken)
+    if name == subject("balanced", SIZES[-1]):
+        watched = {"": _often(lambda: live.tick_and_visit([])), UNSEEN: actions[""]}
+        taken = in_turns(watched, effort.rounds)
+        yield from compared(f"{name}, with a visitor", taken.pop(""), taken)
+
+
+def _ticks(live: LiveTree) -> dict[str, Callable[[], float]]:
+    """Return what ticks the tree and, if its leaves are in Python, what calls those that it has ticked."""
+    visits: list[Visit] = []
+    live.tick(visits)
+    ticked = [visit.behaviour for visit in visits if not visit.behaviour.children]
+
+    def call() -> None:
+        for leaf in ticked:
+            leaf.update()
+
+    bare = {BARE: _often(call)} if all(isinstance(leaf, Leaf) for leaf in ticked) else {}
+    return {"": _often(live.tick), **bare}
+
+
+def _often(action: Callable[[], object]) -> Callable[[], float]:
+    return often(lambda count: timed(action, count))
+
+
+def _shipped(answers: Mapping[str, Status]) -> Behaviour:
     """Return the shipped tree with leaves that answer as wanted."""
-    root = preview_tree(bind_main(load_forest(SHIPPED, read_tree_file), default_registry())).root
+    forest = load_forest(Path(shipped("trees", f"{TREE}.xml")), read_tree_file)
+    root = preview_tree(bind_main(forest, default_registry())).root
     for node in list(root.iterate()):
         if not node.children and node.parent is not None:
             leaf = Leaf(node.name, answers.get(node.name, Status.SUCCESS))
@@ -63,62 +120,3 @@ def shipped(answers: Mapping[str, Status]) -> Behaviour:
             if hasattr(node.parent, "decorated"):
                 node.parent.decorated = leaf
     return root
-
-
-def balanced(leaves: int) -> Behaviour:
-    """Return sequences of sequences with so many leaves, all of which are ticked in every tick."""
-    nodes: list[Behaviour] = [Leaf(f"leaf {number}") for number in range(leaves)]
-    while len(nodes) > 1:
-        nodes = [
-            Sequence(f"sequence {start}", memory=True, children=nodes[start : start + FAN_OUT])
-            for start in range(0, len(nodes), FAN_OUT)
-        ]
-    return nodes[0]
-
-
-def measured(make: Callable[[], Behaviour]) -> tuple[float, float, float]:
-    """Return what a tick takes, what it takes with py_trees, and what calling the leaves takes, in seconds."""
-    stock, root = make(), make()
-    live = LiveTree(root)
-    live.tick()
-    ticked = [node for node in root.iterate() if not node.children and node.status is not Status.INVALID]
-
-    def call() -> None:
-        for leaf in ticked:
-            leaf.update()
-
-    ticks: tuple[Callable[[], object], ...] = (live.tick, stock.tick_once, call)
-    counts = [max(1, int(RUN_SEC / _timed(tick, 1))) for tick in ticks]
-    runs = [[_timed(tick, count) for tick, count in zip(ticks, counts, strict=True)] for _ in range(RUNS)]
-    same = [node.status for node in root.iterate()] == [node.status for node in stock.iterate()]
-    assert same, "the two do not do the same"
-    ours, theirs, alone = (statistics.median(column) for column in zip(*runs, strict=True))
-    return ours, theirs, alone
-
-
-def _timed(tick: Callable[[], object], count: int) -> float:
-    start = time.process_time()
-    for _ in range(count):
-        tick()
-    return (time.process_time() - start) / count
-
-
-def _line(label: str, make: Callable[[], Behaviour]) -> str:
-    ours, theirs, alone = measured(make)
-    return (
-        f"{label:26} {ours * 1e6:10.2f} us {ours / alone:6.1f} {theirs * 1e6:12.2f} us {theirs / ours:6.1f}"
-    )
-
-
-def main() -> None:
-    """Measure the shipped tree, and balanced trees of the given sizes."""
-    print(f"kernel: {kernel.described()}")
-    print(f"{'a tick':26} {'takes':>13} {'x bare':>6} {'py_trees':>15} {'ratio':>6}")
-    for label, answers in SITUATIONS.items():
-        print(_line(label, lambda answers=answers: shipped(answers)))  # type: ignore[misc]
-    for leaves in [int(argument) for argument in sys.argv[1:]] or [1_000, 10_000]:
-        print(_line(f"{leaves} leaves", lambda leaves=leaves: balanced(leaves)))  # type: ignore[misc]
-
-
-if __name__ == "__main__":
-    main()

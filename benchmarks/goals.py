@@ -1,0 +1,160 @@
+"""What is to be reached, and where it was before."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from benchmarks import large_files, pipeline, startup, ticking, verifying
+from benchmarks.peers import COMPILED
+
+
+class Goal(NamedTuple):
+    """One row of the table of goals.
+
+    Attributes:
+        what: What it is about.
+        before: What it was, as measured then.
+        benchmark: Whose figure it is.
+        subject: The subject of the figure.
+        limits: The most that the ratio beside each reference may be, or, for the reference "", the subject itself in
+            its unit. Empty where it only has to be measured, which is to say that it came to an end.
+        how: How it is measured.
+        unit: The figure's unit, a key of `tables.UNITS`.
+    """
+
+    what: str
+    before: str
+    benchmark: str
+    subject: str
+    limits: Mapping[str, float]
+    how: str
+    unit: str = "s"
+
+
+_IN_PARTS = f"balanced tree of {pipeline.SIZE:,} leaves, step by step in turns"
+_LARGE = f"{pipeline.SIZE:,} leaves"
+
+GOALS = (
+    Goal(
+        "tick 10,000 leaves (own `update` only), as `sar-run` does",
+        "128 ms with py_trees' generators, 39 ms on the flat form; BehaviorTree.CPP 5.8 ms, bare calls 4.0 ms",
+        "ticking",
+        ticking.subject("balanced", 10_000),
+        {COMPILED: 1.5, ticking.BARE: 2.0},
+        "`LiveTree.tick`; BehaviorTree.CPP with leaves in C++, by `behaviortreepy`",
+    ),
+    Goal(
+        "`verify`, states a second, nothing forgotten",
+        "2,000 states/s; SPIN on a like model 198,000 (see below)",
+        "verify",
+        verifying.RESILIENT_UNFORGOTTEN,
+        {"": 1 / 50_000},
+        "resilient mission, four zones, CPU time of all processes",
+        "s/state",
+    ),
+    Goal(
+        "`verify`, memory",
+        "430 to 940 bytes a state",
+        "verify",
+        verifying.MEMORY,
+        {"": 200.0},
+        "growth of the process over the second half of 100,000 states, nine zones; 10^7 states in 2 GB are 200 bytes each",
+        "bytes/state",
+    ),
+    Goal(
+        "BehaVerify's binary tree, 2,055 nodes",
+        "39 nodes not in 300 s; BehaVerify 23 s, MoVe4BT 1,031 nodes in 34 s (on their machines)",
+        "verify",
+        verifying.binary_subject(10),
+        {"": 5.0},
+        "`sar-compile verify` from the shell, CPU time",
+    ),
+    Goal(
+        "BehaVerify's binary tree, 8,199 nodes",
+        "not measured",
+        "verify",
+        verifying.binary_subject(12),
+        {},
+        f"the same; given up after {verifying.PATIENCE_SEC} s",
+    ),
+    Goal(
+        "200 retried leaves in a Sequence",
+        "not done in 120 s",
+        "verify",
+        verifying.RETRIED,
+        {},
+        f"the same; given up after {verifying.PATIENCE_SEC} s",
+    ),
+    Goal(
+        "the resilient mission with 8 zones",
+        "not measured",
+        "verify",
+        verifying.EIGHT_ZONES,
+        {},
+        f"the same; given up after {verifying.PATIENCE_SEC} s",
+    ),
+    Goal(
+        "`validate` of the shipped tree",
+        "5.3 to 6.0 x `import lxml.etree`",
+        "startup",
+        startup.VALIDATE,
+        {startup.LXML: 3.0},
+        "processes of an environment without ROS",
+    ),
+    Goal(
+        "`sar-run` without `--sim`, to the first tick",
+        "not measured",
+        "startup",
+        startup.FIRST_TICK,
+        {startup.BARE_NODE: 3.0},
+        "servers up in processes of their own; CPU time",
+    ),
+    Goal(
+        "10,000 leaves with ports: read, check, compile",
+        "3.1 s; BehaviorTree.CPP creates it in 0.13 s",
+        "pipeline",
+        pipeline.subject("ports"),
+        {"": 1.0},
+        "from the text to the tree; BehaviorTree.CPP from the file to the tree",
+    ),
+    Goal(
+        "read a file",
+        "2.9 to 3.2 x expat",
+        "pipeline",
+        f"read {_LARGE}",
+        {pipeline.EXPAT: 3.0},
+        f"{_IN_PARTS}; expat with handlers that do nothing",
+    ),
+    Goal("check it", "1.9 to 2.2 x reading", "pipeline", f"check {_LARGE}", {pipeline.READ: 2.0}, _IN_PARTS),
+    Goal(
+        "compile it",
+        "1.5 x by hand",
+        "pipeline",
+        f"compile {_LARGE}",
+        {pipeline.BY_HAND: 1.5},
+        f"{_IN_PARTS}; hand-written py_trees constructors",
+    ),
+    Goal(
+        "memory from file to tree",
+        "2.0 x by hand",
+        "pipeline",
+        f"memory of {_LARGE}",
+        {pipeline.BY_HAND: 2.0},
+        "the most that Python holds at a time (`tracemalloc`)",
+    ),
+    Goal(
+        "from file to tree",
+        "1/14 of py_trees' own parser",
+        "pipeline",
+        pipeline.PARSED,
+        {pipeline.THEIR_PARSER: 0.05},
+        f"balanced tree of {pipeline.SIZE:,} leaves; without checks",
+    ),
+    Goal(
+        f"{large_files.SIZE:,} of whatever a file may be full of: read, check, compile",
+        "quadratic in three of them",
+        "large-files",
+        large_files.SLOWEST,
+        {"": 10.0},
+        "the slowest of the files below",
+    ),
+)

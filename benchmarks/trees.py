@@ -1,0 +1,81 @@
+"""Tree files of any size that this project, BehaviorTree.CPP and the builder in `peer.py` read alike."""
+
+import itertools
+from collections.abc import Callable, Iterable, Mapping
+
+FAN_OUT = 10
+
+
+def document(body: str) -> str:
+    """Return a file with one tree."""
+    return (
+        '<root BTCPP_format="4" main_tree_to_execute="Main">\n'
+        f'<BehaviorTree ID="Main">\n{body}\n</BehaviorTree>\n</root>\n'
+    )
+
+
+def around(opening: str, nodes: Iterable[str]) -> str:
+    """Return a node around others, with one in each line; the first word of its tag closes it."""
+    return "\n".join([f"<{opening}>", *nodes, f"</{opening.partition(' ')[0]}>"])
+
+
+def sequence(nodes: Iterable[str]) -> str:
+    """Return a sequence."""
+    return around("Sequence", nodes)
+
+
+def balanced(nodes: Iterable[str]) -> str:
+    """Return sequences of sequences with nodes at their ends."""
+    level = list(nodes)
+    while len(level) > 1:
+        level = [sequence(level[start : start + FAN_OUT]) for start in range(0, len(level), FAN_OUT)]
+    return level[0]
+
+
+def leaves(count: int) -> list[str]:
+    """Return leaves; each has a name of its own."""
+    return [f'<Leaf name="n{number}"/>' for number in range(count)]
+
+
+def in_turn(*forms: str) -> Callable[[int], list[str]]:
+    """Return nodes that take turns; as many as there are forms have the same number."""
+
+    def nodes(count: int) -> list[str]:
+        turns = zip(range(count), itertools.cycle(forms), strict=False)
+        return [form.format(number // len(forms)) for number, form in turns]
+
+    return nodes
+
+
+scripts = in_turn('<Script code="k{0} := 1"/>', '<ScriptCondition code="k{0} == 1"/>')
+"""Each entry is written, then read."""
+
+
+def copies(count: int) -> list[str]:
+    """Return nodes of which each reads the entry that the one before has written."""
+    inner = (f'<SetBlackboard value="{{k{at}}}" output_key="k{at + 1}"/>' for at in range(count - 1))
+    return ['<Script code="k0 := 1"/>', *inner]
+
+
+def deep(levels: int) -> str:
+    """Return sequences in each other, each with a leaf before the next one."""
+    body = '<Leaf name="last"/>'
+    for level in reversed(range(levels - 1)):
+        body = sequence([f'<Leaf name="n{level}"/>', body])
+    return body
+
+
+_PARALLEL = 'Parallel success_count="-1" failure_count="1"'
+
+SHAPES: Mapping[str, Callable[[int], str]] = {
+    "wide": lambda count: sequence(leaves(count)),
+    "balanced": lambda count: balanced(leaves(count)),
+    "deep": deep,
+    "ports": lambda count: balanced(copies(count)),
+    "scripts": lambda count: balanced(scripts(count)),
+    "parallel": lambda count: around(_PARALLEL, leaves(count)),
+    "parallel, all running": lambda count: around(
+        _PARALLEL, [around("KeepRunningUntilFailure", [leaf]) for leaf in leaves(count)]
+    ),
+}
+"""What trees are like, by a name for it; each makes the tree with so many leaves."""
