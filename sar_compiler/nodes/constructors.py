@@ -99,7 +99,7 @@ def _parameter(spec: NodeSpec, parameter: inspect.Parameter, annotation: object,
     message = (
         f"<{spec.tag}>: parameter '{keyword}' of {_name_of(spec)} is annotated with {annotation!r}, which is "
         "neither a value that can be written in a file (float, int, bool, str, an enum, Path, timedelta, a list "
-        "of such, or a port such as Input[float]) nor a leaf class nor marked with @mission_context()"
+        "of such, or a port such as Input[float]) nor a leaf class nor marked with @mission_context"
     )
     raise RegistrationError(message)
 

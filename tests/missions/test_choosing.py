@@ -17,8 +17,8 @@ from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler import Kind, register
 from sar_compiler.runtime.context import mission_context
 
+@mission_context
 class Crop: pass
-mission_context(Crop)(Crop)
 
 @register("Water", kind=Kind.ACTION)
 class Water(Behaviour):

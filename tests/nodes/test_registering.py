@@ -5,10 +5,11 @@ import sys
 import pytest
 from py_trees.behaviour import Behaviour
 
-from sar_compiler import Kind, register
+from sar_compiler import Kind, mission_context, register
 from sar_compiler.nodes.constructors import RegistrationError
 from sar_compiler.nodes.registry import Registry, RegistryError, default_registry, load_registry
 from sar_compiler.nodes.spec import MARK, NodeSpec, Role, Use
+from sar_compiler.runtime.context import preview_of
 from tests.nodes import leaves
 
 
@@ -217,3 +218,14 @@ def test_a_module_that_cannot_be_imported_is_named_with_the_reason(name):
 def test_an_unknown_tag_has_no_spec():
     assert default_registry().get("Nonsense") is None
     assert default_registry().nearest("Sequnce") == "Sequence"
+
+
+def test_a_class_is_marked_as_context_with_or_without_brackets():
+    @mission_context
+    class Bare: ...
+
+    @mission_context(preview=lambda: 7)
+    class Previewed: ...
+
+    assert isinstance(preview_of(Bare), Bare)
+    assert preview_of(Previewed) == 7
