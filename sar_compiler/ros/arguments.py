@@ -49,6 +49,7 @@ def init_arguments(ros: Sequence[str], params_file: Path | None = None) -> list[
         params_file: A parameter file that is applied before all of them.
 
     Raises:
+        UnreadableFileError: If a parameter file does not exist or cannot be read.
         ParameterFileError: If a parameter file, also one among the user's own arguments, is one that
             ROS would refuse or misread.
     """

@@ -133,9 +133,6 @@ class _Loader:
                 self._report(element, "too-many-includes", f"includes go further than {limit}")
             self.full = True
             return
-        if _may_never_end(target):
-            self._report(element, "unreadable-include", f"{_as_written(target)} is not a file")
-            return
         try:
             tree_file = self.read(_as_written(target))
         except UnreadableFileError as error:
@@ -148,10 +145,10 @@ class _Loader:
         self.seen.add(target)
 
     def _near(self, element: Element, target: Path) -> str | None:
-        """Return the path of an include with the name of the tree file beside it that was probably meant."""
+        """Return the path of a missing include with the name of the tree file beside it that was probably meant."""
         written, beside = element.attributes["path"], []
-        if self.compared < MAX_NEIGHBOURS:
-            with suppress(OSError):
+        with suppress(OSError):
+            if self.compared < MAX_NEIGHBOURS and not target.exists():
                 beside = [path.name for path in target.parent.iterdir() if path.suffix in _ENDINGS]
         self.compared += len(beside)
         import difflib
@@ -219,13 +216,6 @@ class _Loader:
     ) -> None:
         span = element.value_span(attribute) if attribute in element.attributes else element.tag_span()
         self.findings.append(Diagnostic(code, message, element.source, span, **advice))  # type: ignore[arg-type]
-
-
-def _may_never_end(path: Path) -> bool:
-    """Return whether a path is a pipe, which would block until something is written to it."""
-    with suppress(OSError):  # what cannot even be looked at is reported when it is read
-        return path.is_fifo()
-    return False
 
 
 def _as_written(path: Path) -> Path:
