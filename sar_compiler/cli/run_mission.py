@@ -21,7 +21,7 @@ from sar_compiler.cli.output import RunOutput
 from sar_compiler.commands import FINDINGS, OK
 from sar_compiler.compiler import CompiledTree, compile_tree
 from sar_compiler.errors import SarError
-from sar_compiler.missions.choosing import choose_mission
+from sar_compiler.missions.choosing import MissionError, choose_mission
 from sar_compiler.missions.ending import EndCondition, RunResult, Until
 from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.nodes.spec import Use
@@ -302,7 +302,10 @@ class _Run:
             )
         finally:
             engine.shutdown()
-        return self._conclude(engine, elapsed)
+        try:
+            return self._conclude(engine, elapsed)
+        except MissionError as error:
+            return self._failed(str(error))
 
     @property
     def _over(self) -> bool:
