@@ -14,6 +14,9 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from sar_compiler.checks.verify.exploring import Progress
+    from sar_compiler.checks.verify.verdicts import ProofStatus, Verdict, Verification
+    from sar_compiler.checks.verify.verifying import UndecidableError
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.errors import SarError
     from sar_compiler.missions.mission import Mission, MissionRun
@@ -22,6 +25,7 @@ if TYPE_CHECKING:
     from sar_compiler.nodes.semantics import Semantics
     from sar_compiler.nodes.spec import Kind, Use
     from sar_compiler.project import LoadedTree, load
+    from sar_compiler.project.simulated import Simulated
     from sar_compiler.ros.errors import readable_ros_errors
     from sar_compiler.ros.faults import FaultPlan, ServiceFaults, create_service
     from sar_compiler.ros.leaves.action_leaf import ActionLeaf
@@ -55,6 +59,8 @@ __all__ = [
     "MissionRun",
     "Output",
     "ParameterReader",
+    "Progress",
+    "ProofStatus",
     "RegistryError",
     "RosLeaf",
     "SarError",
@@ -62,12 +68,16 @@ __all__ = [
     "ServiceFaults",
     "ServiceLeaf",
     "Severity",
+    "Simulated",
     "SkippableLeaf",
     "TopicLeaf",
     "TreeError",
     "TreeRunner",
+    "UndecidableError",
     "UnreadableFileError",
     "Use",
+    "Verdict",
+    "Verification",
     "create_service",
     "load",
     "mission_context",
@@ -77,6 +87,9 @@ __all__ = [
 ]
 
 _MODULES = {
+    "checks.verify.exploring": ("Progress",),
+    "checks.verify.verdicts": ("ProofStatus", "Verdict", "Verification"),
+    "checks.verify.verifying": ("UndecidableError",),
     "compiler": ("CompiledTree",),
     "errors": ("SarError",),
     "missions.mission": ("Mission", "MissionRun"),
@@ -85,6 +98,7 @@ _MODULES = {
     "nodes.semantics": ("Semantics",),
     "nodes.spec": ("Kind", "Use"),
     "project": ("LoadedTree", "load"),
+    "project.simulated": ("Simulated",),
     "ros.errors": ("readable_ros_errors",),
     "ros.faults": ("FaultPlan", "ServiceFaults", "create_service"),
     "ros.leaves.action_leaf": ("ActionLeaf",),

@@ -10,7 +10,7 @@ from sar_compiler.errors import SarError
 from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.binding.collector import Collector
-from sar_compiler.nodes.installed import entry_points, import_installed
+from sar_compiler.nodes.installed import entry_points, ignored_entry_points, import_installed
 from sar_compiler.nodes.values import nearest
 from sar_compiler.tree.diagnostic import TreeError
 
@@ -105,6 +105,8 @@ def mission_named(name: str, checkout: Path | None = None) -> Mission:
         return missions[name]
     near = nearest(name, missions)
     hint = f"; did you mean '{near}'?" if near else ""
+    for _, place in ignored_entry_points(ENTRY_POINTS, checkout)[:1]:
+        hint += f"; the missions of {place} are passed over, which is part of what is looked at: install them"
     message = f"there is no mission '{name}' (installed: {', '.join(sorted(missions))}){hint}"
     raise MissionError(message)
 
