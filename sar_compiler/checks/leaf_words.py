@@ -1,4 +1,4 @@
-"""How a file beside a tree speaks of leaves: their names, what they can answer, what they do."""
+"""The words for leaves in files beside a tree: their names, answers and effects."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

@@ -32,10 +32,10 @@ from sar_compiler.ros.arguments import (
     node_arguments,
     parameter_files,
 )
-from sar_compiler.ros.blame import tell
 from sar_compiler.ros.clock import RosClock
 from sar_compiler.ros.engine import Engine, EngineFactory, find_engine
 from sar_compiler.ros.errors import readable_ros_errors
+from sar_compiler.ros.failure_reports import tell
 from sar_compiler.ros.faults import NAVIGATION, NAVIGATION_FAULTS, Fault, FaultPlan, parse_fault
 from sar_compiler.ros.parameter_file import sections_elsewhere
 from sar_compiler.ros.parameter_reader import ParameterReader, lookalikes

@@ -34,7 +34,7 @@ __all__ = [
 
 
 _OUTLINE = 25
-"""How many lines of a tree are shown where it is only named."""
+"""The number of lines of a tree that are shown where it is only named."""
 
 
 @dataclass(frozen=True, repr=False)

@@ -13,8 +13,8 @@ from py_trees.behaviours import Dummy
 from rclpy.executors import Executor
 from rclpy.node import Node
 
-from sar_compiler.ros.blame import tell_failure
 from sar_compiler.ros.depth import require_tickable_depth
+from sar_compiler.ros.failure_reports import tell_failure
 from sar_compiler.ros.setting_up import give_up
 from sar_compiler.ros.statuses import require_statuses
 from sar_compiler.ros.stopping import SETTLE_SEC, settle, shut_down, stop_behaviours

@@ -9,7 +9,7 @@ from sar_compiler.tree.model import TEXT_KEY, Element, TreeFile
 
 
 class Change(str, Enum):
-    """How a node differs."""
+    """The kind of a difference between nodes."""
 
     ADDED = "added"
     REMOVED = "removed"

@@ -14,7 +14,7 @@ MAX_FILES = 1000
 """More files than this are not read for one tree."""
 
 MAX_NEIGHBOURS = 20_000
-"""After so many names of files were compared with those of missing ones, nothing is suggested any more."""
+"""The number of file names that are compared with missing ones; beyond it nothing is suggested."""
 
 MAX_INCLUDE_DEPTH = 50
 """An include in an include, and so on, ends here."""

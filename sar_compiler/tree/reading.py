@@ -1,4 +1,4 @@
-"""Reading tree files in whatever form they are."""
+"""Reading of tree files in any form."""
 
 from pathlib import Path
 

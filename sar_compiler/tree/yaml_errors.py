@@ -62,7 +62,7 @@ _WORDS = [
             "this does not belong to the lines above it",
             "indent it as the line it belongs to; a text stands in quotes as a whole or not at all",
         ),
-        (r"document start", "the file goes on behind the end of its document", "delete the lines of '...'"),
+        (r"document start", "the file continues after the end of its document", "delete the lines of '...'"),
         (r"directive|%", "a tree file has no directives of YAML", "delete the line"),
         (
             r"indentation|indent",

@@ -47,7 +47,7 @@ class Waiting:
 
     @property
     def text(self) -> str:
-        """What it says."""
+        """Its text."""
         return text_of_yaml(self.lines)
 
 

@@ -134,7 +134,7 @@ def _binding(document: Document, tree: Value | None, stage: Stage) -> Binding:
 def _simulated(
     document: Document, parts: Mapping[str, Value], binding: Binding, parameters: Mapping[str, object]
 ) -> SimulatedTree:
-    """Rehearse the tree with all that the scenario assumes."""
+    """Compile the tree for simulation, with all that the scenario assumes."""
     facts, answers = parts.get("facts"), parts.get("answers")
     # What a scenario may say depends on the leaves, so the tree is looked at first.
     plain = compile_simulated(binding, parameters)

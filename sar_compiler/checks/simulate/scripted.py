@@ -98,7 +98,7 @@ _Holds = Callable[[AnswerStep], bool]
 
 
 class _Left:
-    """How often a step can still be taken."""
+    """The number of times that a step can still be taken."""
 
     def __init__(self, step: AnswerStep) -> None:
         self.step = step
