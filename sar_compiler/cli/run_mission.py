@@ -66,14 +66,7 @@ _SIMULATED_TIME_LIMIT_SEC = 900.0
 
 
 def run_mission(options: "Options", signals: StopSignals) -> int:
-    """Check the tree, wait for its requirements, and tick it to the end.
-
-    Args:
-        options: The options of the command line.
-        signals: The signals that ask the process to stop.
-
-    Returns:
-        The exit status.
+    """Check the tree, wait for its requirements, tick it to the end, and return the exit status.
 
     Raises:
         TreeError: If the tree is not valid; the robot has not moved.

@@ -73,12 +73,6 @@ def bind_main(
 ) -> Binding:
     """Bind the tree to execute.
 
-    Args:
-        forest: The file and what it includes.
-        registry: What tags mean.
-        tree_id: The tree; by default the one that the file executes.
-        palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
-
     Raises:
         TreeError: If there is none, or an error in it; carries all the findings.
     """
@@ -125,12 +119,6 @@ def compile_with(
     binding: Binding, builder: Builder, parameters: Mapping[str, object], collector: Collector
 ) -> CompiledTree:
     """Compile a bound tree with a builder of one's own.
-
-    Args:
-        binding: The tree, without errors.
-        builder: Makes its behaviours.
-        parameters: The keys of the root blackboard.
-        collector: What the builder tells its findings to.
 
     Raises:
         TreeError: If the tree has errors, or the builder has findings.

@@ -30,10 +30,6 @@ _Place = tuple[int, int]
 def read_toml(path: Path, shown: str) -> Document:
     """Read a file.
 
-    Args:
-        path: The file.
-        shown: Its name in findings.
-
     Raises:
         UnreadableFileError: If it does not exist or cannot be read.
         TreeError: If it is not TOML, not text, or too large.

@@ -19,10 +19,6 @@ from sar_compiler.tree.yaml_spans import YamlSpans
 def read_yaml(path: str | Path, empty_hint: str) -> Document:
     """Read a file.
 
-    Args:
-        path: The file.
-        empty_hint: The remedy for an empty file.
-
     Raises:
         UnreadableFileError: If it does not exist or cannot be read.
         TreeError: As `parse_yaml`.
@@ -32,11 +28,6 @@ def read_yaml(path: str | Path, empty_hint: str) -> Document:
 
 def parse_yaml(data: bytes | str, path: str, empty_hint: str) -> Document:
     """Read the content of a file.
-
-    Args:
-        data: The content.
-        path: Its name in findings.
-        empty_hint: The remedy for an empty file.
 
     Raises:
         TreeError: If it is not YAML, empty, too large, or uses features beyond plain data.

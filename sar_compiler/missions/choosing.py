@@ -53,9 +53,6 @@ class _Guarded:
 def load_missions(checkout: Path | None = None) -> dict[str, Mission]:
     """Return the missions that are installed, by name.
 
-    Args:
-        checkout: A folder whose content does not count as installed.
-
     Raises:
         MissionError: If one cannot be imported or is not a mission, or if two have the same name.
     """
@@ -92,10 +89,6 @@ def _flaw(mission: object) -> str:
 
 def mission_named(name: str, checkout: Path | None = None) -> Mission:
     """Return a mission by its name.
-
-    Args:
-        name: Its name.
-        checkout: A folder whose content does not count as installed.
 
     Raises:
         MissionError: If there is no mission of this name.

@@ -31,9 +31,6 @@ class RegistrationError(SarError):
 def parameters_of(spec: NodeSpec) -> Mapping[str, Parameter]:
     """Return the parameters of a node's constructor or factory by attribute name, in their order.
 
-    Args:
-        spec: The node.
-
     Raises:
         RegistrationError: If one cannot be written in a tree file, or the answers use unknown ones.
     """

@@ -339,9 +339,6 @@ def at_least(least: int) -> ValueType:
     """Return the type of whole numbers with a lower limit.
 
     It is used in an annotation: `attempts: Annotated[int, at_least(1)]`.
-
-    Args:
-        least: The smallest.
     """
     label = f"a whole number, {least} or more"
     return ValueType(

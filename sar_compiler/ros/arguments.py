@@ -81,9 +81,6 @@ def node_arguments(ros: Sequence[str]) -> list[str]:
 
     A new name (`-r __node:=name`) is for this node only: given for the whole process it would also rename
     the servers' and the simulator's nodes in it.
-
-    Args:
-        ros: The user's own ROS arguments, without `--ros-args`.
     """
     last_file = max((index for index, argument in enumerate(ros) if argument == _FILE_FLAG), default=-1)
     rules: list[str] = []

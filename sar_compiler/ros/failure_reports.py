@@ -53,10 +53,6 @@ def tell(node: Node | None, text: str, error: BaseException | None = None) -> No
 def tell_failure(node: Node | None, error: BaseException) -> Behaviour | None:
     """Log an exception raised in a tick, because of which the tree is stopped.
 
-    Args:
-        node: The node that the tree is ticked on.
-        error: The exception.
-
     Returns:
         The behaviour that raised it; None if it was not a behaviour of the tree.
     """

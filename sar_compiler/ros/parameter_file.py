@@ -60,9 +60,6 @@ class ParameterFileError(SarError):
 def check_parameter_file(path: Path | str) -> None:
     """Check a ROS parameter file for content that ROS refuses or misreads.
 
-    Args:
-        path: The file.
-
     Raises:
         UnreadableFileError: If the file does not exist or cannot be read.
         ParameterFileError: If there are mistakes; has all of them, each with its place.

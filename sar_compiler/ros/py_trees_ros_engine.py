@@ -82,10 +82,6 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
     def settle(self, executor: Executor, timeout_sec: float = SETTLE_SEC) -> list[str]:
         """Stop the tree, then spin until none of its leaves has work in progress.
 
-        Args:
-            executor: The executor of the node.
-            timeout_sec: The longest time to spin, in seconds of the steady clock.
-
         Returns:
             The names of the leaves that still had work in progress at the end.
         """

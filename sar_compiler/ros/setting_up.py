@@ -26,11 +26,6 @@ class SetupFailedError(SarError, RuntimeError):
 def give_up(root: Behaviour, error: Exception, node: Node) -> NoReturn:
     """Stop and shut down the behaviours that are set up already, and raise the error of the setup.
 
-    Args:
-        root: The tree.
-        error: The exception raised while the behaviours were set up one by one.
-        node: The node that it is set up with.
-
     Raises:
         SetupFailedError: If it was raised by a behaviour's setup.
         Exception: The original exception, if it needs no context (a `SarError`) or was raised elsewhere.

@@ -16,9 +16,6 @@ def require_statuses(root: Behaviour) -> None:
     """Make every behaviour of a tree raise an error in the tick in which its `update()` returns no status.
 
     The behaviours keep their classes; only the method of each instance is wrapped.
-
-    Args:
-        root: The tree, set up.
     """
     for behaviour in root.iterate():
         if not isinstance(behaviour.update, _StatusOnly):

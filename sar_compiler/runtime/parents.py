@@ -83,11 +83,7 @@ class Built(Behaviour):
         return self.status
 
     def stop(self, new_status: Status = Status.INVALID) -> None:
-        """End; with INVALID the node is halted, and its children with it.
-
-        Args:
-            new_status: The status from now on.
-        """
+        """End; with INVALID the node is halted, and its children with it."""
         if new_status == Status.INVALID:
             tree, index = self._place()
             tree.stop(index)

@@ -141,11 +141,6 @@ class Timer(Built, stock.Timer):
 def seconds_of(name: str, port: str, milliseconds: int) -> float:
     """Return how long a node is to wait, in seconds.
 
-    Args:
-        name: The node's name.
-        port: The attribute that says how long.
-        milliseconds: What it says.
-
     Raises:
         DurationError: If that is less than no time.
     """

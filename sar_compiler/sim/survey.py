@@ -25,11 +25,6 @@ class SurveyError(SarError):
 def survey(world: World, *, seed: int = 0, lidar: Lidar | None = None) -> OccupancyMap:
     """Drive the world's survey route and return the map made of the scans.
 
-    Args:
-        world: The world to map.
-        seed: Seed of the scanner's noise.
-        lidar: The scanner.
-
     Raises:
         SurveyError: If the world has no survey route, or the robot gets stuck on it.
     """

@@ -61,9 +61,6 @@ class Forest:
     def main_tree(self, tree_id: str | None = None) -> Element | None:
         """Return the tree to execute: the one asked for, the one the main file names, or its only one.
 
-        Args:
-            tree_id: The ID asked for; None leaves the choice to the file.
-
         Returns:
             The `BehaviorTree` element; None if there is no such tree, or several to choose from.
         """
@@ -80,11 +77,6 @@ def load_forest(path: Path, read: Read, include_paths: Iterable[Path] = ()) -> F
     An included file must lie in the folder of the file given, below it, in one of *include_paths*, or (by
     `ros_pkg`) in the share folder of an installed ROS package: a mission must not be able to read whatever
     is on the machine.
-
-    Args:
-        path: The file.
-        read: Reads one file.
-        include_paths: Further folders that may be included from.
 
     Raises:
         UnreadableFileError: If the file itself is not there or cannot be read.

@@ -14,12 +14,6 @@ def read_tree_file(path: str | Path) -> TreeFile:
 
     The file's ending tells its form: `.xml`, `.yaml` or `.yml`; with any other, `<` begins XML.
 
-    Args:
-        path: The file.
-
-    Returns:
-        What it says, not yet checked.
-
     Raises:
         UnreadableFileError: If the file is not there or cannot be read.
         TreeError: If it cannot be understood at all.

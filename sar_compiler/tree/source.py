@@ -118,13 +118,7 @@ class Source:
     def attribute(
         self, element: "Element", name: str, attributes: Iterator[tuple[str, AttributePlaces]]
     ) -> AttributePlaces | None:
-        """Return the places of an attribute; None if the text of the element has none of this name.
-
-        Args:
-            element: The element.
-            name: The attribute.
-            attributes: Finds the attributes of the element one after the other.
-        """
+        """Return the places of an attribute; None if the text of the element has none of this name."""
         if len(element.attributes) <= _FEW:
             return next((places for each, places in attributes if each == name), None)
         place = (element.line, element.column)

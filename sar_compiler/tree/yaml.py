@@ -28,13 +28,6 @@ _REFERENCE = re.compile(r"\{[^{}:,\s]+\}")
 def parse_yaml(data: bytes | str, path: str = "<text>") -> TreeFile:
     """Read a tree file's content.
 
-    Args:
-        data: Its content.
-        path: What to call it in findings.
-
-    Returns:
-        What it says, not yet checked.
-
     Raises:
         TreeError: If it is not YAML, not a tree, too large, too deep, or uses what only YAML has.
     """

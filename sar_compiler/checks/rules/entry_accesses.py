@@ -267,12 +267,7 @@ class EntryTable:
 
 
 def entry_table_of(top: Instance, accesses: Mapping[BoundTree, KeyAccesses]) -> EntryTable:
-    """Collect the accesses to each entry.
-
-    Args:
-        top: A tree with its subtrees expanded.
-        accesses: The key accesses of each tree.
-    """
+    """Collect the accesses to each entry."""
     entries: dict[tuple[Scope, str], EntryAccesses] = {}
     places, is_open, is_foreign = PlaceFinder(top), False, False
     for instance in top.iterate():

@@ -84,10 +84,6 @@ class Play:
 def read_scenario(path: str | Path, stage: Stage) -> Play:
     """Read a scenario.
 
-    Args:
-        path: Its file.
-        stage: The tree that it is about.
-
     Raises:
         UnreadableFileError: If the file is not there or cannot be read.
         TreeError: If anything is wrong with it, or with the tree; carries all the findings.
@@ -97,10 +93,6 @@ def read_scenario(path: str | Path, stage: Stage) -> Play:
 
 def understand(document: Document, stage: Stage) -> Play:
     """Return the tree and the scenario that a file describes.
-
-    Args:
-        document: The file.
-        stage: The tree that it is about.
 
     Raises:
         TreeError: If anything is wrong with it, or with the tree; carries all the findings.

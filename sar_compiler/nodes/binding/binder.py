@@ -52,12 +52,6 @@ class BoundForest(NamedTuple):
 def bind(forest: Forest, registry: Registry, tree: Element, palettes: Iterable[TreeFile] = ()) -> Binding:
     """Bind a tree and the trees that it uses.
 
-    Args:
-        forest: The file and what it includes.
-        registry: The registered nodes.
-        tree: The `BehaviorTree` element.
-        palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
-
     Returns:
         The bound tree and its findings, in the order of the file.
     """
@@ -74,11 +68,6 @@ def bind(forest: Forest, registry: Registry, tree: Element, palettes: Iterable[T
 
 def bind_all(forest: Forest, registry: Registry, palettes: Iterable[TreeFile] = ()) -> BoundForest:
     """Bind every tree of a forest, executed or not.
-
-    Args:
-        forest: The file and what it includes.
-        registry: The registered nodes.
-        palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
 
     Returns:
         The bound trees and their findings, in the order of the files.

@@ -86,14 +86,7 @@ def choose(
 def report_missing(
     bound: BoundNode, parameter: Parameter, within: list[Candidates], collector: Collector
 ) -> None:
-    """Report a reference to a node that is not in any of the visible trees.
-
-    Args:
-        bound: The node that refers.
-        parameter: The reference.
-        within: The nodes of its own tree and of the enclosing ones.
-        collector: Collects the findings.
-    """
+    """Report a reference to a node that is not in any of the visible trees."""
     element, what = bound.element, parameter.target_name
     named = element.attributes.get(parameter.name)
     where = "this tree" if len(within) == 1 else "this tree or one around it"

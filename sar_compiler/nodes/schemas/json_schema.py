@@ -35,12 +35,7 @@ _CONDITION = {"$ref": f"#/$defs/{CONDITION.name} value"}
 
 
 def json_schema(registry: Registry, described: Iterable[NodeSpec] = ()) -> Schema:
-    """Return the schema (draft 2020-12) of the YAML files that may be written with a registry.
-
-    Args:
-        registry: The registered nodes.
-        described: Nodes that only a model describes.
-    """
+    """Return the schema (draft 2020-12) of the YAML files that may be written with a registry."""
     tags = registry.by_tag()
     for spec in described:
         tags.setdefault(spec.tag, [spec])

@@ -84,13 +84,7 @@ class NavigateTo(ActionLeaf):
         """Handle the arrival."""
 
     def _drive_to(self, target: str, pose: Pose, headline: str = "") -> Any:
-        """Return the goal for a pose in the frame `map`.
-
-        Args:
-            target: The name of the place in the log.
-            pose: The pose.
-            headline: The line logged before the drive, once for repeated drives to one target.
-        """
+        """Return the goal for a pose in the frame `map`."""
         self._target = target
         if headline not in ("", self._headline):
             self._headline = headline

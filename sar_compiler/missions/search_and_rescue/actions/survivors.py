@@ -153,11 +153,7 @@ class BroadcastSurvivorTF(RosLeaf):
         self._verdict = Status.INVALID
 
     def setup(self, **kwargs: Any) -> None:
-        """Create the publisher, or share the one that the node has already.
-
-        Args:
-            **kwargs: `node` and optionally `wake`, see `RosLeaf`.
-        """
+        """Create the publisher, or share the one that the node has already."""
         super().setup(**kwargs)
         self._transforms = static_transforms_of(self.node)
 
