@@ -172,11 +172,7 @@ class _Value:
 
 
 class _Values:
-    """The values of the attributes of a file.
-
-    Args:
-        elements: The elements of the file, in its order.
-    """
+    """The values of the attributes of a file."""
 
     def __init__(self, elements: Sequence[Element]) -> None:
         self._elements = elements

@@ -38,11 +38,7 @@ class EventPattern:
 
 
 class LeafWords:
-    """The words for the leaves of one tree.
-
-    Args:
-        simulated: The tree.
-    """
+    """The words for the leaves of one tree."""
 
     def __init__(self, simulated: SimulatedTree) -> None:
         self.leaves = simulated.leaves

@@ -40,11 +40,6 @@ _NodeInInstance = tuple[Instance, BoundNode]
 class Builder:
     """Makes the behaviours of one tree.
 
-    Args:
-        binding: The tree.
-        arguments: Knows what constructors are given.
-        collector: Is told what keeps the tree from being made.
-
     Attributes:
         constructions: How each behaviour was constructed.
     """

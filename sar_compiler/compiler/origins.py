@@ -46,11 +46,7 @@ class Construction(NamedTuple):
 
 
 class Origins(Mapping[UUID, Origin]):
-    """The origins of all behaviours, by their ids; each is computed on request.
-
-    Args:
-        constructions: How each was constructed.
-    """
+    """The origins of all behaviours, by their ids; each is computed on request."""
 
     def __init__(self, constructions: Sequence[Construction]) -> None:
         self._in_order = constructions

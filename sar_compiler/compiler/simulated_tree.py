@@ -277,11 +277,7 @@ class SimulationBuilder(Builder):
 
 
 class Places:
-    """The paths of the nodes of a bound tree.
-
-    Args:
-        binding: The tree.
-    """
+    """The paths of the nodes of a bound tree."""
 
     def __init__(self, binding: Binding) -> None:
         self._around = {child: node for node in binding.nodes() for child in node.children}

@@ -74,11 +74,7 @@ def _value(data: Any, path: _Path, places: "_Places", around: _Place) -> Value:
 
 
 class _Places:
-    """The places of keys and values, by their paths; tables in a list of tables have none.
-
-    Args:
-        text: The text, which tomllib has accepted as TOML.
-    """
+    """The places of keys and values, by their paths; tables in a list of tables have none."""
 
     def __init__(self, text: str) -> None:
         self.keys: dict[_Path, _Place] = {}

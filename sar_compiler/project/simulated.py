@@ -39,11 +39,7 @@ def play_scenario(tree: "LoadedTree", scenario: str | Path) -> None:
 
 
 class Simulated:
-    """A tree that is ticked by a script.
-
-    Args:
-        play: The tree and the script.
-    """
+    """A tree that is ticked by a script."""
 
     def __init__(self, play: Play) -> None:
         self._simulation = ScenarioPlayer(play.simulated, play.scenario)

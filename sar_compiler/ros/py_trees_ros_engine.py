@@ -32,9 +32,6 @@ _ITS_PARAMETERS = (
 class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
     """A `py_trees_ros.trees.BehaviourTree` that always ends by stopping its tree.
 
-    Args:
-        root: The tree.
-
     Attributes:
         failure: The exception of a leaf or a handler that stopped the tree; None if there was none.
     """

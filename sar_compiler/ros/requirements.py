@@ -66,12 +66,7 @@ class OneServer(Requirement):
 
 
 class Published(Requirement):
-    """A topic that must have a publisher.
-
-    Args:
-        node: The node that will subscribe.
-        name: Its relative name.
-    """
+    """A topic that must have a publisher."""
 
     def __init__(self, node: Node, name: str) -> None:
         self._node = node
@@ -84,11 +79,7 @@ class Published(Requirement):
 
 
 class ClockRuns(Requirement):
-    """Simulated time that must have started.
-
-    Args:
-        node: A node under `use_sim_time`.
-    """
+    """Simulated time that must have started."""
 
     def __init__(self, node: Node) -> None:
         self._clock = node.get_clock()

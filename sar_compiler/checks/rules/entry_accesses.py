@@ -45,11 +45,7 @@ class Place:
 
 
 class PlaceFinder:
-    """The places of all nodes of a tree with its subtrees expanded.
-
-    Args:
-        top: The tree.
-    """
+    """The places of all nodes of a tree with its subtrees expanded."""
 
     def __init__(self, top: Instance) -> None:
         self._top = top
@@ -105,9 +101,6 @@ class EntryAccess:
 
 class OrderedAccesses:
     """Accesses by the order of their places, to be asked for those in a part of the tree.
-
-    Args:
-        uses: The accesses.
 
     Attributes:
         uses: The accesses in their order.

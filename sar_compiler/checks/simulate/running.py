@@ -78,10 +78,6 @@ class Run:
 class ScenarioPlayer:
     """Ticks a tree by a scenario, tick by tick.
 
-    Args:
-        simulated: The tree, not ticked yet.
-        scenario: The scenario.
-
     Attributes:
         run: What has come of it so far.
     """

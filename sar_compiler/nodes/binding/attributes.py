@@ -50,11 +50,7 @@ _UNCLOSED = re.compile(r" *(?:\{([^{}\s]+)|([^{}\s]+)\}) *")
 
 
 class AttributeBinder:
-    """Binds the attributes of one element after the other.
-
-    Args:
-        collector: Collects the findings.
-    """
+    """Binds the attributes of one element after the other."""
 
     def __init__(self, collector: Collector) -> None:
         self._collector = collector

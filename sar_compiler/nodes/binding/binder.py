@@ -106,14 +106,7 @@ def _in_order(forest: Forest, findings: list[Diagnostic]) -> tuple[Diagnostic, .
 
 
 class Binder:
-    """Binds trees, each once.
-
-    Args:
-        forest: The forest in which trees are looked up by ID.
-        registry: The registered nodes.
-        models: The models of tags that are not registered, and of subtrees.
-        collector: Collects the findings.
-    """
+    """Binds trees, each once."""
 
     def __init__(self, forest: Forest, registry: Registry, models: Models, collector: Collector) -> None:
         self._forest = forest

@@ -11,11 +11,7 @@ from sar_compiler.nodes.values import MOST_LISTED, listed
 
 
 class Candidates:
-    """The nodes of a tree, indexed by class and name.
-
-    Args:
-        nodes: The nodes, in the order of the file.
-    """
+    """The nodes of a tree, indexed by class and name."""
 
     def __init__(self, nodes: list[BoundNode]) -> None:
         self._nodes = nodes
