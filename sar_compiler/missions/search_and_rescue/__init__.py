@@ -12,8 +12,7 @@ from sar_compiler.missions.search_and_rescue.actions.survivors import (
     LogNoDetection,
     NotifyBase,
 )
-from sar_compiler.missions.search_and_rescue.actions.zone_retries import AbandonZone, PostponeZone
-from sar_compiler.missions.search_and_rescue.actions.zones import AdvanceZone
+from sar_compiler.missions.search_and_rescue.actions.zones import AbandonZone, AdvanceZone, PostponeZone
 from sar_compiler.missions.search_and_rescue.conditions import (
     IsSurvivorDetected,
     MissionComplete,

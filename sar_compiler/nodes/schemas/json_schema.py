@@ -34,11 +34,9 @@ _SCALAR: Schema = {"type": ["string", "number", "boolean"]}
 _CONDITION = {"$ref": f"#/$defs/{CONDITION.name} value"}
 
 
-def json_schema(registry: Registry, described: Iterable[NodeSpec] = ()) -> Schema:
+def json_schema(registry: Registry) -> Schema:
     """Return the schema (draft 2020-12) of the YAML files that may be written with a registry."""
     tags = registry.by_tag()
-    for spec in described:
-        tags.setdefault(spec.tag, [spec])
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "$comment": "Made from the node registry by `make schemas`; do not edit.",
