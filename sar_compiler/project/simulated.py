@@ -44,6 +44,9 @@ class Simulated:
     def __init__(self, play: Play) -> None:
         self._simulation = ScenarioPlayer(play.simulated, play.scenario)
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: root {self.root} after tick {len(self.run.ticks)}>"
+
     @property
     def run(self) -> Run:
         """The run so far, tick by tick."""

@@ -28,6 +28,7 @@ def _as_dict(finding: Diagnostic) -> dict[str, object]:
         "code": finding.code,
         "message": finding.message,
         "suggestion": finding.suggestion,
+        "hint": finding.hint,
     }
 
 
