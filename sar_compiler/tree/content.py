@@ -88,7 +88,7 @@ def _decode(data: bytes, path: str, spans: Spans, encoding: str) -> str:
         message = f"byte 0x{data[error.start]:02x} is not {encoding}"
         raise _wrong_encoding(message, Source(path, data.decode(encoding, "replace"), spans), place) from None
     except (LookupError, UnicodeError):
-        message = f"the file declares the encoding '{encoding}', which tree files cannot have"
+        message = f"the file declares the encoding '{encoding}', which is not allowed here"
         raise _wrong_encoding(message, Source(path, data.decode("utf-8", "replace"), spans)) from None
     if "\0" in text:
         message = "the file has zero bytes, as UTF-16 without a byte order mark has"
