@@ -3,9 +3,15 @@
 from collections.abc import Callable
 from typing import TypeVar, overload
 
+from sar_compiler.errors import SarError
+
 T = TypeVar("T")
 
 _MARK = "__mission_context__"
+
+
+class PreviewError(SarError):
+    """A stand-in for an object of the mission context cannot be made."""
 
 
 @overload
@@ -42,6 +48,17 @@ def is_mission_context(cls: type) -> bool:
 
 
 def preview_of(cls: type) -> object:
-    """Make the stand-in that the class was marked with."""
+    """Make the stand-in that the class was marked with.
+
+    Raises:
+        PreviewError: If that fails.
+    """
     factory: Callable[[], object] = getattr(cls, _MARK)
-    return factory()
+    try:
+        return factory()
+    except Exception as error:
+        message = (
+            f"no stand-in for the context object {cls.__name__} can be made ({type(error).__name__}: {error}); "
+            "mark its class with a function that makes one: @mission_context(preview=make)"
+        )
+        raise PreviewError(message) from error

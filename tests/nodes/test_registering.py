@@ -9,7 +9,7 @@ from sar_compiler import Kind, mission_context, register
 from sar_compiler.nodes.constructors import RegistrationError
 from sar_compiler.nodes.registry import Registry, RegistryError, default_registry, load_registry
 from sar_compiler.nodes.spec import MARK, NodeSpec, Role, Use
-from sar_compiler.runtime.context import preview_of
+from sar_compiler.runtime.context import PreviewError, preview_of
 from tests.nodes import leaves
 
 
@@ -227,5 +227,10 @@ def test_a_class_is_marked_as_context_with_or_without_brackets():
     @mission_context(preview=lambda: 7)
     class Previewed: ...
 
+    class Port:
+        def __init__(self, number: int) -> None: ...
+
     assert isinstance(preview_of(Bare), Bare)
+    with pytest.raises(PreviewError, match=r"no stand-in for the context object Port.*missing 1 required"):
+        preview_of(mission_context(Port))
     assert preview_of(Previewed) == 7
