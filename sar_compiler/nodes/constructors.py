@@ -40,7 +40,7 @@ def parameters_of(spec: NodeSpec) -> Mapping[str, Parameter]:
     except Exception as error:
         message = f"<{spec.tag}>: the annotations of {_name_of(spec)} cannot be resolved: {error}"
         raise RegistrationError(message) from error
-    docs = {**_documentation(spec.maker)[1], **spec.signature.parameter_docs}
+    docs = {**_inherited_documentation(spec.maker), **spec.signature.parameter_docs}
     found = (
         _parameter(spec, parameter, hints.get(name), docs.get(name, ""))
         for name, parameter in _written(spec, made_by)
@@ -146,6 +146,15 @@ def _carried_type(port: object) -> ValueType | None:
 def _name_of(spec: NodeSpec) -> str:
     assert spec.cls is not None  # noqa: S101 - what has a constructor has a class
     return f"{spec.cls.__module__}.{spec.cls.__qualname__}"
+
+
+def _inherited_documentation(maker: object) -> dict[str, str]:
+    """Return the descriptions of parameters in the docstrings of a class and its bases, but not of py_trees' own."""
+    described: dict[str, str] = {}
+    for base in reversed(maker.__mro__ if isinstance(maker, type) else [maker]):
+        if base is maker or not base.__module__.startswith("py_trees."):
+            described.update(_documentation(base)[1])
+    return described
 
 
 def _documentation(maker: object) -> tuple[str, dict[str, str]]:

@@ -29,6 +29,11 @@ class Built(Behaviour):
 
     Ticked by its own methods, as py_trees does, it is the root of a tree of such nodes, with all that is below it.
 
+    Args:
+        name: The node's name.
+        clock: What the time is measured with.
+        enums: The names that stand for numbers.
+
     Attributes:
         node_class: The class of the node; None for a class that is only a base.
         clock: What the node measures time with.
@@ -104,7 +109,6 @@ class Control(Parent, Composite):
     """A node with several children.
 
     Args:
-        name: The node's name.
         children: The children, in order.
     """
 
@@ -122,7 +126,6 @@ class Wrapper(Parent, Decorator):
     """A node with one child.
 
     Args:
-        name: The node's name.
         child: The child.
     """
 

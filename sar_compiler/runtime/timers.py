@@ -28,10 +28,7 @@ class Delay(Yielding, Wrapper):
     Stock py_trees has a Timer to put before the child, which waits again whenever the sequence starts again.
 
     Args:
-        name: The node's name.
-        child: The child.
         delay_msec: How long to wait, in milliseconds.
-        clock: What the time is measured with.
     """
 
     node_class = DelayNode
@@ -52,10 +49,7 @@ class Timeout(Wrapper):
     Stock py_trees ticks the child once more before it looks at the time, and reads the machine's clock.
 
     Args:
-        name: The node's name.
-        child: The child.
         msec: How long the child may run, in milliseconds; 0: as long as it likes.
-        clock: What the time is measured with.
     """
 
     node_class = TimeoutNode
@@ -76,9 +70,7 @@ class Sleep(Built):
     Stock py_trees' Timer reads the machine's clock.
 
     Args:
-        name: The node's name.
         msec: How long to wait, in milliseconds; 0: not at all.
-        clock: What the time is measured with.
     """
 
     node_class = SleepNode
@@ -101,10 +93,8 @@ class StockTimeout(Built, decorators.Timeout):
     """Fails if its child is still running after a time, measured on the mission's clock.
 
     Args:
-        name: The node's name.
         child: The child.
         duration: How long the child may run, in seconds.
-        clock: What the time is measured with.
     """
 
     node_class = StockTimeoutNode
@@ -118,8 +108,6 @@ class Timer(Built, stock.Timer):
     """Runs until a time has passed on the mission's clock, then succeeds.
 
     Args:
-        name: The node's name.
-        clock: What the time is measured with.
         duration: How long to run, in seconds; 0 or less: succeed at once.
     """
 

@@ -234,3 +234,26 @@ def test_a_class_is_marked_as_context_with_or_without_brackets():
     with pytest.raises(PreviewError, match=r"no stand-in for the context object Port.*missing 1 required"):
         preview_of(mission_context(Port))
     assert preview_of(Previewed) == 7
+
+
+def test_a_description_of_a_parameter_is_that_of_the_nearest_class_that_has_one():
+    class Drive(Behaviour):
+        """Drives.
+
+        Args:
+            name: The node's name.
+            speed: How fast.
+        """
+
+        def __init__(self, name: str, speed: float) -> None: ...
+
+    class Crawl(Drive):
+        """Crawls.
+
+        Args:
+            speed: How slowly.
+        """
+
+    (spec,) = Registry([NodeSpec("Crawl", Crawl, Kind.ACTION)]).variants("Crawl")
+    assert [each.doc for each in spec.parameters.values()] == ["The node's name.", "How slowly."]
+    assert spec.doc == "Crawls."

@@ -25,7 +25,6 @@ class NavigateTo(ActionLeaf):
     Subclasses define the target, and the effect of the arrival.
 
     Args:
-        name: The node's name.
         zone_manager: The mission's zones.
         record: Where the drive is noted.
         action: The action's name.
@@ -114,17 +113,7 @@ class NavigateTo(ActionLeaf):
     facts={"zones_left": 3, "at": ""},
 )
 class NavigateToZone(NavigateTo):
-    """Drive to the current zone: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.
-
-    Args:
-        name: The node's name.
-        zone_manager: The mission's zones.
-        record: Where the drive is noted.
-        action: The action's name.
-        server_timeout_sec: How long to wait for a server, seconds.
-        acceptance_timeout_sec: How long to wait for the goal to be accepted, seconds.
-        feedback_timeout_sec: How long a server may be silent or gone, seconds.
-    """
+    """Drive to the current zone: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there."""
 
     def goal(self) -> Any:
         """Return the goal for the current zone; FAILURE if every zone is visited."""
@@ -155,13 +144,8 @@ class NavigateToBase(NavigateTo):
     """Drive to the base station: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.
 
     Args:
-        name: The node's name.
         zone_manager: The mission's zones and base station.
         record: Where the return is noted.
-        action: The action's name.
-        server_timeout_sec: How long to wait for a server, seconds.
-        acceptance_timeout_sec: How long to wait for the goal to be accepted, seconds.
-        feedback_timeout_sec: How long a server may be silent or gone, seconds.
     """
 
     _told = ""

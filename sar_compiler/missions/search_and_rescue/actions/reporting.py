@@ -16,7 +16,6 @@ class ReportLeaf(ServiceLeaf):
     Subclasses choose the survivor.
 
     Args:
-        name: The node's name.
         record: Where the acknowledgement is noted.
         service: The service's name.
         server_timeout_sec: How long to wait for a server, seconds.

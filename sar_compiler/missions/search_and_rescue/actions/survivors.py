@@ -43,7 +43,6 @@ class DetectSurvivor(ServiceLeaf):
     FAILURE if the service does not answer.
 
     Args:
-        name: The node's name.
         zone_manager: The mission's zones.
         record: Where a find is noted.
         service: The service's name.
@@ -131,7 +130,6 @@ class BroadcastSurvivorTF(RosLeaf):
     FAILURE if none was found.
 
     Args:
-        name: The node's name.
         detect_node: The search that found the survivor; is told the name.
         zone_manager: Gives out the names.
         record: Where the name is noted.
@@ -213,12 +211,7 @@ class NotifyBase(ReportLeaf):
     """Report the survivor that was found: SUCCESS if the base station acknowledges the report.
 
     Args:
-        name: The node's name.
         detect_node: The search that found the survivor.
-        record: Where the acknowledgement is noted.
-        service: The service's name.
-        server_timeout_sec: How long to wait for a server, seconds.
-        timeout_sec: How long to wait for the answer, seconds.
     """
 
     def __init__(
@@ -252,7 +245,6 @@ class LogNoDetection(RosLeaf):
     """Log that no survivor was found.
 
     Args:
-        name: The node's name.
         zone_manager: Names the zone, if requested.
     """
 

@@ -88,7 +88,6 @@ class PostponeZone(RosLeaf):
     """Put the current zone after all others, to try it again later; FAILURE after its last attempt.
 
     Args:
-        name: The node's name.
         zone_manager: The mission's zones.
         attempts: The number of attempts at a zone, 1 or more; after the last one it is not postponed again.
     """
@@ -130,7 +129,6 @@ class AbandonZone(RosLeaf):
     """Take the current zone out of the plan, unvisited; the mission can then no longer be complete.
 
     Args:
-        name: The node's name.
         zone_manager: The mission's zones.
         record: Where it is noted.
     """
