@@ -5,13 +5,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import yaml
-
 from sar_compiler.checks.assumptions import raise_disputes, read_assumptions
 from sar_compiler.checks.verify import PropertyFile, Report, Verification, read_property_file, verify
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.documents.located import Document
-from sar_compiler.documents.yaml_files import parse_yaml
+from sar_compiler.documents.yaml_files import document_of
 from sar_compiler.missions.choosing import choose_mission
 from sar_compiler.nodes.binding.bound import Binding
 
@@ -57,8 +55,7 @@ def _properties(path: str | Path | None, binding: Binding, checkout: Path) -> Pr
 def _of_the_user(facts: Mapping[str, object] | Document, simulated: SimulatedTree) -> Assumptions:
     """Return the user's facts."""
     if not isinstance(facts, Document):
-        text = yaml.safe_dump(dict(facts), allow_unicode=True, sort_keys=False)
-        facts = parse_yaml(text, "facts", "name a fact")
+        facts = document_of(facts, "facts", "name a fact")
     said = read_assumptions(facts, facts.root, None, simulated)
     facts.raise_findings()
     return said
