@@ -105,7 +105,7 @@ class SimulatedTree:
             leaf = self.outputs.get(str(key).removeprefix(ROOT_SIGN))
             if leaf is not None:
                 return (
-                    f"; '{leaf}' writes '{key}' when it flies, and nothing says what it writes here: "
+                    f"; '{leaf}' writes '{key}' when it runs, and nothing says what it writes here: "
                     f'answers: {{{leaf}: [{{status: SUCCESS, then: "{key} := ..."}}]}}'
                 )
             cause = cause.__cause__
