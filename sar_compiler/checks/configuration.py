@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from sar_compiler.tree.content import read_bytes
+from sar_compiler.tree.content import as_written, read_bytes
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.source import Source, Span
 from sar_compiler.tree.synthetic import NO_SPANS
@@ -114,7 +114,7 @@ def _decided(path: Path, table: tuple[str, ...]) -> Configuration | None:
     """
     from sar_compiler.documents.toml_files import read_toml
 
-    document = read_toml(path, _as_written(path))
+    document = read_toml(path, str(as_written(path)))
     found: Value | None = document.root
     for key in table:
         found = found.mapping.get(key) if found else None
@@ -172,9 +172,3 @@ def path_inside(
     message = f"{name}: '{text}' lies outside the repository of this file"
     document.report(value, "setting-outside", message, hint=f"put it into the repository{otherwise}")
     return None
-
-
-def _as_written(path: Path) -> str:
-    """Return a path as a user would write it: relative to where the command was started, if it lies there."""
-    here = Path.cwd()
-    return str(path.relative_to(here) if path.is_relative_to(here) else path)

@@ -98,7 +98,6 @@ class Builder:
 
     @staticmethod
     def _below(instance: Instance, bound: BoundNode) -> "Iterator[_NodeInInstance]":
-        """Yield the places of a node's children."""
         if bound.subtree is not None:
             inner = instance.inner[bound]
             assert inner.tree.root is not None  # noqa: S101 - otherwise there are findings
@@ -137,7 +136,6 @@ class Builder:
         return self._built[instance, bound]
 
     def _make(self, instance: Instance, bound: BoundNode, children: list[Behaviour]) -> Behaviour:
-        """Make a node itself."""
         spec = bound.spec
         known = self._arguments[instance, bound] if bound.keys or spec.handed_over else None
         arguments = self._source.of(instance, bound) if known is None else dict(known)

@@ -138,7 +138,6 @@ def _named(path: Path, schema: dict[str, Any]) -> str:
 
 
 def _texts(values: Iterable[Any]) -> list[str]:
-    """Return plain values as written in a file."""
     return [value if isinstance(value, str) else json.dumps(value) for value in values]
 
 

@@ -103,7 +103,6 @@ class _Places:
         return self._at
 
     def _take(self, sign: str) -> bool:
-        """Skip a character, if it comes next."""
         taken = self._text.startswith(sign, self._skip())
         self._at += len(sign) if taken else 0
         return taken
@@ -125,7 +124,6 @@ class _Places:
         self._item(path)
 
     def _item(self, path: _Path) -> None:
-        """Skip a value."""
         start = self._skip()
         if self._take("["):
             count = 0

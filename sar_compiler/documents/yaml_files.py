@@ -91,7 +91,6 @@ def document_of(said: Mapping[str, object], name: str, empty_hint: str) -> Docum
 
 
 def _value(events: Events, document: Document) -> Value:
-    """Read the next value."""
     event: Any = events.take()
     start, end = _start(event), int(event.end_mark.index)
     if isinstance(event, yaml.SequenceStartEvent):

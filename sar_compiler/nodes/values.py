@@ -287,7 +287,6 @@ def is_class(annotation: object) -> TypeGuard[type]:
 
 
 def _said_type(annotation: object) -> ValueType | None:
-    """Return the type that an `Annotated` names explicitly."""
     if typing.get_origin(annotation) is not Annotated:
         return None
     return next((note for note in typing.get_args(annotation)[1:] if isinstance(note, ValueType)), None)

@@ -53,7 +53,6 @@ def _properties(path: str | Path | None, binding: Binding, checkout: Path) -> Pr
 
 
 def _of_the_user(facts: Mapping[str, object] | Document, simulated: SimulatedTree) -> Assumptions:
-    """Return the user's facts."""
     if not isinstance(facts, Document):
         facts = document_of(facts, "facts", "name a fact")
     said = read_assumptions(facts, facts.root, None, simulated)

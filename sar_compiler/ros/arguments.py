@@ -91,7 +91,6 @@ def node_arguments(ros: Sequence[str]) -> list[str]:
 
 
 def _names_nodes(flag: str, rule: str) -> bool:
-    """Return whether a flag and its rule rename nodes."""
     return flag in _REMAP_FLAGS and rule.startswith(("__node:=", "__name:="))
 
 

@@ -182,8 +182,6 @@ def _is_meant_for_section(key: str, value: yaml.Node) -> bool:
 
 
 class _Walk:
-    """Walks through a composed file and yields its mistakes."""
-
     def __init__(self, text: str) -> None:
         self._text = text
 

@@ -98,8 +98,6 @@ class Program:
 
 
 class _Maker:
-    """Makes functions of one script's expressions."""
-
     def __init__(self, text: str, enums: Mapping[str, int]) -> None:
         self._text = text
         self._enums = dict(enums)

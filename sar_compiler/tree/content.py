@@ -41,6 +41,12 @@ def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
         raise UnreadableFileError(message) from error
 
 
+def as_written(path: Path) -> Path:
+    """Return a path as a user would write it: relative to where the command was started, if it lies there."""
+    here = Path.cwd()
+    return path.relative_to(here) if path.is_relative_to(here) else path
+
+
 def source_of(data: bytes | str, path: str, spans: Spans, declared: str | None, empty_hint: str) -> Source:
     """Make the source of a file's content.
 

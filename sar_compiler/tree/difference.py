@@ -57,7 +57,6 @@ def difference(old: TreeFile, new: TreeFile) -> list[Difference]:
 
 
 def _within(old: Node, new: Node) -> Iterator[Difference]:
-    """Yield what is different in a pair of nodes."""
     if old.mark == new.mark:
         return
     yield from _changed(old, new)

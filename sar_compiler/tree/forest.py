@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from sar_compiler.tree.content import as_written
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError, UnreadableFileError
 from sar_compiler.tree.model import INCLUDE_TAG, Element, TreeFile
 
@@ -126,7 +127,7 @@ class _Loader:
             self.full = True
             return
         try:
-            tree_file = self.read(_as_written(target))
+            tree_file = self.read(as_written(target))
         except UnreadableFileError as error:
             self._report(element, "unreadable-include", str(error), suggestion=self._near(element, target))
         except TreeError as error:
@@ -208,12 +209,6 @@ class _Loader:
     ) -> None:
         span = element.value_span(attribute) if attribute in element.attributes else element.tag_span()
         self.findings.append(Diagnostic(code, message, element.source, span, **advice))  # type: ignore[arg-type]
-
-
-def _as_written(path: Path) -> Path:
-    """Return a path as a user would write it: relative to where the command was started, if it lies there."""
-    here = Path.cwd()
-    return path.relative_to(here) if path.is_relative_to(here) else path
 
 
 def _package_share(package: str) -> Path | None:

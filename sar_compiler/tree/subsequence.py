@@ -10,8 +10,6 @@ _NEAR = 8
 
 
 class _Link(NamedTuple):
-    """A pair, and the pairs chained before it."""
-
     pair: tuple[int, int]
     before: "_Link | None"
 

@@ -90,7 +90,6 @@ class _YamlReader:
             self._report("yaml-directive", message, *_place(start), hint="delete the lines that begin with %")
 
     def _node(self) -> Element | None:
-        """Read the node that comes next; None where there is none."""
         events = self._events
         first: Any = events.next
         if isinstance(first, yaml.ScalarEvent):
@@ -133,7 +132,6 @@ class _YamlReader:
         return self._element(tag, parts, self._spans.begin(*_place(tag)))
 
     def _tagged(self, tag: Any, trailing: str | None) -> Element | None:
-        """Read the contents of a tag."""
         events, parts = self._events, _Parts()
         number = self._spans.begin(*_place(tag))
         if trailing is not None:

@@ -91,8 +91,6 @@ def _seen(events: Iterable[Event]) -> list[Event]:
 
 
 class _Writer:
-    """Writes the ticks of a run."""
-
     def __init__(self, run: Run) -> None:
         self._labels = leaf_labels(run.simulated.leaves)
         self._width = max(map(len, self._labels.values()), default=0)

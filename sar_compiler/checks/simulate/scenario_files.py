@@ -117,7 +117,6 @@ def understand(document: Document, stage: Stage) -> Play:
 
 
 def _binding(document: Document, tree: Value | None, stage: Stage) -> Binding:
-    """Return the tree that a scenario names."""
     if tree is None:
         return stage.binding()
     return stage.binding(word(document, tree, stage.forest.trees, "the tree"))

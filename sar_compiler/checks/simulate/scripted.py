@@ -45,8 +45,6 @@ class Scripted:
 
 
 class _Plan:
-    """The answers of one leaf."""
-
     def __init__(
         self, leaf: StubLeaf, steps: Sequence[AnswerStep], variables: RunVariables, clock: Clock
     ) -> None:

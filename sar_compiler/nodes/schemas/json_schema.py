@@ -171,7 +171,6 @@ def _value(value_type: ValueType) -> Schema:
 
 
 def _number(value_type: ValueType) -> Schema:
-    """The schema of YAML's own scalars for such a value."""
     schema: Schema = {"type": "integer" if value_type.python is int else "number"}
     if value_type.least is not None:
         schema["minimum"] = value_type.least
