@@ -257,3 +257,16 @@ def test_a_description_of_a_parameter_is_that_of_the_nearest_class_that_has_one(
     (spec,) = Registry([NodeSpec("Crawl", Crawl, Kind.ACTION)]).variants("Crawl")
     assert [each.doc for each in spec.parameters.values()] == ["The node's name.", "How slowly."]
     assert spec.doc == "Crawls."
+
+
+@pytest.mark.parametrize("thing", [lambda name: name, type("Loose", (), {})])
+def test_what_is_no_class_of_behaviours_is_refused(thing):
+    with pytest.raises(RegistrationError, match="is no class of behaviours; derive one from"):
+        register("Tag", kind=Kind.ACTION)(thing)
+
+
+def test_a_meaning_in_other_words_than_semantics_is_refused():
+    with pytest.raises(
+        RegistrationError, match=r"semantics is the text 'sequence'; write Semantics\.sequence"
+    ):
+        register("Tag", kind=Kind.CONTROL, semantics="sequence")  # type: ignore[arg-type]
