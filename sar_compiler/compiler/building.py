@@ -150,7 +150,7 @@ class Builder:
         if spec.renamed:
             arguments = {spec.renamed.get(name, name): value for name, value in arguments.items()}
         try:
-            behaviour: Behaviour = self._maker(bound)(**arguments)
+            behaviour: Behaviour = _initialised(self._maker(bound)(**arguments))
         except TreeError:
             raise
         except Exception as error:
@@ -199,6 +199,13 @@ class PreviewBuilder(Builder):
     def known(self, bound: BoundNode, arguments: Mapping[str, Any]) -> None:  # noqa: ARG002
         """Return nothing: what is shown is the key."""
         return None  # noqa: RET501 - the base class returns a value
+
+
+def _initialised(behaviour: Behaviour) -> Behaviour:
+    if not hasattr(behaviour, "id"):
+        message = "its constructor has not called super().__init__(name)"
+        raise TypeError(message)
+    return behaviour
 
 
 def _stand_in(kind: Kind, /, name: str, **structure: Any) -> Behaviour:
