@@ -6,9 +6,8 @@ from typing import Any
 from py_trees.common import Status
 
 from sar_compiler.missions.search_and_rescue.actions.nav2_errors import describe_end
-from sar_compiler.missions.search_and_rescue.frames import MAP_FRAME
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.missions.search_and_rescue.zone_manager import Pose, ZoneManager
+from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, Pose, ZoneManager
 from sar_compiler.nodes.register import register
 from sar_compiler.nodes.spec import Kind, Use
 from sar_compiler.ros.leaves.action_leaf import ActionLeaf

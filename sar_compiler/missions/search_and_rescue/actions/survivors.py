@@ -5,11 +5,10 @@ from typing import Any
 from py_trees.common import Status
 
 from sar_compiler.missions.search_and_rescue.actions.reporting import ReportLeaf
-from sar_compiler.missions.search_and_rescue.frames import MAP_FRAME
 from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.static_transforms import StaticTransforms, static_transforms_of
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, ZoneManager
 from sar_compiler.nodes.register import register
 from sar_compiler.nodes.spec import Kind, Use
 from sar_compiler.ros.leaves.leaf import RosLeaf
