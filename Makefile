@@ -27,7 +27,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 .PHONY: help env demo test test-matrix lint format schemas golden bench soak mutants clean require
 
 help:
-	@echo "make demo         fly the search-and-rescue mission in the embedded simulator (SPEED=$(SPEED) times real time)"
+	@echo "make demo         run the search-and-rescue mission in the embedded simulator (SPEED=$(SPEED) times real time)"
 	@echo "make test         run the tests"
 	@echo "make test-matrix  run the tests with every Python of this machine and older py_trees, too"
 	@echo "make lint         style and types"

@@ -14,14 +14,16 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from sar_compiler.checks.verify.verdicts import ProofStatus, Verdict, Verification
     from sar_compiler.compiler import CompiledTree
-    from sar_compiler.errors import SarError
+    from sar_compiler.errors import SarError, UndecidableError
     from sar_compiler.missions.mission import Mission, MissionRun
     from sar_compiler.nodes.register import register
     from sar_compiler.nodes.registry import RegistryError
     from sar_compiler.nodes.semantics import Semantics
     from sar_compiler.nodes.spec import Kind, Use
     from sar_compiler.project import LoadedTree, load
+    from sar_compiler.project.simulated import Simulated
     from sar_compiler.ros.errors import readable_ros_errors
     from sar_compiler.ros.faults import FaultPlan, ServiceFaults, create_service
     from sar_compiler.ros.leaves.action_leaf import ActionLeaf
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
     from sar_compiler.runtime.answers import Answer
     from sar_compiler.runtime.clock import Clock, ManualClock
     from sar_compiler.runtime.context import mission_context
+    from sar_compiler.runtime.kernel.searching import Progress
     from sar_compiler.runtime.ports import InOut, Input, Output
     from sar_compiler.runtime.skipping import SKIPPED, SkippableLeaf
     from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError, UnreadableFileError
@@ -55,6 +58,8 @@ __all__ = [
     "MissionRun",
     "Output",
     "ParameterReader",
+    "Progress",
+    "ProofStatus",
     "RegistryError",
     "RosLeaf",
     "SarError",
@@ -62,12 +67,16 @@ __all__ = [
     "ServiceFaults",
     "ServiceLeaf",
     "Severity",
+    "Simulated",
     "SkippableLeaf",
     "TopicLeaf",
     "TreeError",
     "TreeRunner",
+    "UndecidableError",
     "UnreadableFileError",
     "Use",
+    "Verdict",
+    "Verification",
     "create_service",
     "load",
     "mission_context",
@@ -77,14 +86,16 @@ __all__ = [
 ]
 
 _MODULES = {
+    "checks.verify.verdicts": ("ProofStatus", "Verdict", "Verification"),
     "compiler": ("CompiledTree",),
-    "errors": ("SarError",),
+    "errors": ("SarError", "UndecidableError"),
     "missions.mission": ("Mission", "MissionRun"),
     "nodes.register": ("register",),
     "nodes.registry": ("RegistryError",),
     "nodes.semantics": ("Semantics",),
     "nodes.spec": ("Kind", "Use"),
     "project": ("LoadedTree", "load"),
+    "project.simulated": ("Simulated",),
     "ros.errors": ("readable_ros_errors",),
     "ros.faults": ("FaultPlan", "ServiceFaults", "create_service"),
     "ros.leaves.action_leaf": ("ActionLeaf",),
@@ -97,6 +108,7 @@ _MODULES = {
     "runtime.answers": ("Answer",),
     "runtime.clock": ("Clock", "ManualClock"),
     "runtime.context": ("mission_context",),
+    "runtime.kernel.searching": ("Progress",),
     "runtime.ports": ("InOut", "Input", "Output"),
     "runtime.skipping": ("SKIPPED", "SkippableLeaf"),
     "tree.diagnostic": ("Diagnostic", "Severity", "TreeError", "UnreadableFileError"),

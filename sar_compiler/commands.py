@@ -21,10 +21,6 @@ _ROS_ENDINGS = ("_msgs", "_srvs", "_interfaces")
 def run(command: Callable[[], int], prog: str) -> int:
     """Run a command and turn its errors for the user into messages.
 
-    Args:
-        command: Does the work and returns the exit status.
-        prog: The command's name, for the message.
-
     Returns:
         The exit status: the command's own, or 2 for a `SarError` and for a library that is not installed.
     """

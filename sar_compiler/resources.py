@@ -40,10 +40,6 @@ def shipped_root(package: Path = _PACKAGE) -> Path:
 def shipped(kind: str, name: str) -> Path:
     """Return the path of a shipped file.
 
-    Args:
-        kind: The folder, for instance `trees`.
-        name: The file's name in it.
-
     Raises:
         ResourceError: If there is no such file; the message lists the existing ones.
     """
@@ -82,13 +78,7 @@ def is_bare_word(name: str) -> bool:
 
 
 def not_found(kind: str, name: str, suffix: str) -> str:
-    """Return the message for a name for which `find` has found no file.
-
-    Args:
-        kind: The folder of the shipped files.
-        name: The user's text.
-        suffix: The suffix of shipped files.
-    """
+    """Return the message for a name for which `find` has found no file."""
     import difflib
 
     noun = kind.removesuffix("s")

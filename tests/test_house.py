@@ -89,16 +89,8 @@ def shared(pairs):
     return {name: things for name, things in found.items() if len(things) > 1}
 
 
-# Classes and aliases that still share a name, with the reason.
-NAMESAKES = {
-    "Timeout": "BehaviorTree.CPP's, and py_trees' own; outlines of users' trees show both with their modules",
-}
-
-
 def test_no_two_classes_have_one_name():
-    twice = shared((name, f"{path}:{line}") for path in FILES for name, line in names_given_by(path))
-    assert {name: where for name, where in twice.items() if name not in NAMESAKES} == {}
-    assert NAMESAKES.keys() <= twice.keys()
+    assert shared((name, f"{path}:{line}") for path in FILES for name, line in names_given_by(path)) == {}
 
 
 # A module may have the name of what it mirrors.

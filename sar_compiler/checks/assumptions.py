@@ -1,4 +1,4 @@
-"""What a file says of the world around a tree: `facts:` and `answers:`, in the same words wherever they stand."""
+"""Reading of `facts:` and `answers:`, the assumptions about the world in files beside a tree."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""What a project decides for all its trees, in `sar.toml` or under `[tool.sar]` in `pyproject.toml`.
+"""The configuration of a project, in `sar.toml` or under `[tool.sar]` in `pyproject.toml`.
 
 The file is looked for from a tree file's folder upwards; the nearest counts, and it alone. One that belongs to
 somebody else is passed over, and what a file names lies in the repository that it is in.
@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from sar_compiler.tree.content import read_bytes
+from sar_compiler.tree.content import as_written, read_bytes
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.source import Source, Span
 from sar_compiler.tree.synthetic import NO_SPANS
@@ -30,13 +30,13 @@ _OWN_WORD = re.compile(rb"(?<![\w-])sar(?![\w-])")
 
 
 class Configuration(NamedTuple):
-    """What a project decides.
+    """The configuration of a project.
 
     Attributes:
         nodes: Modules of leaves, as `--nodes` names them.
         models: Palettes, as `--model` names them.
         include_path: Further folders that may be included from.
-        severities: How bad some kinds of findings are, by their code; None where they are not to be reported.
+        severities: The severities of some kinds of findings, by code; None where they are not to be reported.
         path: The file; None where nothing is decided.
         source: Its text.
         node_spans: Where it names each of the modules.
@@ -68,11 +68,11 @@ NOTHING_DECIDED = Configuration()
 def configuration_for(
     tree_file: Path, passed_over: Callable[[Path], None] = lambda _path: None
 ) -> Configuration:
-    """Return what counts for a tree file; where there is no configuration, nothing is decided.
+    """Return the configuration of a tree file; an empty one if there is none.
 
     Args:
         tree_file: The tree file.
-        passed_over: Is told of nearer configurations that do not count, because they belong to somebody else.
+        passed_over: Called with nearer configurations that are ignored, because they have another owner.
 
     Raises:
         TreeError: If the configuration that counts has mistakes.
@@ -114,7 +114,7 @@ def _decided(path: Path, table: tuple[str, ...]) -> Configuration | None:
     """
     from sar_compiler.documents.toml_files import read_toml
 
-    document = read_toml(path, _as_written(path))
+    document = read_toml(path, str(as_written(path)))
     found: Value | None = document.root
     for key in table:
         found = found.mapping.get(key) if found else None
@@ -172,9 +172,3 @@ def path_inside(
     message = f"{name}: '{text}' lies outside the repository of this file"
     document.report(value, "setting-outside", message, hint=f"put it into the repository{otherwise}")
     return None
-
-
-def _as_written(path: Path) -> str:
-    """Return a path as a user would write it: relative to where the command was started, if it lies there."""
-    here = Path.cwd()
-    return str(path.relative_to(here) if path.is_relative_to(here) else path)

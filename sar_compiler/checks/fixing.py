@@ -172,12 +172,6 @@ class _Value:
 
 
 class _Values:
-    """The values of the attributes of a file.
-
-    Args:
-        elements: The elements of the file, in its order.
-    """
-
     def __init__(self, elements: Sequence[Element]) -> None:
         self._elements = elements
         # Those of the element that was asked for last: findings are in the order of the file.

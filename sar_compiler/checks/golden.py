@@ -14,11 +14,6 @@ RENEW = "SAR_RENEW_GOLDEN"
 def difference(path: Path, text: str, what: str) -> str | None:
     """Compare a text with a committed file; where the files are to be written anew, write it instead.
 
-    Args:
-        path: The file.
-        text: The text.
-        what: What it is, for the difference: "my_mission.xml (compiled now)".
-
     Returns:
         None if they are the same, else what is different, or that there is no file yet.
 

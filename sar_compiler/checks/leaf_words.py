@@ -1,4 +1,4 @@
-"""How a file beside a tree speaks of leaves: their names, what they can answer, what they do."""
+"""The words for leaves in files beside a tree: their names, answers and effects."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -38,11 +38,7 @@ class EventPattern:
 
 
 class LeafWords:
-    """The words for the leaves of one tree.
-
-    Args:
-        simulated: The tree.
-    """
+    """The words for the leaves of one tree."""
 
     def __init__(self, simulated: SimulatedTree) -> None:
         self.leaves = simulated.leaves

@@ -40,7 +40,7 @@ def schema_errors(
 ) -> list[tuple[int, str]]:
     """Return what lxml says about a file: pairs of line and message.
 
-    The line is that in which a start tag ends; libxml2 knows no columns, and goes on behind an
+    The line is that in which a start tag ends; libxml2 knows no columns, and continues after an
     unexpected element without looking at its siblings.
     """
     parser = etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True, load_dtd=False)

@@ -29,7 +29,7 @@ class _Suppression:
     Attributes:
         line: What it says.
         element: The element that it is about; None where there is none.
-        span: Where it stands.
+        span: Its place.
         used: The codes that it has silenced.
     """
 

@@ -8,7 +8,9 @@ from sar_compiler.cli.arguments import OK, USAGE
 
 def add_explain(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `explain`."""
-    parser.add_argument("code", metavar="CODE", help="what stands in brackets behind error, warning or info")
+    parser.add_argument(
+        "code", metavar="CODE", help="the code of a finding, shown in brackets after its severity"
+    )
     parser.set_defaults(run=explain_code)
 
 

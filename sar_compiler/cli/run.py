@@ -75,7 +75,7 @@ def _run(options: Options, signals: StopSignals) -> int:
         return run_mission(options, signals)
     except TreeError as error:
         print(error, file=sys.stderr)
-        print(f"{PROG}: {options.tree} cannot be flown like this; nothing has moved", file=sys.stderr)
+        print(f"{PROG}: {options.tree} cannot be run like this; nothing has moved", file=sys.stderr)
         return USAGE
 
 
@@ -125,7 +125,7 @@ def _looks_like_a_tree(world: str) -> bool:
 def _parser() -> Parser:
     parser = Parser(
         PROG,
-        "Fly a mission: check the tree, wait for what it needs, tick it.",
+        "Run a mission: check the tree, wait for what it needs, tick it.",
         epilog="Everything after --ros-args is for ROS 2: -p name:=value, -r from:=to, -r __ns:=/robot1.",
     )
     parser.add_argument(

@@ -22,7 +22,7 @@ from sar_compiler.commands import FINDINGS, OK
 from sar_compiler.compiler import CompiledTree, compile_tree
 from sar_compiler.errors import SarError
 from sar_compiler.missions.beginning import begin_run, node_name
-from sar_compiler.missions.choosing import choose_mission
+from sar_compiler.missions.choosing import MissionError, choose_mission
 from sar_compiler.missions.ending import EndCondition, RunResult, Until
 from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.nodes.spec import Use
@@ -33,10 +33,10 @@ from sar_compiler.ros.arguments import (
     node_arguments,
     parameter_files,
 )
-from sar_compiler.ros.blame import tell
 from sar_compiler.ros.clock import RosClock
 from sar_compiler.ros.engine import Engine, EngineFactory, find_engine
 from sar_compiler.ros.errors import readable_ros_errors
+from sar_compiler.ros.failure_reports import tell
 from sar_compiler.ros.faults import NAVIGATION, NAVIGATION_FAULTS, Fault, FaultPlan, parse_fault
 from sar_compiler.ros.parameter_file import sections_elsewhere
 from sar_compiler.ros.parameter_reader import ParameterReader
@@ -64,14 +64,7 @@ _SIMULATED_TIME_LIMIT_SEC = 900.0
 
 
 def run_mission(options: "Options", signals: StopSignals) -> int:
-    """Check the tree, wait for its requirements, and tick it to the end.
-
-    Args:
-        options: The options of the command line.
-        signals: The signals that ask the process to stop.
-
-    Returns:
-        The exit status.
+    """Check the tree, wait for its requirements, tick it to the end, and return the exit status.
 
     Raises:
         TreeError: If the tree is not valid; the robot has not moved.
@@ -292,7 +285,10 @@ class _Run:
             )
         finally:
             engine.shutdown()
-        return self._conclude(engine, elapsed)
+        try:
+            return self._conclude(engine, elapsed)
+        except MissionError as error:
+            return self._failed(str(error))
 
     @property
     def _over(self) -> bool:

@@ -164,7 +164,6 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
 
 
 def _with(robots: Sequence[Placement]) -> str:
-    """Return the names of the robots, for a message."""
     names = [f"/{robot.name}" for robot in robots if robot.name]
     return f" with {' and '.join(names)}" if names else ""
 

@@ -100,7 +100,7 @@ class _Validation:
 
             print(findings_as_sarif(self.findings))
         elif form == _GITHUB and self.findings:
-            from sar_compiler.views.github import findings_as_github
+            from sar_compiler.views.findings import findings_as_github
 
             print(findings_as_github(self.findings))
 

@@ -34,7 +34,7 @@ __all__ = [
 
 
 _OUTLINE = 25
-"""How many lines of a tree are shown where it is only named."""
+"""The number of lines of a tree that are shown where it is only named."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -72,12 +72,6 @@ def bind_main(
     forest: Forest, registry: Registry, tree_id: str | None = None, palettes: Iterable[TreeFile] = ()
 ) -> Binding:
     """Bind the tree to execute.
-
-    Args:
-        forest: The file and what it includes.
-        registry: What tags mean.
-        tree_id: The tree; by default the one that the file executes.
-        palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
 
     Raises:
         TreeError: If there is none, or an error in it; carries all the findings.
@@ -125,12 +119,6 @@ def compile_with(
     binding: Binding, builder: Builder, parameters: Mapping[str, object], collector: Collector
 ) -> CompiledTree:
     """Compile a bound tree with a builder of one's own.
-
-    Args:
-        binding: The tree, without errors.
-        builder: Makes its behaviours.
-        parameters: The keys of the root blackboard.
-        collector: What the builder tells its findings to.
 
     Raises:
         TreeError: If the tree has errors, or the builder has findings.

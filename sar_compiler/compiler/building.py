@@ -40,11 +40,6 @@ _NodeInInstance = tuple[Instance, BoundNode]
 class Builder:
     """Makes the behaviours of one tree.
 
-    Args:
-        binding: The tree.
-        arguments: Knows what constructors are given.
-        collector: Is told what keeps the tree from being made.
-
     Attributes:
         constructions: How each behaviour was constructed.
     """
@@ -103,7 +98,6 @@ class Builder:
 
     @staticmethod
     def _below(instance: Instance, bound: BoundNode) -> "Iterator[_NodeInInstance]":
-        """Yield the places of a node's children."""
         if bound.subtree is not None:
             inner = instance.inner[bound]
             assert inner.tree.root is not None  # noqa: S101 - otherwise there are findings
@@ -142,7 +136,6 @@ class Builder:
         return self._built[instance, bound]
 
     def _make(self, instance: Instance, bound: BoundNode, children: list[Behaviour]) -> Behaviour:
-        """Make a node itself."""
         spec = bound.spec
         known = self._arguments[instance, bound] if bound.keys or spec.handed_over else None
         arguments = self._source.of(instance, bound) if known is None else dict(known)
@@ -157,7 +150,7 @@ class Builder:
         if spec.renamed:
             arguments = {spec.renamed.get(name, name): value for name, value in arguments.items()}
         try:
-            behaviour: Behaviour = self._maker(bound)(**arguments)
+            behaviour: Behaviour = _initialised(self._maker(bound)(**arguments))
         except TreeError:
             raise
         except Exception as error:
@@ -206,6 +199,13 @@ class PreviewBuilder(Builder):
     def known(self, bound: BoundNode, arguments: Mapping[str, Any]) -> None:  # noqa: ARG002
         """Return nothing: what is shown is the key."""
         return None  # noqa: RET501 - the base class returns a value
+
+
+def _initialised(behaviour: Behaviour) -> Behaviour:
+    if not hasattr(behaviour, "id"):
+        message = "its constructor has not called super().__init__(name)"
+        raise TypeError(message)
+    return behaviour
 
 
 def _stand_in(kind: Kind, /, name: str, **structure: Any) -> Behaviour:

@@ -1,4 +1,4 @@
-"""Where the behaviours of a compiled tree come from."""
+"""The origins of the behaviours of a compiled tree."""
 
 import functools
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,7 +13,7 @@ from sar_compiler.nodes.spec import Role, Use
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a behaviour comes from.
+    """The origin of a behaviour.
 
     Attributes:
         bound: The part of the file that it was made from.
@@ -28,7 +28,7 @@ class Origin:
 
 
 class Construction(NamedTuple):
-    """How a behaviour was constructed.
+    """The construction of a behaviour.
 
     Attributes:
         behaviour: Its id.
@@ -46,11 +46,7 @@ class Construction(NamedTuple):
 
 
 class Origins(Mapping[UUID, Origin]):
-    """The origins of all behaviours, by their ids; each is computed on request.
-
-    Args:
-        constructions: How each was constructed.
-    """
+    """The origins of all behaviours, by their ids; each is computed on request."""
 
     def __init__(self, constructions: Sequence[Construction]) -> None:
         self._in_order = constructions

@@ -109,7 +109,7 @@ class SimulatedTree:
             leaf = self.outputs.get(str(key).removeprefix(ROOT_SIGN))
             if leaf is not None:
                 return (
-                    f"; '{leaf}' writes '{key}' when it flies, and nothing says what it writes here: "
+                    f"; '{leaf}' writes '{key}' when it runs, and nothing says what it writes here: "
                     f'answers: {{{leaf}: [{{status: SUCCESS, then: "{key} := ..."}}]}}'
                 )
             cause = cause.__cause__
@@ -281,11 +281,7 @@ class SimulationBuilder(Builder):
 
 
 class Places:
-    """The paths of the nodes of a bound tree.
-
-    Args:
-        binding: The tree.
-    """
+    """The paths of the nodes of a bound tree."""
 
     def __init__(self, binding: Binding) -> None:
         self._around = {child: node for node in binding.nodes() for child in node.children}

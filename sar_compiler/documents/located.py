@@ -112,9 +112,6 @@ def meaning_of(text: str) -> bool | float | str | None:
 class Document:
     """A file that is being read.
 
-    Args:
-        source: The file.
-
     Attributes:
         source: The file.
         root: Its content; set by the reader of its format.

@@ -46,12 +46,7 @@ class Refusal:
 
 
 def refusals(root: "Value", schema: str) -> Iterator[Refusal]:
-    """Yield the parts of a value that a schema refuses.
-
-    Args:
-        root: The value.
-        schema: `scenario` for `schemas/sar_scenario.schema.json`, and so on.
-    """
+    """Yield the parts of a value that a schema refuses."""
     errors: Iterator[Any] = _validator(schema).iter_errors(root.data)
     for error in errors:
         path = tuple(error.absolute_path)
@@ -143,7 +138,6 @@ def _named(path: Path, schema: dict[str, Any]) -> str:
 
 
 def _texts(values: Iterable[Any]) -> list[str]:
-    """Return plain values as written in a file."""
     return [value if isinstance(value, str) else json.dumps(value) for value in values]
 
 

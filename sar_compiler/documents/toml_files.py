@@ -30,10 +30,6 @@ _Place = tuple[int, int]
 def read_toml(path: Path, shown: str) -> Document:
     """Read a file.
 
-    Args:
-        path: The file.
-        shown: Its name in findings.
-
     Raises:
         UnreadableFileError: If it does not exist or cannot be read.
         TreeError: If it is not TOML, not text, or too large.
@@ -78,11 +74,7 @@ def _value(data: Any, path: _Path, places: "_Places", around: _Place) -> Value:
 
 
 class _Places:
-    """The places of keys and values, by their paths; tables in a list of tables have none.
-
-    Args:
-        text: The text, which tomllib has accepted as TOML.
-    """
+    """The places of keys and values, by their paths; tables in a list of tables have none."""
 
     def __init__(self, text: str) -> None:
         self.keys: dict[_Path, _Place] = {}
@@ -111,7 +103,6 @@ class _Places:
         return self._at
 
     def _take(self, sign: str) -> bool:
-        """Skip a character, if it comes next."""
         taken = self._text.startswith(sign, self._skip())
         self._at += len(sign) if taken else 0
         return taken
@@ -133,7 +124,6 @@ class _Places:
         self._item(path)
 
     def _item(self, path: _Path) -> None:
-        """Skip a value."""
         start = self._skip()
         if self._take("["):
             count = 0

@@ -3,12 +3,15 @@
 An unquoted scalar is a number, a Boolean (`true`, `false`) or the text as written: `no` and `12:30` are texts.
 """
 
-from pathlib import Path
+from collections.abc import Mapping
+from enum import Enum
+from pathlib import Path, PurePath
 from typing import Any
 
 import yaml
 
 from sar_compiler.documents.located import Document, Value, meaning_of
+from sar_compiler.errors import SarError
 from sar_compiler.tree.content import read_bytes, source_of
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.source import Span
@@ -16,12 +19,12 @@ from sar_compiler.tree.yaml_events import Events
 from sar_compiler.tree.yaml_spans import YamlSpans
 
 
+class DataError(SarError):
+    """Data of Python that a file cannot have."""
+
+
 def read_yaml(path: str | Path, empty_hint: str) -> Document:
     """Read a file.
-
-    Args:
-        path: The file.
-        empty_hint: The remedy for an empty file.
 
     Raises:
         UnreadableFileError: If it does not exist or cannot be read.
@@ -32,11 +35,6 @@ def read_yaml(path: str | Path, empty_hint: str) -> Document:
 
 def parse_yaml(data: bytes | str, path: str, empty_hint: str) -> Document:
     """Read the content of a file.
-
-    Args:
-        data: The content.
-        path: Its name in findings.
-        empty_hint: The remedy for an empty file.
 
     Raises:
         TreeError: If it is not YAML, empty, too large, or uses features beyond plain data.
@@ -61,8 +59,38 @@ def parse_yaml(data: bytes | str, path: str, empty_hint: str) -> Document:
     return document
 
 
+class _Dumper(yaml.SafeDumper):
+    """Writes data of Python: members of enumerations by their names, and no anchors for what is used twice."""
+
+    def ignore_aliases(self, data: object) -> bool:  # noqa: ARG002
+        return True
+
+
+_Dumper.add_multi_representer(Enum, lambda dumper, member: dumper.represent_str(member.name))
+_Dumper.add_multi_representer(PurePath, lambda dumper, path: dumper.represent_str(str(path)))
+for _type in (set, bytes):
+    _Dumper.add_representer(_type, _Dumper.represent_undefined)
+
+
+def document_of(said: Mapping[str, object], name: str, empty_hint: str) -> Document:
+    """Return data of Python as the document of a file that says the same.
+
+    Raises:
+        DataError: If no file can say it.
+        TreeError: As `parse_yaml`.
+    """
+    try:
+        text = yaml.dump(dict(said), Dumper=_Dumper, allow_unicode=True, sort_keys=False, width=1000)
+    except (yaml.representer.RepresenterError, RecursionError) as error:
+        what = repr(error.args[1]) if len(error.args) > 1 else "something that contains itself"
+        message = (
+            f"{what} cannot be part of the {name}: give texts, numbers, True, False, lists and dictionaries"
+        )
+        raise DataError(message) from None
+    return parse_yaml(text, name, empty_hint)
+
+
 def _value(events: Events, document: Document) -> Value:
-    """Read the next value."""
     event: Any = events.take()
     start, end = _start(event), int(event.end_mark.index)
     if isinstance(event, yaml.SequenceStartEvent):

@@ -1,13 +1,16 @@
 """The choice of a tree's mission."""
 
-from collections.abc import Collection
+import functools
+import traceback
+from collections.abc import Callable, Collection
 from pathlib import Path
+from typing import Any, cast
 
 from sar_compiler.errors import SarError
-from sar_compiler.missions.mission import Mission
+from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.binding.collector import Collector
-from sar_compiler.nodes.installed import entry_points, import_installed
+from sar_compiler.nodes.installed import entry_points, ignored_entry_points, import_installed
 from sar_compiler.nodes.values import nearest
 from sar_compiler.tree.diagnostic import TreeError
 
@@ -15,14 +18,40 @@ ENTRY_POINTS = "sar_compiler.missions"
 
 
 class MissionError(SarError):
-    """A mission cannot be loaded, or there is none of the requested name."""
+    """A mission cannot be loaded, has raised an exception, or there is none of the requested name."""
+
+
+class _Guarded:
+    """A mission or a run of one, whose exceptions say that they are its own."""
+
+    def __init__(self, guarded: Mission | MissionRun, name: str) -> None:
+        self._guarded = guarded
+        self._name = name
+
+    def __getattr__(self, attribute: str) -> Any:
+        value = getattr(self._guarded, attribute)
+        return functools.partial(self._call, value) if callable(value) else value
+
+    def _call(self, method: Callable[..., object], *arguments: object, **options: object) -> object:
+        failed = f"the mission '{self._name}' failed in {method.__name__}"
+        try:
+            result = method(*arguments, **options)
+        except SarError:
+            raise
+        except Exception as error:
+            place = traceback.extract_tb(error.__traceback__)[-1]
+            message = f"{failed}: {type(error).__name__}: {error} ({place.filename}:{place.lineno})"
+            raise MissionError(message) from error
+        if method.__name__ != "begin":
+            return result
+        if not isinstance(result, MissionRun):
+            message = f"{failed}: it returned {result!r} in place of a MissionRun"
+            raise MissionError(message)
+        return _Guarded(result, self._name)
 
 
 def load_missions(checkout: Path | None = None) -> dict[str, Mission]:
     """Return the missions that are installed, by name.
-
-    Args:
-        checkout: A folder whose content does not count as installed.
 
     Raises:
         MissionError: If one cannot be imported or is not a mission, or if two have the same name.
@@ -61,10 +90,6 @@ def _flaw(mission: object) -> str:
 def mission_named(name: str, checkout: Path | None = None) -> Mission:
     """Return a mission by its name.
 
-    Args:
-        name: Its name.
-        checkout: A folder whose content does not count as installed.
-
     Raises:
         MissionError: If there is no mission of this name.
     """
@@ -73,6 +98,8 @@ def mission_named(name: str, checkout: Path | None = None) -> Mission:
         return missions[name]
     near = nearest(name, missions)
     hint = f"; did you mean '{near}'?" if near else ""
+    for _, place in ignored_entry_points(ENTRY_POINTS, checkout)[:1]:
+        hint += f"; the missions of {place} are passed over, which is part of what is looked at: install them"
     message = f"there is no mission '{name}' (installed: {', '.join(sorted(missions))}){hint}"
     raise MissionError(message)
 
@@ -89,11 +116,12 @@ def choose_mission(binding: Binding, name: str | None = None, checkout: Path | N
         The mission; None for a plain tree, whose leaves require no mission's objects.
 
     Raises:
-        MissionError: If there is no mission called *name*.
+        MissionError: If there is no mission called *name*; also raised by the mission returned, and by its run, in
+            place of what their methods raise.
         TreeError: If the leaves require the objects of several missions.
     """
     if name is not None:
-        return mission_named(name, checkout)
+        return _guarded(mission_named(name, checkout))
     missions = list(load_missions(checkout).values())
     first: dict[Mission, BoundNode] = {}
     for bound in binding.nodes():
@@ -108,4 +136,8 @@ def choose_mission(binding: Binding, name: str | None = None, checkout: Path | N
         last = list(first.values())[-1]
         collector.tag(last.element, "several-missions", message, hint="say which one counts: --mission NAME")
         raise TreeError(collector.findings)
-    return next(iter(first), None)
+    return _guarded(next(iter(first))) if first else None
+
+
+def _guarded(mission: Mission) -> Mission:
+    return cast("Mission", _Guarded(mission, mission.name))

@@ -51,13 +51,7 @@ def number_text(value: object) -> str:
 def mistake_in(
     answer: Answer, known: Iterable[str] = (SELF,), numbers: Iterable[str] = ()
 ) -> tuple[str, str, ScriptError] | None:
-    """Return the first script of an answer that cannot be parsed, as its part, its text and the reason.
-
-    Args:
-        answer: The answer.
-        known: The placeholders for identifiers.
-        numbers: The placeholders for whole numbers.
-    """
+    """Return the first script of an answer that cannot be parsed, as its part, its text and the reason."""
     # As long as its placeholder, so that the places in the error are those in the text.
     names = {name: f"x{name}x" for name in known}
     names |= {name: f"({'1' * len(name)})" for name in numbers}

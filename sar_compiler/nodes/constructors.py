@@ -31,9 +31,6 @@ class RegistrationError(SarError):
 def parameters_of(spec: NodeSpec) -> Mapping[str, Parameter]:
     """Return the parameters of a node's constructor or factory by attribute name, in their order.
 
-    Args:
-        spec: The node.
-
     Raises:
         RegistrationError: If one cannot be written in a tree file, or the answers use unknown ones.
     """
@@ -43,7 +40,7 @@ def parameters_of(spec: NodeSpec) -> Mapping[str, Parameter]:
     except Exception as error:
         message = f"<{spec.tag}>: the annotations of {_name_of(spec)} cannot be resolved: {error}"
         raise RegistrationError(message) from error
-    docs = {**_documentation(spec.maker)[1], **spec.signature.parameter_docs}
+    docs = {**_inherited_documentation(spec.maker), **spec.signature.parameter_docs}
     found = (
         _parameter(spec, parameter, hints.get(name), docs.get(name, ""))
         for name, parameter in _written(spec, made_by)
@@ -99,7 +96,7 @@ def _parameter(spec: NodeSpec, parameter: inspect.Parameter, annotation: object,
     message = (
         f"<{spec.tag}>: parameter '{keyword}' of {_name_of(spec)} is annotated with {annotation!r}, which is "
         "neither a value that can be written in a file (float, int, bool, str, an enum, Path, timedelta, a list "
-        "of such, or a port such as Input[float]) nor a leaf class nor marked with @mission_context()"
+        "of such, or a port such as Input[float]) nor a leaf class nor marked with @mission_context"
     )
     raise RegistrationError(message)
 
@@ -149,6 +146,15 @@ def _carried_type(port: object) -> ValueType | None:
 def _name_of(spec: NodeSpec) -> str:
     assert spec.cls is not None  # noqa: S101 - what has a constructor has a class
     return f"{spec.cls.__module__}.{spec.cls.__qualname__}"
+
+
+def _inherited_documentation(maker: object) -> dict[str, str]:
+    """Return the descriptions of parameters in the docstrings of a class and its bases, but not of py_trees' own."""
+    described: dict[str, str] = {}
+    for base in reversed(maker.__mro__ if isinstance(maker, type) else [maker]):
+        if base is maker or not base.__module__.startswith("py_trees."):
+            described.update(_documentation(base)[1])
+    return described
 
 
 def _documentation(maker: object) -> tuple[str, dict[str, str]]:

@@ -22,11 +22,7 @@ def load(path: str) -> Any:
 
 
 class Deferred:
-    """A class or function that is imported when it is first called.
-
-    Args:
-        path: Its import path.
-    """
+    """A class or function that is imported when it is first called."""
 
     def __init__(self, path: str) -> None:
         self.path = path

@@ -21,6 +21,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
+from sar_compiler.tree.content import read_bytes
+from sar_compiler.tree.diagnostic import UnreadableFileError
+
 _OWN_FOLDER = Path(__file__).resolve().parents[2]
 _METADATA = (".dist-info", ".egg-info")
 
@@ -130,8 +133,8 @@ def _metadata(path: Iterable[str], file: str) -> Iterator[tuple[str, str]]:
                 found = sorted(entry.name for entry in entries if entry.name.endswith(_METADATA))
             for entry in found:
                 name = entry.rpartition(".")[0].partition("-")[0].lower().replace(".", "_")
-                with suppress(OSError, UnicodeError):
-                    yield name, Path(folder, entry, file).read_text("utf-8")
+                with suppress(UnreadableFileError, UnicodeError):
+                    yield name, read_bytes(Path(folder, entry, file)).decode("utf-8")
 
 
 def _in_group(text: str, group: str) -> Iterator[EntryPoint]:

@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeVar
 
+from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from sar_compiler.nodes.answers import is_fact_name
@@ -71,7 +72,10 @@ def register(  # noqa: PLR0913 - all that there is to say of a node
     known = _facts(tag, facts or {})
     read, written = _members(tag, "reads", reads, '["..."]'), _members(tag, "writes", writes, '["..."]')
 
+    _require_semantics(tag, semantics)
+
     def mark(cls: C) -> C:
+        _require_behaviour(tag, cls)
         means = semantics or Semantics()
         spec = NodeSpec(tag, cls, kind, names, effects, needs, said, known, read, written, means)
         setattr(cls, MARK, spec)
@@ -97,6 +101,20 @@ def _require_kind(tag: str, kind: object) -> None:
     choices = " or ".join(f"Kind.{each.name}" for each in meant or Kind)
     message = f"<{tag}>: kind is {_shown(kind)}; write {choices}"
     raise RegistrationError(message)
+
+
+def _require_semantics(tag: str, semantics: object) -> None:
+    if not isinstance(semantics, (Semantics, type(None))):
+        message = f"<{tag}>: semantics is {_shown(semantics)}; write Semantics.sequence() or the like"
+        raise RegistrationError(message)
+
+
+def _require_behaviour(tag: str, cls: object) -> None:
+    if not (isinstance(cls, type) and issubclass(cls, Behaviour)):
+        message = (
+            f"<{tag}>: {_shown(cls)} is no class of behaviours; derive one from py_trees.behaviour.Behaviour"
+        )
+        raise RegistrationError(message)
 
 
 def _status_names(tag: str, outcomes: object) -> frozenset[str]:

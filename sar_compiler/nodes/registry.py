@@ -35,11 +35,7 @@ def is_marked(cls: type) -> bool:
 
 
 class Registry:
-    """The tags that a tree file may use, with their meanings.
-
-    Args:
-        specs: Its initial content.
-    """
+    """The tags that a tree file may use, with their meanings."""
 
     def __init__(self, specs: Iterable[NodeSpec | Record] = ()) -> None:
         self._specs: dict[str, list[NodeSpec | Record]] = {}

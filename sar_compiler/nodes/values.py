@@ -247,8 +247,9 @@ def value_type_of(annotation: object) -> ValueType | None:
     if is_class(annotation) and annotation in _PLAIN:
         return _PLAIN[annotation]
     if typing.get_origin(annotation) is list:
-        item = without_none(typing.get_args(annotation)[0])
-        return list_of(_PLAIN[item]) if is_class(item) and item in _PLAIN else None
+        item = typing.get_args(annotation)[0]
+        item_type = None if typing.get_origin(without_none(item)) is list else value_type_of(item)
+        return list_of(item_type) if item_type is not None else None
     if is_class(annotation) and issubclass(annotation, enum.Enum):
         members = {member.name: member for member in annotation}
         convert = functools.partial(_member, annotation)
@@ -287,7 +288,6 @@ def is_class(annotation: object) -> TypeGuard[type]:
 
 
 def _said_type(annotation: object) -> ValueType | None:
-    """Return the type that an `Annotated` names explicitly."""
     if typing.get_origin(annotation) is not Annotated:
         return None
     return next((note for note in typing.get_args(annotation)[1:] if isinstance(note, ValueType)), None)
@@ -339,9 +339,6 @@ def at_least(least: int) -> ValueType:
     """Return the type of whole numbers with a lower limit.
 
     It is used in an annotation: `attempts: Annotated[int, at_least(1)]`.
-
-    Args:
-        least: The smallest.
     """
     label = f"a whole number, {least} or more"
     return ValueType(
@@ -470,7 +467,12 @@ def _numbered(members: Mapping[str, enum.Enum]) -> dict[str, enum.Enum]:
 def list_of(item: ValueType) -> ValueType:
     """Return the type of lists, written with semicolons between the items: `1;2;3`."""
     pattern = f"(({item.pattern})(;({item.pattern}))*)?" if item.pattern else ""
-    label = f"{item.label.split(' ', 1)[1]}s with ; between them"
+    article, _, noun = item.label.partition(" ")
+    label = (
+        f"{noun}s with ; between them"
+        if article in ("a", "an")
+        else f"several with ; between them, each {item.label}"
+    )
     cpp = f"std::vector<{item.cpp}>"
     convert = functools.partial(items_of, convert=item.convert)
     return ValueType(f"{item.name}.list", label, convert, pattern=pattern, python=list, cpp=cpp)

@@ -5,20 +5,18 @@ from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import yaml
-
 from sar_compiler.checks.assumptions import StartValues, raise_disputes, read_assumptions, start_assumptions
 from sar_compiler.checks.verify import PropertyFile, Verification, read_property_file
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.documents.located import Document
-from sar_compiler.documents.yaml_files import parse_yaml
+from sar_compiler.documents.yaml_files import document_of
 from sar_compiler.missions.choosing import choose_mission
 from sar_compiler.nodes.binding.bound import Binding
 
 if TYPE_CHECKING:
     from sar_compiler.project import LoadedTree
 
-Search = Callable[[SimulatedTree, PropertyFile | None, Collection[str]], Verification]
+TreeSearch = Callable[[SimulatedTree, PropertyFile | None, Collection[str]], Verification]
 """Verifies a tree, as `checks.verify.verify` does, given what else that takes."""
 
 
@@ -28,7 +26,7 @@ def verified(
     properties: str | Path | None,
     facts: Mapping[str, object] | Document | None,
     start: StartValues,
-    search: Search,
+    search: TreeSearch,
 ) -> Verification:
     """Verify a bound tree; see `LoadedTree.verify`."""
     path = default_properties(tree, binding) if properties is None else properties
@@ -58,10 +56,8 @@ def default_properties(tree: "LoadedTree", binding: Binding) -> Path | None:
 
 
 def _of_the_user(facts: Mapping[str, object] | Document, simulated: SimulatedTree) -> Assumptions:
-    """Return the user's facts."""
     if not isinstance(facts, Document):
-        text = yaml.safe_dump(dict(facts), allow_unicode=True, sort_keys=False)
-        facts = parse_yaml(text, "facts", "name a fact")
+        facts = document_of(facts, "facts", "name a fact")
     said = read_assumptions(facts, facts.root, None, simulated)
     facts.raise_findings()
     return said

@@ -5,8 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import yaml
-
 from sar_compiler.checks.golden import difference
 from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.simulate.expecting import read_expectations
@@ -14,7 +12,7 @@ from sar_compiler.checks.simulate.judging import Failure, failures
 from sar_compiler.checks.simulate.running import Run, ScenarioPlayer
 from sar_compiler.checks.simulate.scenario_files import Play, read_scenario, understand
 from sar_compiler.documents.located import Document
-from sar_compiler.documents.yaml_files import parse_yaml
+from sar_compiler.documents.yaml_files import document_of
 from sar_compiler.views.trace import failure_line, trace
 
 if TYPE_CHECKING:
@@ -39,14 +37,13 @@ def play_scenario(tree: "LoadedTree", scenario: str | Path) -> None:
 
 
 class Simulated:
-    """A tree that is ticked by a script.
-
-    Args:
-        play: The tree and the script.
-    """
+    """A tree that is ticked by a script."""
 
     def __init__(self, play: Play) -> None:
         self._simulation = ScenarioPlayer(play.simulated, play.scenario)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: root {self.root} after tick {len(self.run.ticks)}>"
 
     @property
     def run(self) -> Run:
@@ -112,8 +109,7 @@ class Simulated:
 
 
 def _written(said: Mapping[str, object]) -> Document:
-    text = yaml.safe_dump(dict(said), allow_unicode=True, sort_keys=False, width=1000)
-    return parse_yaml(text, "script", "say what the leaves answer")
+    return document_of(said, "script", "say what the leaves answer")
 
 
 def _complain(run: Run, missed: list[Failure], golden: Path | None = None) -> None:

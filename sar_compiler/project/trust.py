@@ -78,7 +78,6 @@ class Content:
 
     @property
     def _record(self) -> Path:
-        """The file that records the trust in this content."""
         digest = hashlib.sha256()
         for path in sorted((self.configuration, *self.files)):
             digest.update(hashlib.sha256(str(path).encode()).digest())
@@ -105,8 +104,6 @@ def _files(folder: Path, name: str) -> Iterator[Path]:
 
 
 class _Finder(MetaPathFinder):
-    """Finds the modules of a content."""
-
     def __init__(self, content: Content) -> None:
         self.content = content
 

@@ -49,6 +49,7 @@ def init_arguments(ros: Sequence[str], params_file: Path | None = None) -> list[
         params_file: A parameter file that is applied before all of them.
 
     Raises:
+        UnreadableFileError: If a parameter file does not exist or cannot be read.
         ParameterFileError: If a parameter file, also one among the user's own arguments, is one that
             ROS would refuse or misread.
     """
@@ -80,9 +81,6 @@ def node_arguments(ros: Sequence[str]) -> list[str]:
 
     A new name (`-r __node:=name`) is for this node only: given for the whole process it would also rename
     the servers' and the simulator's nodes in it.
-
-    Args:
-        ros: The user's own ROS arguments, without `--ros-args`.
     """
     last_file = max((index for index, argument in enumerate(ros) if argument == _FILE_FLAG), default=-1)
     rules: list[str] = []
@@ -93,7 +91,6 @@ def node_arguments(ros: Sequence[str]) -> list[str]:
 
 
 def _names_nodes(flag: str, rule: str) -> bool:
-    """Return whether a flag and its rule rename nodes."""
     return flag in _REMAP_FLAGS and rule.startswith(("__node:=", "__name:="))
 
 

@@ -6,7 +6,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.timer import Timer
 
-from sar_compiler.ros.blame import described
+from sar_compiler.ros.failure_reports import described
 
 
 class Beat:

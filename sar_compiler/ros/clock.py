@@ -6,11 +6,7 @@ _NANOSECONDS = 1_000_000_000
 
 
 class RosClock:
-    """The time of a node's clock in seconds, which is the simulator's under `use_sim_time`.
-
-    Args:
-        node: The node.
-    """
+    """The time of a node's clock in seconds, which is the simulator's under `use_sim_time`."""
 
     def __init__(self, node: Node) -> None:
         self._clock = node.get_clock()

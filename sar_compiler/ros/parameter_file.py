@@ -15,6 +15,7 @@ from pathlib import Path
 import yaml
 
 from sar_compiler.errors import SarError
+from sar_compiler.tree.content import read_bytes
 
 _SECTION = "ros__parameters"
 
@@ -39,8 +40,8 @@ class ParameterFileError(SarError):
 
     Attributes:
         file: The file as it was named.
-        line: Line of the first mistake, from 1; 0 if the file could not be read at all.
-        column: Its column, from 1; 0 if the file could not be read at all.
+        line: Line of the first mistake, from 1; 0 if the file is not text.
+        column: Its column, from 1; 0 if the file is not text.
         problems: All mistakes.
     """
 
@@ -59,10 +60,8 @@ class ParameterFileError(SarError):
 def check_parameter_file(path: Path | str) -> None:
     """Check a ROS parameter file for content that ROS refuses or misreads.
 
-    Args:
-        path: The file.
-
     Raises:
+        UnreadableFileError: If the file does not exist or cannot be read.
         ParameterFileError: If there are mistakes; has all of them, each with its place.
     """
     file = Path(path)
@@ -134,16 +133,10 @@ def _is_for(section: str, node: str) -> bool:
 
 def _text_of(file: Path) -> str:
     try:
-        return file.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        text = "there is no such parameter file"
-    except IsADirectoryError:
-        text = "is a folder, not a parameter file"
+        return read_bytes(file).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        text = f"is not UTF-8 text (byte {error.start})"
-    except OSError as error:
-        text = f"cannot be read: {error.strerror}"
-    raise ParameterFileError(file, [FileProblem(0, 0, text)])
+        problem = FileProblem(0, 0, f"is not UTF-8 text (byte {error.start})")
+        raise ParameterFileError(file, [problem]) from None
 
 
 def _problems(text: str) -> Iterator[FileProblem]:
@@ -215,12 +208,6 @@ def _is_meant_for_section(key: str, value: yaml.Node) -> bool:
 
 
 class _Walk:
-    """Walks through a composed file and yields its mistakes.
-
-    Args:
-        text: The file's text, which the nodes' marks refer to.
-    """
-
     def __init__(self, text: str) -> None:
         self._text = text
 

@@ -235,7 +235,6 @@ class ParameterReader:
 
 
 def _shown(value: object) -> str:
-    """Return a value with its type, in words."""
     if isinstance(value, str):
         return f"the text '{value}'"
     if isinstance(value, bool):

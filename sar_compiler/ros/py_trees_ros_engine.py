@@ -5,19 +5,21 @@ Its limitations compared to `runner.TreeRunner`: leaves with news do not wake th
 stops the ticks, and with them the deadlines of the leaves.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import py_trees_ros.trees
 from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Dummy
+from py_trees.common import Status
 from rclpy.executors import Executor
 from rclpy.node import Node
 
-from sar_compiler.ros.blame import tell_failure
 from sar_compiler.ros.depth import require_tickable_depth
+from sar_compiler.ros.failure_reports import tell_failure
 from sar_compiler.ros.setting_up import give_up
-from sar_compiler.ros.statuses import require_statuses
 from sar_compiler.ros.stopping import SETTLE_SEC, settle, shut_down, stop_behaviours
+from sar_compiler.runtime.leaf_protocol import NoStatusError
 
 # The parameters that the class declares on its node, even if given on the command line.
 _ITS_PARAMETERS = (
@@ -31,9 +33,6 @@ _ITS_PARAMETERS = (
 
 class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
     """A `py_trees_ros.trees.BehaviourTree` that always ends by stopping its tree.
-
-    Args:
-        root: The tree.
 
     Attributes:
         failure: The exception of a leaf or a handler that stopped the tree; None if there was none.
@@ -68,7 +67,7 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
         except Exception as error:  # noqa: BLE001 - raised again, in words
             self._stopped = self._shut_down = True
             give_up(self.root, error, node)
-        require_statuses(self.root)
+        _require_statuses(self.root)
 
     def tick(self, *args: Any, **kwargs: Any) -> None:
         """Tick once; an exception is kept in `failure`, and the tree is stopped."""
@@ -81,10 +80,6 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
 
     def settle(self, executor: Executor, timeout_sec: float = SETTLE_SEC) -> list[str]:
         """Stop the tree, then spin until none of its leaves has work in progress.
-
-        Args:
-            executor: The executor of the node.
-            timeout_sec: The longest time to spin, in seconds of the steady clock.
 
         Returns:
             The names of the leaves that still had work in progress at the end.
@@ -118,3 +113,29 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
         if self.timer is not None:
             self.timer.cancel()
         stop_behaviours(self.root, failed, self.node)
+
+
+def _require_statuses(root: Behaviour) -> None:
+    """Make every behaviour of a tree raise an error in the tick in which its `update()` returns no status.
+
+    For any other value py_trees only logs an error in every tick, and the behaviour continues as if it had been
+    reset: a `Timeout` around it starts over each time. The behaviours keep their classes; only the method of each
+    instance is wrapped.
+    """
+    for behaviour in root.iterate():
+        if not isinstance(behaviour.update, _StatusOnly):
+            setattr(behaviour, "update", _StatusOnly(behaviour))  # noqa: B010 - for the type checker
+
+
+class _StatusOnly:
+    __slots__ = ("_behaviour", "_update")
+
+    def __init__(self, behaviour: Behaviour) -> None:
+        self._behaviour = behaviour
+        self._update: Callable[[], object] = behaviour.update
+
+    def __call__(self) -> Status:
+        status = self._update()
+        if isinstance(status, Status):
+            return status
+        raise NoStatusError(self._behaviour, status)

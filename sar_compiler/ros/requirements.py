@@ -3,7 +3,6 @@
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from typing import Any
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -66,12 +65,7 @@ class OneServer(Requirement):
 
 
 class Published(Requirement):
-    """A topic that must have a publisher.
-
-    Args:
-        node: The node that will subscribe.
-        name: Its relative name.
-    """
+    """A topic that must have a publisher."""
 
     def __init__(self, node: Node, name: str) -> None:
         self._node = node
@@ -84,11 +78,7 @@ class Published(Requirement):
 
 
 class ClockRuns(Requirement):
-    """Simulated time that must have started.
-
-    Args:
-        node: A node under `use_sim_time`.
-    """
+    """Simulated time that must have started."""
 
     def __init__(self, node: Node) -> None:
         self._clock = node.get_clock()
@@ -167,12 +157,10 @@ class NodeActive(Requirement):
     Args:
         node: The node to ask with.
         name: The relative name of the lifecycle node.
-        now: The steady clock, in seconds.
     """
 
-    def __init__(self, node: Node, name: str, now: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, node: Node, name: str) -> None:
         self._node = node
-        self._now = now
         self._client: Any = node.create_client(GetState, f"{name}/get_state")
         self._service = node.resolve_service_name(f"{name}/get_state")
         self._name = name
@@ -189,8 +177,8 @@ class NodeActive(Requirement):
             self._state = None
             return f"node {self._name}: not there (no service {self._service})"
         self._take_answer()
-        if self._call is None and self._now() - self._asked_at >= _ASK_PERIOD_SEC:
-            self._asked_at = self._now()
+        if self._call is None and time.monotonic() - self._asked_at >= _ASK_PERIOD_SEC:
+            self._asked_at = time.monotonic()
             self._call = self._client.call_async(GetState.Request())
         if self._state is None:
             return f"node {self._name}: {self._service} has not answered" + (" in time" if self._lost else "")
@@ -208,7 +196,7 @@ class NodeActive(Requirement):
             answer = self._call.result()
             self._call = None
             self._state = _name_of(answer.current_state) if answer is not None else None
-        elif self._now() - self._asked_at > _ANSWER_DEADLINE_SEC:
+        elif time.monotonic() - self._asked_at > _ANSWER_DEADLINE_SEC:
             self._lost += 1
             self._state = None
             self._drop()

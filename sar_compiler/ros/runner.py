@@ -22,8 +22,8 @@ from rclpy.node import Node
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
 from sar_compiler.ros.beat import Beat
-from sar_compiler.ros.blame import described, tell, tell_failure
 from sar_compiler.ros.depth import require_tickable_depth
+from sar_compiler.ros.failure_reports import described, tell, tell_failure
 from sar_compiler.ros.setting_up import give_up
 from sar_compiler.ros.stopping import SETTLE_SEC, settle, shut_down, stop_behaviours
 from sar_compiler.runtime.kernel.live import LiveTree, shown

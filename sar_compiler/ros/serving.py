@@ -54,7 +54,6 @@ def serve(make_node: NodeFactory, prog: str, description: str, argv: Sequence[st
 
 
 def _run(make_node: NodeFactory, ros: Sequence[str], stopped: Callable[[], bool]) -> int:
-    """Create the node and spin it."""
     import rclpy
     from rclpy.context import Context
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor

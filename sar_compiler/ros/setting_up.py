@@ -7,7 +7,7 @@ from py_trees.behaviour import Behaviour
 from rclpy.node import Node
 
 from sar_compiler.errors import SarError
-from sar_compiler.ros.blame import blamed, called_by_engine, described, raised_in
+from sar_compiler.ros.failure_reports import called_by_engine, described, named, raised_in
 from sar_compiler.ros.stopping import shut_down, stop_leaves
 
 
@@ -20,16 +20,11 @@ class SetupFailedError(SarError, RuntimeError):
 
     def __init__(self, behaviour: Behaviour, error: Exception) -> None:
         self.behaviour = behaviour.name
-        super().__init__(f"{blamed(behaviour)} failed in setup: {described(error)}")
+        super().__init__(f"{named(behaviour)} failed in setup: {described(error)}")
 
 
 def give_up(root: Behaviour, error: Exception, node: Node) -> NoReturn:
     """Stop and shut down the behaviours that are set up already, and raise the error of the setup.
-
-    Args:
-        root: The tree.
-        error: The exception raised while the behaviours were set up one by one.
-        node: The node that it is set up with.
 
     Raises:
         SetupFailedError: If it was raised by a behaviour's setup.

@@ -9,11 +9,11 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.node import Node
 
-from sar_compiler.ros.blame import described, raised_in, tell
+from sar_compiler.ros.failure_reports import described, raised_in, tell
 from sar_compiler.runtime.leaf_protocol import Settling
 
 SETTLE_SEC = 1.5
-"""How long to wait for the answers to cancel requests, seconds of the steady clock."""
+"""The longest wait for the answers to cancel requests, in seconds of the steady clock."""
 
 # How long one turn of the executor may take while stopped leaves settle.
 _TURN_SEC = 0.02
@@ -24,11 +24,6 @@ def stop_behaviours(root: Behaviour, failed: Behaviour | None, node: Node | None
 
     A composite that raised in its first tick is INVALID and stops none of its children, and the leaf
     that raised is INVALID too, although it may have sent its goal.
-
-    Args:
-        root: The tree.
-        failed: The behaviour that raised, if any.
-        node: Logs the behaviours that failed while they were stopped.
     """
     if failed is not None and not failed.children:
         _stop_one(failed, node)
@@ -65,24 +60,14 @@ def settle(root: Behaviour, executor: Executor, timeout_sec: float, node: Node |
 
 
 def stop_leaves(behaviours: Iterable[Behaviour], node: Node | None) -> None:
-    """Stop the leaves among the behaviours of a tree that was not ticked yet.
-
-    Args:
-        behaviours: The behaviours.
-        node: Logs the behaviours that failed while they were stopped.
-    """
+    """Stop the leaves among the behaviours of a tree that was not ticked yet."""
     for behaviour in behaviours:
         if not behaviour.children:
             _stop_one(behaviour, node)
 
 
 def shut_down(behaviours: Iterable[Behaviour], node: Node | None) -> None:
-    """Shut down all behaviours, even if some of them raise.
-
-    Args:
-        behaviours: The behaviours.
-        node: Logs the behaviours that failed.
-    """
+    """Shut down all behaviours, even if some of them raise."""
     for behaviour in behaviours:
         _shut_one_down(behaviour, node)
 

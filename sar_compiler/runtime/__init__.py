@@ -1,1 +1,1 @@
-"""How a tree is ticked: clocks and what leaves and runners agree on; py_trees only, no ROS."""
+"""The ticking of trees: nodes, scripts, clocks, and what leaves and runners agree on; py_trees only, no ROS."""

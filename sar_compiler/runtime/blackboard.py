@@ -199,7 +199,7 @@ class Entry:
         self.board.remove(self.name)
 
 
-@mission_context(lambda: Scope(Board("preview")))
+@mission_context(preview=lambda: Scope(Board("preview")))
 class Scope:
     """The keys of one tree instance: the main tree's or a subtree's.
 

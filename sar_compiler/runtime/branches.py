@@ -28,7 +28,6 @@ class IfThenElse(Control):
     skipped makes the whole node skipped.
 
     Args:
-        name: The node's name.
         children: The condition, what to do if it succeeds, and perhaps what to do if it fails.
     """
 
@@ -46,7 +45,6 @@ class WhileDoElse(Control):
     branch that is running, and makes the whole node skipped.
 
     Args:
-        name: The node's name.
         children: The condition, what to do while it succeeds, and perhaps what to do while it fails.
     """
 
@@ -64,11 +62,9 @@ class Switch(Control):
     it is halted.
 
     Args:
-        name: The node's name.
         children: One child for each case, and the one for all others.
         variable: What to compare with the cases: as text, as a whole number or a name of an enumeration, or as
             a real number. Without a value, none of them is equal.
-        enums: The names that stand for numbers.
         case_1: The first child's case.
         case_2: The second child's case.
         case_3: The third child's case.
@@ -124,7 +120,6 @@ class TryCatch(Control):
     the last child has ended, however it did, the node fails.
 
     Args:
-        name: The node's name.
         children: What to try, and last what to do if that fails.
         catch_on_halt: Whether to tick the last child, once, also when the node is halted.
     """

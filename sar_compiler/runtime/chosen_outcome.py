@@ -17,7 +17,7 @@ class Outcome(enum.Enum):
 
     @property
     def status(self) -> "Status":
-        """What a tick returns."""
+        """The outcome that a tick returns."""
         from py_trees.common import Status
 
         from sar_compiler.runtime.skipping import SKIPPED

@@ -46,11 +46,9 @@ class Conditions(Wrapper):
     Stock py_trees has guards that can only fail, and nothing that runs when a node ends.
 
     Args:
-        name: The node's name.
         child: The node.
         scripts: The conditions.
         scope: Where the scripts' variables are.
-        enums: The names that stand for numbers.
     """
 
     node_class = ConditionsNode

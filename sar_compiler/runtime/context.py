@@ -1,32 +1,45 @@
 """The mission context: objects handed to leaves by their type."""
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import TypeVar, overload
+
+from sar_compiler.errors import SarError
 
 T = TypeVar("T")
 
 _MARK = "__mission_context__"
 
 
-def mission_context(preview: Callable[[], object] | None = None) -> Callable[[type[T]], type[T]]:
-    """Mark a class as part of the mission context.
+class PreviewError(SarError):
+    """A stand-in for an object of the mission context cannot be made."""
+
+
+@overload
+def mission_context(cls: type[T], /) -> type[T]: ...
+@overload
+def mission_context(*, preview: Callable[[], object] | None = None) -> Callable[[type[T]], type[T]]: ...
+def mission_context(
+    cls: type[T] | None = None, /, *, preview: Callable[[], object] | None = None
+) -> type[T] | Callable[[type[T]], type[T]]:
+    """Mark a class as part of the mission context: `@mission_context`, or `@mission_context(preview=make)`.
 
     A leaf's constructor parameter that is annotated with such a class is not an attribute of its tag:
     whoever compiles the tree for a mission hands the object over.
 
     Args:
+        cls: The class.
         preview: Makes a stand-in, for a tree that is compiled only to be looked at or tested; by default the class
             does.
 
     Returns:
-        A decorator that marks the class and returns it.
+        The class; without it, a decorator that marks one.
     """
 
-    def mark(cls: type[T]) -> type[T]:
-        setattr(cls, _MARK, preview or cls)
-        return cls
+    def mark(marked: type[T]) -> type[T]:
+        setattr(marked, _MARK, preview or marked)
+        return marked
 
-    return mark
+    return mark if cls is None else mark(cls)
 
 
 def is_mission_context(cls: type) -> bool:
@@ -35,6 +48,17 @@ def is_mission_context(cls: type) -> bool:
 
 
 def preview_of(cls: type) -> object:
-    """Make the stand-in that the class was marked with."""
+    """Make the stand-in that the class was marked with.
+
+    Raises:
+        PreviewError: If that fails.
+    """
     factory: Callable[[], object] = getattr(cls, _MARK)
-    return factory()
+    try:
+        return factory()
+    except Exception as error:
+        message = (
+            f"no stand-in for the context object {cls.__name__} can be made ({type(error).__name__}: {error}); "
+            "mark its class with a function that makes one: @mission_context(preview=make)"
+        )
+        raise PreviewError(message) from error

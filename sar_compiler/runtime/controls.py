@@ -19,9 +19,7 @@ class _InOrder(Control):
     """Children in order: one that answers `_hands_over` is followed by the next, the other end decides.
 
     Args:
-        name: The node's name.
         memory: Whether to go on with the child that was running, or to look at every child again.
-        children: The children, in order.
     """
 
     node_class = OrderedNode
@@ -42,9 +40,7 @@ class Sequence(_InOrder, composites.Sequence):
     Stock py_trees stops at a skipped child, as if it had been interrupted.
 
     Args:
-        name: The node's name.
         memory: Whether to go on with the child that was running (true), or to look at every child again (false).
-        children: The children, in order.
     """
 
     _hands_over = SUCCESS
@@ -56,9 +52,7 @@ class Fallback(_InOrder, composites.Selector):
     Stock py_trees takes a skipped child for one that failed.
 
     Args:
-        name: The node's name.
         memory: Whether to go on with the child that was running (true), or to look at every child again (false).
-        children: The children, in order.
     """
 
     _hands_over = FAILURE
@@ -80,10 +74,6 @@ class AsyncSequence(_Pausing, Sequence):
     """A sequence that pauses after every child that succeeds at once, so that it can be interrupted there.
 
     Stock py_trees goes through such children in one tick.
-
-    Args:
-        name: The node's name.
-        children: The children, in order.
     """
 
 
@@ -91,10 +81,6 @@ class AsyncFallback(_Pausing, Fallback):
     """A fallback that pauses after every child that fails at once, so that it can be interrupted there.
 
     Stock py_trees goes through such children in one tick.
-
-    Args:
-        name: The node's name.
-        children: The children, in order.
     """
 
 
@@ -102,10 +88,6 @@ class SequenceWithMemory(_Pausing, Sequence):
     """A sequence that goes on with the child that failed or was halted when it is started again.
 
     Stock py_trees starts from the first child then. It also pauses as AsyncSequence does.
-
-    Args:
-        name: The node's name.
-        children: The children, in order.
     """
 
     keeps_place = True

@@ -12,10 +12,6 @@ class Inverter(Wrapper):
     """Turns success into failure and failure into success; a child that is skipped makes it skipped.
 
     Stock py_trees passes a skipped tick on as if the child had been interrupted.
-
-    Args:
-        name: The node's name.
-        child: The child.
     """
 
     node_class = TurningNode
@@ -26,10 +22,6 @@ class ForceSuccess(Wrapper):
     """Succeeds when its child ends, however it does; a child that is skipped makes it skipped.
 
     Stock py_trees passes a skipped tick on as if the child had been interrupted.
-
-    Args:
-        name: The node's name.
-        child: The child.
     """
 
     node_class = TurningNode
@@ -40,10 +32,6 @@ class ForceFailure(ForceSuccess):
     """Fails when its child ends, however it does; a child that is skipped makes it skipped.
 
     Stock py_trees passes a skipped tick on as if the child had been interrupted.
-
-    Args:
-        name: The node's name.
-        child: The child.
     """
 
     turned = FAILURE, FAILURE, SKIPPED
@@ -53,10 +41,6 @@ class KeepRunningUntilFailure(Wrapper):
     """Answers RUNNING until its child fails, also when the child succeeds or is skipped.
 
     Stock py_trees' SuccessIsRunning is stopped by a child that is skipped.
-
-    Args:
-        name: The node's name.
-        child: The child.
     """
 
     node_class = TurningNode
@@ -69,8 +53,6 @@ class RunOnce(Wrapper):
     Stock py_trees' OneShot can only do the second. A child that was halted has not ended, and may run again.
 
     Args:
-        name: The node's name.
-        child: The child.
         then_skip: Whether to be skipped afterwards (true), or to answer the same again (false).
     """
 
@@ -87,7 +69,6 @@ class SubTree(Wrapper):
     Stock py_trees' PassThrough does it for children that are never skipped.
 
     Args:
-        name: The node's name.
         child: The root of what the subtree consists of.
     """
 

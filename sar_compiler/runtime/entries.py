@@ -107,7 +107,6 @@ class WasEntryUpdated(Built):
     py_trees has nothing like it: its blackboard does not count writes.
 
     Args:
-        name: The node's name.
         entry: The entry.
         scope: Where the entry is looked up, if it is given by its key, without braces.
     """
@@ -136,8 +135,6 @@ class SkipUnlessUpdated(_IfUpdated):
     py_trees has nothing like it: its blackboard does not count writes.
 
     Args:
-        name: The node's name.
-        child: The child.
         entry: The entry.
         scope: Where the entry is looked up, if it is given by its key, without braces.
     """
@@ -151,8 +148,6 @@ class WaitValueUpdate(_IfUpdated):
     py_trees has nothing like it: its blackboard does not count writes.
 
     Args:
-        name: The node's name.
-        child: The child.
         entry: The entry.
         scope: Where the entry is looked up, if it is given by its key, without braces.
     """

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from sar_compiler.runtime.context import mission_context
 
 
-@mission_context()
+@mission_context
 @dataclass(frozen=True)
 class Enums:
     """The names of enumerations that scripts and Switch may use.

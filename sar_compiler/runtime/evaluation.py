@@ -65,9 +65,6 @@ class Program:
     def run(self, variables: Variables) -> ScriptValue:
         """Evaluate the script.
 
-        Args:
-            variables: What it reads and writes.
-
         Returns:
             The value of its last expression; 0.0 if it has none.
 
@@ -81,9 +78,6 @@ class Program:
 
     def holds(self, variables: Variables) -> bool:
         """Evaluate the script as a condition.
-
-        Args:
-            variables: What it reads and writes.
 
         Raises:
             EvaluationError: As `run`, and if its value is neither 0 nor 1.
@@ -104,8 +98,6 @@ class Program:
 
 
 class _Maker:
-    """Makes functions of one script's expressions."""
-
     def __init__(self, text: str, enums: Mapping[str, int]) -> None:
         self._text = text
         self._enums = dict(enums)

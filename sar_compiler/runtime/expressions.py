@@ -113,7 +113,7 @@ class Script:
 
 
 class Access(enum.Enum):
-    """How a script uses a name."""
+    """The use of a name in a script."""
 
     READ = "read"
     CREATE = "create"
@@ -128,7 +128,7 @@ class NameUse(NamedTuple):
     Attributes:
         name: The name.
         access: What is done with it.
-        start: Where it stands.
+        start: Its place.
         end: Where it ends.
         certain: Whether every run of the script comes here; if not, it is a branch of `?:`, or behind the
             second operand of a chain of comparisons.

@@ -53,7 +53,6 @@ class LoopInt(Loop):
     """Ticks its child once for each whole number of a queue.
 
     Args:
-        name: The node's name.
         child: The child; if it fails, the loop does.
         queue: The numbers: `1;2;3`, or an entry with such a text, a list, or a `collections.deque`, of which
             the items are taken away.
@@ -68,7 +67,6 @@ class LoopDouble(Loop):
     """Ticks its child once for each real number of a queue.
 
     Args:
-        name: The node's name.
         child: The child; if it fails, the loop does.
         queue: The numbers: `1.5;2;3`, or an entry with such a text, a list, or a `collections.deque`, of which
             the items are taken away.
@@ -83,7 +81,6 @@ class LoopBool(Loop):
     """Ticks its child once for each truth value of a queue.
 
     Args:
-        name: The node's name.
         child: The child; if it fails, the loop does.
         queue: The values: `true;false`, or an entry with such a text, a list, or a `collections.deque`, of which
             the items are taken away.
@@ -98,7 +95,6 @@ class LoopString(Loop):
     """Ticks its child once for each text of a queue.
 
     Args:
-        name: The node's name.
         child: The child; if it fails, the loop does.
         queue: The texts: `red;green`, or an entry with such a text, a list, or a `collections.deque`, of which
             the items are taken away.

@@ -108,12 +108,6 @@ def compare(operator: str, left: ScriptValue, right: ScriptValue, enums: Mapping
     Two texts are compared letter by letter, so that '10' is less than '9'. Of a text and a number, the text
     is the number that it says. What is not a number (NaN) is different from everything, and as no order
     between it and a number can be denied, `<`, `>`, `<=` and `>=` are true of it, as in BehaviorTree.CPP.
-
-    Args:
-        operator: One of `== != < > <= >=`.
-        left: The left operand.
-        right: The right operand.
-        enums: The names that a text may be in place of a number.
     """
     if not (isinstance(left, str) and isinstance(right, str)):
         left, right = _comparable(left, enums), _comparable(right, enums)
@@ -185,13 +179,7 @@ def _truth(value: ScriptValue) -> bool:
 
 
 def equal_texts(first: str, second: str, names: Mapping[str, int]) -> bool:
-    """Return whether two texts are equal for a Switch: as they are, as whole numbers, or as real numbers.
-
-    Args:
-        first: A text.
-        second: Another one.
-        names: Names that stand for numbers.
-    """
+    """Return whether two texts are equal for a Switch: as they are, as whole numbers, or as real numbers."""
     if first == second:
         return True
     try:

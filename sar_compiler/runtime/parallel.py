@@ -44,8 +44,6 @@ class Parallel(_Counting):
     Stock py_trees cannot count to anything but one and all.
 
     Args:
-        name: The node's name.
-        children: The children, in order.
         success_count: How many successes make a success; negative: counted from the end, -1 is all, and then
             a skipped child counts as one that succeeded.
         failure_count: How many failures make a failure; negative: counted from the end.
@@ -71,8 +69,6 @@ class ParallelAll(_Counting):
     Stock py_trees fails with the first child that does.
 
     Args:
-        name: The node's name.
-        children: The children, in order.
         max_failures: With how many failures it fails; negative: counted from the end, 0: always.
     """
 

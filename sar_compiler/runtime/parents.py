@@ -29,6 +29,11 @@ class Built(Behaviour):
 
     Ticked by its own methods, as py_trees does, it is the root of a tree of such nodes, with all that is below it.
 
+    Args:
+        name: The node's name.
+        clock: What the time is measured with.
+        enums: The names that stand for numbers.
+
     Attributes:
         node_class: The class of the node; None for a class that is only a base.
         clock: What the node measures time with.
@@ -83,11 +88,7 @@ class Built(Behaviour):
         return self.status
 
     def stop(self, new_status: Status = Status.INVALID) -> None:
-        """End; with INVALID the node is halted, and its children with it.
-
-        Args:
-            new_status: The status from now on.
-        """
+        """End; with INVALID the node is halted, and its children with it."""
         if new_status == Status.INVALID:
             tree, index = self._place()
             tree.stop(index)
@@ -108,7 +109,6 @@ class Control(Parent, Composite):
     """A node with several children.
 
     Args:
-        name: The node's name.
         children: The children, in order.
     """
 
@@ -126,7 +126,6 @@ class Wrapper(Parent, Decorator):
     """A node with one child.
 
     Args:
-        name: The node's name.
         child: The child.
     """
 

@@ -37,8 +37,6 @@ class Repeat(_Again):
     Stock py_trees waits for the next tick after each success, and never ends if the number is 0.
 
     Args:
-        name: The node's name.
-        child: The child.
         num_cycles: How many successes; -1: without an end, 0: none, and the node succeeds at once.
     """
 
@@ -55,8 +53,6 @@ class RetryUntilSuccessful(_Again):
     Stock py_trees waits for the next tick after each failure, and takes -1 for "not even once".
 
     Args:
-        name: The node's name.
-        child: The child.
         num_attempts: How many failures; -1: without an end, 0: none, and the node fails at once. Read again
             after each failure, because the child may have changed it.
     """

@@ -34,7 +34,7 @@ from sar_compiler.runtime.expressions import (
 from sar_compiler.runtime.tokens import ScriptError, Token, TokenKind, excerpt, tokenize
 
 MAX_DEPTH = 100
-"""How deep expressions may be nested."""
+"""The deepest nesting of expressions."""
 
 _ANY, _CONDITIONAL, _COMPARISON, _PREFIX = 0, 4, 10, 20
 _ASSIGNMENTS = (":=", "=", "+=", "-=", "*=", "/=")
@@ -141,7 +141,7 @@ class _Parser:
 
     @property
     def _end(self) -> int:
-        """Where the last token that was read ends."""
+        """The end of the last token that was read."""
         return self._tokens[self._index - 1].end if self._index else 0
 
     def _rank(self) -> int:

@@ -64,12 +64,9 @@ class Precondition(Wrapper):
     Stock py_trees' EternalGuard asks in every tick, and can only fail.
 
     Args:
-        name: The node's name.
-        child: The child.
         if_: The condition, a script.
         else_: What to answer if it is false.
         scope: Where the script's variables are.
-        enums: The names that stand for numbers.
     """
 
     node_class = PreconditionNode

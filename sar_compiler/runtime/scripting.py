@@ -140,7 +140,7 @@ class NodeScript:
         return self._remembered(Program.run)
 
     def holds(self) -> bool:
-        """Run it and say whether its value is true.
+        """Run it and return whether its value is true.
 
         Raises:
             NodeScriptError: As `run`, and if its value is neither true nor false.

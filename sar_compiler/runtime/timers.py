@@ -4,11 +4,14 @@ Stock py_trees reads the machine's clock, which is wrong for a robot on simulate
 each tick; nothing happens between ticks.
 """
 
+from py_trees import decorators
+from py_trees import timers as stock
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.clock import Clock
-from sar_compiler.runtime.kernel.timing import DelayNode, SleepNode, TimeoutNode
+from sar_compiler.runtime.kernel.stock_decorators import StockTimeoutNode
+from sar_compiler.runtime.kernel.timing import DelayNode, SleepNode, TimeoutNode, WaitingNode
 from sar_compiler.runtime.parents import Built, Wrapper, Yielding
 from sar_compiler.runtime.ports import Input
 
@@ -25,10 +28,7 @@ class Delay(Yielding, Wrapper):
     Stock py_trees has a Timer to put before the child, which waits again whenever the sequence starts again.
 
     Args:
-        name: The node's name.
-        child: The child.
         delay_msec: How long to wait, in milliseconds.
-        clock: What the time is measured with.
     """
 
     node_class = DelayNode
@@ -49,10 +49,7 @@ class Timeout(Wrapper):
     Stock py_trees ticks the child once more before it looks at the time, and reads the machine's clock.
 
     Args:
-        name: The node's name.
-        child: The child.
         msec: How long the child may run, in milliseconds; 0: as long as it likes.
-        clock: What the time is measured with.
     """
 
     node_class = TimeoutNode
@@ -73,9 +70,7 @@ class Sleep(Built):
     Stock py_trees' Timer reads the machine's clock.
 
     Args:
-        name: The node's name.
         msec: How long to wait, in milliseconds; 0: not at all.
-        clock: What the time is measured with.
     """
 
     node_class = SleepNode
@@ -94,13 +89,45 @@ class Sleep(Built):
         self.feedback_message = left
 
 
-def seconds_of(name: str, port: str, milliseconds: int) -> float:
-    """Return how long a node is to wait, in seconds.
+class StockTimeout(Built, decorators.Timeout):
+    """Fails if its child is still running after a time, measured on the mission's clock.
 
     Args:
-        name: The node's name.
-        port: The attribute that says how long.
-        milliseconds: What it says.
+        child: The child.
+        duration: How long the child may run, in seconds.
+    """
+
+    node_class = StockTimeoutNode
+
+    def __init__(self, name: str, child: Behaviour, duration: float, clock: Clock) -> None:
+        super().__init__(name=name, child=child, duration=duration)
+        self.clock = clock
+
+
+class Timer(Built, stock.Timer):
+    """Runs until a time has passed on the mission's clock, then succeeds.
+
+    Args:
+        duration: How long to run, in seconds; 0 or less: succeed at once.
+    """
+
+    node_class = WaitingNode
+
+    def __init__(self, name: str, clock: Clock, duration: float = 5.0) -> None:
+        super().__init__(name, duration)
+        self.clock = clock
+
+    def seconds(self) -> float:
+        """Return how long to run, in seconds."""
+        return float(self.duration)
+
+    def tell(self, left: str) -> None:
+        """Tell whether time is left, as py_trees' own does."""
+        self.feedback_message = "still running" if left else f"timer ran out [{self.duration}]"
+
+
+def seconds_of(name: str, port: str, milliseconds: int) -> float:
+    """Return how long a node is to wait, in seconds.
 
     Raises:
         DurationError: If that is less than no time.

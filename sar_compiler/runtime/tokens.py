@@ -44,7 +44,7 @@ _HINTS = {
     "\\": "a text has no escapes: a backslash stands for itself, and only within '...'",
     "$": "a variable is written by its name alone",
 }
-# As many characters of what somebody wrote go into a message.
+# The number of characters of a text that are shown in a message.
 _LONGEST_EXCERPT = 40
 
 

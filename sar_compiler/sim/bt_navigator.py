@@ -182,7 +182,6 @@ class BtNavigator:
         self._goal = goal
 
     def _attend(self, goal: _Goal, *, feedback_due: bool) -> None:
-        """Advance a goal by one step."""
         outcome = None
         if goal.drive is None:
             outcome = self._set_out(goal)
@@ -244,7 +243,6 @@ class BtNavigator:
         return message
 
     def _zone_of(self, goal: Pose2D | None) -> str | None:
-        """Return the zone that contains *goal*, if any."""
         if goal is None or not self._zones:
             return None
         away = {zone: goal.distance_to(Pose2D(*place)) for zone, place in self._zones.items()}

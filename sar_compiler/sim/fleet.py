@@ -54,11 +54,6 @@ def _require_on_map(world: World, name: str, start: Pose2D) -> None:
 def make_robots(world: World, placements: Sequence[Placement], *, seed: int = 0) -> list[Robot]:
     """Return robots that are solid to each other, in the order of their steps.
 
-    Args:
-        world: Their world.
-        placements: Their start poses.
-        seed: Seed of all noise.
-
     Raises:
         PlacementError: If they cannot start as placed.
     """

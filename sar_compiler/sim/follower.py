@@ -110,7 +110,6 @@ class Follower:
         return Twist2D(speed, speed * curvature)
 
     def _align(self, state: RobotState) -> Twist2D:
-        """Turn in place to the goal's yaw."""
         error = 0.0 if self._yaw is None else normalise_angle(self._yaw - state.pose.yaw)
         if abs(error) > self._settings.yaw_tolerance:
             return Twist2D(0.0, self._turning(error))

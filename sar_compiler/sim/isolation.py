@@ -89,10 +89,6 @@ def refuse_rivals(node: Node, actions: Sequence[str] = (_ACTION,)) -> None:
 
     Discovery can miss a node at the start, and others may appear later.
 
-    Args:
-        node: A node of the simulation.
-        actions: Names of the navigation actions of all its robots.
-
     Raises:
         IsolationError: If another node does; names the node.
     """

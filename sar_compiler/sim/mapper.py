@@ -18,6 +18,11 @@ _LEAST, _MOST = -4.0, 4.0
 _SURELY_OCCUPIED, _SURELY_FREE = math.log(0.65 / 0.35), math.log(0.25 / 0.75)
 # Unknown cells left around the area seen.
 _MARGIN = 6
+# Edge of a cell, metres.
+_RESOLUTION = 0.05
+# Half the edge of the square that can be mapped, metres; scan points beyond it are ignored.
+_REACH = 25.0
+_SIZE = 2 * round(_REACH / _RESOLUTION)
 
 
 class Mapper:
@@ -26,23 +31,17 @@ class Mapper:
     Args:
         lidar: The scanner that took them.
         centre: The centre of the area that can be mapped, metres, frame `map`.
-        resolution: Edge of a cell, metres.
-        reach: Half the edge of the square that can be mapped, metres; scan points beyond it are ignored.
     """
 
-    def __init__(
-        self, lidar: Lidar, centre: Pose2D, *, resolution: float = 0.05, reach: float = 25.0
-    ) -> None:
+    def __init__(self, lidar: Lidar, centre: Pose2D) -> None:
         self._lidar = lidar
-        self._resolution = resolution
-        self._size = 2 * round(reach / resolution)
         # The corner lies on a multiple of the resolution, so that the map's origin is a round number.
         self._corner = (
-            resolution * math.floor((centre.x - reach) / resolution),
-            resolution * math.floor((centre.y - reach) / resolution),
+            _RESOLUTION * math.floor((centre.x - _REACH) / _RESOLUTION),
+            _RESOLUTION * math.floor((centre.y - _REACH) / _RESOLUTION),
         )
-        self._odds = np.zeros((self._size, self._size))
-        self._seen = np.zeros((self._size, self._size), dtype=bool)
+        self._odds = np.zeros((_SIZE, _SIZE))
+        self._seen = np.zeros((_SIZE, _SIZE), dtype=bool)
 
     def integrate(self, pose: Pose2D, ranges: Floats) -> None:
         """Add one scan.
@@ -66,7 +65,7 @@ class Mapper:
         """Return the map of the area seen so far, cropped to it with a margin of unknown cells."""
         rows, columns = np.nonzero(self._seen)
         if not rows.size:
-            rows = columns = np.array([self._size // 2])
+            rows = columns = np.array([_SIZE // 2])
         top, left = (max(int(index.min()) - _MARGIN, 0) for index in (rows, columns))
         part = np.s_[top : int(rows.max()) + _MARGIN + 1, left : int(columns.max()) + _MARGIN + 1]
         odds = self._odds[part]
@@ -75,14 +74,14 @@ class Mapper:
         cells[odds >= _SURELY_OCCUPIED] = OCCUPIED
         return OccupancyMap(
             cells,
-            self._resolution,
-            round(self._corner[0] + left * self._resolution, 6),
-            round(self._corner[1] + top * self._resolution, 6),
+            _RESOLUTION,
+            round(self._corner[0] + left * _RESOLUTION, 6),
+            round(self._corner[1] + top * _RESOLUTION, 6),
         )
 
     def _passed(self, pose: Pose2D, along: Floats, lengths: Floats) -> NDArray[np.int64]:
         """Return the cells that the rays cross before their ends, without duplicates."""
-        spacing = self._resolution / 2
+        spacing = _RESOLUTION / 2
         steps = np.arange(0.0, float(lengths.max(initial=0.0)), spacing)
         points = along[:, None, :] * steps[None, :, None]
         before_end = steps[None, :] < lengths[:, None] - spacing
@@ -90,9 +89,9 @@ class Mapper:
 
     def _cells(self, pose: Pose2D, offsets: Floats) -> NDArray[np.int64]:
         """Return the flat indices of the cells at *offsets* (metres, shape (n, 2)) from *pose*, without duplicates."""
-        columns = np.floor((pose.x + offsets[:, 0] - self._corner[0]) / self._resolution).astype(np.int64)
-        rows = np.floor((pose.y + offsets[:, 1] - self._corner[1]) / self._resolution).astype(np.int64)
-        inside = (rows >= 0) & (rows < self._size) & (columns >= 0) & (columns < self._size)
-        touched = np.zeros(self._size * self._size, dtype=bool)
-        touched[rows[inside] * self._size + columns[inside]] = True
+        columns = np.floor((pose.x + offsets[:, 0] - self._corner[0]) / _RESOLUTION).astype(np.int64)
+        rows = np.floor((pose.y + offsets[:, 1] - self._corner[1]) / _RESOLUTION).astype(np.int64)
+        inside = (rows >= 0) & (rows < _SIZE) & (columns >= 0) & (columns < _SIZE)
+        touched = np.zeros(_SIZE * _SIZE, dtype=bool)
+        touched[rows[inside] * _SIZE + columns[inside]] = True
         return np.flatnonzero(touched)

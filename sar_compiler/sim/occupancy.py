@@ -1,5 +1,6 @@
 """Occupancy maps, read and written like `nav2_map_server` does."""
 
+import io
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from PIL import Image
 
 from sar_compiler.documents.yaml_files import read_yaml
 from sar_compiler.errors import SarError
+from sar_compiler.tree.content import read_bytes
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 # The grey values that map_saver writes for the three.
@@ -17,6 +19,7 @@ _PIXELS = {UNKNOWN: 205, FREE: 254, OCCUPIED: 0}
 _OCCUPIED_THRESH = 0.65
 # Below the darkness of 205 (50/255 = 0.19608): with map_saver's own 0.25 map_server reads unknown cells as free.
 _FREE_THRESH = 0.196
+_MAX_IMAGE_BYTES = 2**30
 
 
 class MapError(SarError):
@@ -63,9 +66,9 @@ def read_map(path: Path) -> OccupancyMap:
         path: The `.yaml` file; its `image` is looked up in the same folder.
 
     Raises:
-        UnreadableFileError: If the description does not exist or cannot be read.
+        UnreadableFileError: If the description or its image does not exist or cannot be read.
         TreeError: If the description has mistakes, or requires unsupported features; carries all findings.
-        MapError: If its image does not exist or is not a valid image.
+        MapError: If its image is not a valid one.
     """
     document = read_yaml(path, "write what nav2_map_server reads: image, resolution, origin, ...")
     said = document.hold("map").data
@@ -114,7 +117,7 @@ def write_map(occupancy: OccupancyMap, prefix: Path) -> tuple[Path, Path]:
 def _shades(path: Path) -> NDArray[np.float64]:
     """Return the brightness of an image's pixels, 0 black to 1 white, top row first."""
     try:
-        with Image.open(path) as image:
+        with Image.open(io.BytesIO(read_bytes(path, _MAX_IMAGE_BYTES))) as image:
             bands = np.asarray(image.convert("RGBA" if "A" in image.getbands() else "RGB"), dtype=np.float64)
     except (OSError, Image.DecompressionBombError) as exception:
         message = f"{path}: is not an image that can be read ({exception})"

@@ -26,14 +26,13 @@ class RobotInterface:
     Args:
         host: Creates the node.
         robot: The robot, which is sent the latest command.
-        lidar: The robot's scanner.
-        seed: Seed of the scanner's noise.
+        seed: Seed of its scanner's noise.
     """
 
-    def __init__(self, host: NodeHost, robot: Robot, *, lidar: Lidar | None = None, seed: int = 0) -> None:
+    def __init__(self, host: NodeHost, robot: Robot, *, seed: int = 0) -> None:
         self.robot = robot
         self._seed = seed
-        self._lidar = lidar or Lidar()
+        self._lidar = Lidar()
         self._node = host.create("rosbot")
         self._odometry = self._node.create_publisher(Odometry, "odometry/filtered", 10)
         self._scan = self._node.create_publisher(LaserScan, "scan", qos_profile_sensor_data)

@@ -167,7 +167,6 @@ class Simulation:
             self.failure = error
 
     def _step(self) -> None:
-        """Advance by one time step."""
         self._step_count += 1
         now_ns = self._step_count * STEP_NS
         robots = self._robots.values()

@@ -22,13 +22,8 @@ class SurveyError(SarError):
     """A world cannot be mapped."""
 
 
-def survey(world: World, *, seed: int = 0, lidar: Lidar | None = None) -> OccupancyMap:
+def survey(world: World, *, seed: int = 0) -> OccupancyMap:
     """Drive the world's survey route and return the map made of the scans.
-
-    Args:
-        world: The world to map.
-        seed: Seed of the scanner's noise.
-        lidar: The scanner.
 
     Raises:
         SurveyError: If the world has no survey route, or the robot gets stuck on it.
@@ -36,7 +31,7 @@ def survey(world: World, *, seed: int = 0, lidar: Lidar | None = None) -> Occupa
     if not world.survey:
         message = f"world '{world.name}' has no 'survey' way to drive for a map"
         raise SurveyError(message)
-    lidar = lidar or Lidar()
+    lidar = Lidar()
     random = np.random.default_rng([seed, 2])
     robot, mapper = Robot(world, seed=seed), Mapper(lidar, world.start)
     corners = np.array([(world.start.x, world.start.y), *world.survey], dtype=np.float64)

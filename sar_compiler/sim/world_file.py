@@ -37,9 +37,6 @@ def find_world(name: str) -> World:
 def load_world(path: Path) -> World:
     """Read a world file.
 
-    Args:
-        path: The file.
-
     Raises:
         UnreadableFileError: If the file does not exist or cannot be read.
         TreeError: If the file has mistakes, or the robot starts inside an obstacle; carries all findings.

@@ -1,6 +1,8 @@
 """From the bytes of a file to its text, whatever form the text has."""
 
 import codecs
+import errno
+import os
 from pathlib import Path
 
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError, UnreadableFileError
@@ -21,19 +23,28 @@ _BYTE_ORDER_MARKS = [
 ]
 
 
-def read_bytes(path: str | Path) -> bytes:
-    """Return the content of a file, at most one byte more than a tree file may have.
+def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
+    """Return the content of a file, at most one byte more than the limit, which is that of tree files.
 
     Raises:
         UnreadableFileError: If the file is not there or cannot be read.
     """
     try:
+        # A pipe of the shell's (`<(...)`) leads to no path, and has a writer; a named one may never have any.
+        if Path(os.path.realpath(path)).is_fifo():
+            raise OSError(errno.EINVAL, "it is a pipe, not a file")  # noqa: TRY301 - told as the others are
         # One byte more than allowed is enough to know, whatever is at the other end of the path.
         with Path(path).open("rb") as stream:
-            return stream.read(MAX_BYTES + 1)
+            return stream.read(limit + 1)
     except OSError as error:
         message = f"cannot read {path}: {error.strerror or error}"
         raise UnreadableFileError(message) from error
+
+
+def as_written(path: Path) -> Path:
+    """Return a path as a user would write it: relative to where the command was started, if it lies there."""
+    here = Path.cwd()
+    return path.relative_to(here) if path.is_relative_to(here) else path
 
 
 def source_of(data: bytes | str, path: str, spans: Spans, declared: str | None, empty_hint: str) -> Source:
@@ -83,7 +94,7 @@ def _decode(data: bytes, path: str, spans: Spans, encoding: str) -> str:
         message = f"byte 0x{data[error.start]:02x} is not {encoding}"
         raise _wrong_encoding(message, Source(path, data.decode(encoding, "replace"), spans), place) from None
     except (LookupError, UnicodeError):
-        message = f"the file declares the encoding '{encoding}', which tree files cannot have"
+        message = f"the file declares the encoding '{encoding}', which is not allowed here"
         raise _wrong_encoding(message, Source(path, data.decode("utf-8", "replace"), spans)) from None
     if "\0" in text:
         message = "the file has zero bytes, as UTF-16 without a byte order mark has"

@@ -8,11 +8,11 @@ from sar_compiler.errors import SarError
 from sar_compiler.tree.source import Source, Span
 
 _EXCERPT = 120
-"""How many characters of a long line are shown."""
+"""The number of characters shown of a long line."""
 
 
 class Severity(str, Enum):
-    """How bad a finding is."""
+    """The severity of a finding."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -27,10 +27,10 @@ class Diagnostic:
         code: Its kind, in kebab-case words.
         message: What is wrong, in the reader's words.
         source: The file.
-        span: Where it stands.
-        suggestion: The text to put in place of what stands there, where that can be guessed.
+        span: Its place.
+        suggestion: The text to put in its place, where that can be guessed.
         hint: What to do about it, in a few words, where there is no such text.
-        severity: How bad it is.
+        severity: Its severity.
     """
 
     code: str
@@ -43,7 +43,7 @@ class Diagnostic:
 
     @property
     def advice(self) -> str:
-        """What to write or do instead; empty where nothing can be said."""
+        """The advice on what to write or do instead; empty if there is none."""
         return f"did you mean '{self.suggestion}'?" if self.suggestion else self.hint or ""
 
     def render(self) -> str:
@@ -80,4 +80,4 @@ class TreeError(SarError):
 
 
 class UnreadableFileError(SarError):
-    """A tree file is not there, or the system will not let it be read."""
+    """A file does not exist, or cannot be read."""

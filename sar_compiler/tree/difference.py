@@ -9,7 +9,7 @@ from sar_compiler.tree.model import TEXT_KEY, Element, TreeFile
 
 
 class Change(str, Enum):
-    """How a node differs."""
+    """The kind of a difference between nodes."""
 
     ADDED = "added"
     REMOVED = "removed"
@@ -57,7 +57,6 @@ def difference(old: TreeFile, new: TreeFile) -> list[Difference]:
 
 
 def _within(old: Node, new: Node) -> Iterator[Difference]:
-    """Yield what is different in a pair of nodes."""
     if old.mark == new.mark:
         return
     yield from _changed(old, new)

@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from sar_compiler.tree.content import as_written
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError, UnreadableFileError
 from sar_compiler.tree.model import INCLUDE_TAG, Element, TreeFile
 
@@ -14,7 +15,7 @@ MAX_FILES = 1000
 """More files than this are not read for one tree."""
 
 MAX_NEIGHBOURS = 20_000
-"""After so many names of files were compared with those of missing ones, nothing is suggested any more."""
+"""The number of file names that are compared with missing ones; beyond it nothing is suggested."""
 
 MAX_INCLUDE_DEPTH = 50
 """An include in an include, and so on, ends here."""
@@ -61,9 +62,6 @@ class Forest:
     def main_tree(self, tree_id: str | None = None) -> Element | None:
         """Return the tree to execute: the one asked for, the one the main file names, or its only one.
 
-        Args:
-            tree_id: The ID asked for; None leaves the choice to the file.
-
         Returns:
             The `BehaviorTree` element; None if there is no such tree, or several to choose from.
         """
@@ -80,11 +78,6 @@ def load_forest(path: Path, read: Read, include_paths: Iterable[Path] = ()) -> F
     An included file must lie in the folder of the file given, below it, in one of *include_paths*, or (by
     `ros_pkg`) in the share folder of an installed ROS package: a mission must not be able to read whatever
     is on the machine.
-
-    Args:
-        path: The file.
-        read: Reads one file.
-        include_paths: Further folders that may be included from.
 
     Raises:
         UnreadableFileError: If the file itself is not there or cannot be read.
@@ -133,11 +126,8 @@ class _Loader:
                 self._report(element, "too-many-includes", f"includes go further than {limit}")
             self.full = True
             return
-        if _may_never_end(target):
-            self._report(element, "unreadable-include", f"{_as_written(target)} is not a file")
-            return
         try:
-            tree_file = self.read(_as_written(target))
+            tree_file = self.read(as_written(target))
         except UnreadableFileError as error:
             self._report(element, "unreadable-include", str(error), suggestion=self._near(element, target))
         except TreeError as error:
@@ -148,10 +138,10 @@ class _Loader:
         self.seen.add(target)
 
     def _near(self, element: Element, target: Path) -> str | None:
-        """Return the path of an include with the name of the tree file beside it that was probably meant."""
+        """Return the path of a missing include with the name of the tree file beside it that was probably meant."""
         written, beside = element.attributes["path"], []
-        if self.compared < MAX_NEIGHBOURS:
-            with suppress(OSError):
+        with suppress(OSError):
+            if self.compared < MAX_NEIGHBOURS and not target.exists():
                 beside = [path.name for path in target.parent.iterdir() if path.suffix in _ENDINGS]
         self.compared += len(beside)
         import difflib
@@ -219,19 +209,6 @@ class _Loader:
     ) -> None:
         span = element.value_span(attribute) if attribute in element.attributes else element.tag_span()
         self.findings.append(Diagnostic(code, message, element.source, span, **advice))  # type: ignore[arg-type]
-
-
-def _may_never_end(path: Path) -> bool:
-    """Return whether a path is a pipe, which would block until something is written to it."""
-    with suppress(OSError):  # what cannot even be looked at is reported when it is read
-        return path.is_fifo()
-    return False
-
-
-def _as_written(path: Path) -> Path:
-    """Return a path as a user would write it: relative to where the command was started, if it lies there."""
-    here = Path.cwd()
-    return path.relative_to(here) if path.is_relative_to(here) else path
 
 
 def _package_share(package: str) -> Path | None:

@@ -1,4 +1,4 @@
-"""Which node of one tree file is which node of another."""
+"""Pairing of the nodes of two tree files."""
 
 from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Hashable, Iterator, Mapping

@@ -1,4 +1,4 @@
-"""Reading tree files in whatever form they are."""
+"""Reading of tree files in any form."""
 
 from pathlib import Path
 
@@ -13,12 +13,6 @@ def read_tree_file(path: str | Path) -> TreeFile:
     """Read a tree file.
 
     The file's ending tells its form: `.xml`, `.yaml` or `.yml`; with any other, `<` begins XML.
-
-    Args:
-        path: The file.
-
-    Returns:
-        What it says, not yet checked.
 
     Raises:
         UnreadableFileError: If the file is not there or cannot be read.

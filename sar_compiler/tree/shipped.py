@@ -1,4 +1,4 @@
-"""Which tree file a user means."""
+"""Look-up of a tree file by path or name."""
 
 from pathlib import Path
 

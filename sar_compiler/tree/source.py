@@ -32,7 +32,7 @@ class Span(NamedTuple):
 
 
 class Form(str, Enum):
-    """How a tree file is written."""
+    """The form of a tree file."""
 
     XML = "xml"
     YAML = "yaml"
@@ -79,7 +79,7 @@ AttributePlaces = tuple[int, int, int, int]
 """The offsets at which an attribute's name and its value begin and end."""
 
 _FEW = 16
-"""The places of so many attributes are looked for whenever they are asked for."""
+"""Up to this number of attributes, places are looked up again each time they are asked for."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class Source:
 
     @property
     def form(self) -> Form:
-        """How the text is written."""
+        """The form of the text."""
         return self.spans.form
 
     @functools.cached_property
@@ -118,13 +118,7 @@ class Source:
     def attribute(
         self, element: "Element", name: str, attributes: Iterator[tuple[str, AttributePlaces]]
     ) -> AttributePlaces | None:
-        """Return the places of an attribute; None if the text of the element has none of this name.
-
-        Args:
-            element: The element.
-            name: The attribute.
-            attributes: Finds the attributes of the element one after the other.
-        """
+        """Return the places of an attribute; None if the text of the element has none of this name."""
         if len(element.attributes) <= _FEW:
             return next((places for each, places in attributes if each == name), None)
         place = (element.line, element.column)

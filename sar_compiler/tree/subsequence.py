@@ -6,12 +6,10 @@ from collections.abc import Hashable, Sequence
 from typing import NamedTuple
 
 _NEAR = 8
-"""Of a key that is there many times, so many places on either side of the one to be expected are tried."""
+"""For a repeated key, the number of places that are tried on either side of the expected one."""
 
 
 class _Link(NamedTuple):
-    """A pair, and the pairs chained before it."""
-
     pair: tuple[int, int]
     before: "_Link | None"
 

@@ -26,13 +26,6 @@ _CHARACTER = re.compile(r"&[^;]*;|\r\n|.", re.DOTALL)
 def parse_xml(data: bytes | str, path: str = "<text>") -> TreeFile:
     """Read a tree file's content.
 
-    Args:
-        data: Its content.
-        path: What to call it in findings.
-
-    Returns:
-        What it says, not yet checked.
-
     Raises:
         TreeError: If it is not well-formed XML, too large, too deep, or has a DOCTYPE.
     """

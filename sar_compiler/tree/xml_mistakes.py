@@ -30,11 +30,6 @@ class XmlMistake:
 def mistake_at(text: str, place: int, words: str) -> XmlMistake | None:
     """Return the probable mistake at the place where expat gave up.
 
-    Args:
-        text: The file.
-        place: Where expat gave up.
-        words: What it says.
-
     Returns:
         None if expat's words are all there is to say.
     """

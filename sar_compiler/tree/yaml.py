@@ -28,13 +28,6 @@ _REFERENCE = re.compile(r"\{[^{}:,\s]+\}")
 def parse_yaml(data: bytes | str, path: str = "<text>") -> TreeFile:
     """Read a tree file's content.
 
-    Args:
-        data: Its content.
-        path: What to call it in findings.
-
-    Returns:
-        What it says, not yet checked.
-
     Raises:
         TreeError: If it is not YAML, not a tree, too large, too deep, or uses what only YAML has.
     """
@@ -97,7 +90,6 @@ class _YamlReader:
             self._report("yaml-directive", message, *_place(start), hint="delete the lines that begin with %")
 
     def _node(self) -> Element | None:
-        """Read the node that comes next; None where there is none."""
         events = self._events
         first: Any = events.next
         if isinstance(first, yaml.ScalarEvent):
@@ -140,7 +132,6 @@ class _YamlReader:
         return self._element(tag, parts, self._spans.begin(*_place(tag)))
 
     def _tagged(self, tag: Any, trailing: str | None) -> Element | None:
-        """Read the contents of a tag."""
         events, parts = self._events, _Parts()
         number = self._spans.begin(*_place(tag))
         if trailing is not None:

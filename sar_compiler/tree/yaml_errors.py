@@ -28,7 +28,7 @@ _WORDS = [
         ),
         (
             r"alphabetic or numeric",
-            "'&' and '*' begin an anchor or an alias, which a tree file does not have",
+            "'&' and '*' begin an anchor or an alias, which is not allowed here",
             "a text that begins with one of them stands in quotes",
         ),
         (
@@ -62,8 +62,8 @@ _WORDS = [
             "this does not belong to the lines above it",
             "indent it as the line it belongs to; a text stands in quotes as a whole or not at all",
         ),
-        (r"document start", "the file goes on behind the end of its document", "delete the lines of '...'"),
-        (r"directive|%", "a tree file has no directives of YAML", "delete the line"),
+        (r"document start", "the file continues after the end of its document", "delete the lines of '...'"),
+        (r"directive|%", "directives of YAML are not allowed here", "delete the line"),
         (
             r"indentation|indent",
             "the indentation is wrong",

@@ -47,7 +47,7 @@ class Waiting:
 
     @property
     def text(self) -> str:
-        """What it says."""
+        """Its text."""
         return text_of_yaml(self.lines)
 
 
@@ -173,12 +173,12 @@ class Events:
             mark = "*" if isinstance(event, yaml.AliasEvent) else "&"
             written, what = f"{mark}{event.anchor}", "an alias" if mark == "*" else "an anchor"
             message = (
-                f"'{written}' is {what} of YAML, and a tree file has none: it says everything where it stands"
+                f"'{written}' is {what} of YAML, which is not allowed here: write everything where it belongs"
             )
             hint = f"write it out; a text that begins with {mark} stands in quotes"
             self.report("yaml-anchor", message, start, start + len(written), hint=hint)
         else:
             end = start + len(self._source.text[start : start + 80].split(maxsplit=1)[0])
-            message = f"'{self._source.text[start:end]}' is a tag of YAML, and a tree file has none"
+            message = f"'{self._source.text[start:end]}' is a tag of YAML, which is not allowed here"
             hint = "delete it; a text that begins with ! stands in quotes"
             self.report("yaml-tag", message, start, end, hint=hint)

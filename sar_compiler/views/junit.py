@@ -32,12 +32,7 @@ class PlayedScenario:
 
 
 def junit(tree: str, scenarios: Sequence[PlayedScenario]) -> str:
-    """Return a test suite for a tree file, with a test case for each scenario; times are simulated seconds.
-
-    Args:
-        tree: The tree file.
-        scenarios: The scenarios that were played.
-    """
+    """Return a test suite for a tree file, with a test case for each scenario; times are simulated seconds."""
     stream = io.StringIO()
     xml = XMLGenerator(stream, "UTF-8", short_empty_elements=True)
     counts = {

@@ -10,9 +10,5 @@ from sar_compiler.tree.xml_writer import write_xml
 
 
 def palette(specs: Iterable[NodeSpec]) -> str:
-    """Return a file with the `TreeNodesModel` of all nodes that are not built into BehaviorTree.CPP.
-
-    Args:
-        specs: The nodes, with all meanings of each tag.
-    """
+    """Return a file with the `TreeNodesModel` of all nodes that are not built into BehaviorTree.CPP."""
     return write_xml(synthetic_file(synthetic_element(ROOT_TAG, {"BTCPP_format": "4"}, [describe(specs)])))

@@ -10,13 +10,7 @@ from sar_compiler.views.plain import plain
 
 
 def runs_as_json(tree: str, scenarios: Sequence[PlayedScenario], coverage: Coverage | None = None) -> str:
-    """Return the played scenarios as a JSON object; times are simulated seconds.
-
-    Args:
-        tree: The tree file.
-        scenarios: The scenarios that were played.
-        coverage: Their coverage, if requested.
-    """
+    """Return the played scenarios as a JSON object; times are simulated seconds."""
     result: dict[str, object] = {"file": tree, "scenarios": [_scenario(each) for each in scenarios]}
     if coverage is not None:
         result["coverage"] = {

@@ -19,12 +19,12 @@ def unicode_tree(root: Behaviour, *, statuses: bool = False) -> str:
     return _drawn(py_trees.display.unicode_tree, root, statuses=statuses)
 
 
-def ascii_tree(root: Behaviour, *, statuses: bool = False) -> str:
+def ascii_tree(root: Behaviour) -> str:
     """Draw a tree with ASCII characters only; see `unicode_tree`."""
-    return _drawn(py_trees.display.ascii_tree, root, statuses=statuses)
+    return _drawn(py_trees.display.ascii_tree, root)
 
 
-def _drawn(draw: Callable[..., str], root: Behaviour, *, statuses: bool) -> str:
+def _drawn(draw: Callable[..., str], root: Behaviour, *, statuses: bool = False) -> str:
     visited: Mapping[UUID, Status] = {}
     if statuses:
         visited = {behaviour.id: behaviour.status for behaviour in root.iterate()}

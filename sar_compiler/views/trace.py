@@ -69,7 +69,7 @@ def coverage_text(coverage: Coverage) -> str:
     lines = [f"coverage: {len(nodes) - len(missed)} of {len(nodes)} nodes ticked, {seen}"]
     lines += [f"  {_place(node)}: '{node.bound.name}' is never ticked" for node in missed]
     for node in coverage.unseen:
-        lines.append(f"  {_place(node)}: '{node.bound.name}' never comes to {', '.join(node.unseen)}")
+        lines.append(f"  {_place(node)}: '{node.bound.name}' has not shown {', '.join(node.unseen)}")
     return "\n".join(lines)
 
 
@@ -91,8 +91,6 @@ def _seen(events: Iterable[Event]) -> list[Event]:
 
 
 class _Writer:
-    """Writes the ticks of a run."""
-
     def __init__(self, run: Run) -> None:
         self._labels = leaf_labels(run.simulated.leaves)
         self._width = max(map(len, self._labels.values()), default=0)

@@ -40,7 +40,7 @@ def attributes(count: int, form: str) -> str:
 
 
 def each(form: str) -> Callable[[int], str]:
-    """Return a tree of so many nodes in one sequence, with a number in each."""
+    """Return a tree of a number of nodes in one sequence, with a number in each."""
     return lambda count: sequence(form.format(number) for number in range(count))
 
 
@@ -51,7 +51,7 @@ def alternately(*forms: str) -> Callable[[int], str]:
 
 
 def subtrees(use: str, tree: str, tree_id: str = "T{0}") -> Callable[[int], str]:
-    """Return so many subtrees, each with a tree of its own."""
+    """Return a number of subtrees, each with a tree of its own."""
 
     def text(count: int) -> str:
         trees = [another(tree.format(number), tree_id.format(number)) for number in range(count)]
@@ -71,7 +71,7 @@ def one_subtree(argument: str, read: str) -> Callable[[int], str]:
 
 
 def one(tag: str, attribute: str) -> Callable[[int], str]:
-    """Return an element with so many attributes."""
+    """Return an element with a number of attributes."""
     return lambda count: f"<{tag} {attributes(count, attribute)}/>"
 
 

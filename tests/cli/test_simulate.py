@@ -84,7 +84,7 @@ def test_a_tick_that_is_not_finished_has_come_to_nothing(capsys, tmp_path):
     status, out, _ = run(capsys, path, "--nodes", "tests.checks.verify.leaves")
     assert status == 1
     assert out.startswith("tick 1, 0 s: not finished\n  M  SUCCESS\nbroken off in tick 1 (0 s): ")
-    assert "'M' writes 'd' when it flies" in out
+    assert "'M' writes 'd' when it runs" in out
 
 
 def test_a_run_that_somebody_ends_is_not_explained(capsys, tree):

@@ -173,6 +173,19 @@ def test_a_constructor_that_refuses_its_arguments_is_a_finding_with_its_words(re
         compiled('<Picky speed="99"/>', picky)
 
 
+def test_a_constructor_that_forgets_that_of_its_base_is_a_finding(registry):
+    class Hollow(Behaviour):
+        def __init__(self, name: str) -> None:
+            del name
+
+        def update(self) -> Status:
+            return Status.SUCCESS
+
+    hollow = Registry([NodeSpec("Hollow", Hollow, Kind.ACTION)])
+    with pytest.raises(TreeError, match=r"constructor-failed.*has not called super\(\)\.__init__\(name\)"):
+        compiled("<Hollow/>", hollow)
+
+
 def test_a_tree_with_findings_is_not_compiled(registry):
     with pytest.raises(TreeError, match="unknown-node"):
         bind_main(forest("<Sequense/>"), registry)

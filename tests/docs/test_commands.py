@@ -55,7 +55,7 @@ def parse(command):
 
 
 def refused(command):
-    """Say whether a command's own parser refuses it; `--help` ends in order."""
+    """Return whether a command's own parser refuses it; `--help` ends in order."""
     try:
         parse(command)
     except SystemExit as end:

@@ -26,7 +26,7 @@ def test_the_cell_shows_what_the_page_shows(tmp_path):
     shown = every[every.index(cell) + 1]
     *before, last = ast.parse(cell.text).body
     assert isinstance(last, ast.Expr)
-    # As a notebook does: what the last line comes to is displayed.
+    # As a notebook does: the value of the last line is displayed.
     before.append(ast.parse(f"print(repr({ast.unparse(last)}))").body[0])
     (tmp_path / "cell.py").write_text(ast.unparse(ast.Module(before, [])), encoding="utf-8")
     done = typed_in(tmp_path, "python cell.py")

@@ -27,7 +27,7 @@ FILES = {
 
 # What is typed, for each message. What is a file of the test's own folder is written as {folder}/….
 TYPED = {
-    "… cannot be flown like this; nothing has moved": "sar-run {folder}/wrong.xml",
+    "… cannot be run like this; nothing has moved": "sar-run {folder}/wrong.xml",
     "cannot read …: …": "sar-run nowhere.xml",
     "there is no tree file '…', nor a shipped tree of that name": "sar-run nowhere",
     "no node is called '…'": "sar-run {folder}/wrong.xml",

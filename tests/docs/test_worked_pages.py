@@ -70,7 +70,7 @@ def typed_in(folder, text):
 
 
 def matches(shown, seen):
-    """Say whether what is seen is what is shown."""
+    """Return whether what is seen is what is shown."""
     pattern = "".join(
         r"(?:.*\n)*?" if line.strip() == "…" else re.escape(line.rstrip()).replace("…", ".*") + r"[ ]*\n"
         for line in shown.splitlines()

@@ -125,7 +125,7 @@ def texts(value: ast.AST) -> list[str]:
 
 
 def matches(value: ast.expr, name: str) -> bool:
-    """Say whether a name can be what an expression says."""
+    """Return whether a name can be what an expression says."""
     return re.fullmatch(re.escape(pattern(value)).replace(r"\*", ".*"), name) is not None
 
 

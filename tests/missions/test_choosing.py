@@ -8,6 +8,7 @@ from sar_compiler.compiler import bind_main
 from sar_compiler.missions.choosing import MissionError, choose_mission, load_missions, mission_named
 from sar_compiler.missions.search_and_rescue.plugin import MISSION
 from sar_compiler.nodes.registry import load_registry
+from sar_compiler.ros.parameter_reader import ParameterReader
 from sar_compiler.tree.diagnostic import TreeError
 from tests.trees import forest
 
@@ -17,8 +18,8 @@ from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler import Kind, register
 from sar_compiler.runtime.context import mission_context
 
+@mission_context
 class Crop: pass
-mission_context(Crop)(Crop)
 
 @register("Water", kind=Kind.ACTION)
 class Water(Behaviour):
@@ -33,6 +34,15 @@ class Farm(Mission):
         return MissionRun()
 
 FARM, OTHER, UNNAMED, LOOSE = Farm(), Farm(), Farm(), Farm()
+class Drought(MissionRun):
+    def summary(self, elapsed_sec, ticks):
+        return 1 / 0
+
+class DryFarm(Farm):
+    def begin(self, reader):
+        return reader.parameters and Drought()
+
+DRY = DryFarm()
 UNNAMED.name = "my farm"
 LOOSE.context_types = Crop
 """
@@ -53,6 +63,11 @@ def install(tmp_path, monkeypatch):
     return install_package
 
 
+def named(mission):
+    assert mission is not None
+    return mission.name
+
+
 def bound(body, *modules):
     return bind_main(forest(body), load_registry(modules))
 
@@ -61,7 +76,7 @@ def bound(body, *modules):
     "body", ["<NavigateToBase/>", "<DeliverReports/>", "<Sequence><Success/><ZonesRemaining/></Sequence>"]
 )
 def test_a_tree_is_of_the_mission_whose_context_its_leaves_ask_for(body):
-    assert choose_mission(bound(body)) is MISSION
+    assert named(choose_mission(bound(body))) == MISSION.name
 
 
 def test_a_tree_that_asks_for_nothing_of_a_mission_is_a_plain_one():
@@ -71,9 +86,7 @@ def test_a_tree_that_asks_for_nothing_of_a_mission_is_a_plain_one():
 def test_a_mission_of_another_package_counts_as_much(install):
     install("farm_a", "farm_a:FARM")
     assert sorted(load_missions()) == ["farming", "search_and_rescue"]
-    mission = choose_mission(bound("<Water/>", "farm_a"))
-    assert mission is not None
-    assert mission.name == "farming"
+    assert named(choose_mission(bound("<Water/>", "farm_a"))) == "farming"
 
 
 def test_leaves_of_two_missions_are_a_finding_that_names_them_with_its_place(install):
@@ -94,14 +107,20 @@ def test_leaves_of_two_missions_are_a_finding_that_names_them_with_its_place(ins
 def test_a_name_decides_whatever_the_leaves_ask_for(install):
     install("farm_c", "farm_c:FARM")
     tree = bound("<Sequence><AdvanceZone/><Water/></Sequence>", "farm_c")
-    assert choose_mission(tree, "search_and_rescue") is MISSION
-    assert choose_mission(bound("<Success/>"), "search_and_rescue") is MISSION
+    assert named(choose_mission(tree, "search_and_rescue")) == MISSION.name
+    assert named(choose_mission(bound("<Success/>"), "search_and_rescue")) == MISSION.name
 
 
 def test_a_name_that_there_is_not_is_answered_with_the_one_that_was_meant():
     said = "there is no mission 'search_and_rescu' (installed: search_and_rescue); did you mean 'search_and_rescue'?"
     with pytest.raises(MissionError, match=f"^{re.escape(said)}$"):
         mission_named("search_and_rescu")
+
+
+def test_a_mission_that_only_looks_installed_in_the_checkout_is_said_to_be_passed_over(install, tmp_path):
+    install("farm_f", "farm_f:FARM")
+    with pytest.raises(MissionError, match=f"the missions of {re.escape(str(tmp_path))} are passed over"):
+        mission_named("farming", tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -125,3 +144,16 @@ def test_what_is_installed_as_a_mission_and_is_none_is_named(install, entries, p
     install("farm_d", *entries)
     with pytest.raises(MissionError, match=re.escape(problem)):
         load_missions()
+
+
+def test_what_a_mission_raises_is_an_error_that_names_it_and_the_place(install):
+    install("farm_e", "farm_e:DRY")
+    mission = choose_mission(bound("<Success/>"), "farming")
+    assert mission is not None
+    said = (
+        r"^the mission 'farming' failed in summary: ZeroDivisionError: division by zero \(.*farm_e\.py:\d+\)$"
+    )
+    with pytest.raises(MissionError, match=said):
+        mission.begin(ParameterReader({"x": 1})).summary(0.0, 0)
+    with pytest.raises(MissionError, match=r"failed in begin: it returned \{\} in place of a MissionRun"):
+        mission.begin(ParameterReader({}))

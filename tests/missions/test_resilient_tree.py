@@ -53,7 +53,7 @@ def answered(simulated: SimulatedTree) -> list[str]:
     ]
 
 
-# Which leaf fails whenever it can, and what the mission comes to.
+# Which leaf fails whenever it can, and how the mission ends.
 DAYS = {
     "nothing fails": ({}, Status.SUCCESS),
     "every zone is out of reach": ({"NavigateToZone": "aborted"}, Status.FAILURE),

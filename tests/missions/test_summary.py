@@ -1,4 +1,4 @@
-"""The summary says what a mission came to."""
+"""The summary of a mission."""
 
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.summary import mission_summary

@@ -268,7 +268,7 @@ class TestCommands:
             (["--ros-args", "-p", "survivors.cave.x:=1.0"], r"survivors\.cave\.y: is missing"),
             (["--ros-args", "-p", "survivors:=[]"], "parameter survivors: an empty list"),
             (["--ros-args", "-r", "nothing"], "'-r nothing' is not understood"),
-            (["--ros-args", "--params-file", "none.yaml"], "none.yaml: there is no such parameter file"),
+            (["--ros-args", "--params-file", "none.yaml"], "cannot read none.yaml: No such file"),
         ],
     )
     def test_a_wrong_command_line_is_one_message_and_status_2(

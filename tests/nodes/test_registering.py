@@ -5,10 +5,11 @@ import sys
 import pytest
 from py_trees.behaviour import Behaviour
 
-from sar_compiler import Kind, register
+from sar_compiler import Kind, mission_context, register
 from sar_compiler.nodes.constructors import RegistrationError
 from sar_compiler.nodes.registry import Registry, RegistryError, default_registry, load_registry
 from sar_compiler.nodes.spec import MARK, NodeSpec, Role, Use
+from sar_compiler.runtime.context import PreviewError, preview_of
 from tests.nodes import leaves
 
 
@@ -217,3 +218,55 @@ def test_a_module_that_cannot_be_imported_is_named_with_the_reason(name):
 def test_an_unknown_tag_has_no_spec():
     assert default_registry().get("Nonsense") is None
     assert default_registry().nearest("Sequnce") == "Sequence"
+
+
+def test_a_class_is_marked_as_context_with_or_without_brackets():
+    @mission_context
+    class Bare: ...
+
+    @mission_context(preview=lambda: 7)
+    class Previewed: ...
+
+    class Port:
+        def __init__(self, number: int) -> None: ...
+
+    assert isinstance(preview_of(Bare), Bare)
+    with pytest.raises(PreviewError, match=r"no stand-in for the context object Port.*missing 1 required"):
+        preview_of(mission_context(Port))
+    assert preview_of(Previewed) == 7
+
+
+def test_a_description_of_a_parameter_is_that_of_the_nearest_class_that_has_one():
+    class Drive(Behaviour):
+        """Drives.
+
+        Args:
+            name: The node's name.
+            speed: How fast.
+        """
+
+        def __init__(self, name: str, speed: float) -> None: ...
+
+    class Crawl(Drive):
+        """Crawls.
+
+        Args:
+            speed: How slowly.
+        """
+
+    (spec,) = Registry([NodeSpec("Crawl", Crawl, Kind.ACTION)]).variants("Crawl")
+    assert [each.doc for each in spec.parameters.values()] == ["The node's name.", "How slowly."]
+    assert spec.doc == "Crawls."
+
+
+@pytest.mark.parametrize("thing", [lambda name: name, type("Loose", (), {})])
+def test_what_is_no_class_of_behaviours_is_refused(thing):
+    with pytest.raises(RegistrationError, match="is no class of behaviours; derive one from"):
+        register("Tag", kind=Kind.ACTION)(thing)
+
+
+def test_a_meaning_in_other_words_than_semantics_is_refused():
+    with pytest.raises(
+        RegistrationError, match=r"semantics is the text 'sequence'; write Semantics\.sequence"
+    ):
+        register("Tag", kind=Kind.CONTROL, semantics="sequence")  # type: ignore[arg-type]

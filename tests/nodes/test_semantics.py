@@ -77,7 +77,7 @@ class Stage:
         return K if was_skipped(self.root) else bit_of(self.root.status), Puppet.ticks - before
 
     def until_it_ends(self) -> Iterator[tuple[int, int]]:
-        """Yield what every tick comes to, with much time between them, until it does not run any more."""
+        """Yield the result of every tick, with much time between them, until it does not run any more."""
         for _ in range(TICKS):
             answered, ticks = self.tick()
             yield answered, ticks

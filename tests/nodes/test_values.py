@@ -83,6 +83,13 @@ def test_what_is_not_such_a_value_is_refused_with_the_nearest_one(annotation, te
     assert text in caught.value.message
 
 
+def test_a_list_may_be_of_members_of_an_enumeration():
+    value_type = value_type_of(list[Colour])
+    assert value_type is not None
+    assert value_type.convert("RED;GREEN") == [Colour.RED, Colour.GREEN]
+    assert value_type.label == "several with ; between them, each one of RED, GREEN"
+
+
 @pytest.mark.parametrize("annotation", [list, list[list[int]], dict, object, int | str, Literal[1, 2]])
 def test_types_that_no_text_can_become_have_no_value_type(annotation):
     assert value_type_of(annotation) is None

@@ -276,3 +276,15 @@ def test_what_a_command_prints_is_what_a_program_gets(capsys):
     shown = json.loads(capsys.readouterr().out)
     assert shown["name"] == load("search_and_rescue").preview().root.name
     assert isinstance(load("search_and_rescue").preview().root, py_trees.composites.Selector)
+
+
+def test_a_script_may_use_a_list_twice_and_statuses_of_py_trees():
+    once = [Status.FAILURE, "arrived"]
+    run = simulate("search_and_rescue", NavigateToZone=once, NavigateToBase=once).tick()
+    run.expect(root=Status.FAILURE, order=["NavigateToZone aborted", "NavigateToBase aborted"])
+
+
+@pytest.mark.parametrize("answer", [object(), {"aborted"}, [b"aborted"]])
+def test_what_no_script_can_have_is_named(answer):
+    with pytest.raises(sar_compiler.SarError, match=r"cannot be part of the script: give texts"):
+        simulate("search_and_rescue", NavigateToZone=answer)

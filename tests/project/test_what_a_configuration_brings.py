@@ -259,6 +259,13 @@ class TestEntryPoints:
         (metadata / "entry_points.txt").write_text("[sar_compiler.nodes]\n", encoding="utf-8")
         assert checkout.validate(PYTHONPATH=os.pathsep) == VALID
 
+    def test_that_are_a_pipe_keep_nobody_waiting(self, checkout):
+        metadata = pretend_to_be_installed(checkout.folder, "sar_compiler")
+        (metadata / "entry_points.txt").unlink()
+        os.mkfifo(metadata / "entry_points.txt")
+        checkout.write("tree.xml", document("<NavigateToBase/>"))
+        assert checkout.validate(PYTHONPATH=os.pathsep) == VALID
+
     def test_of_what_is_installed_elsewhere_count(self, checkout, tmp_path):
         site = tmp_path / "site"
         pretend_to_be_installed(site)

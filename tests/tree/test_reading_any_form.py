@@ -1,7 +1,10 @@
 """Which form a file has."""
 
+import os
+
 import pytest
 
+from sar_compiler.tree.diagnostic import UnreadableFileError
 from sar_compiler.tree.reading import read_tree_file
 from sar_compiler.tree.source import Form
 
@@ -32,3 +35,17 @@ def test_a_byte_order_mark_does_not_hide_the_first_character(tmp_path, encoding)
     path = tmp_path / "tree"
     path.write_text(XML, encoding=encoding)
     assert read_tree_file(path).source.form is Form.XML
+
+
+def test_a_named_pipe_is_refused_without_waiting_for_a_writer(tmp_path):
+    os.mkfifo(tmp_path / "tree.xml")
+    with pytest.raises(UnreadableFileError, match=r"tree\.xml: it is a pipe, not a file"):
+        read_tree_file(tmp_path / "tree.xml")
+
+
+def test_a_pipe_of_the_shell_is_read():
+    end, start = os.pipe()
+    os.write(start, XML.encode())
+    os.close(start)
+    assert read_tree_file(f"/dev/fd/{end}").root.tag == "root"
+    os.close(end)

@@ -186,7 +186,7 @@ def test_a_wrong_shape_is_a_finding_that_says_the_right_one(text, place, words):
         ("root:\n  a: [x\nb: c", (2, 6), "goes wrong further on"),
         ('root:\n  a: "x" y\n', (2, 10), "in quotes as a whole or not at all"),
         ("root:\n  a: - b\n", (2, 6), "a text that begins with '- ' stands in quotes"),
-        ("root\n...\nx: y\n...\n", (3, 1), "goes on behind the end"),
+        ("root\n...\nx: y\n...\n", (3, 1), "continues after the end"),
         ("root: {, }\n", (1, 8), "something is missing here"),
     ],
 )

@@ -104,7 +104,7 @@ def test_coverage_is_counted_and_what_is_missing_has_its_line():
     assert coverage_text(collected).splitlines() == [
         "coverage: 2 of 3 nodes ticked, 1 of 3 outcomes of leaves seen",
         "  test.xml:3: 'Success' is never ticked",
-        "  test.xml:3: 'AdvanceZone' never comes to no zone",
+        "  test.xml:3: 'AdvanceZone' has not shown no zone",
     ]
 
 

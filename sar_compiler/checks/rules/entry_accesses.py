@@ -45,11 +45,7 @@ class Place:
 
 
 class PlaceFinder:
-    """The places of all nodes of a tree with its subtrees expanded.
-
-    Args:
-        top: The tree.
-    """
+    """The places of all nodes of a tree with its subtrees expanded."""
 
     def __init__(self, top: Instance) -> None:
         self._top = top
@@ -105,9 +101,6 @@ class EntryAccess:
 
 class OrderedAccesses:
     """Accesses by the order of their places, to be asked for those in a part of the tree.
-
-    Args:
-        uses: The accesses.
 
     Attributes:
         uses: The accesses in their order.
@@ -267,12 +260,7 @@ class EntryTable:
 
 
 def entry_table_of(top: Instance, accesses: Mapping[BoundTree, KeyAccesses]) -> EntryTable:
-    """Collect the accesses to each entry.
-
-    Args:
-        top: A tree with its subtrees expanded.
-        accesses: The key accesses of each tree.
-    """
+    """Collect the accesses to each entry."""
     entries: dict[tuple[Scope, str], EntryAccesses] = {}
     places, is_open, is_foreign = PlaceFinder(top), False, False
     for instance in top.iterate():

@@ -19,7 +19,7 @@ _NEVER = {F: "never fails", S: "never succeeds", R: "always ends in its first ti
 
 def check_needless(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield nodes that could be left out, or that defeat the nodes in them."""
-    # Of trees that are flown by another program, or with mistakes still in them, nothing is said in passing.
+    # Of trees that are run by another program, or with mistakes still in them, nothing is said in passing.
     is_own = context.sound and not context.is_foreign
     for tree in context.trees:
         for bound in tree.parents:

@@ -48,12 +48,7 @@ def check_order(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 class _Words:
-    """The declarations of a leaf's registration about facts, with placeholders replaced.
-
-    Args:
-        spec: The spec of the leaf.
-        names: The replacement of each placeholder.
-    """
+    """The declarations of a leaf's registration about facts, with placeholders replaced."""
 
     def __init__(self, spec: NodeSpec, names: Mapping[str, str]) -> None:
         def filled(text: str) -> str:
@@ -154,11 +149,7 @@ def _run(script: str, facts: PlainVariables) -> bool:
 
 
 class _Effects:
-    """The leaves of a tree by the facts that they read and change.
-
-    Args:
-        leaves: The leaves.
-    """
+    """The leaves of a tree by the facts that they read and change."""
 
     def __init__(self, leaves: Sequence[_Leaf]) -> None:
         self._alike: dict[_Words, list[_Leaf]] = {}

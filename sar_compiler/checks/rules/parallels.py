@@ -58,7 +58,6 @@ class _Action(NamedTuple):
 
 
 def _shared_actions(bound: BoundNode) -> Iterator[Diagnostic]:
-    """Yield each child that uses the same action server as an earlier one."""
     first: dict[str, _Action] = {}
     for child in bound.children:
         actions = list(_actions(child, None))

@@ -48,11 +48,7 @@ def _unused_trees(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 class _Wanted:
-    """The keys that each tree uses.
-
-    Args:
-        accesses: The key accesses of each tree.
-    """
+    """The keys that each tree uses."""
 
     def __init__(self, accesses: Mapping[BoundTree, KeyAccesses]) -> None:
         self._accesses = accesses

@@ -74,7 +74,6 @@ class Coverage:
 
 
 def _outcomes(behaviour: Behaviour, bound: BoundNode) -> list[str]:
-    """Return all outcomes that a leaf can have."""
     if isinstance(behaviour, StubLeaf):
         return [answer.name for answer in behaviour.answers]
     leaf = bound.spec.kind.is_leaf and not behaviour.children

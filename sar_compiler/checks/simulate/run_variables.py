@@ -15,9 +15,6 @@ OWN = ("root", "tick", "time")
 class RunVariables:
     """The variables of a scenario's conditions, which only read.
 
-    Args:
-        simulated: The tree.
-
     Attributes:
         now: What the names of the run itself stand for.
     """

@@ -31,10 +31,10 @@ class TickRecord:
         number: Which tick it was, from 1.
         time_sec: When it was, seconds from the first one.
         events: What leaves did, in order.
-        root: What the root came to; empty if the tick was not finished.
+        root: The root's status; empty if the tick was not finished.
         facts: The facts that changed, with their new values.
         keys: The keys of the blackboard that changed, likewise; None for one that was removed.
-        statuses: What each node came to that was ticked, by its id.
+        statuses: The status of each node that was ticked, by its id.
     """
 
     number: int
@@ -77,10 +77,6 @@ class Run:
 
 class ScenarioPlayer:
     """Ticks a tree by a scenario, tick by tick.
-
-    Args:
-        simulated: The tree, not ticked yet.
-        scenario: The scenario.
 
     Attributes:
         run: What has come of it so far.

@@ -36,7 +36,7 @@ class AnswerStep:
 
 @dataclass(frozen=True)
 class Bounds:
-    """How often something may happen.
+    """The number of times that something may happen.
 
     Attributes:
         least: At least.
@@ -59,8 +59,8 @@ class Expectations:
     Attributes:
         root: The root's status after the last tick: `SUCCESS`, `FAILURE`, `RUNNING` or `SKIPPED`.
         ends: Whether the run ends, before it is broken off.
-        within_ticks: It ends within so many ticks.
-        within_sec: It ends within so many seconds.
+        within_ticks: The largest number of ticks to the end.
+        within_sec: The longest time to the end, in seconds.
         facts: Facts at the end.
         order: Each happens after the one before.
         never: None of these happens.
@@ -90,7 +90,7 @@ class Scenario:
         name: What it is called.
         path: Its file; empty where there is none.
         period_sec: The time between two ticks, seconds.
-        max_ticks: After so many ticks it is broken off.
+        max_ticks: The number of ticks after which it is broken off.
         until: It ends when this is true; None: when the root has succeeded or failed.
         scripts: What leaves answer; any other leaf answers what is usual.
         expect: What must be true of it.

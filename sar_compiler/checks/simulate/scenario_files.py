@@ -89,10 +89,6 @@ class Play:
 def read_scenario(path: str | Path, stage: Stage) -> Play:
     """Read a scenario.
 
-    Args:
-        path: Its file.
-        stage: The tree that it is about.
-
     Raises:
         UnreadableFileError: If the file is not there or cannot be read.
         TreeError: If anything is wrong with it, or with the tree; carries all the findings.
@@ -102,10 +98,6 @@ def read_scenario(path: str | Path, stage: Stage) -> Play:
 
 def understand(document: Document, stage: Stage) -> Play:
     """Return the tree and the scenario that a file describes.
-
-    Args:
-        document: The file.
-        stage: The tree that it is about.
 
     Raises:
         TreeError: If anything is wrong with it, or with the tree; carries all the findings.
@@ -138,7 +130,6 @@ def understand(document: Document, stage: Stage) -> Play:
 
 
 def _binding(document: Document, tree: Value | None, stage: Stage) -> Binding:
-    """Return the tree that a scenario names."""
     if tree is None:
         return stage.binding()
     return stage.binding(word(document, tree, stage.forest.trees, "the tree"))
@@ -149,7 +140,7 @@ def _simulated(
     parameters: Mapping[str, object],
     assumptions_for: Callable[[SimulatedTree], Assumptions],
 ) -> SimulatedTree:
-    """Simulate a tree with what is assumed of it."""
+    """Compile the tree for simulation, with all that is assumed of it."""
     # What may be assumed depends on the leaves, so the tree is looked at first.
     plain = compile_simulated(binding, parameters)
     assumed = assumptions_for(plain)

@@ -45,8 +45,6 @@ class Scripted:
 
 
 class _Plan:
-    """The answers of one leaf."""
-
     def __init__(
         self, leaf: StubLeaf, steps: Sequence[AnswerStep], variables: RunVariables, clock: Clock
     ) -> None:
@@ -98,7 +96,7 @@ _Holds = Callable[[AnswerStep], bool]
 
 
 class _Left:
-    """How often a step can still be taken."""
+    """The number of times that a step can still be taken."""
 
     def __init__(self, step: AnswerStep) -> None:
         self.step = step

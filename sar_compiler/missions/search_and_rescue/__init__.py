@@ -4,19 +4,15 @@ This module is what the entry point `sar_compiler.nodes` names, so every leaf of
 can be imported without ROS: rclpy and the message types are imported when a leaf is set up.
 """
 
-from sar_compiler.missions.search_and_rescue.actions import (
-    AbandonZone,
-    AdvanceZone,
+from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase, NavigateToZone
+from sar_compiler.missions.search_and_rescue.actions.report_queue import DeliverReports, KeepReport
+from sar_compiler.missions.search_and_rescue.actions.survivors import (
     BroadcastSurvivorTF,
-    DeliverReports,
     DetectSurvivor,
-    KeepReport,
     LogNoDetection,
-    NavigateToBase,
-    NavigateToZone,
     NotifyBase,
-    PostponeZone,
 )
+from sar_compiler.missions.search_and_rescue.actions.zones import AbandonZone, AdvanceZone, PostponeZone
 from sar_compiler.missions.search_and_rescue.conditions import (
     IsSurvivorDetected,
     MissionComplete,

@@ -21,7 +21,7 @@ class SurvivorReport:
     y: float
 
 
-@mission_context()
+@mission_context
 class KeptReports:
     """The reports of one mission that are still to be delivered, the oldest first; one for each survivor."""
 

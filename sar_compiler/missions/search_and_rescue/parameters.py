@@ -12,10 +12,6 @@ def read_survivors(
 ) -> dict[str, tuple[float, float]]:
     """Read the survivors' positions by zone from `survivors.<zone>.{x,y}`.
 
-    Args:
-        parameters: A node's parameters by flat name.
-        default: The table to use if no such parameter is given.
-
     Returns:
         The positions in metres in the frame `map`.
 

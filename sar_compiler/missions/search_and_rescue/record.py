@@ -32,7 +32,7 @@ class FoundSurvivor:
         return f"{name}{place} at ({self.x:.2f}, {self.y:.2f})"
 
 
-@mission_context()
+@mission_context
 class MissionRecord:
     """The events of one mission as its leaves report them.
 

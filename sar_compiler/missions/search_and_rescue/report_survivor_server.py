@@ -4,7 +4,7 @@ from typing import Any
 
 from sar_interfaces.srv import ReportSurvivor
 
-from sar_compiler.missions.search_and_rescue.frames import MAP_FRAME
+from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME
 from sar_compiler.ros.faults import ServiceFaults, create_service
 from sar_compiler.ros.parameters import DataNode
 

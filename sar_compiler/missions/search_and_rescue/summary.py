@@ -7,14 +7,7 @@ from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 
 
 def mission_summary(record: MissionRecord, zones: ZoneManager, elapsed_sec: float, ticks: int) -> str:
-    """Return the summary of a mission.
-
-    Args:
-        record: The record of its events.
-        zones: The mission's zones.
-        elapsed_sec: Its duration, in seconds of the mission's clock.
-        ticks: The number of ticks.
-    """
+    """Return the summary of a mission."""
     shortfalls = record.shortfalls(zones)
     visited = record.zones_visited
     names = f" ({', '.join(visited)})" if visited else ""

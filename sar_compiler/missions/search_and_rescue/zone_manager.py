@@ -7,6 +7,9 @@ from typing import Any, TypedDict, cast
 
 from sar_compiler.runtime.context import mission_context
 
+MAP_FRAME = "map"
+"""The frame of every position that the mission sends or receives."""
+
 
 class Pose(TypedDict):
     """A pose in the frame `map`: metres, and radians counterclockwise from the x axis."""

@@ -50,22 +50,13 @@ _UNCLOSED = re.compile(r" *(?:\{([^{}\s]+)|([^{}\s]+)\}) *")
 
 
 class AttributeBinder:
-    """Binds the attributes of one element after the other.
-
-    Args:
-        collector: Collects the findings.
-    """
+    """Binds the attributes of one element after the other."""
 
     def __init__(self, collector: Collector) -> None:
         self._collector = collector
 
     def bind(self, bound: BoundNode, other_variants: Sequence[NodeSpec]) -> None:
-        """Bind every attribute of a node, and report those that are missing.
-
-        Args:
-            bound: The node; its values, keys and conditions are filled in.
-            other_variants: The other possible meanings of its tag.
-        """
+        """Bind every attribute of a node, and report those that are missing."""
         parameters = bound.spec.parameters
         meant: set[str | None] = set()
         unknown: list[str] = []

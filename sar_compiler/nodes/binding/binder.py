@@ -52,12 +52,6 @@ class BoundForest(NamedTuple):
 def bind(forest: Forest, registry: Registry, tree: Element, palettes: Iterable[TreeFile] = ()) -> Binding:
     """Bind a tree and the trees that it uses.
 
-    Args:
-        forest: The file and what it includes.
-        registry: The registered nodes.
-        tree: The `BehaviorTree` element.
-        palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
-
     Returns:
         The bound tree and its findings, in the order of the file.
     """
@@ -74,11 +68,6 @@ def bind(forest: Forest, registry: Registry, tree: Element, palettes: Iterable[T
 
 def bind_all(forest: Forest, registry: Registry, palettes: Iterable[TreeFile] = ()) -> BoundForest:
     """Bind every tree of a forest, executed or not.
-
-    Args:
-        forest: The file and what it includes.
-        registry: The registered nodes.
-        palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
 
     Returns:
         The bound trees and their findings, in the order of the files.
@@ -117,14 +106,7 @@ def _in_order(forest: Forest, findings: list[Diagnostic]) -> tuple[Diagnostic, .
 
 
 class Binder:
-    """Binds trees, each once.
-
-    Args:
-        forest: The forest in which trees are looked up by ID.
-        registry: The registered nodes.
-        models: The models of tags that are not registered, and of subtrees.
-        collector: Collects the findings.
-    """
+    """Binds trees, each once."""
 
     def __init__(self, forest: Forest, registry: Registry, models: Models, collector: Collector) -> None:
         self._forest = forest

@@ -9,10 +9,6 @@ from sar_compiler.tree.model import Element
 def find_main_tree(forest: Forest, tree_id: str | None = None) -> Element:
     """Return the tree to execute.
 
-    Args:
-        forest: The file and what it includes.
-        tree_id: The requested ID; None leaves the choice to the file.
-
     Raises:
         TreeError: If there is no such tree, or the file does not name one of several.
     """

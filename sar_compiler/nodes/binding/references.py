@@ -11,11 +11,7 @@ from sar_compiler.nodes.values import MOST_LISTED, listed
 
 
 class Candidates:
-    """The nodes of a tree, indexed by class and name.
-
-    Args:
-        nodes: The nodes, in the order of the file.
-    """
+    """The nodes of a tree, indexed by class and name."""
 
     def __init__(self, nodes: list[BoundNode]) -> None:
         self._nodes = nodes
@@ -86,14 +82,7 @@ def choose(
 def report_missing(
     bound: BoundNode, parameter: Parameter, within: list[Candidates], collector: Collector
 ) -> None:
-    """Report a reference to a node that is not in any of the visible trees.
-
-    Args:
-        bound: The node that refers.
-        parameter: The reference.
-        within: The nodes of its own tree and of the enclosing ones.
-        collector: Collects the findings.
-    """
+    """Report a reference to a node that is not in any of the visible trees."""
     element, what = bound.element, parameter.target_name
     named = element.attributes.get(parameter.name)
     where = "this tree" if len(within) == 1 else "this tree or one around it"

@@ -14,9 +14,6 @@ _CONDITIONS = ("_skipIf", "_while")
 class SkipAnalysis:
     """Skip analysis of one tree and its subtrees, with each node analysed once.
 
-    Args:
-        trees: The tree and its subtrees.
-
     Attributes:
         possible: Whether any node in them can be skipped by itself.
     """

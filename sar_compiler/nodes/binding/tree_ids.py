@@ -18,12 +18,7 @@ def refused_in(name: str) -> str | None:
 
 
 def fault_of(tree_id: str, registry: Registry) -> tuple[str, str] | None:
-    """Return why an ID is not allowed for a tree, and the remedy; None if it is allowed.
-
-    Args:
-        tree_id: The ID.
-        registry: The registered nodes, whose tags are not allowed as IDs.
-    """
+    """Return why an ID is not allowed for a tree, and the remedy; None if it is allowed."""
     refused = refused_in(tree_id)
     if refused is not None:
         return f"the ID of a tree cannot have {refused} in it, as '{tree_id}' has", f"leave {refused} out"

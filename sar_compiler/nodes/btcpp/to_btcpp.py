@@ -33,11 +33,6 @@ def to_btcpp(
 ) -> tuple[TreeFile, list[Diagnostic]]:
     """Rewrite a tree file for BehaviorTree.CPP 4 and Groot2.
 
-    Args:
-        tree_file: The file; unknown nodes in it are kept.
-        registry: The registered nodes.
-        palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
-
     Returns:
         The converted file and the notes about it, in its order: warnings for content that BehaviorTree.CPP does
         not support by itself, information for slight differences.

@@ -24,7 +24,6 @@ from sar_compiler.runtime.chosen_outcome import Outcome
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.ports import InOut, Input
-from sar_compiler.runtime.py_trees_timers import Timeout
 from sar_compiler.runtime.scripting import NodeScript
 from sar_compiler.tree.model import SUBTREE_TAG
 
@@ -285,7 +284,7 @@ PY_TREES = [
     ),
     NodeSpec(
         "Timeout",
-        Timeout,
+        timers.StockTimeout,
         Kind.DECORATOR,
         _ALL,
         semantics=_limit(duration),

@@ -28,7 +28,7 @@ from sar_compiler.nodes.values import AS_WRITTEN, CONDITION, UNSIGNED, ValueType
 from sar_compiler.runtime import entries, script_nodes, timers
 from sar_compiler.runtime.blackboard import Scope
 from sar_compiler.runtime.ports import InOut, Input
-from sar_compiler.runtime.py_trees_timers import Timer
+from sar_compiler.runtime.timers import Timer
 
 
 def status_queue(name: str, queue: list[str], eventually: StatusName | None = None) -> behaviours.StatusQueue:

@@ -14,11 +14,7 @@ from sar_compiler.tree.synthetic import synthetic_element
 
 
 def describe(specs: Iterable[NodeSpec]) -> Element:
-    """Return the `TreeNodesModel` of nodes, without those that are built into BehaviorTree.CPP.
-
-    Args:
-        specs: The nodes, with all meanings of each tag.
-    """
+    """Return the `TreeNodesModel` of nodes, without those that are built into BehaviorTree.CPP."""
     by_tag: dict[str, list[NodeSpec]] = {}
     for spec in specs:
         by_tag.setdefault(spec.tag, []).append(spec)

@@ -34,16 +34,9 @@ _SCALAR: Schema = {"type": ["string", "number", "boolean"]}
 _CONDITION = {"$ref": f"#/$defs/{CONDITION.name} value"}
 
 
-def json_schema(registry: Registry, described: Iterable[NodeSpec] = ()) -> Schema:
-    """Return the schema (draft 2020-12) of the YAML files that may be written with a registry.
-
-    Args:
-        registry: The registered nodes.
-        described: Nodes that only a model describes.
-    """
+def json_schema(registry: Registry) -> Schema:
+    """Return the schema (draft 2020-12) of the YAML files that may be written with a registry."""
     tags = registry.by_tag()
-    for spec in described:
-        tags.setdefault(spec.tag, [spec])
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "$comment": "Made from the node registry by `make schemas`; do not edit.",
@@ -178,7 +171,6 @@ def _value(value_type: ValueType) -> Schema:
 
 
 def _number(value_type: ValueType) -> Schema:
-    """The schema of YAML's own scalars for such a value."""
     schema: Schema = {"type": "integer" if value_type.python is int else "number"}
     if value_type.least is not None:
         schema["minimum"] = value_type.least

@@ -21,9 +21,6 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
     A subclass has the attributes `action_type` and `action_name`, of the class or set by its constructor, and the
     method `goal`; also `on_result`, if the result matters beyond success or failure.
 
-    Args:
-        name: The leaf's name in the tree.
-
     Attributes:
         action_type: `"package/action/Name"`, or the Python class.
         action_name: The action's (relative) name.

@@ -107,9 +107,6 @@ class ClientLeaf(RosLeaf, Generic[E]):
 
     Its final status is kept until the next activation.
 
-    Args:
-        name: The leaf's name in the tree.
-
     Attributes:
         server_timeout_sec: How long to wait for a server, seconds of the steady clock.
     """

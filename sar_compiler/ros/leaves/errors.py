@@ -9,7 +9,7 @@ class MissingNodeError(SarError, KeyError):
     It is also a `KeyError`, which is what py_trees' own ROS leaves raise.
 
     Args:
-        leaf_name: The leaf's name in the tree.
+        leaf_name: The node's name.
         leaf_class: The name of its class.
     """
 

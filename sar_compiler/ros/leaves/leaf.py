@@ -26,7 +26,7 @@ class RosLeaf(Behaviour):
     """A leaf that has a node, and may wake its tree's engine.
 
     Args:
-        name: The leaf's name in the tree.
+        name: The node's name.
     """
 
     def __init__(self, name: str) -> None:

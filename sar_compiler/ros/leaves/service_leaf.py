@@ -20,7 +20,6 @@ class ServiceCall(Exchange):
     Args:
         client: The service's client.
         request: The request to send.
-        server_sec: How long to wait for a server, seconds of the steady clock.
         answer_sec: How long to wait for the answer, from the request on.
         on_sending: Called just before the request is sent.
         on_answer: Called with the answer when it arrives, unless the call has been given up.
@@ -68,9 +67,6 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
 
     A subclass has the attributes `service_type` and `service_name`, of the class or set by its constructor, and
     the methods `request` and, if the content of the answer matters, `on_response`.
-
-    Args:
-        name: The leaf's name in the tree.
 
     Attributes:
         service_type: `"package/srv/Name"`, or the Python class.

@@ -23,9 +23,6 @@ class TopicLeaf(RosLeaf):
     A subclass has the attributes `topic_type` and `topic_name`, of the class or set by its constructor, and, if
     the content of a message matters, the method `on_message`.
 
-    Args:
-        name: The leaf's name in the tree.
-
     Attributes:
         topic_type: `"package/msg/Name"`, or the Python class.
         topic_name: The topic's (relative) name.

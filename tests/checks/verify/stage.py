@@ -17,7 +17,7 @@ def bound(body):
 
 
 def simulated_tree(binding, file=None):
-    """Rehearse a bound tree with what a file of properties says of the world."""
+    """Compile a bound tree for simulation, with what a file of properties says of the world."""
     if file is None:
         return compile_simulated(binding, {})
     with file.document.findings_first():

@@ -8,7 +8,7 @@ from sar_compiler.runtime.kernel.choices import Choices, UnsteadyError
 
 
 def played(tick):
-    """Return what a tick comes to, for every combination."""
+    """Return the result of a tick, for every combination."""
     choices = Choices()
     choices.begin()
     found = []

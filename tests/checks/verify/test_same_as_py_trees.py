@@ -1,4 +1,4 @@
-"""What is gone through are the runs of the tree that flies: py_trees' own ticking comes to the same states."""
+"""The runs that are verified are those of the running tree: py_trees' own ticking reaches the same states."""
 
 import contextlib
 
@@ -83,7 +83,7 @@ class Choosing:
 
 
 def tick_sequences(binding):
-    """Yield all that py_trees comes to in every run; None once there are too many."""
+    """Yield the results of every run under py_trees; None once there are too many."""
     choices = Choices()
     choices.begin()
     for _ in range(_MOST_RUNS):

@@ -56,7 +56,7 @@ def bound(body: str) -> Binding:
 
 
 def random_bindings(count: int, *, skips: bool) -> Iterator[tuple[int, Binding]]:
-    """Yield so many random trees that the checks find nothing wrong with."""
+    """Yield a number of random trees that the checks find nothing wrong with."""
     seed = 0
     while count:
         seed += 1
@@ -84,7 +84,7 @@ class Beat:
 
 
 def random_beats(seed: int, count: int) -> list[Beat]:
-    """Return what happens around so many ticks."""
+    """Return what happens around a number of ticks."""
     draw = random.Random(seed)  # noqa: S311 - the same trees in every run
     return [Beat(number, draw.choice(_PAUSES), draw.random() < 0.15) for number in range(count)]
 

@@ -14,7 +14,7 @@ TICKS = 12
 
 
 def told(seen: Seen):
-    """What a tick came to, without what is told but makes no difference: messages, and how often was written."""
+    """The result of a tick, without what is told but makes no difference: messages, and how often was written."""
     return seen.outcome, seen.events, seen.statuses, [entry[:3] for entry in seen.entries]
 
 
@@ -37,7 +37,7 @@ def test_a_tree_that_is_put_back_into_an_earlier_state_does_the_same_again(skips
 
 
 def states_of(body: str, ticks: int = 60) -> list[tuple[object, tuple[int, ...]]]:
-    """Return the states that a tree comes to."""
+    """Return the states that a tree can reach."""
     stage = FlatStage(bound(body), seed=1)
     seen = []
     for number in range(ticks):

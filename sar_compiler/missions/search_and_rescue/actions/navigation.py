@@ -6,9 +6,8 @@ from typing import Any
 from py_trees.common import Status
 
 from sar_compiler.missions.search_and_rescue.actions.nav2_errors import describe_end
-from sar_compiler.missions.search_and_rescue.frames import MAP_FRAME
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.missions.search_and_rescue.zone_manager import Pose, ZoneManager
+from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, Pose, ZoneManager
 from sar_compiler.nodes.register import register
 from sar_compiler.nodes.spec import Kind, Use
 from sar_compiler.ros.leaves.action_leaf import ActionLeaf
@@ -25,7 +24,6 @@ class NavigateTo(ActionLeaf):
     Subclasses define the target, and the effect of the arrival.
 
     Args:
-        name: The node's name.
         zone_manager: The mission's zones.
         record: Where the drive is noted.
         action: The action's name.
@@ -84,13 +82,7 @@ class NavigateTo(ActionLeaf):
         """Handle the arrival."""
 
     def _drive_to(self, target: str, pose: Pose, headline: str = "") -> Any:
-        """Return the goal for a pose in the frame `map`.
-
-        Args:
-            target: The name of the place in the log.
-            pose: The pose.
-            headline: The line logged before the drive, once for repeated drives to one target.
-        """
+        """Return the goal for a pose in the frame `map`."""
         self._target = target
         if headline not in ("", self._headline):
             self._headline = headline
@@ -120,17 +112,7 @@ class NavigateTo(ActionLeaf):
     facts={"zones_left": 3, "at": ""},
 )
 class NavigateToZone(NavigateTo):
-    """Drive to the current zone: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.
-
-    Args:
-        name: The node's name.
-        zone_manager: The mission's zones.
-        record: Where the drive is noted.
-        action: The action's name.
-        server_timeout_sec: How long to wait for a server, seconds.
-        acceptance_timeout_sec: How long to wait for the goal to be accepted, seconds.
-        feedback_timeout_sec: How long a server may be silent or gone, seconds.
-    """
+    """Drive to the current zone: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there."""
 
     def goal(self) -> Any:
         """Return the goal for the current zone; FAILURE if every zone is visited."""
@@ -161,13 +143,8 @@ class NavigateToBase(NavigateTo):
     """Drive to the base station: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.
 
     Args:
-        name: The node's name.
         zone_manager: The mission's zones and base station.
         record: Where the return is noted.
-        action: The action's name.
-        server_timeout_sec: How long to wait for a server, seconds.
-        acceptance_timeout_sec: How long to wait for the goal to be accepted, seconds.
-        feedback_timeout_sec: How long a server may be silent or gone, seconds.
     """
 
     _told = ""

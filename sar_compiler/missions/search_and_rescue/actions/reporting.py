@@ -4,9 +4,9 @@ from typing import Any
 
 from py_trees.common import Status
 
-from sar_compiler.missions.search_and_rescue.frames import MAP_FRAME
 from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
+from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME
 from sar_compiler.ros.leaves.service_leaf import ServiceLeaf
 
 
@@ -16,7 +16,6 @@ class ReportLeaf(ServiceLeaf):
     Subclasses choose the survivor.
 
     Args:
-        name: The node's name.
         record: Where the acknowledgement is noted.
         service: The service's name.
         server_timeout_sec: How long to wait for a server, seconds.

@@ -5,11 +5,10 @@ from typing import Any
 from py_trees.common import Status
 
 from sar_compiler.missions.search_and_rescue.actions.reporting import ReportLeaf
-from sar_compiler.missions.search_and_rescue.frames import MAP_FRAME
 from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.static_transforms import StaticTransforms, static_transforms_of
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, ZoneManager
 from sar_compiler.nodes.register import register
 from sar_compiler.nodes.spec import Kind, Use
 from sar_compiler.ros.leaves.leaf import RosLeaf
@@ -43,7 +42,6 @@ class DetectSurvivor(ServiceLeaf):
     FAILURE if the service does not answer.
 
     Args:
-        name: The node's name.
         zone_manager: The mission's zones.
         record: Where a find is noted.
         service: The service's name.
@@ -131,7 +129,6 @@ class BroadcastSurvivorTF(RosLeaf):
     FAILURE if none was found.
 
     Args:
-        name: The node's name.
         detect_node: The search that found the survivor; is told the name.
         zone_manager: Gives out the names.
         record: Where the name is noted.
@@ -153,11 +150,7 @@ class BroadcastSurvivorTF(RosLeaf):
         self._verdict = Status.INVALID
 
     def setup(self, **kwargs: Any) -> None:
-        """Create the publisher, or share the one that the node has already.
-
-        Args:
-            **kwargs: `node` and optionally `wake`, see `RosLeaf`.
-        """
+        """Create the publisher, or share the one that the node has already."""
         super().setup(**kwargs)
         self._transforms = static_transforms_of(self.node)
 
@@ -217,12 +210,7 @@ class NotifyBase(ReportLeaf):
     """Report the survivor that was found: SUCCESS if the base station acknowledges the report.
 
     Args:
-        name: The node's name.
         detect_node: The search that found the survivor.
-        record: Where the acknowledgement is noted.
-        service: The service's name.
-        server_timeout_sec: How long to wait for a server, seconds.
-        timeout_sec: How long to wait for the answer, seconds.
     """
 
     def __init__(
@@ -256,7 +244,6 @@ class LogNoDetection(RosLeaf):
     """Log that no survivor was found.
 
     Args:
-        name: The node's name.
         zone_manager: Names the zone, if requested.
     """
 

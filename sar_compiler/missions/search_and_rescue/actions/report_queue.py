@@ -31,7 +31,6 @@ class KeepReport(RosLeaf):
     """Keep the report of the survivor that was found, for `DeliverReports`; FAILURE if there is none with a name.
 
     Args:
-        name: The node's name.
         detect_node: The search that found the survivor.
         kept_reports: Where the report is kept.
         record: Where it is noted that the report is kept.
@@ -84,11 +83,8 @@ class DeliverReports(ReportLeaf):
     FAILURE if a report was refused, after all others were tried; or as soon as the base station gives no answer.
 
     Args:
-        name: The node's name.
         kept_reports: Where the reports are kept.
         record: Where acknowledgements are noted.
-        service: The service's name.
-        server_timeout_sec: How long to wait for a server, seconds.
         timeout_sec: How long to wait for each answer, seconds.
     """
 

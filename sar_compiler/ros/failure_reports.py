@@ -28,7 +28,7 @@ def called_by_engine(error: BaseException) -> Behaviour | None:
     return passed[0] if passed else None
 
 
-def blamed(behaviour: Behaviour | None) -> str:
+def named(behaviour: Behaviour | None) -> str:
     """Name the behaviour that raised an exception, for a message."""
     if behaviour is None:
         return "a tick handler"
@@ -53,15 +53,11 @@ def tell(node: Node | None, text: str, error: BaseException | None = None) -> No
 def tell_failure(node: Node | None, error: BaseException) -> Behaviour | None:
     """Log an exception raised in a tick, because of which the tree is stopped.
 
-    Args:
-        node: The node that the tree is ticked on.
-        error: The exception.
-
     Returns:
         The behaviour that raised it; None if it was not a behaviour of the tree.
     """
     behaviour = raised_in(error)
-    tell(node, f"{blamed(behaviour)} failed: {described(error)}. The tree is stopped.", error)
+    tell(node, f"{named(behaviour)} failed: {described(error)}. The tree is stopped.", error)
     return behaviour
 
 
