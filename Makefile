@@ -117,7 +117,7 @@ $(VENV)/.python-$(WANTED): | require
 	touch $@
 
 $(VENV)/.packages: pyproject.toml pip_interfaces/requirements.txt $(VENV)/.python-$(WANTED)
-	$(BIN)/python -m pip install --quiet -e '.[ros,sim,dev]' -r pip_interfaces/requirements.txt
+	$(BIN)/python -m pip install --quiet -e '.[ros,sim,sweep,dev]' -r pip_interfaces/requirements.txt
 	touch $@ $(VENV)/.kernel
 
 # Compiled anew when it has changed; see sar_compiler/runtime/kernel/__init__.py.

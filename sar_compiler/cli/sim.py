@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import OK, Parser, add_version, run, speed
+from sar_compiler.cli.arguments import OK, Parser, add_version, run, seed, speed
 from sar_compiler.ros.arguments import init_arguments, split_arguments
 from sar_compiler.ros.faults import NAVIGATION_FAULTS, Fault, FaultError, FaultPlan, parse_fault
 from sar_compiler.ros.signals import StopSignals
@@ -91,16 +91,9 @@ def _parser() -> argparse.ArgumentParser:
             help=f"file or shipped world (default {_WORLD})",
         )
         command.add_argument(
-            "--seed", type=_seed, default=0, metavar="N", help="seed of all noise (default 0)"
+            "--seed", type=seed, default=0, metavar="N", help="seed of all noise (default 0)"
         )
     return parser
-
-
-def _seed(text: str) -> int:
-    if not (text.isascii() and text.isdigit()):
-        message = f"'{text}' is not a whole number, 0 or above"
-        raise argparse.ArgumentTypeError(message)
-    return int(text)
 
 
 def _robot(text: str) -> Placement:

@@ -111,9 +111,13 @@ class Simulated:
         _complain(judged, failures(judged), None if trace is None else Path(trace))
 
 
+def as_yaml(said: Mapping[str, object]) -> str:
+    """Return a scenario as the text of a file."""
+    return yaml.safe_dump(dict(said), allow_unicode=True, sort_keys=False, width=1000)
+
+
 def _written(said: Mapping[str, object]) -> Document:
-    text = yaml.safe_dump(dict(said), allow_unicode=True, sort_keys=False, width=1000)
-    return parse_yaml(text, "script", "say what the leaves answer")
+    return parse_yaml(as_yaml(said), "script", "say what the leaves answer")
 
 
 def _complain(run: Run, missed: list[Failure], golden: Path | None = None) -> None:
