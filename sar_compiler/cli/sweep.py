@@ -99,12 +99,13 @@ def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[Row, ScenarioRuns]]"
     from sar_compiler.checks.simulate.scenario_files import read_scenario
     from sar_compiler.checks.sweep.sweeping import Row
     from sar_compiler.documents.yaml_files import read_yaml
-    from sar_compiler.project.swept import ScenarioRuns
+    from sar_compiler.project.swept import ScenarioRuns, content_of
     from sar_compiler.project.swept import varied as changed
 
     tree = workspace(arguments).load(arguments.file)
     stage = tree.stage(arguments.tree)
     stage.binding()
+    content = content_of(tree)
     paths = scenario_files(arguments.scenario)
     fixed = {
         "ticks": arguments.ticks,
@@ -120,7 +121,8 @@ def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[Row, ScenarioRuns]]"
             if arguments.tree and "tree" not in scenario:
                 own["tree"] = arguments.tree
             runs = ScenarioRuns(
-                tree.path,
+                tree.path.resolve(),
+                content,
                 additions(arguments),
                 changed(scenario, own),
                 str(path or "command line"),

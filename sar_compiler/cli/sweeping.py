@@ -52,7 +52,7 @@ def add_sweep_options(parser: argparse.ArgumentParser, *, runs: int, half_width:
     )
     parser.add_argument(
         "--confidence",
-        type=_probability,
+        type=_confidence,
         default=0.95,
         metavar="C",
         help="the confidence of the intervals, which are Wilson's (default 0.95)",
@@ -96,6 +96,14 @@ def add_sweep_options(parser: argparse.ArgumentParser, *, runs: int, half_width:
 def probabilities(text: str) -> tuple[float, ...]:
     """Read probabilities with commas between them."""
     return tuple(_probability(part) for part in text.split(","))
+
+
+def _confidence(text: str) -> float:
+    value = _probability(text)
+    if value in (0.0, 1.0):
+        message = f"'{text}' is not a number above 0 and below 1"
+        raise argparse.ArgumentTypeError(message)
+    return value
 
 
 def _probability(text: str) -> float:

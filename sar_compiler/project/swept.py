@@ -1,6 +1,8 @@
 """The runs of a scenario by chance, which can be played in other processes, and the smallest scenario that fails."""
 
 import functools
+import hashlib
+import threading
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,11 +18,18 @@ from sar_compiler.checks.simulate.scripted import Choice
 from sar_compiler.checks.sweep.sweeping import Outcome
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.documents.yaml_files import parse_yaml
-from sar_compiler.project import Additions, Workspace
+from sar_compiler.errors import SarError
+from sar_compiler.project import Additions, LoadedTree, Workspace
 from sar_compiler.project.simulated import as_yaml
 
+# py_trees' blackboard is the process's, and a worker of a cluster may have several threads.
+_ALONE = threading.Lock()
 # Making a scenario smaller plays it again and again.
 _MOST_TRIALS = 400
+
+
+class ChangedTreeError(SarError):
+    """The files of a tree are not those that a sweep began with."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +37,8 @@ class ScenarioRuns:
     """Plays a scenario with the seeds that it is given.
 
     Attributes:
-        tree: The tree file.
+        tree: The tree file, by its whole path.
+        content: `content_of` the tree; workers refuse to play another one.
         additions: The user's additions to its project.
         scenario: The scenario, as the text of a file.
         path: What the file is called.
@@ -37,6 +47,7 @@ class ScenarioRuns:
     """
 
     tree: Path
+    content: str
     additions: Additions
     scenario: str
     path: str
@@ -45,15 +56,18 @@ class ScenarioRuns:
 
     def __call__(self, seeds: Sequence[int]) -> list[Outcome]:
         """Return what comes of a run for each seed."""
-        return [self._outcome(seed) for seed in seeds]
+        with _ALONE:
+            return [self._outcome(seed) for seed in seeds]
 
     def understood(self) -> Play:
         """Return the tree and the scenario.
 
         Raises:
             TreeError: If anything is wrong with them; carries the findings.
+            ChangedTreeError: If the tree's files are not those that the sweep began with.
         """
-        return understand(parse_yaml(self.scenario, self.path, ""), _stage(self.tree, self.additions))
+        stage = _stage(self.tree, self.content, self.additions)
+        return understand(parse_yaml(self.scenario, self.path, ""), stage)
 
     def are_by_chance(self) -> bool:
         """Return whether two runs can differ."""
@@ -99,9 +113,19 @@ class ScenarioRuns:
         return Outcome(seed, missed, run.time_sec, {each: happened[each] for each in self.counted}, size)
 
 
+def content_of(tree: LoadedTree) -> str:
+    """Return a checksum of the texts of a tree, of what it includes, and of its palettes."""
+    files = [*tree.forest.files, *tree.project.palettes]
+    return hashlib.sha256("\0".join(file.source.text for file in files).encode()).hexdigest()
+
+
 @functools.lru_cache
-def _stage(tree: Path, additions: Additions) -> Stage:
-    return Workspace(additions).load(tree).stage()
+def _stage(path: Path, content: str, additions: Additions) -> Stage:
+    tree = Workspace(additions).load(path)
+    if content_of(tree) != content:
+        message = f"{path}, or what belongs to it, has changed since the sweep began"
+        raise ChangedTreeError(message)
+    return tree.stage()
 
 
 def varied(scenario: Mapping[str, object], changes: Mapping[str, object]) -> str:
