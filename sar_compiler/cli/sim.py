@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import OK, Parser, add_version, run, seed, speed
+from sar_compiler.cli.sim_sweep import add_sim_sweep, sweep_missions
 from sar_compiler.ros.arguments import init_arguments, split_arguments
 from sar_compiler.ros.faults import NAVIGATION_FAULTS, Fault, FaultError, FaultPlan, parse_fault
 from sar_compiler.ros.signals import StopSignals
@@ -31,6 +32,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     split = split_arguments(sys.argv[1:] if argv is None else argv)
     options = _parser().parse_args(split.own)
+    if options.command == "sweep":
+        return run(lambda: sweep_missions(options), "sar-sim")
     if options.command == "map":
         return run(lambda: _map(options), "sar-sim")
     return run(lambda: _run(options, split.ros), "sar-sim")
@@ -82,6 +85,8 @@ def _parser() -> argparse.ArgumentParser:
         metavar="PREFIX",
         help="write PREFIX.pgm and PREFIX.yaml (default: WORLD's name)",
     )
+    text = "Fly a mission many times: how often it succeeds, by worlds, faults and parameters."
+    add_sim_sweep(commands.add_parser("sweep", help=text, description=text))
     for command in (live, survey):
         command.add_argument(
             "world",

@@ -6,6 +6,7 @@ import json
 import os
 import sys
 from collections.abc import Callable, Sequence
+from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -174,7 +175,7 @@ def swept(
     try:
         with on_dask(arguments.dask) if arguments.dask else workers() as working:
             sweep(rows, rule, arguments.seed, working, _show)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, CancelledError):
         stopped = True
     _show(())
     failure = None if stopped else smallest_failure(rows)

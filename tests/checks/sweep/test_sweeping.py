@@ -32,14 +32,14 @@ class AnyOrder(Executor):
         self._news = threading.Condition()
         threading.Thread(target=self._work, daemon=True).start()
 
-    def submit(self, fn, /, *arguments):
-        future = Future()
+    def submit(self, fn, /, *arguments):  # type: ignore[override]
+        future: Future[object] = Future()
         with self._news:
             self._todo.append((future, fn, arguments))
             self._news.notify()
         return future
 
-    def shutdown(self, **_):
+    def shutdown(self, **_):  # type: ignore[override]
         with self._news:
             self._open = False
             self._news.notify()

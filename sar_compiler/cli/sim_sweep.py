@@ -1,0 +1,120 @@
+"""`sar-sim sweep`: how often a mission succeeds in the simulator, by many flights."""
+
+import argparse
+import itertools
+import shlex
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sar_compiler.cli.arguments import speed
+from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_nodes, add_trust, additions
+from sar_compiler.cli.sweeping import Writer, add_sweep_options, cores, swept, varied
+
+if TYPE_CHECKING:
+    from sar_compiler.checks.sweep.sweeping import Outcome, Row
+    from sar_compiler.sim.flights import Flights
+
+_NO_FAULTS = "none"
+# Discovery takes its time also on a machine with nothing else to do, so a faster clock gains little.
+_SPEED = 20.0
+
+
+def add_sim_sweep(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `sar-sim sweep`."""
+    parser.add_argument("tree", metavar="TREE", help=FILE_HELP)
+    parser.add_argument(
+        "--world", action="append", metavar="W", help="a world; may be repeated (default disaster_zone)"
+    )
+    parser.add_argument(
+        "--faults",
+        action="append",
+        metavar="'SPEC SPEC'",
+        help=f"faults that happen in one flight, as --fault of sar-run has them, or {_NO_FAULTS}; may be repeated",
+    )
+    parser.add_argument(
+        "--param", action="append", default=[], type=varied, metavar="NAME=A,B,…", help="vary a ROS parameter"
+    )
+    parser.add_argument("--params", type=Path, metavar="FILE", help="a ROS 2 parameter file")
+    parser.add_argument(
+        "--speed", type=speed, default=_SPEED, metavar="N", help=f"as of sar-run (default {_SPEED:g})"
+    )
+    add_nodes(parser)
+    add_include_path(parser)
+    add_trust(parser)
+    add_sweep_options(parser, runs=30, half_width=0.1)
+    parser.set_defaults(model=[])
+
+
+def sweep_missions(options: argparse.Namespace) -> int:
+    """Fly the combinations, print the table, and return the exit status: 0 if no flight has failed.
+
+    Raises:
+        TreeError: If the tree or a world is not valid.
+        SarError: If a file cannot be read, a fault cannot happen, or a flight ends before its mission begins.
+    """
+    from sar_compiler.sim.flights import in_threads
+
+    # The flights are stopped in order, however the command is.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    rows = dict(_rows(options))
+    output = options.output or Path(f"{Path(options.tree).stem}_failing.sh")
+    writer = Writer(lambda row, outcome: _write(rows[row], outcome, output), lambda path: f"sh {path}")
+    return swept(list(rows), 1, lambda: in_threads(options.jobs or cores()), writer, options)
+
+
+def _rows(options: argparse.Namespace) -> "Iterator[tuple[Row, Flights]]":
+    """Yield a row for each combination, with what it flies; what can be checked beforehand is."""
+    from sar_compiler.checks.sweep.sweeping import Row
+    from sar_compiler.sim.flights import Flights
+
+    worlds, mixes = options.world or ["disaster_zone"], options.faults or [_NO_FAULTS]
+    _check(options, worlds, mixes)
+    for world, mix, *values in itertools.product(worlds, mixes, *(each.values for each in options.param)):
+        labels = {"world": world} if len(worlds) > 1 else {}
+        labels |= {"faults": mix} if len(mixes) > 1 else {}
+        ros: list[str] = []
+        for each, (text, _) in zip(options.param, values, strict=True):
+            labels[each.name] = text
+            ros += ["-p", f"{each.name}:={text}"]
+        faults = () if mix == _NO_FAULTS else tuple(mix.split())
+        flights = Flights((options.tree, "--sim", world, *_passed_on(options)), faults, tuple(ros))
+        yield Row(labels, flights), flights
+
+
+def _check(options: argparse.Namespace, worlds: list[str], mixes: list[str]) -> None:
+    from sar_compiler.missions.choosing import choose_mission
+    from sar_compiler.project import Workspace
+    from sar_compiler.ros.faults import NAVIGATION_FAULTS, parse_fault
+    from sar_compiler.sim.world_file import find_world
+
+    loaded = Workspace(additions(options)).load(options.tree)
+    mission = choose_mission(loaded.binding(), None, loaded.project.checkout)
+    targets = {**(mission.faults if mission is not None else {}), **NAVIGATION_FAULTS}
+    for mix in mixes:
+        for fault in mix.split() if mix != _NO_FAULTS else ():
+            parse_fault(fault, targets)
+    for world in worlds:
+        find_world(world)
+
+
+def _passed_on(options: argparse.Namespace) -> Iterator[str]:
+    """Yield the options that `sar-run` has as well."""
+    yield from ("--speed", f"{options.speed:g}")
+    if options.params is not None:
+        yield from ("--params", str(options.params))
+    for name, values in (("--nodes", options.nodes), ("--include-path", options.include_path)):
+        yield from (part for value in values for part in (name, str(value)))
+    if options.trust:
+        yield "--trust"
+
+
+def _write(flights: "Flights", outcome: "Outcome", path: Path) -> Path:
+    """Write the command of the flight that has failed, with the faults that make it fail."""
+    from sar_compiler.sim.flights import fewest_faults
+
+    command = shlex.join(["sar-run", *fewest_faults(flights, outcome.seed).command(outcome.seed)])
+    reason = " ".join(outcome.failure.split())
+    path.write_text(f"#!/bin/sh\n# {reason}\nexec {command}\n", encoding="utf-8")
+    return path
