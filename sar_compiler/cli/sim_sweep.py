@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import speed
 from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_nodes, add_trust, additions
-from sar_compiler.cli.sweeping import Writer, add_sweep_options, cores, swept, varied
+from sar_compiler.cli.sweep_command import Writer, add_sweep_options, cores, swept, varied
 
 if TYPE_CHECKING:
-    from sar_compiler.checks.sweep.sweeping import Outcome, Row
+    from sar_compiler.checks.sweep.sweeping import Played, SweptRow
     from sar_compiler.sim.flights import Flights
 
 _NO_FAULTS = "none"
@@ -64,9 +64,9 @@ def sweep_missions(options: argparse.Namespace) -> int:
     return swept(list(rows), 1, lambda: in_threads(options.jobs or cores()), writer, options)
 
 
-def _rows(options: argparse.Namespace) -> "Iterator[tuple[Row, Flights]]":
+def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweptRow, Flights]]":
     """Yield a row for each combination, with what it flies; what can be checked beforehand is."""
-    from sar_compiler.checks.sweep.sweeping import Row
+    from sar_compiler.checks.sweep.sweeping import SweptRow
     from sar_compiler.sim.flights import Flights
 
     worlds, mixes = options.world or ["disaster_zone"], options.faults or [_NO_FAULTS]
@@ -80,7 +80,7 @@ def _rows(options: argparse.Namespace) -> "Iterator[tuple[Row, Flights]]":
             ros += ["-p", f"{each.name}:={text}"]
         faults = () if mix == _NO_FAULTS else tuple(mix.split())
         flights = Flights((options.tree, "--sim", world, *_passed_on(options)), faults, tuple(ros))
-        yield Row(labels, flights), flights
+        yield SweptRow(labels, flights), flights
 
 
 def _check(options: argparse.Namespace, worlds: list[str], mixes: list[str]) -> None:
@@ -110,7 +110,7 @@ def _passed_on(options: argparse.Namespace) -> Iterator[str]:
         yield "--trust"
 
 
-def _write(flights: "Flights", outcome: "Outcome", path: Path) -> Path:
+def _write(flights: "Flights", outcome: "Played", path: Path) -> Path:
     """Write the command of the flight that has failed, with the faults that make it fail."""
     from sar_compiler.sim.flights import fewest_faults
 

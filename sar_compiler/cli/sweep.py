@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 from sar_compiler.cli.arguments import count
 from sar_compiler.cli.loading import FILE_HELP, add_project_options, additions, workspace
 from sar_compiler.cli.simulate import scenario_files, script
-from sar_compiler.cli.sweeping import Writer, add_sweep_options, cores, probabilities, swept, varied
+from sar_compiler.cli.sweep_command import Writer, add_sweep_options, cores, probabilities, swept, varied
 from sar_compiler.errors import SarError
 
 if TYPE_CHECKING:
-    from sar_compiler.checks.sweep.sweeping import Outcome, Row
+    from sar_compiler.checks.sweep.sweeping import Played, SweptRow
     from sar_compiler.project.swept import ScenarioRuns
 
 # Half the width of the interval of a tree that always succeeds is below 0.02 after four batches.
@@ -94,10 +94,10 @@ def sweep_file(arguments: argparse.Namespace) -> int:
     return swept(list(rows), _BATCH, lambda: in_processes(arguments.jobs or cores()), writer, arguments)
 
 
-def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[Row, ScenarioRuns]]":
+def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweptRow, ScenarioRuns]]":
     """Yield a row for each combination, with what it plays; all of them are known to be valid."""
     from sar_compiler.checks.simulate.scenario_files import read_scenario
-    from sar_compiler.checks.sweep.sweeping import Row
+    from sar_compiler.checks.sweep.sweeping import SweptRow
     from sar_compiler.documents.yaml_files import read_yaml
     from sar_compiler.project.swept import ScenarioRuns, content_of
     from sar_compiler.project.swept import varied as changed
@@ -114,7 +114,8 @@ def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[Row, ScenarioRuns]]"
     for path in paths:
         scenario: Mapping[str, object] = {}
         if path is not None:
-            read_scenario(path, stage)  # mistakes in it are said at their places
+            if not arguments.param:
+                read_scenario(path, stage)  # mistakes in it are said at their places
             scenario = read_yaml(path, "").root.data
         for unusual, labels, changes in _combinations(arguments):
             own = {key: value for key, value in {**fixed, **changes}.items() if value}
@@ -125,13 +126,13 @@ def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[Row, ScenarioRuns]]"
                 content,
                 additions(arguments),
                 changed(scenario, own),
-                str(path or "command line"),
+                f"{path} (varied)" if path is not None else "command line",
                 unusual,
                 tuple(arguments.count),
             )
             runs.events(runs.understood().simulated)
             named = {"scenario": Path(path).stem} if path is not None and len(paths) > 1 else {}
-            yield Row({**named, **labels}, runs), runs
+            yield SweptRow({**named, **labels}, runs), runs
 
 
 def _combinations(
@@ -148,7 +149,7 @@ def _combinations(
             yield unusual, labels, changes
 
 
-def _write(runs: "ScenarioRuns", outcome: "Outcome", path: Path) -> Path | None:
+def _write(runs: "ScenarioRuns", outcome: "Played", path: Path) -> Path | None:
     """Write the smallest scenario that fails as a run has."""
     from sar_compiler.project.swept import smallest_scenario
 

@@ -14,8 +14,8 @@ from sar_compiler.checks.leaf_words import EventPattern, LeafWords
 from sar_compiler.checks.simulate.judging import Failure, failures
 from sar_compiler.checks.simulate.running import ScenarioPlayer
 from sar_compiler.checks.simulate.scenario_files import Play, Stage, understand
-from sar_compiler.checks.simulate.scripted import Choice
-from sar_compiler.checks.sweep.sweeping import Outcome
+from sar_compiler.checks.simulate.scripted import Drawn
+from sar_compiler.checks.sweep.sweeping import Played
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.documents.yaml_files import parse_yaml
 from sar_compiler.errors import SarError
@@ -54,7 +54,7 @@ class ScenarioRuns:
     unusual: float = 0.0
     counted: tuple[str, ...] = ()
 
-    def __call__(self, seeds: Sequence[int]) -> list[Outcome]:
+    def __call__(self, seeds: Sequence[int]) -> list[Played]:
         """Return what comes of a run for each seed."""
         with _ALONE:
             return [self._outcome(seed) for seed in seeds]
@@ -98,7 +98,7 @@ class ScenarioRuns:
         player.go()
         return player
 
-    def _outcome(self, seed: int) -> Outcome:
+    def _outcome(self, seed: int) -> Played:
         player = self.played(seed)
         run, choices = player.run, player.scripted.choices
         happened = Counter(
@@ -110,7 +110,7 @@ class ScenarioRuns:
         )
         size = (sum(not choice.usual for choice in choices), len(run.ticks), len(choices))
         missed = "; ".join(f"{each.expected}: {each.message}" for each in failures(run))
-        return Outcome(seed, missed, run.time_sec, {each: happened[each] for each in self.counted}, size)
+        return Played(seed, missed, run.time_sec, {each: happened[each] for each in self.counted}, size)
 
 
 def content_of(tree: LoadedTree) -> str:
@@ -199,7 +199,7 @@ def _groups(player: ScenarioPlayer) -> list[_Group]:
     """Return what was chosen for each leaf in turn, with as few words as possible."""
     leaves = player.run.simulated.leaves
     names = Counter(word for leaf in leaves for word in {leaf.name, leaf.tag})
-    by_leaf: dict[str, list[Choice]] = {}
+    by_leaf: dict[str, list[Drawn]] = {}
     for choice in player.scripted.choices:
         leaf = choice.leaf
         key = leaf.name if names[leaf.name] == 1 else "/".join(leaf.path)
@@ -207,7 +207,7 @@ def _groups(player: ScenarioPlayer) -> list[_Group]:
     return [_group(key, list(same)) for key, choices in by_leaf.items() for _, same in groupby(choices)]
 
 
-def _group(key: str, same: Sequence[Choice]) -> _Group:
+def _group(key: str, same: Sequence[Drawn]) -> _Group:
     step: dict[str, object] = {"answer": same[0].answer}
     if same[0].after_sec:
         step["after"] = same[0].after_sec

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO
 
-from sar_compiler.checks.sweep.sweeping import Outcome
+from sar_compiler.checks.sweep.sweeping import Played
 from sar_compiler.checks.sweep.workers import Workers
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, USAGE
 from sar_compiler.errors import SarError
@@ -55,7 +55,7 @@ class Flights:
         ros = ["--ros-args", *self.ros] if self.ros else []
         return [*self.arguments, *faults, "--seed", str(seed), *ros]
 
-    def __call__(self, seeds: Sequence[int]) -> list[Outcome]:
+    def __call__(self, seeds: Sequence[int]) -> list[Played]:
         """Return what comes of a mission for each seed.
 
         Raises:
@@ -64,7 +64,7 @@ class Flights:
         """
         return [self._outcome(seed) for seed in seeds]
 
-    def _outcome(self, seed: int) -> Outcome:
+    def _outcome(self, seed: int) -> Played:
         problem = ""
         for _ in range(_MOST_ATTEMPTS):
             status, output, problem = _flown(["--summary", "json", *self.command(seed)])
@@ -74,7 +74,7 @@ class Flights:
                 said = json.loads(output.splitlines()[-1])
                 reason = "" if status == OK else said["reason"] or "failed"
                 size = (len(self.faults), said["ticks"])
-                return Outcome(seed, reason, said["duration"], said["figures"], size)
+                return Played(seed, reason, said["duration"], said["figures"], size)
             if status == USAGE and _COMPANY not in problem:
                 break
         message = f"sar-run {shlex.join(self.command(seed))}: {problem or f'status {status}'}"

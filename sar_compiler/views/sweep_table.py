@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 from statistics import fmean
 
-from sar_compiler.checks.sweep.sweeping import Outcome, Row, StoppingRule
+from sar_compiler.checks.sweep.sweeping import Played, StoppingRule, SweptRow
 
 
-def sweep_as_text(rows: Sequence[Row], rule: StoppingRule) -> str:
+def sweep_as_text(rows: Sequence[SweptRow], rule: StoppingRule) -> str:
     """Return a line for each row, with the rates in percent."""
     confidence = f"{100 * rule.confidence:g} % interval"
     lines = [_line(row, rule, confidence) for row in rows]
@@ -23,7 +23,7 @@ def sweep_as_text(rows: Sequence[Row], rule: StoppingRule) -> str:
     )
 
 
-def _line(row: Row, rule: StoppingRule, confidence: str) -> Mapping[str, str]:
+def _line(row: SweptRow, rule: StoppingRule, confidence: str) -> Mapping[str, str]:
     interval, times = rule.interval(row.outcomes), _times(row.outcomes)
     return {
         **row.labels,
@@ -36,18 +36,18 @@ def _line(row: Row, rule: StoppingRule, confidence: str) -> Mapping[str, str]:
     }
 
 
-def failure_as_text(row: Row, outcome: Outcome) -> str:
+def failure_as_text(row: SweptRow, outcome: Played) -> str:
     """Return what failed in a run, and in which."""
     labels = "".join(f"{name} {value}, " for name, value in row.labels.items())
     return f"The failure nearest to a usual run ({labels}seed {outcome.seed}): {outcome.failure}"
 
 
-def sweep_as_json(rows: Sequence[Row], rule: StoppingRule) -> Sequence[Mapping[str, object]]:
+def sweep_as_json(rows: Sequence[SweptRow], rule: StoppingRule) -> Sequence[Mapping[str, object]]:
     """Return an object for each row, for JSON; times are seconds, rates between 0 and 1."""
     return [_object(row, rule) for row in rows]
 
 
-def _object(row: Row, rule: StoppingRule) -> Mapping[str, object]:
+def _object(row: SweptRow, rule: StoppingRule) -> Mapping[str, object]:
     interval, times = rule.interval(row.outcomes), _times(row.outcomes)
     return {
         "labels": row.labels,
@@ -61,16 +61,16 @@ def _object(row: Row, rule: StoppingRule) -> Mapping[str, object]:
     }
 
 
-def _rate(outcomes: Sequence[Outcome]) -> float:
+def _rate(outcomes: Sequence[Played]) -> float:
     return sum(not each.failure for each in outcomes) / len(outcomes)
 
 
-def _means(outcomes: Sequence[Outcome]) -> dict[str, float]:
+def _means(outcomes: Sequence[Played]) -> dict[str, float]:
     names = dict.fromkeys(name for each in outcomes for name in each.counts)
     return {name: fmean(each.counts.get(name, 0.0) for each in outcomes) for name in names}
 
 
-def _times(outcomes: Sequence[Outcome]) -> list[float]:
+def _times(outcomes: Sequence[Played]) -> list[float]:
     """Return how long the runs took that have succeeded, the shortest first."""
     return sorted(each.time_sec for each in outcomes if not each.failure)
 

@@ -22,7 +22,7 @@ class ScriptedError(SarError):
     """A scenario says something of a leaf that cannot be at this point of the run."""
 
 
-class Choice(NamedTuple):
+class Drawn(NamedTuple):
     """What was chosen for a leaf, once.
 
     Attributes:
@@ -51,7 +51,7 @@ class Scripted:
     """
 
     def __init__(self, scenario: Scenario, variables: RunVariables, clock: Clock) -> None:
-        self.choices: list[Choice] = []
+        self.choices: list[Drawn] = []
         self._random = Random(scenario.seed)  # noqa: S311 - it must be possible to repeat a run
         self._unusual = scenario.unusual
         scripts = scenario.scripts.items()
@@ -70,7 +70,7 @@ class Scripted:
         if self._unusual and self._random.random() < self._unusual:
             others = [each for each in options if each.status != "RUNNING" and each != usual]
             answer = self._random.choice(others or [usual])
-        self.choices.append(Choice(leaf, answer.name, usual=answer == usual))
+        self.choices.append(Drawn(leaf, answer.name, usual=answer == usual))
         return answer
 
 
@@ -90,10 +90,10 @@ class _Plan:
         self._clock = clock
         self._random = random
         self._steps = [_Left(step) for step in steps]
-        self._current: Choice | None = None
+        self._current: Drawn | None = None
         self._since = 0.0
 
-    def choose(self, options: Sequence[Answer], choices: list[Choice]) -> Answer:
+    def choose(self, options: Sequence[Answer], choices: list[Drawn]) -> Answer:
         """Return what the leaf answers now, and add what was chosen to the choices."""
         if self._leaf.status is not Status.RUNNING:
             self._current = None  # what was interrupted counts as taken
@@ -108,17 +108,17 @@ class _Plan:
         at_once = choice.usual and not choice.after_sec
         return nominal(options) if at_once else self._named(choice.answer, options)
 
-    def _next(self, options: Sequence[Answer]) -> Choice:
+    def _next(self, options: Sequence[Answer]) -> Drawn:
         """Return what is chosen of the steps that are left, or else what is usual."""
         step = next((left.step for left in self._steps if left.take(self._holds, self._random)), None)
         usual = nominal(options)
         if step is None:
-            return Choice(self._leaf, usual.name)
+            return Drawn(self._leaf, usual.name)
         after_sec = step.after_sec
         if step.longest_sec > after_sec:
             after_sec = round(self._random.uniform(after_sec, step.longest_sec), 3)
         named = _by_name(step.answer, options)
-        return Choice(self._leaf, step.answer, after_sec, named[:1] == [usual])
+        return Drawn(self._leaf, step.answer, after_sec, named[:1] == [usual])
 
     def _named(self, name: str, options: Sequence[Answer]) -> Answer:
         found = _by_name(name, options)

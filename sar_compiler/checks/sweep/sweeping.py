@@ -22,7 +22,7 @@ class SweepError(SarError):
     """A sweep cannot go on."""
 
 
-class Outcome(NamedTuple):
+class Played(NamedTuple):
     """What came of one run.
 
     Attributes:
@@ -40,7 +40,7 @@ class Outcome(NamedTuple):
     size: tuple[int, ...] = ()
 
 
-Play = Callable[[Sequence[int]], list[Outcome]]
+PlayRuns = Callable[[Sequence[int]], list[Played]]
 """Plays a run for each of some seeds; can be pickled, and does the same wherever it is called."""
 
 
@@ -60,17 +60,17 @@ class StoppingRule:
     confidence: float = 0.95
     batch: int = 25
 
-    def interval(self, outcomes: Sequence[Outcome]) -> Interval:
+    def interval(self, outcomes: Sequence[Played]) -> Interval:
         """Return the confidence interval of the success rate."""
         return wilson(sum(not each.failure for each in outcomes), len(outcomes), self.confidence)
 
-    def is_enough(self, outcomes: Sequence[Outcome]) -> bool:
+    def is_enough(self, outcomes: Sequence[Played]) -> bool:
         """Return whether no more runs are needed."""
         return len(outcomes) >= self.runs or self.interval(outcomes).half_width <= self.half_width
 
 
 @dataclass(eq=False)
-class Row:
+class SweptRow:
     """One combination of what is varied.
 
     Attributes:
@@ -82,11 +82,11 @@ class Row:
     """
 
     labels: Mapping[str, str]
-    play: Play
-    outcomes: list[Outcome] = field(default_factory=list)
+    play: PlayRuns
+    outcomes: list[Played] = field(default_factory=list)
     is_done: bool = False
     asked: int = 0
-    _early: dict[int, list[Outcome]] = field(default_factory=dict)
+    _early: dict[int, list[Played]] = field(default_factory=dict)
 
     def is_played(self, rule: StoppingRule) -> bool:
         """Return whether workers need not be asked for more runs."""
@@ -97,7 +97,7 @@ class Row:
         first, self.asked = self.asked, min(self.asked + rule.batch, rule.runs)
         return _Batch(self, first, range(seed + first, seed + self.asked))
 
-    def add(self, first: int, outcomes: list[Outcome], rule: StoppingRule) -> None:
+    def add(self, first: int, outcomes: list[Played], rule: StoppingRule) -> None:
         """Take in what came of a batch; those after it wait for it."""
         self._early[first] = outcomes
         while not self.is_done and len(self.outcomes) in self._early:
@@ -106,17 +106,19 @@ class Row:
 
 
 class _Batch(NamedTuple):
-    row: Row
+    row: SweptRow
     first: int
     seeds: range
 
 
-Report = Callable[[Sequence[Row]], object]
+ShowRows = Callable[[Sequence[SweptRow]], object]
 """Is told the rows from time to time."""
 
 
-def sweep(rows: Sequence[Row], rule: StoppingRule, seed: int, workers: Workers, report: Report) -> None:
-    """Play all rows until each was played often enough.
+def sweep(
+    rows: Sequence[SweptRow], rule: StoppingRule, seed: int, workers: Workers, report: ShowRows
+) -> None:
+    """PlayRuns all rows until each was played often enough.
 
     Args:
         rows: What is to be played; their outcomes are filled in.
@@ -129,7 +131,7 @@ def sweep(rows: Sequence[Row], rule: StoppingRule, seed: int, workers: Workers, 
         SweepError: If workers end again and again with the same runs in hand.
         Exception: Whatever a run raises.
     """
-    waiting: dict[Future[list[Outcome]], _Batch] = {}
+    waiting: dict[Future[list[Played]], _Batch] = {}
     again: list[_Batch] = []
     attempts: Counter[_Batch] = Counter()
     while True:
@@ -150,7 +152,7 @@ def sweep(rows: Sequence[Row], rule: StoppingRule, seed: int, workers: Workers, 
         report(rows)
 
 
-def _next(rows: Sequence[Row], rule: StoppingRule, seed: int, again: list[_Batch]) -> _Batch | None:
+def _next(rows: Sequence[SweptRow], rule: StoppingRule, seed: int, again: list[_Batch]) -> _Batch | None:
     """Return what is to be played next: what was lost, else a batch of the row with the fewest runs so far."""
     if again:
         return again.pop(0)
@@ -163,7 +165,7 @@ def _named(batch: _Batch) -> str:
     return f"seeds {batch.seeds[0]} to {batch.seeds[-1]}" + (f" of {labels}" if labels else "")
 
 
-def smallest_failure(rows: Sequence[Row]) -> tuple[Row, Outcome] | None:
+def smallest_failure(rows: Sequence[SweptRow]) -> tuple[SweptRow, Played] | None:
     """Return the failed run that is nearest to a usual one, with its row; None if none has failed."""
     failed = [(row, outcome) for row in rows for outcome in row.outcomes if outcome.failure]
     return min(failed, key=lambda each: each[1].size, default=None)

@@ -5,15 +5,15 @@ import signal
 from dataclasses import dataclass
 from pathlib import Path
 
-from sar_compiler.checks.sweep.sweeping import Outcome
+from sar_compiler.checks.sweep.sweeping import Played
 
 
 def odd_ones_fail(seeds):
-    return [Outcome(seed, "odd" if seed % 2 else "", float(seed), {"seen": seed}, (seed,)) for seed in seeds]
+    return [Played(seed, "odd" if seed % 2 else "", float(seed), {"seen": seed}, (seed,)) for seed in seeds]
 
 
 def all_succeed(seeds):
-    return [Outcome(seed, "", 1.0) for seed in seeds]
+    return [Played(seed, "", 1.0) for seed in seeds]
 
 
 @dataclass(frozen=True)

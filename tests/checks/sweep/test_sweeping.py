@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sar_compiler.checks.sweep.sweeping import Row, StoppingRule, SweepError, smallest_failure, sweep
+from sar_compiler.checks.sweep.sweeping import StoppingRule, SweepError, SweptRow, smallest_failure, sweep
 from sar_compiler.checks.sweep.workers import Workers, in_processes
 from tests.checks.sweep.plays import EndsItsWorker, all_succeed, odd_ones_fail
 
@@ -18,7 +18,7 @@ def ignore(_rows):
 
 
 def swept(rule, workers, seed=0, plays=(odd_ones_fail, all_succeed)):
-    rows = [Row({"row": str(number)}, play) for number, play in enumerate(plays)]
+    rows = [SweptRow({"row": str(number)}, play) for number, play in enumerate(plays)]
     with workers:
         sweep(rows, rule, seed, workers, ignore)
     return [row.outcomes for row in rows]
@@ -109,8 +109,11 @@ def test_an_error_of_a_run_ends_the_sweep():
 
 
 def test_the_smallest_failure_is_the_one_of_the_smallest_size():
-    rows = [Row({}, odd_ones_fail, odd_ones_fail([9, 8, 3])), Row({}, odd_ones_fail, odd_ones_fail([5, 0]))]
+    rows = [
+        SweptRow({}, odd_ones_fail, odd_ones_fail([9, 8, 3])),
+        SweptRow({}, odd_ones_fail, odd_ones_fail([5, 0])),
+    ]
     found = smallest_failure(rows)
     assert found is not None
     assert (found[0], found[1].seed) == (rows[0], 3)
-    assert smallest_failure([Row({}, all_succeed, all_succeed([1]))]) is None
+    assert smallest_failure([SweptRow({}, all_succeed, all_succeed([1]))]) is None

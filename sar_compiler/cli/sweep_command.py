@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from sar_compiler.cli.arguments import FINDINGS, INTERRUPTED, OK, count, seed
 
 if TYPE_CHECKING:
-    from sar_compiler.checks.sweep.sweeping import Outcome, Row, StoppingRule
+    from sar_compiler.checks.sweep.sweeping import Played, StoppingRule, SweptRow
     from sar_compiler.checks.sweep.workers import Workers
 
 
@@ -147,12 +147,12 @@ class Writer(NamedTuple):
         advice: How to play it again, for a path.
     """
 
-    write: "Callable[[Row, Outcome], Path | None]"
+    write: "Callable[[SweptRow, Played], Path | None]"
     again: Callable[[Path], str]
 
 
 def swept(
-    rows: "Sequence[Row]",
+    rows: "Sequence[SweptRow]",
     batch: int,
     workers: "Callable[[], Workers]",
     writer: Writer,
@@ -190,9 +190,9 @@ def swept(
 
 
 def _print(
-    rows: "Sequence[Row]",
+    rows: "Sequence[SweptRow]",
     rule: "StoppingRule",
-    failure: "tuple[Row, Outcome] | None",
+    failure: "tuple[SweptRow, Played] | None",
     written: tuple[Path, str] | None,
     arguments: argparse.Namespace,
 ) -> None:
@@ -220,7 +220,7 @@ def _print(
             print(f"  the smallest scenario that fails is written to {path}; play it again: {again}")
 
 
-def _show(rows: "Sequence[Row]") -> None:
+def _show(rows: "Sequence[SweptRow]") -> None:
     """Show the progress in a line that is overwritten, on a terminal; without rows, remove it."""
     if sys.stderr.isatty():
         done, runs = sum(row.is_done for row in rows), sum(len(row.outcomes) for row in rows)
