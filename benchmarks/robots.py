@@ -49,14 +49,12 @@ def serve(robots: int, ready: Event, over: Event) -> None:
     from rclpy.experimental import EventsExecutor
 
     rclpy.init()
-    node = rclpy.create_node("null_servers")
-    for number in range(robots):
-        name = f"/robot_{number}/navigate_to_pose"
-        ActionServer(
-            node, NavigateToPose, name, execute_callback=print, handle_accepted_callback=lambda _goal: None
-        )
     executor = EventsExecutor()
-    executor.add_node(node)
+    for number in range(robots):
+        node = rclpy.create_node("null_server", namespace=f"/robot_{number}")
+        server = {"execute_callback": print, "handle_accepted_callback": lambda _goal: None}
+        ActionServer(node, NavigateToPose, "navigate_to_pose", **server)
+        executor.add_node(node)
     ready.set()
     with contextlib.suppress(ExternalShutdownException):
         while not over.is_set():

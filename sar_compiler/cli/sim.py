@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import OK, Parser, add_version, run, seed, speed
-from sar_compiler.cli.sim_sweep import add_sim_sweep, sweep_missions
+from sar_compiler.cli.sim_sweep import DEFAULT_WORLD, add_sim_sweep, sweep_missions
 from sar_compiler.ros.arguments import init_arguments, split_arguments
 from sar_compiler.ros.faults import NAVIGATION_FAULTS, Fault, FaultError, FaultPlan, parse_fault
 from sar_compiler.ros.signals import StopSignals
@@ -16,7 +16,6 @@ from sar_compiler.sim.placement import Placement, PlacementError, parse_placemen
 if TYPE_CHECKING:
     from sar_compiler.sim.simulation import Simulation
 
-_WORLD = "disaster_zone"
 # How often to look whether the simulation is still alive, seconds.
 _LOOK_SEC = 0.5
 
@@ -91,9 +90,9 @@ def _parser() -> argparse.ArgumentParser:
         command.add_argument(
             "world",
             nargs="?",
-            default=_WORLD,
+            default=DEFAULT_WORLD,
             metavar="WORLD",
-            help=f"file or shipped world (default {_WORLD})",
+            help=f"file or shipped world (default {DEFAULT_WORLD})",
         )
         command.add_argument(
             "--seed", type=seed, default=0, metavar="N", help="seed of all noise (default 0)"

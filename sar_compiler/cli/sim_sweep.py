@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import speed
 from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_nodes, add_trust, additions
-from sar_compiler.cli.sweep_command import Writer, add_sweep_options, cores, swept, varied
+from sar_compiler.cli.sweep_command import Written, add_sweep_options, swept, varied
 
 if TYPE_CHECKING:
     from sar_compiler.checks.sweep.sweeping import Played, SweptRow
     from sar_compiler.sim.flights import Flights
 
+DEFAULT_WORLD = "disaster_zone"
 _NO_FAULTS = "none"
 # Discovery takes its time also on a machine with nothing else to do, so a faster clock gains little.
 _SPEED = 20.0
@@ -23,23 +24,16 @@ _SPEED = 20.0
 
 def add_sim_sweep(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `sar-sim sweep`."""
-    parser.add_argument("tree", metavar="TREE", help=FILE_HELP)
-    parser.add_argument(
-        "--world", action="append", metavar="W", help="a world; may be repeated (default disaster_zone)"
-    )
-    parser.add_argument(
-        "--faults",
-        action="append",
-        metavar="'SPEC SPEC'",
-        help=f"faults that happen in one flight, as --fault of sar-run has them, or {_NO_FAULTS}; may be repeated",
-    )
-    parser.add_argument(
-        "--param", action="append", default=[], type=varied, metavar="NAME=A,B,…", help="vary a ROS parameter"
-    )
-    parser.add_argument("--params", type=Path, metavar="FILE", help="a ROS 2 parameter file")
-    parser.add_argument(
-        "--speed", type=speed, default=_SPEED, metavar="N", help=f"as of sar-run (default {_SPEED:g})"
-    )
+    add = parser.add_argument
+    add("tree", metavar="TREE", help=FILE_HELP)
+    text = f"a world; may be repeated (default {DEFAULT_WORLD})"
+    add("--world", action="append", metavar="W", help=text)
+    text = f"what goes wrong in one flight, as --fault of sar-run has it, or {_NO_FAULTS}; may be repeated"
+    add("--faults", action="append", metavar="'SPEC SPEC'", help=text)
+    add("--param", action="append", default=[], type=varied, metavar="NAME=A,B", help="vary a ROS parameter")
+    add("--params", type=Path, metavar="FILE", help="a ROS 2 parameter file")
+    text = f"simulated seconds per second, at most (default {_SPEED:g})"
+    add("--speed", type=speed, default=_SPEED, metavar="N", help=text)
     add_nodes(parser)
     add_include_path(parser)
     add_trust(parser)
@@ -54,14 +48,20 @@ def sweep_missions(options: argparse.Namespace) -> int:
         TreeError: If the tree or a world is not valid.
         SarError: If a file cannot be read, a fault cannot happen, or a flight ends before its mission begins.
     """
-    from sar_compiler.sim.flights import in_threads
+    from sar_compiler.sim.flights import fewest_faults, in_threads
 
     # The flights are stopped in order, however the command is.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     rows = dict(_rows(options))
     output = options.output or Path(f"{Path(options.tree).stem}_failing.sh")
-    writer = Writer(lambda row, outcome: _write(rows[row], outcome, output), lambda path: f"sh {path}")
-    return swept(list(rows), 1, lambda: in_threads(options.jobs or cores()), writer, options)
+
+    def write(row: "SweptRow", played: "Played") -> Written:
+        command = ["sar-run", *fewest_faults(rows[row], played.seed).command(played.seed)]
+        reason = " ".join(played.failure.split())
+        output.write_text(f"#!/bin/sh\n# {reason}\nexec {shlex.join(command)}\n", encoding="utf-8")
+        return output, shlex.join(["sh", str(output)])
+
+    return swept(list(rows), 1, in_threads, write, options)
 
 
 def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweptRow, Flights]]":
@@ -69,15 +69,15 @@ def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweptRow, Flights]]":
     from sar_compiler.checks.sweep.sweeping import SweptRow
     from sar_compiler.sim.flights import Flights
 
-    worlds, mixes = options.world or ["disaster_zone"], options.faults or [_NO_FAULTS]
+    worlds, mixes = options.world or [DEFAULT_WORLD], options.faults or [_NO_FAULTS]
     _check(options, worlds, mixes)
-    for world, mix, *values in itertools.product(worlds, mixes, *(each.values for each in options.param)):
+    for world, mix, *values in itertools.product(worlds, mixes, *(listed for _, listed in options.param)):
         labels = {"world": world} if len(worlds) > 1 else {}
         labels |= {"faults": mix} if len(mixes) > 1 else {}
         ros: list[str] = []
-        for each, (text, _) in zip(options.param, values, strict=True):
-            labels[each.name] = text
-            ros += ["-p", f"{each.name}:={text}"]
+        for (name, _), (text, _) in zip(options.param, values, strict=True):
+            labels[name] = text
+            ros += ["-p", f"{name}:={text}"]
         faults = () if mix == _NO_FAULTS else tuple(mix.split())
         flights = Flights((options.tree, "--sim", world, *_passed_on(options)), faults, tuple(ros))
         yield SweptRow(labels, flights), flights
@@ -108,13 +108,3 @@ def _passed_on(options: argparse.Namespace) -> Iterator[str]:
         yield from (part for value in values for part in (name, str(value)))
     if options.trust:
         yield "--trust"
-
-
-def _write(flights: "Flights", outcome: "Played", path: Path) -> Path:
-    """Write the command of the flight that has failed, with the faults that make it fail."""
-    from sar_compiler.sim.flights import fewest_faults
-
-    command = shlex.join(["sar-run", *fewest_faults(flights, outcome.seed).command(outcome.seed)])
-    reason = " ".join(outcome.failure.split())
-    path.write_text(f"#!/bin/sh\n# {reason}\nexec {command}\n", encoding="utf-8")
-    return path

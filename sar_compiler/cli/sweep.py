@@ -2,6 +2,7 @@
 
 import argparse
 import itertools
+import shlex
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 from sar_compiler.cli.arguments import count
 from sar_compiler.cli.loading import FILE_HELP, add_project_options, additions, workspace
 from sar_compiler.cli.simulate import scenario_files, script
-from sar_compiler.cli.sweep_command import Writer, add_sweep_options, cores, probabilities, swept, varied
+from sar_compiler.cli.sweep_command import Written, add_sweep_options, probabilities, swept, varied
 from sar_compiler.errors import SarError
 
 if TYPE_CHECKING:
@@ -26,48 +27,21 @@ class NothingByChanceError(SarError):
 
 def add_sweep(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `sweep`."""
-    parser.add_argument("file", metavar="FILE", help=FILE_HELP)
-    parser.add_argument(
-        "--scenario",
-        action="append",
-        default=[],
-        type=Path,
-        metavar="S.yaml",
-        help="what leaves answer, with the chance of each; or a folder of such files; may be repeated",
-    )
-    parser.add_argument(
-        "--unusual",
-        type=probabilities,
-        default=(0.0,),
-        metavar="P,…",
-        help="the chance that a leaf of which the scenario says nothing answers what is not usual (default 0)",
-    )
-    parser.add_argument(
-        "--param", action="append", default=[], type=varied, metavar="NAME=A,B,…", help="vary a parameter"
-    )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        type=varied,
-        metavar="FACT=A,B,…",
-        help="vary what a fact is at the start",
-    )
-    parser.add_argument(
-        "--count",
-        action="append",
-        default=[],
-        metavar="EVENT",
-        help="count an event, such as 'NotifyBase acknowledged'",
-    )
-    parser.add_argument("--tree", metavar="ID", help="the tree to tick (default: the one the file executes)")
-    parser.add_argument("--ticks", type=count, metavar="N", help="a run has failed after so many ticks")
-    parser.add_argument(
-        "--until",
-        type=script,
-        metavar="SCRIPT",
-        help="end when this is true (default: when the root has succeeded or failed)",
-    )
+    add = parser.add_argument
+    add("file", metavar="FILE", help=FILE_HELP)
+    text = "what leaves answer, with the chance of each; or a folder of such files; may be repeated"
+    add("--scenario", action="append", default=[], type=Path, metavar="S.yaml", help=text)
+    text = "the chance that a leaf of which the scenario says nothing answers what is not usual (default 0)"
+    add("--unusual", type=probabilities, default=(0.0,), metavar="P,P", help=text)
+    add("--param", action="append", default=[], type=varied, metavar="NAME=A,B", help="vary a parameter")
+    text = "vary what a fact is at the start"
+    add("--set", action="append", default=[], type=varied, metavar="FACT=A,B", help=text)
+    text = "count an event, such as 'NavigateToZone halted'; may be repeated"
+    add("--count", action="append", default=[], metavar="EVENT", help=text)
+    add("--tree", metavar="ID", help="the tree to tick (default: the one the file executes)")
+    add("--ticks", type=count, metavar="N", help="break a run off after so many ticks")
+    text = "end when this is true (default: when the root has succeeded or failed)"
+    add("--until", type=script, metavar="SCRIPT", help=text)
     add_project_options(parser)
     add_sweep_options(parser, runs=1000, half_width=0.02)
     parser.set_defaults(run=sweep_file)
@@ -81,17 +55,22 @@ def sweep_file(arguments: argparse.Namespace) -> int:
         SarError: If a file cannot be read, or nothing is left to chance.
     """
     from sar_compiler.checks.sweep.workers import in_processes
+    from sar_compiler.project.swept import smallest_scenario
 
     rows = dict(_rows(arguments))
     if not any(runs.are_by_chance() for runs in rows.values()):
         message = "all runs would be the same: give steps of a scenario a chance: (or after: 4s to 9s), or say --unusual 0.1"
         raise NothingByChanceError(message)
     output = arguments.output or Path(f"{Path(arguments.file).stem}_failing.yaml")
-    writer = Writer(
-        lambda row, outcome: _write(rows[row], outcome, output),
-        lambda path: f"sar-compile simulate {arguments.file} --scenario {path}",
-    )
-    return swept(list(rows), _BATCH, lambda: in_processes(arguments.jobs or cores()), writer, arguments)
+
+    def write(row: "SweptRow", played: "Played") -> Written | None:
+        text = smallest_scenario(rows[row], played.seed)
+        if text is None:
+            return None
+        output.write_text(text, encoding="utf-8")
+        return output, shlex.join(["sar-compile", "simulate", arguments.file, "--scenario", str(output)])
+
+    return swept(list(rows), _BATCH, in_processes, write, arguments)
 
 
 def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweptRow, ScenarioRuns]]":
@@ -141,20 +120,9 @@ def _combinations(
     """Yield the chance of what is unusual, the labels, and the changes of a scenario, for each combination."""
     axes = [("parameters", each) for each in arguments.param] + [("facts", each) for each in arguments.set]
     for unusual in arguments.unusual:
-        for values in itertools.product(*(each.values for _, each in axes)):
+        for values in itertools.product(*(listed for _, (_, listed) in axes)):
             labels = {"unusual": f"{unusual:g}"} if len(arguments.unusual) > 1 else {}
             changes: dict[str, dict[str, object]] = {}
-            for (key, each), value in zip(axes, values, strict=True):
-                labels[each.name], changes.setdefault(key, {})[each.name] = value
+            for (key, (name, _)), value in zip(axes, values, strict=True):
+                labels[name], changes.setdefault(key, {})[name] = value
             yield unusual, labels, changes
-
-
-def _write(runs: "ScenarioRuns", outcome: "Played", path: Path) -> Path | None:
-    """Write the smallest scenario that fails as a run has."""
-    from sar_compiler.project.swept import smallest_scenario
-
-    text = smallest_scenario(runs, outcome.seed)
-    if text is None:
-        return None
-    path.write_text(text, encoding="utf-8")
-    return path

@@ -2,96 +2,47 @@
 
 import argparse
 import contextlib
-import json
 import os
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, INTERRUPTED, OK, count, seed
 
 if TYPE_CHECKING:
-    from sar_compiler.checks.sweep.sweeping import Played, StoppingRule, SweptRow
+    from sar_compiler.checks.sweep.sweeping import Played, SweptRow
     from sar_compiler.checks.sweep.workers import Workers
 
 
-class Varied(NamedTuple):
-    """Something that is varied, and its values.
+Varied = tuple[str, list[tuple[str, object]]]
+"""The name of what is varied, and its values: as written, and as data."""
 
-    Attributes:
-        name: What it is called.
-        values: Its values, as written and as data.
-    """
-
-    name: str
-    values: Sequence[tuple[str, object]]
+Written = tuple[Path, str]
+"""The file of a sweep's smallest failure, and the command that plays it again."""
 
 
 def add_sweep_options(parser: argparse.ArgumentParser, *, runs: int, half_width: float) -> None:
-    """Add the options that both commands have.
-
-    Args:
-        parser: The command's.
-        runs: The largest number of runs of a row, by default.
-        half_width: Half the width of the interval that is enough, by default.
-    """
-    parser.add_argument(
-        "--runs",
-        type=count,
-        default=runs,
-        metavar="N",
-        help=f"play each combination so often at most (default {runs})",
-    )
-    parser.add_argument(
-        "--half-width",
-        type=_probability,
-        default=half_width,
-        metavar="W",
-        help=f"stop earlier, once half the width of a success rate's interval is no more than this (default {half_width:g}; 0: never)",
-    )
-    parser.add_argument(
-        "--confidence",
-        type=_confidence,
-        default=0.95,
-        metavar="C",
-        help="the confidence of the intervals, which are Wilson's (default 0.95)",
-    )
-    parser.add_argument(
-        "--at-least",
-        type=_probability,
-        metavar="RATE",
-        help="status 0 if every interval lies at or above this rate (default: if no run has failed)",
-    )
-    parser.add_argument(
-        "--seed",
-        type=seed,
-        default=0,
-        metavar="N",
-        help="the seed of the first run of each combination (default 0)",
-    )
-    parser.add_argument(
-        "--jobs",
-        type=count,
-        metavar="N",
-        help="how many runs to play at the same time (default: one on each core)",
-    )
-    parser.add_argument(
-        "--dask",
-        metavar="ADDRESS",
-        help="play on a Dask cluster instead: its scheduler, such as tcp://host:8786",
-    )
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="FAILING",
-        help="where to write the smallest scenario that fails, if any does",
-    )
-    parser.add_argument(
-        "--format", choices=("text", "json"), default="text", help="for people, or for scripts"
-    )
+    """Add the options that both commands have; *runs* and *half_width* are the defaults of two."""
+    add = parser.add_argument
+    text = f"play each combination so often at most (default {runs})"
+    add("--runs", type=count, default=runs, metavar="N", help=text)
+    text = f"end a row once half its interval's width is no more than this (default {half_width:g}; 0: never)"
+    add("--half-width", type=_probability, default=half_width, metavar="W", help=text)
+    text = "the confidence of the intervals, which are Wilson's (default 0.95)"
+    add("--confidence", type=_confidence, default=0.95, metavar="C", help=text)
+    text = "status 0 if every interval lies at or above this rate (default: if no run has failed)"
+    add("--at-least", type=_probability, metavar="RATE", help=text)
+    text = "the seed of the first run of each combination (default 0)"
+    add("--seed", type=seed, default=0, metavar="N", help=text)
+    text = "how many runs to play at the same time (default: as many as there are cores)"
+    add("--jobs", type=count, default=os.cpu_count() or 1, metavar="N", help=text)
+    text = "play on a Dask cluster instead: its scheduler, such as tcp://host:8786"
+    add("--dask", metavar="ADDRESS", help=text)
+    text = "where to write the smallest scenario that fails, if any does"
+    add("-o", "--output", type=Path, metavar="FAILING", help=text)
+    add("--format", choices=("text", "json"), default="text", help="for people, or for scripts")
 
 
 def probabilities(text: str) -> tuple[float, ...]:
@@ -124,38 +75,21 @@ def varied(text: str) -> Varied:
     from sar_compiler.tree.diagnostic import TreeError
 
     name, sign, listed = text.partition("=")
-    values: Sequence[tuple[str, object]] = ()
+    values: list[tuple[str, object]] = []
     with contextlib.suppress(TreeError):
         items = parse_yaml(f"[{listed}]", "", "").root.listed
         values = [(f"[{listed}]"[item.start : item.end], item.data) for item in items]
     if not (name.strip() and sign and values):
         message = f"'{text}' is not NAME=VALUE,VALUE, such as tries=1,2,3"
         raise argparse.ArgumentTypeError(message)
-    return Varied(name.strip(), values)
-
-
-def cores() -> int:
-    """Return the number of cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-class Writer(NamedTuple):
-    """How a sweep's smallest failure is written out.
-
-    Attributes:
-        write: Writes it, and returns its path; None if that is not possible.
-        advice: How to play it again, for a path.
-    """
-
-    write: "Callable[[SweptRow, Played], Path | None]"
-    again: Callable[[Path], str]
+    return name.strip(), values
 
 
 def swept(
     rows: "Sequence[SweptRow]",
     batch: int,
-    workers: "Callable[[], Workers]",
-    writer: Writer,
+    workers: "Callable[[int], Workers]",
+    write: "Callable[[SweptRow, Played], Written | None]",
     arguments: argparse.Namespace,
 ) -> int:
     """Play rows and print their table, also after Ctrl-C; return the exit status.
@@ -163,61 +97,31 @@ def swept(
     Args:
         rows: What is to be played.
         batch: The number of runs after each of which a row may end.
-        workers: Makes those who play, unless `--dask` says who.
-        writer: Writes the smallest failure out.
+        workers: Returns as many who play, unless `--dask` says who.
+        write: Writes the smallest failure out; returns None if that is not possible.
         arguments: The command's arguments.
     """
     from sar_compiler.checks.sweep.sweeping import StoppingRule, smallest_failure, sweep
     from sar_compiler.checks.sweep.workers import on_dask
+    from sar_compiler.views.sweep_table import sweep_as_json, sweep_as_text
 
     rule = StoppingRule(arguments.runs, arguments.half_width, arguments.confidence, batch)
     stopped = False
     try:
-        with on_dask(arguments.dask) if arguments.dask else workers() as working:
+        with on_dask(arguments.dask) if arguments.dask else workers(arguments.jobs) as working:
             sweep(rows, rule, arguments.seed, working, _show)
     except (KeyboardInterrupt, CancelledError):
         stopped = True
     _show(())
     failure = None if stopped else smallest_failure(rows)
-    path = None if failure is None else writer.write(*failure)
-    written = None if path is None else (path, writer.again(path))
-    _print(rows, rule, failure, written, arguments)
+    written = None if failure is None else write(*failure)
+    view = sweep_as_json if arguments.format == "json" else sweep_as_text
+    print(view(rows, rule, failure, written))
     if stopped:
         return INTERRUPTED
     if arguments.at_least is not None:
         return OK if all(rule.interval(row.outcomes).low >= arguments.at_least for row in rows) else FINDINGS
     return OK if failure is None else FINDINGS
-
-
-def _print(
-    rows: "Sequence[SweptRow]",
-    rule: "StoppingRule",
-    failure: "tuple[SweptRow, Played] | None",
-    written: tuple[Path, str] | None,
-    arguments: argparse.Namespace,
-) -> None:
-    from sar_compiler.views.sweep_table import failure_as_text, sweep_as_json, sweep_as_text
-
-    path, again = written or (None, "")
-    if arguments.format == "json":
-        smallest = failure and {
-            "labels": failure[0].labels,
-            "seed": failure[1].seed,
-            "failure": failure[1].failure,
-            "file": path and str(path),
-            "again": again or None,
-        }
-        print(
-            json.dumps(
-                {"rows": sweep_as_json(rows, rule), "smallest": smallest}, indent=2, ensure_ascii=False
-            )
-        )
-        return
-    print(sweep_as_text(rows, rule))
-    if failure is not None:
-        print(f"\n{failure_as_text(*failure)}")
-        if path is not None:
-            print(f"  the smallest scenario that fails is written to {path}; play it again: {again}")
 
 
 def _show(rows: "Sequence[SweptRow]") -> None:

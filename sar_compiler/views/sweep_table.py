@@ -1,26 +1,48 @@
 """The table of a sweep, as text and as JSON."""
 
-from collections.abc import Mapping, Sequence
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from statistics import fmean
 
 from sar_compiler.checks.sweep.sweeping import Played, StoppingRule, SweptRow
 
+Smallest = tuple[SweptRow, Played] | None
 
-def sweep_as_text(rows: Sequence[SweptRow], rule: StoppingRule) -> str:
-    """Return a line for each row, with the rates in percent."""
+
+def sweep_as_text(
+    rows: Sequence[SweptRow], rule: StoppingRule, smallest: Smallest, written: tuple[Path, str] | None
+) -> str:
+    """Return a line for each row, with the rates in percent, and what fails.
+
+    Args:
+        rows: What was played.
+        rule: What ended the rows.
+        smallest: The smallest failure.
+        written: The file that it was written to, and the command that plays it again.
+    """
     confidence = f"{100 * rule.confidence:g} % interval"
     lines = [_line(row, rule, confidence) for row in rows]
     heads = list(dict.fromkeys(head for line in lines for head in line))
     table = [heads, *([line.get(head, "") for head in heads] for line in lines)]
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-    labels = max(len(row.labels) for row in rows)
-    return "\n".join(
-        "  ".join(
-            cell.ljust(width) if index < labels else cell.rjust(width)
-            for index, (cell, width) in enumerate(zip(cells, widths, strict=True))
-        ).rstrip()
-        for cells in table
-    )
+    labels = len(rows[0].labels)
+    text = "\n".join("  ".join(_aligned(cells, widths, labels)).rstrip() for cells in table)
+    if smallest is not None:
+        row, played = smallest
+        which = "".join(f"{name} {value}, " for name, value in row.labels.items())
+        text += f"\n\nThe failure nearest to a usual run ({which}seed {played.seed}): {played.failure}"
+    if written is not None:
+        text += (
+            f"\n  the smallest scenario that fails is written to {written[0]}; play it again: {written[1]}"
+        )
+    return text
+
+
+def _aligned(cells: Sequence[str], widths: Sequence[int], labels: int) -> Iterator[str]:
+    """Yield the cells of a line, the labels to the left and the numbers to the right."""
+    for index, (cell, width) in enumerate(zip(cells, widths, strict=True)):
+        yield cell.ljust(width) if index < labels else cell.rjust(width)
 
 
 def _line(row: SweptRow, rule: StoppingRule, confidence: str) -> Mapping[str, str]:
@@ -36,28 +58,30 @@ def _line(row: SweptRow, rule: StoppingRule, confidence: str) -> Mapping[str, st
     }
 
 
-def failure_as_text(row: SweptRow, outcome: Played) -> str:
-    """Return what failed in a run, and in which."""
-    labels = "".join(f"{name} {value}, " for name, value in row.labels.items())
-    return f"The failure nearest to a usual run ({labels}seed {outcome.seed}): {outcome.failure}"
-
-
-def sweep_as_json(rows: Sequence[SweptRow], rule: StoppingRule) -> Sequence[Mapping[str, object]]:
-    """Return an object for each row, for JSON; times are seconds, rates between 0 and 1."""
-    return [_object(row, rule) for row in rows]
+def sweep_as_json(
+    rows: Sequence[SweptRow], rule: StoppingRule, smallest: Smallest, written: tuple[Path, str] | None
+) -> str:
+    """Return the same as `sweep_as_text` as a JSON object; times are seconds, rates between 0 and 1."""
+    result: dict[str, object] = {"rows": [_object(row, rule) for row in rows], "smallest": None}
+    if smallest is not None:
+        row, played = smallest
+        path, again = written or (None, None)
+        file = {"file": path and str(path), "again": again}
+        result["smallest"] = {"labels": row.labels, "seed": played.seed, "failure": played.failure, **file}
+    return json.dumps(result, indent=2, ensure_ascii=False)
 
 
 def _object(row: SweptRow, rule: StoppingRule) -> Mapping[str, object]:
-    interval, times = rule.interval(row.outcomes), _times(row.outcomes)
+    times, failed = _times(row.outcomes), [each for each in row.outcomes if each.failure]
     return {
         "labels": row.labels,
         "runs": len(row.outcomes),
-        "successes": sum(not each.failure for each in row.outcomes),
+        "successes": len(times),
         "rate": _rate(row.outcomes) if row.outcomes else None,
-        "interval": list(interval),
+        "interval": list(rule.interval(row.outcomes)),
         "time": {"median": _quantile(times, 0.5), "p95": _quantile(times, 0.95)} if times else None,
         "means": _means(row.outcomes),
-        "failures": [{"seed": each.seed, "failure": each.failure} for each in row.outcomes if each.failure],
+        "failures": [{"seed": each.seed, "failure": each.failure} for each in failed],
     }
 
 
