@@ -78,6 +78,7 @@ bench: env
 	$(BIN)/python benchmarks/large_files.py
 	$(BIN)/python benchmarks/ticking.py
 	$(BIN)/python benchmarks/verify.py
+	$(BIN)/python benchmarks/robots.py
 
 mutants: env
 	$(BIN)/python -m tests.mutants --seed $(SEED) --count $(COUNT)
