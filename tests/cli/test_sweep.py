@@ -59,7 +59,7 @@ def test_the_table_has_a_row_for_each_combination(capsys):
 
 def test_one_process_several_and_a_cluster_give_the_same(capsys):
     distributed = pytest.importorskip("distributed")
-    wanted = [*MISSION, "--scenario", "day.yaml", "--runs", 100, "--half-width", 0.12]
+    wanted = [*MISSION, "--scenario", "day.yaml", "--runs", 50, "--half-width", 0.12]
     one = run(capsys, *wanted, "--jobs", 1)
     assert run(capsys, *wanted, "--jobs", 2) == one
     with distributed.LocalCluster(n_workers=2, threads_per_worker=2, dashboard_address=None) as cluster:
@@ -77,7 +77,7 @@ def children_of(process):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks for the workers in /proc")
 def test_workers_that_are_killed_change_nothing_in_the_table(capsys):
-    wanted = [*map(str, MISSION), "--scenario", "day.yaml", "--runs", "200", "--half-width", "0"]
+    wanted = [*map(str, MISSION), "--scenario", "day.yaml", "--runs", "100", "--half-width", "0"]
     command = [sys.executable, "-m", "sar_compiler.cli.compile", "sweep", *wanted, "--jobs", "2"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:

@@ -33,6 +33,7 @@ def kill_the_first_flight(sweep):
 
 
 @pytest.mark.ros
+@pytest.mark.slow
 def test_missions_are_flown_for_each_mix_of_faults_and_a_flight_that_is_killed_is_flown_again(start):
     mixes = ["--faults", "none", "--faults", f"{REFUSED} detect_survivor:delay=1"]
     wanted = ["--param", "zone_order=[zone_a]", "--runs", 1, "--jobs", 2, "--format", "json"]
