@@ -78,6 +78,7 @@ soak: env
 
 bench: env $(PEERS)/.installed
 	$(BIN)/python -m benchmarks $(if $(QUICK),--quick) $(if $(SAVE),--save) $(foreach name,$(ONLY),--only $(name))
+	$(if $(QUICK)$(ONLY),,$(BIN)/python benchmarks/robots.py)
 
 mutants: env
 	$(BIN)/python -m tests.mutants --seed $(SEED) --count $(COUNT)
@@ -117,7 +118,7 @@ $(VENV)/.python-$(WANTED): | require
 	touch $@
 
 $(VENV)/.packages: pyproject.toml pip_interfaces/requirements.txt $(VENV)/.python-$(WANTED)
-	$(BIN)/python -m pip install --quiet -e '.[ros,sim,dev]' -r pip_interfaces/requirements.txt
+	$(BIN)/python -m pip install --quiet -e '.[ros,sim,sweep,dev]' -r pip_interfaces/requirements.txt
 	touch $@ $(VENV)/.kernel
 
 # Compiled anew when it has changed; see sar_compiler/runtime/kernel/__init__.py.

@@ -12,8 +12,9 @@ INTERRUPTED = 130
 PIPE_CLOSED = 141
 """The status that a shell reports for a process that wrote to a closed pipe: the output may not have been read."""
 
-# The top-level modules of the simulator's libraries, and of ROS.
+# The top-level modules of the simulator's libraries, of Dask, and of ROS.
 _SIMULATOR = ("numpy", "scipy", "PIL")
+_CLUSTER = ("dask", "distributed")
 _ROS = ("rclpy", "rpyutils", "ament_index_python")
 _ROS_ENDINGS = ("_msgs", "_srvs", "_interfaces")
 
@@ -54,6 +55,8 @@ def _not_installed(error: ImportError) -> str | None:
             f"the simulator is not complete ({error}): it needs numpy, scipy and Pillow; "
             "pip install 'sar_compiler[sim]' brings them, rosdep on a robot"
         )
+    if module in _CLUSTER:
+        return f"dask.distributed is not here ({error}); pip install 'sar_compiler[sweep]' brings it"
     if module in _ROS or module.endswith(_ROS_ENDINGS):
         return (
             f"ROS 2 is not here ({error}). On a robot, source its installation and workspace; without one, "

@@ -26,10 +26,16 @@ def word(document: Document, value: Value, known: Iterable[str], what: str) -> s
 
 def seconds(value: Value) -> float:
     """Return a duration that a schema has held, in seconds."""
+    return span_sec(value)[0]
+
+
+def span_sec(value: Value) -> tuple[float, float]:
+    """Return the shortest and the longest of the durations that a schema has held (`4s`, `4s to 9s`), in seconds."""
     if isinstance(value.data, (int, float)):
-        return float(value.data)
-    span: Any = _DURATION.convert("".join(value.data.split()))
-    return float(span.total_seconds())
+        return float(value.data), float(value.data)
+    spans: list[Any] = [_DURATION.convert("".join(part.split())) for part in value.data.split("to")]
+    times = [float(span.total_seconds()) for span in spans]
+    return min(times), max(times)
 
 
 def script(document: Document, value: Value | None) -> Script | None:

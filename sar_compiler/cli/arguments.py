@@ -19,6 +19,7 @@ __all__ = [
     "add_version",
     "count",
     "run",
+    "seed",
     "speed",
 ]
 
@@ -69,6 +70,14 @@ def count(text: str) -> int:
         message = f"'{text}' is not a whole number above 0"
         raise argparse.ArgumentTypeError(message)
     return int(digits)
+
+
+def seed(text: str) -> int:
+    """Read a seed: a whole number, 0 or above."""
+    if not (text.isascii() and text.isdigit()):
+        message = f"'{text}' is not a whole number, 0 or above"
+        raise argparse.ArgumentTypeError(message)
+    return int(text)
 
 
 def speed(text: str) -> float:

@@ -21,6 +21,7 @@ _COMMANDS = {
     "format": "Write tree files in their canonical form; comments stay.",
     "diff": "Say what is different between two trees, whatever their form.",
     "simulate": "Tick the tree without ROS: scripted runs, and whether they went as expected.",
+    "sweep": "Tick the tree without ROS many times, by chance: how often it succeeds, and what fails.",
     "verify": "Go through all possible runs of a tree; prove what holds in every one.",
     "explain": "Say what a finding means, with an example.",
     "nodes": "Say what can be written in a tree file.",

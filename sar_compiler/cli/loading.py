@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from sar_compiler.tree.gc_pause import gc_paused
 
 if TYPE_CHECKING:
-    from sar_compiler.project import Workspace
+    from sar_compiler.project import Additions, Workspace
 
 FILE_HELP = "a tree file, or the name of a shipped tree"
 
@@ -66,13 +66,18 @@ def workspace(arguments: argparse.Namespace) -> "Workspace":
     """Return the workspace that loads trees by the options of a command."""
     # The collector would look several times through what is imported, and find nothing; so it would at the end.
     with gc_paused():
-        from sar_compiler.project import Additions, Workspace
+        from sar_compiler.project import Workspace
     atexit.register(gc.freeze)
 
-    additions = Additions(
-        tuple(arguments.nodes), tuple(arguments.model), tuple(arguments.include_path), arguments.trust
-    )
-    return Workspace(additions, note=tell_passed_over)
+    return Workspace(additions(arguments), note=tell_passed_over)
+
+
+def additions(arguments: argparse.Namespace) -> "Additions":
+    """Return what the options of a command add to a project's configuration."""
+    from sar_compiler.project import Additions
+
+    models, folders = tuple(arguments.model), tuple(arguments.include_path)
+    return Additions(tuple(arguments.nodes), models, folders, arguments.trust)
 
 
 def tell_passed_over(text: str) -> None:

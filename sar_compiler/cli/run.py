@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from sar_compiler.cli.arguments import Parser, add_version, speed
+from sar_compiler.cli.arguments import Parser, add_version, seed, speed
 from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_nodes, add_trust
 from sar_compiler.commands import USAGE, run
 from sar_compiler.missions.ending import Until
@@ -29,9 +29,11 @@ class Options:
         tree: A tree file or the name of a shipped one; empty for the mission's default.
         params: A parameter file.
         sim: The world to simulate; None for an existing robot.
+        seed: The seed of the simulation's noise.
         speed: Upper limit of simulated seconds per second.
         until: The condition that ends the run; None leaves it to the tree.
         view: How to show the tree: `text` or `none`.
+        summary: How to sum up: `text` or `json`.
         check: Whether to stop before the robot moves.
         engine: The engine that ticks the tree: `own` or `py_trees_ros`.
         mission: The name of the mission; None to choose it by the tree's leaves.
@@ -45,9 +47,11 @@ class Options:
     tree: str
     params: Path | None
     sim: str | None
+    seed: int
     speed: float
     until: Until | None
     view: str
+    summary: str
     check: bool
     engine: str
     mission: str | None
@@ -83,12 +87,14 @@ def _options(argv: Sequence[str]) -> Options:
     split = split_arguments(argv)
     parser = _parser()
     given = parser.parse_args(split.own)
-    if given.sim is None and (given.speed is not None or given.fault):
-        parser.error(f"{'--speed' if given.speed is not None else '--fault'} is for the simulator: add --sim")
+    for option, value in (("--speed", given.speed), ("--fault", given.fault or None), ("--seed", given.seed)):
+        if given.sim is None and value is not None:
+            parser.error(f"{option} is for the simulator: add --sim")
     if given.sim is not None and _looks_like_a_tree(given.sim):
         parser.error(f"--sim takes a world, and '{given.sim}' looks like a tree: put the tree before --sim")
     read = {
         "tree": given.tree or "",
+        "seed": given.seed or 0,
         "speed": given.speed or 1.0,
         "until": Until(given.until) if given.until else None,
         "ros": split.ros,
@@ -142,6 +148,9 @@ def _parser() -> Parser:
         metavar="WORLD",
         help="simulate a world (a file, or a shipped one: disaster_zone, empty), Nav2 and the mission's servers",
     )
+    parser.add_argument(
+        "--seed", type=seed, metavar="N", help="with --sim: the seed of all noise (default 0)"
+    )
     parser.add_argument("--speed", type=speed, metavar="N", help="simulated seconds per second, at most")
     parser.add_argument(
         "--until",
@@ -156,6 +165,9 @@ def _parser() -> Parser:
     )
     parser.add_argument(
         "--view", choices=("text", "none"), default="none", help="show the tree at every tick"
+    )
+    parser.add_argument(
+        "--summary", choices=("text", "json"), default="text", help="sum up for people, or for scripts"
     )
     parser.add_argument(
         "--check", action="store_true", help="see that everything the mission needs is there, then end"

@@ -1,5 +1,6 @@
 """One run of `sar-run`, from the tree file to the exit status."""
 
+import json
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -179,6 +180,7 @@ def _simulation(
         with Simulation(
             world,
             speed=options.speed,
+            seed=options.seed,
             faults=plan,
             context=node.context,
             namespace=node.get_namespace(),
@@ -212,6 +214,7 @@ class _Run:
         self._end = self._end_condition()
         self._output = RunOutput()
         self._result: RunResult | None = None
+        self._reason = ""
         self._started = 0.0
         own = self.mission.context if self.mission is not None else {}
         self.context: dict[type, object] = {Clock: self._clock, **own}
@@ -304,9 +307,17 @@ class _Run:
         self._result = self._end.after_tick(status, self._clock.now() - self._started)
 
     def _conclude(self, engine: Engine, elapsed_sec: float) -> int:
-        summary = self.mission.summary(elapsed_sec, engine.count) if self.mission is not None else ""
-        if summary:
+        mission = self.mission or MissionRun()
+        as_json = self.options.summary == "json"
+        if not as_json and (summary := mission.summary(elapsed_sec, engine.count)):
             self._output.say(summary)
+        status = self._status(engine)
+        if as_json:
+            said = {"status": status, "reason": self._reason, "duration": elapsed_sec, "ticks": engine.count}
+            self._output.say(json.dumps({**said, "figures": dict(mission.figures())}))
+        return status
+
+    def _status(self, engine: Engine) -> int:
         if engine.failure is not None:
             return self._failed("the tree was stopped, because one of its leaves failed (see above)")
         if self._result is None and not self._end.complete:
@@ -328,6 +339,7 @@ class _Run:
         return self._failed("ROS was shut down")
 
     def _failed(self, reason: str) -> int:
+        self._reason = reason
         print(f"sar-run: {reason}", file=sys.stderr)
         return FINDINGS
 

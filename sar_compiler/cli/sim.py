@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import OK, Parser, add_version, run, speed
+from sar_compiler.cli.arguments import OK, Parser, add_version, run, seed, speed
+from sar_compiler.cli.sim_sweep import DEFAULT_WORLD, add_sim_sweep, sweep_missions
 from sar_compiler.ros.arguments import init_arguments, split_arguments
 from sar_compiler.ros.faults import NAVIGATION_FAULTS, Fault, FaultError, FaultPlan, parse_fault
 from sar_compiler.ros.signals import StopSignals
@@ -15,7 +16,6 @@ from sar_compiler.sim.placement import Placement, PlacementError, parse_placemen
 if TYPE_CHECKING:
     from sar_compiler.sim.simulation import Simulation
 
-_WORLD = "disaster_zone"
 # How often to look whether the simulation is still alive, seconds.
 _LOOK_SEC = 0.5
 
@@ -31,6 +31,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     split = split_arguments(sys.argv[1:] if argv is None else argv)
     options = _parser().parse_args(split.own)
+    if options.command == "sweep":
+        return run(lambda: sweep_missions(options), "sar-sim")
     if options.command == "map":
         return run(lambda: _map(options), "sar-sim")
     return run(lambda: _run(options, split.ros), "sar-sim")
@@ -82,25 +84,20 @@ def _parser() -> argparse.ArgumentParser:
         metavar="PREFIX",
         help="write PREFIX.pgm and PREFIX.yaml (default: WORLD's name)",
     )
+    text = "Fly a mission many times: how often it succeeds, by worlds, faults and parameters."
+    add_sim_sweep(commands.add_parser("sweep", help=text, description=text))
     for command in (live, survey):
         command.add_argument(
             "world",
             nargs="?",
-            default=_WORLD,
+            default=DEFAULT_WORLD,
             metavar="WORLD",
-            help=f"file or shipped world (default {_WORLD})",
+            help=f"file or shipped world (default {DEFAULT_WORLD})",
         )
         command.add_argument(
-            "--seed", type=_seed, default=0, metavar="N", help="seed of all noise (default 0)"
+            "--seed", type=seed, default=0, metavar="N", help="seed of all noise (default 0)"
         )
     return parser
-
-
-def _seed(text: str) -> int:
-    if not (text.isascii() and text.isdigit()):
-        message = f"'{text}' is not a whole number, 0 or above"
-        raise argparse.ArgumentTypeError(message)
-    return int(text)
 
 
 def _robot(text: str) -> Placement:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import FINDINGS, OK, USAGE, count
+from sar_compiler.cli.arguments import FINDINGS, OK, USAGE, count, seed
 from sar_compiler.cli.loading import FILE_HELP, add_params, add_project_options, workspace
 from sar_compiler.errors import SarError
 
@@ -40,9 +40,12 @@ def add_simulate(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--until",
-        type=_script,
+        type=script,
         metavar="SCRIPT",
         help="end when this is true of facts, keys, 'root', 'tick' and 'time' (default: when the root has succeeded or failed)",
+    )
+    parser.add_argument(
+        "--seed", type=seed, default=0, metavar="N", help="of what a scenario leaves to chance (default 0)"
     )
     parser.add_argument(
         "--coverage", action="store_true", help="say which nodes and outcomes the scenarios have not shown"
@@ -74,15 +77,19 @@ def simulate_file(arguments: argparse.Namespace) -> int:
         print(error, file=sys.stderr)
         return USAGE
     coverage = Coverage()
-    played = [_play(path, stage, coverage, arguments) for path in _scenarios(arguments.scenario)]
+    played = [_play(path, stage, coverage, arguments) for path in scenario_files(arguments.scenario)]
     _print(played, coverage, arguments)
     if any(each.run is None for each in played):
         return USAGE
     return FINDINGS if any(each.failures for each in played) else OK
 
 
-def _scenarios(paths: "list[Path]") -> "list[Path | None]":
-    """Return the files of scenarios; None for a run without a scenario."""
+def scenario_files(paths: "list[Path]") -> "list[Path | None]":
+    """Return the files of scenarios; None for a run without a scenario.
+
+    Raises:
+        ScenarioFolderError: If there is none in a folder.
+    """
     files: list[Path | None] = []
     for path in paths:
         if path.is_dir():
@@ -115,6 +122,7 @@ def _play(
         play.scenario,
         until=arguments.until or play.scenario.until,
         max_ticks=arguments.ticks or play.scenario.max_ticks,
+        seed=arguments.seed,
     )
     run = ScenarioPlayer(play.simulated, scenario).go()
     coverage.add(run)
@@ -160,7 +168,7 @@ def _print(played: "list[PlayedScenario]", coverage: "Coverage", arguments: argp
         print(coverage_text(shown))
 
 
-def _script(text: str) -> "Script":
+def script(text: str) -> "Script":
     """Read the argument of `--until`."""
     from sar_compiler.runtime.script import parse
     from sar_compiler.runtime.tokens import ScriptError

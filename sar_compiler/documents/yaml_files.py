@@ -72,6 +72,12 @@ for _type in (set, bytes):
     _Dumper.add_representer(_type, _Dumper.represent_undefined)
 
 
+def as_yaml(said: Mapping[str, object]) -> str:
+    """Return data of Python as the text of a file."""
+    text: str = yaml.dump(dict(said), Dumper=_Dumper, allow_unicode=True, sort_keys=False, width=1000)
+    return text
+
+
 def document_of(said: Mapping[str, object], name: str, empty_hint: str) -> Document:
     """Return data of Python as the document of a file that says the same.
 
@@ -80,7 +86,7 @@ def document_of(said: Mapping[str, object], name: str, empty_hint: str) -> Docum
         TreeError: As `parse_yaml`.
     """
     try:
-        text = yaml.dump(dict(said), Dumper=_Dumper, allow_unicode=True, sort_keys=False, width=1000)
+        text = as_yaml(said)
     except (yaml.representer.RepresenterError, RecursionError) as error:
         what = repr(error.args[1]) if len(error.args) > 1 else "something that contains itself"
         message = (

@@ -66,6 +66,10 @@ class MissionRun:
         """
         return ""
 
+    def figures(self) -> Mapping[str, float]:
+        """Return what a table of many runs shows of this one, by name; empty for nothing."""
+        return {}
+
     def summary(self, elapsed_sec: float, ticks: int) -> str:  # noqa: ARG002
         """Return the text to print at the end; empty for none.
 

@@ -45,10 +45,23 @@ class SetupTimeoutError(SarError, RuntimeError):
         super().__init__(message)
 
 
+class _TaskGuard:
+    """Stands in for a guard condition where an executor has none: rclpy's experimental `EventsExecutor`."""
+
+    def __init__(self, executor: Any, callback: Callable[[], None]) -> None:
+        self._executor = executor
+        self._callback = callback
+
+    def trigger(self) -> None:
+        """Have the callback called."""
+        self._executor.create_task(self._callback)
+
+
 class TreeRunner(py_trees.trees.BehaviourTree):
     """Ticks a tree on a node.
 
-    Everything but `wake` and `interrupt` belongs in the thread of the node's executor.
+    Everything but `wake` and `interrupt` belongs in the thread of the node's executor. Where many trees share a process,
+    rclpy's `EventsExecutor` takes a fraction of the time; it must have the node before `setup`.
 
     Args:
         tree: The compiled tree, or its root.
@@ -127,13 +140,20 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         require_tickable_depth(self.root)
         self._owns_node = node is None
         self.node = node if node is not None else rclpy.create_node(node_name)
-        self._guard = self.node.create_guard_condition(self._on_wake)
+        self._guard = self._make_guard(self.node)
         limit = float(timeout.value if isinstance(timeout, Duration) else timeout)
         try:
             self._set_up_behaviours(limit, visitor, {"node": self.node, "wake": self.wake, **kwargs})
         except Exception as error:  # noqa: BLE001 - raised again, in words
             self._stopped = self._shut_down = True
             give_up(self.root, error, self.node)
+
+    def _make_guard(self, node: Node) -> Any:
+        """Return what has `_on_wake` called by the node's executor, whichever thread or signal handler triggers it."""
+        executor: Any = node.executor
+        if executor is None or isinstance(executor, Executor):
+            return node.create_guard_condition(self._on_wake)
+        return _TaskGuard(executor, self._on_wake)
 
     def _set_up_behaviours(
         self, limit_sec: float, visitor: py_trees.visitors.VisitorBase | None, given: dict[str, Any]

@@ -53,6 +53,7 @@ def test_a_tree_file_that_is_not_there_is_named(start):
         (["--engine", "theirs"], "invalid choice: 'theirs'"),
         (["--view", "web"], "invalid choice: 'web'"),
         (["--speed", "2"], "--speed is for the simulator"),
+        (["--seed", "0"], "--seed is for the simulator"),
         (["--fault", "report_survivor:drop=1"], "--fault is for the simulator"),
         (["--sim", "--speed", "0"], "'0' is not a number above 0"),
         (["--sim", "--fault", "report_survivor:drp=1"], "drop"),

@@ -11,6 +11,8 @@ import py_trees
 import pytest
 from py_trees.common import ParallelPolicy, Status
 
+from tests.waiting import SILENCE_SEC
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -110,6 +112,29 @@ class TestTicking:
         runner.tick_tock(SLOW_MS)
         runner.wake()
         ros.spin_until(lambda: probe.updates == 1, "the tick that was asked for")
+
+    def test_a_wake_ticks_at_once_with_the_executor_of_events_too(self) -> None:
+        from rclpy.context import Context
+        from rclpy.node import Node
+
+        experimental = pytest.importorskip("rclpy.experimental", reason="an rclpy without EventsExecutor")
+        context = Context()
+        context.init(initialize_logging=False)
+        executor = experimental.EventsExecutor(context=context)
+        node = Node("events", context=context)
+        executor.add_node(node)
+        probe = Probe()
+        runner = runner_of(probe, node)
+        runner.tick_tock(SLOW_MS)
+        threading.Thread(target=runner.wake).start()
+        deadline = time.monotonic() + SILENCE_SEC
+        while not probe.updates and time.monotonic() < deadline:
+            executor.spin_once(timeout_sec=0.02)
+        assert probe.updates == 1
+        runner.shutdown()
+        executor.remove_node(node)
+        node.destroy_node()
+        context.try_shutdown()
 
     def test_many_wakes_before_a_tick_are_one(self, ros: Ros) -> None:
         probe = Probe()

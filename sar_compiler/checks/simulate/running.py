@@ -80,6 +80,7 @@ class ScenarioPlayer:
 
     Attributes:
         run: What has come of it so far.
+        scripted: What has chosen the answers.
     """
 
     def __init__(self, simulated: SimulatedTree, scenario: Scenario) -> None:
@@ -91,7 +92,8 @@ class ScenarioPlayer:
         self._until = Program(scenario.until or _ROOT_IS_DONE)
         self._facts: Mapping[str, object] = dict(simulated.fact_values())
         self._keys = _keys(simulated)
-        simulated.policy = Scripted(scenario.scripts, self._variables, simulated.clock)
+        self.scripted = Scripted(scenario, self._variables, simulated.clock)
+        simulated.policy = self.scripted
 
     def tick(self) -> TickRecord:
         """Tick the tree once, a period after the last time.

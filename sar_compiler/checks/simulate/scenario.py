@@ -22,16 +22,20 @@ class AnswerStep:
     Attributes:
         answer: The label or the status of the answer.
         after_sec: For how long it runs before, seconds.
+        longest_sec: If above `after_sec`, it runs for a time between the two, chosen by chance.
         when: Takes the step only where this is true; None: always.
         times: How often the step is taken; None for any number.
         every: Takes the step only at every n-th chance.
+        chance: The probability with which the step is taken where it could be.
     """
 
     answer: str
     after_sec: float = 0.0
+    longest_sec: float = 0.0
     when: Script | None = None
     times: int | None = 1
     every: int = 1
+    chance: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -94,6 +98,8 @@ class Scenario:
         until: It ends when this is true; None: when the root has succeeded or failed.
         scripts: What leaves answer; any other leaf answers what is usual.
         expect: What must be true of it.
+        seed: Of all that chance decides in it.
+        unusual: The probability with which a leaf of which the scripts say nothing answers what is not usual.
     """
 
     name: str = "as usual"
@@ -103,3 +109,5 @@ class Scenario:
     until: Script | None = None
     scripts: Mapping[StubLeaf, tuple[AnswerStep, ...]] = field(default_factory=dict)
     expect: Expectations = field(default_factory=Expectations)
+    seed: int = 0
+    unusual: float = 0.0

@@ -1,11 +1,13 @@
 """Leaves that answer what a scenario says."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from random import Random
+from typing import NamedTuple
 
 from py_trees.common import Status
 
 from sar_compiler.checks.simulate.run_variables import RunVariables
-from sar_compiler.checks.simulate.scenario import AnswerStep
+from sar_compiler.checks.simulate.scenario import AnswerStep, Scenario
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.answers import Answer, nominal
 from sar_compiler.runtime.clock import Clock
@@ -20,19 +22,40 @@ class ScriptedError(SarError):
     """A scenario says something of a leaf that cannot be at this point of the run."""
 
 
-class Scripted:
-    """Chooses the answers of leaves by a scenario.
+class Drawn(NamedTuple):
+    """What was chosen for a leaf, once.
 
-    Args:
-        scripts: What leaves answer, step by step; the others answer what is usual.
-        variables: What the conditions of steps see.
-        clock: What times are measured with.
+    Attributes:
+        leaf: The leaf.
+        answer: The label or the status of the answer.
+        after_sec: For how long it runs before, seconds.
+        usual: Whether that is what the leaf usually answers.
     """
 
-    def __init__(
-        self, scripts: Mapping[StubLeaf, Sequence[AnswerStep]], variables: RunVariables, clock: Clock
-    ) -> None:
-        self._plans = {leaf: _Plan(leaf, steps, variables, clock) for leaf, steps in scripts.items()}
+    leaf: StubLeaf
+    answer: str
+    after_sec: float = 0.0
+    usual: bool = True
+
+
+class Scripted:
+    """Chooses the answers of leaves by a scenario; those of which it says nothing answer what is usual.
+
+    Args:
+        scenario: What leaves answer, step by step, and what chance decides.
+        variables: What the conditions of steps see.
+        clock: What times are measured with.
+
+    Attributes:
+        choices: What was chosen so far, in order.
+    """
+
+    def __init__(self, scenario: Scenario, variables: RunVariables, clock: Clock) -> None:
+        self.choices: list[Drawn] = []
+        self._random = Random(scenario.seed)  # noqa: S311 - it must be possible to repeat a run
+        self._unusual = scenario.unusual
+        scripts = scenario.scripts.items()
+        self._plans = {leaf: _Plan(leaf, steps, self._random, variables, clock) for leaf, steps in scripts}
 
     def choose(self, leaf: StubLeaf, options: Sequence[Answer]) -> Answer:
         """Return what the scenario says, else what is usual.
@@ -41,37 +64,62 @@ class Scripted:
             ScriptedError: If the leaf cannot answer that now.
         """
         plan = self._plans.get(leaf)
-        return nominal(options) if plan is None else plan.choose(options)
+        if plan is not None:
+            return plan.choose(options, self.choices)
+        answer = usual = nominal(options)
+        if self._unusual and self._random.random() < self._unusual:
+            others = [each for each in options if each.status != "RUNNING" and each != usual]
+            answer = self._random.choice(others or [usual])
+        self.choices.append(Drawn(leaf, answer.name, usual=answer == usual))
+        return answer
 
 
 class _Plan:
     def __init__(
-        self, leaf: StubLeaf, steps: Sequence[AnswerStep], variables: RunVariables, clock: Clock
+        self,
+        leaf: StubLeaf,
+        steps: Sequence[AnswerStep],
+        random: Random,
+        variables: RunVariables,
+        clock: Clock,
     ) -> None:
         self._leaf = leaf
         self._variables = variables
         self._clock = clock
+        self._random = random
         self._steps = [_Left(step) for step in steps]
-        self._current: AnswerStep | None = None
+        self._current: Drawn | None = None
         self._since = 0.0
 
-    def choose(self, options: Sequence[Answer]) -> Answer:
+    def choose(self, options: Sequence[Answer], choices: list[Drawn]) -> Answer:
+        """Return what the leaf answers now, and add what was chosen to the choices."""
         if self._leaf.status is not Status.RUNNING:
             self._current = None  # what was interrupted counts as taken
         if self._current is None:
-            self._current = next((left.step for left in self._steps if left.take(self._holds)), None)
+            self._current = self._next(options)
             self._since = self._clock.now()
-        step = self._current
-        if step is None:
-            return nominal(options)
-        if self._clock.now() - self._since < step.after_sec - _TOLERANCE_SEC:
+            choices.append(self._current)
+        choice = self._current
+        if self._clock.now() - self._since < choice.after_sec - _TOLERANCE_SEC:
             return self._named("RUNNING", options)
         self._current = None
-        return self._named(step.answer, options)
+        at_once = choice.usual and not choice.after_sec
+        return nominal(options) if at_once else self._named(choice.answer, options)
+
+    def _next(self, options: Sequence[Answer]) -> Drawn:
+        """Return what is chosen of the steps that are left, or else what is usual."""
+        step = next((left.step for left in self._steps if left.take(self._holds, self._random)), None)
+        usual = nominal(options)
+        if step is None:
+            return Drawn(self._leaf, usual.name)
+        after_sec = step.after_sec
+        if step.longest_sec > after_sec:
+            after_sec = round(self._random.uniform(after_sec, step.longest_sec), 3)
+        named = _by_name(step.answer, options)
+        return Drawn(self._leaf, step.answer, after_sec, named[:1] == [usual])
 
     def _named(self, name: str, options: Sequence[Answer]) -> Answer:
-        found = [answer for answer in options if answer.label == name]
-        found += [answer for answer in options if answer.status == name]
+        found = _by_name(name, options)
         if found:
             return found[0]
         leaf = self._leaf
@@ -92,6 +140,12 @@ class _Plan:
             raise ScriptedError(message) from error
 
 
+def _by_name(name: str, options: Sequence[Answer]) -> list[Answer]:
+    """Return the answers that a label or a status names, those with the label first."""
+    labelled = [answer for answer in options if answer.label == name]
+    return labelled + [answer for answer in options if answer.status == name]
+
+
 _Holds = Callable[[AnswerStep], bool]
 
 
@@ -103,12 +157,14 @@ class _Left:
         self._left = step.times
         self._chances = 0
 
-    def take(self, holds: _Holds) -> bool:
+    def take(self, holds: _Holds, random: Random) -> bool:
         """Take the step, if that can be now."""
         if self._left == 0 or not holds(self.step):
             return False
         self._chances += 1
         if self._chances % self.step.every:
+            return False
+        if self.step.chance < 1.0 and random.random() >= self.step.chance:
             return False
         if self._left is not None:
             self._left -= 1

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.simulate.scenario import AnswerStep
-from sar_compiler.checks.typed_values import script, seconds
+from sar_compiler.checks.typed_values import script, span_sec
 from sar_compiler.compiler.simulated_tree import fits
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.runtime.stub_leaf import StubLeaf
@@ -52,12 +52,15 @@ def _step(
     after = parts.get("after")
     if after is not None:
         _check_running(document, after, leaves)
+    least, longest = span_sec(after) if after else (0.0, 0.0)
     step = AnswerStep(
         answer or "",
-        after_sec=seconds(after) if after else 0.0,
+        after_sec=least,
+        longest_sec=longest,
         when=script(document, parts.get("when")),
         times=_times(parts["times"]) if "times" in parts else times,
         every=int(parts["every"].data) if "every" in parts else 1,
+        chance=float(parts["chance"].data) if "chance" in parts else 1.0,
     )
     return step if answer is not None else None
 

@@ -97,6 +97,15 @@ class Search(MissionRun):
         """Return that no zone is left, once that is so."""
         return "" if self._zones.has_remaining() else "No zone is left"
 
+    def figures(self) -> dict[str, float]:
+        """Return the numbers of zones and of survivors."""
+        survivors = self._record.survivors
+        return {
+            "zones visited": len(self._record.zones_visited),
+            "survivors found": len(survivors),
+            "survivors reported": sum(survivor.acknowledged for survivor in survivors),
+        }
+
     def summary(self, elapsed_sec: float, ticks: int) -> str:
         """Return the zones, the survivors, the return home, and what is missing."""
         return mission_summary(self._record, self._zones, elapsed_sec, ticks)

@@ -61,6 +61,27 @@ MISTAKES = {
         7,
         "advanced",
     ),
+    "a chance above 1": (
+        "leaves: {NavigateToZone: {answer: aborted, chance: 5}}",
+        "wrong-value",
+        1,
+        52,
+        None,
+    ),
+    "a chance of nothing": (
+        "leaves: {NavigateToZone: {answer: aborted, chance: 0}}",
+        "wrong-value",
+        1,
+        52,
+        None,
+    ),
+    "half of two durations": (
+        "leaves: {NavigateToZone: {answer: aborted, after: 4s to}}",
+        "wrong-value",
+        1,
+        51,
+        None,
+    ),
     "a step without an answer": ("leaves: {AdvanceZone: {after: 1s}}", "missing-key", 1, 10, None),
     "an unknown part of a step": (
         "leaves: {NavigateToZone: {answer: arrived, aftr: 1s}}",

@@ -1,5 +1,7 @@
 """What leaves answer, and when, as a scenario says."""
 
+from dataclasses import replace
+
 import pytest
 
 from sar_compiler.checks.simulate.judging import failures
@@ -204,3 +206,43 @@ def test_the_same_stage_plays_any_number_of_scenarios():
     here = stage()
     runs = [ScenarioPlayer(play.simulated, play.scenario).go() for play in (here.play(), here.play())]
     assert [run.simulated.fact_values()["zones_left"] for run in runs] == [2, 2]
+
+
+def by_chance(script, seed=0, ticks=200):
+    play = read(f"until: tick == {ticks}\nleaves:\n  NavigateToZone: {script}", DRIVE)
+    return ScenarioPlayer(play.simulated, replace(play.scenario, seed=seed)).go()
+
+
+def test_a_step_with_a_chance_is_taken_now_and_then_and_else_the_next_one():
+    script = "[{answer: aborted, chance: 0.25, times: always}, {answer: arrived, times: always}]"
+    said = answers(by_chance(script, ticks=400), "NavigateToZone")
+    assert set(said) == {"aborted", "arrived"}
+    assert 70 <= said.count("aborted") <= 130
+
+
+def test_the_same_seed_gives_the_same_run_and_another_one_another():
+    script = "{answer: aborted, chance: 0.5}"
+    runs = [answers(by_chance(script, seed), "NavigateToZone") for seed in (1, 1, 2)]
+    assert runs[0] == runs[1] != runs[2]
+
+
+def test_a_time_between_two_durations_is_another_one_each_time():
+    run = by_chance("[{answer: aborted, after: 1s to 3s, times: always}]", ticks=300)
+    said = "".join("." if each == "driving" else "!" for each in answers(run, "NavigateToZone"))
+    lengths = {len(part) for part in said.split("!")[:-1]}
+    assert lengths == {3, 4, 5, 6}
+
+
+def test_what_was_chosen_is_kept_with_whether_it_is_usual():
+    play = read("until: tick == 3\nleaves:\n  NavigateToZone: [aborted, {answer: arrived, after: 9s}]", DRIVE)
+    player = ScenarioPlayer(play.simulated, play.scenario)
+    player.go()
+    assert [each[1:] for each in player.scripted.choices] == [("aborted", 0.0, False), ("arrived", 9.0, True)]
+
+
+def test_a_leaf_of_which_nothing_is_said_may_answer_what_is_not_usual():
+    play = read("until: tick == 400", DRIVE)
+    run = ScenarioPlayer(play.simulated, replace(play.scenario, unusual=0.25)).go()
+    said = answers(run, "NavigateToZone")
+    assert set(said) == {"arrived", "aborted"}
+    assert 70 <= said.count("aborted") <= 130

@@ -1,0 +1,1 @@
+"""Many runs by chance: how often a mission succeeds, for each combination of what is varied."""

@@ -1,0 +1,116 @@
+"""Who plays the runs of a sweep: this process, processes on all cores, or a Dask cluster."""
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from sar_compiler.errors import SarError
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+_Result = TypeVar("_Result")
+
+
+class ClusterError(SarError):
+    """A Dask cluster cannot be reached."""
+
+
+class Here(Executor):
+    """Does the work at once, in this thread."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> "Future[Any]":
+        """Return the result in a future that is done."""
+        future: Future[Any] = Future()
+        future.set_result(fn(*args, **kwargs))
+        return future
+
+
+class Workers:
+    """An executor that is made anew if it breaks, because one of its processes was killed.
+
+    Args:
+        make: Makes an executor.
+        count: How much it does at the same time.
+        stop: Stops an executor, and drops what was not begun.
+
+    Attributes:
+        ahead: How much to submit before a result is awaited, so that no worker is idle.
+    """
+
+    def __init__(
+        self, make: Callable[[], Executor], count: int, stop: Callable[[Executor], object] | None = None
+    ) -> None:
+        self.ahead = 2 * count if count > 1 else 1
+        self._make = make
+        self._stop = stop or (lambda executor: executor.shutdown(cancel_futures=True))
+        self._executor = make()
+
+    def submit(self, work: "Callable[..., _Result]", *arguments: object) -> "Future[_Result]":
+        """Have some work done; what was under way when the executor broke is lost."""
+        try:
+            return self._executor.submit(work, *arguments)
+        except BrokenExecutor:
+            self._executor = self._make()
+            return self._executor.submit(work, *arguments)
+
+    def __enter__(self) -> "Self":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop(self._executor)
+
+
+def in_processes(count: int) -> Workers:
+    """Return worker processes; for one, this process works itself."""
+    if count == 1:
+        return Workers(Here, 1)
+    # Each is started afresh, on every platform: a copy of this process would have its threads' locks.
+    context = multiprocessing.get_context("spawn")
+    return Workers(lambda: ProcessPoolExecutor(count, context, _begin), count)
+
+
+def _begin() -> None:
+    """Leave Ctrl-C to the parent process, and end with it however it ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    assert parent is not None  # noqa: S101 - this is a worker
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+
+
+def _end_with(parent: Any) -> None:
+    parent.join()
+    os._exit(1)
+
+
+def on_dask(address: str) -> Workers:
+    """Return the workers of a Dask cluster, which have this package and the files under the same paths.
+
+    Args:
+        address: The scheduler's, such as `tcp://host:8786`.
+
+    Raises:
+        ClusterError: If it cannot be reached, or has no workers.
+        ImportError: If `dask.distributed` is not installed.
+    """
+    from distributed import Client
+
+    try:
+        client = Client(address, timeout="5s")
+    except (OSError, ValueError) as error:
+        message = f"no Dask scheduler answers at '{address}' ({error})"
+        raise ClusterError(message) from error
+    count = sum(client.nthreads().values())
+    if not count:
+        message = f"the Dask cluster at '{address}' has no workers"
+        raise ClusterError(message)
+
+    def stop(executor: Executor) -> None:
+        executor.shutdown(wait=False)
+        client.close()
+
+    return Workers(lambda: client.get_executor(pure=False), count, stop)

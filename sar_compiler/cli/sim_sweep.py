@@ -1,0 +1,110 @@
+"""`sar-sim sweep`: how often a mission succeeds in the simulator, by many flights."""
+
+import argparse
+import itertools
+import shlex
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sar_compiler.cli.arguments import speed
+from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_nodes, add_trust, additions
+from sar_compiler.cli.sweep_command import Written, add_sweep_options, swept, varied
+
+if TYPE_CHECKING:
+    from sar_compiler.checks.sweep.sweeping import Played, SweptRow
+    from sar_compiler.sim.flights import Flights
+
+DEFAULT_WORLD = "disaster_zone"
+_NO_FAULTS = "none"
+# Discovery takes its time also on a machine with nothing else to do, so a faster clock gains little.
+_SPEED = 20.0
+
+
+def add_sim_sweep(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `sar-sim sweep`."""
+    add = parser.add_argument
+    add("tree", metavar="TREE", help=FILE_HELP)
+    text = f"a world; may be repeated (default {DEFAULT_WORLD})"
+    add("--world", action="append", metavar="W", help=text)
+    text = f"what goes wrong in one flight, as --fault of sar-run has it, or {_NO_FAULTS}; may be repeated"
+    add("--faults", action="append", metavar="'SPEC SPEC'", help=text)
+    add("--param", action="append", default=[], type=varied, metavar="NAME=A,B", help="vary a ROS parameter")
+    add("--params", type=Path, metavar="FILE", help="a ROS 2 parameter file")
+    text = f"simulated seconds per second, at most (default {_SPEED:g})"
+    add("--speed", type=speed, default=_SPEED, metavar="N", help=text)
+    add_nodes(parser)
+    add_include_path(parser)
+    add_trust(parser)
+    add_sweep_options(parser, runs=30, half_width=0.1)
+    parser.set_defaults(model=[])
+
+
+def sweep_missions(options: argparse.Namespace) -> int:
+    """Fly the combinations, print the table, and return the exit status: 0 if no flight has failed.
+
+    Raises:
+        TreeError: If the tree or a world is not valid.
+        SarError: If a file cannot be read, a fault cannot happen, or a flight ends before its mission begins.
+    """
+    from sar_compiler.sim.flights import fewest_faults, in_threads
+
+    # The flights are stopped in order, however the command is.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    rows = dict(_rows(options))
+    output = options.output or Path(f"{Path(options.tree).stem}_failing.sh")
+
+    def write(row: "SweptRow", played: "Played") -> Written:
+        command = ["sar-run", *fewest_faults(rows[row], played.seed).command(played.seed)]
+        reason = " ".join(played.failure.split())
+        output.write_text(f"#!/bin/sh\n# {reason}\nexec {shlex.join(command)}\n", encoding="utf-8")
+        return output, shlex.join(["sh", str(output)])
+
+    return swept(list(rows), 1, in_threads, write, options)
+
+
+def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweptRow, Flights]]":
+    """Yield a row for each combination, with what it flies; what can be checked beforehand is."""
+    from sar_compiler.checks.sweep.sweeping import SweptRow
+    from sar_compiler.sim.flights import Flights
+
+    worlds, mixes = options.world or [DEFAULT_WORLD], options.faults or [_NO_FAULTS]
+    _check(options, worlds, mixes)
+    for world, mix, *values in itertools.product(worlds, mixes, *(listed for _, listed in options.param)):
+        labels = {"world": world} if len(worlds) > 1 else {}
+        labels |= {"faults": mix} if len(mixes) > 1 else {}
+        ros: list[str] = []
+        for (name, _), (text, _) in zip(options.param, values, strict=True):
+            labels[name] = text
+            ros += ["-p", f"{name}:={text}"]
+        faults = () if mix == _NO_FAULTS else tuple(mix.split())
+        flights = Flights((options.tree, "--sim", world, *_passed_on(options)), faults, tuple(ros))
+        yield SweptRow(labels, flights), flights
+
+
+def _check(options: argparse.Namespace, worlds: list[str], mixes: list[str]) -> None:
+    from sar_compiler.missions.choosing import choose_mission
+    from sar_compiler.project import Workspace
+    from sar_compiler.ros.faults import NAVIGATION_FAULTS, parse_fault
+    from sar_compiler.sim.world_file import find_world
+
+    loaded = Workspace(additions(options)).load(options.tree)
+    mission = choose_mission(loaded.binding(), None, loaded.project.checkout)
+    targets = {**(mission.faults if mission is not None else {}), **NAVIGATION_FAULTS}
+    for mix in mixes:
+        for fault in mix.split() if mix != _NO_FAULTS else ():
+            parse_fault(fault, targets)
+    for world in worlds:
+        find_world(world)
+
+
+def _passed_on(options: argparse.Namespace) -> Iterator[str]:
+    """Yield the options that `sar-run` has as well."""
+    yield from ("--speed", f"{options.speed:g}")
+    if options.params is not None:
+        yield from ("--params", str(options.params))
+    for name, values in (("--nodes", options.nodes), ("--include-path", options.include_path)):
+        yield from (part for value in values for part in (name, str(value)))
+    if options.trust:
+        yield "--trust"

@@ -1,0 +1,128 @@
+"""`sar-compile sweep`: how often a tree succeeds, by many simulated runs."""
+
+import argparse
+import itertools
+import shlex
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sar_compiler.cli.arguments import count
+from sar_compiler.cli.loading import FILE_HELP, add_project_options, additions, workspace
+from sar_compiler.cli.simulate import scenario_files, script
+from sar_compiler.cli.sweep_command import Written, add_sweep_options, probabilities, swept, varied
+from sar_compiler.errors import SarError
+
+if TYPE_CHECKING:
+    from sar_compiler.checks.sweep.sweeping import Played, SweptRow
+    from sar_compiler.project.swept import ScenarioRuns
+
+# Half the width of the interval of a tree that always succeeds is below 0.02 after four batches.
+_BATCH = 25
+
+
+class NothingByChanceError(SarError):
+    """All runs of a sweep would be the same."""
+
+
+def add_sweep(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `sweep`."""
+    add = parser.add_argument
+    add("file", metavar="FILE", help=FILE_HELP)
+    text = "what leaves answer, with the chance of each; or a folder of such files; may be repeated"
+    add("--scenario", action="append", default=[], type=Path, metavar="S.yaml", help=text)
+    text = "the chance that a leaf of which the scenario says nothing answers what is not usual (default 0)"
+    add("--unusual", type=probabilities, default=(0.0,), metavar="P,P", help=text)
+    add("--param", action="append", default=[], type=varied, metavar="NAME=A,B", help="vary a parameter")
+    text = "vary what a fact is at the start"
+    add("--set", action="append", default=[], type=varied, metavar="FACT=A,B", help=text)
+    text = "count an event, such as 'NavigateToZone halted'; may be repeated"
+    add("--count", action="append", default=[], metavar="EVENT", help=text)
+    add("--tree", metavar="ID", help="the tree to tick (default: the one the file executes)")
+    add("--ticks", type=count, metavar="N", help="break a run off after so many ticks")
+    text = "end when this is true (default: when the root has succeeded or failed)"
+    add("--until", type=script, metavar="SCRIPT", help=text)
+    add_project_options(parser)
+    add_sweep_options(parser, runs=1000, half_width=0.02)
+    parser.set_defaults(run=sweep_file)
+
+
+def sweep_file(arguments: argparse.Namespace) -> int:
+    """Play the combinations, print the table, and return the exit status: 0 if no run has failed.
+
+    Raises:
+        TreeError: If the tree, a scenario, or what is varied is not valid.
+        SarError: If a file cannot be read, or nothing is left to chance.
+    """
+    from sar_compiler.checks.sweep.workers import in_processes
+    from sar_compiler.project.swept import smallest_scenario
+
+    rows = dict(_rows(arguments))
+    if not any(runs.are_by_chance() for runs in rows.values()):
+        message = "all runs would be the same: give steps of a scenario a chance: (or after: 4s to 9s), or say --unusual 0.1"
+        raise NothingByChanceError(message)
+    output = arguments.output or Path(f"{Path(arguments.file).stem}_failing.yaml")
+
+    def write(row: "SweptRow", played: "Played") -> Written | None:
+        text = smallest_scenario(rows[row], played.seed)
+        if text is None:
+            return None
+        output.write_text(text, encoding="utf-8")
+        return output, shlex.join(["sar-compile", "simulate", arguments.file, "--scenario", str(output)])
+
+    return swept(list(rows), _BATCH, in_processes, write, arguments)
+
+
+def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweptRow, ScenarioRuns]]":
+    """Yield a row for each combination, with what it plays; all of them are known to be valid."""
+    from sar_compiler.checks.simulate.scenario_files import read_scenario
+    from sar_compiler.checks.sweep.sweeping import SweptRow
+    from sar_compiler.documents.yaml_files import read_yaml
+    from sar_compiler.project.swept import ScenarioRuns, content_of
+    from sar_compiler.project.swept import varied as changed
+
+    tree = workspace(arguments).load(arguments.file)
+    stage = tree.stage(arguments.tree)
+    stage.binding()
+    content = content_of(tree)
+    paths = scenario_files(arguments.scenario)
+    fixed = {
+        "ticks": arguments.ticks,
+        "until": arguments.until and arguments.until.text,
+    }
+    for path in paths:
+        scenario: Mapping[str, object] = {}
+        if path is not None:
+            if not arguments.param:
+                read_scenario(path, stage)  # mistakes in it are said at their places
+            scenario = read_yaml(path, "").root.data
+        for unusual, labels, changes in _combinations(arguments):
+            own = {key: value for key, value in {**fixed, **changes}.items() if value}
+            if arguments.tree and "tree" not in scenario:
+                own["tree"] = arguments.tree
+            runs = ScenarioRuns(
+                tree.path.resolve(),
+                content,
+                additions(arguments),
+                changed(scenario, own),
+                f"{path} (varied)" if path is not None else "command line",
+                unusual,
+                tuple(arguments.count),
+            )
+            runs.events(runs.understood().simulated)
+            named = {"scenario": Path(path).stem} if path is not None and len(paths) > 1 else {}
+            yield SweptRow({**named, **labels}, runs), runs
+
+
+def _combinations(
+    arguments: argparse.Namespace,
+) -> Iterator[tuple[float, Mapping[str, str], Mapping[str, Mapping[str, object]]]]:
+    """Yield the chance of what is unusual, the labels, and the changes of a scenario, for each combination."""
+    axes = [("parameters", each) for each in arguments.param] + [("facts", each) for each in arguments.set]
+    for unusual in arguments.unusual:
+        for values in itertools.product(*(listed for _, (_, listed) in axes)):
+            labels = {"unusual": f"{unusual:g}"} if len(arguments.unusual) > 1 else {}
+            changes: dict[str, dict[str, object]] = {}
+            for (key, (name, _)), value in zip(axes, values, strict=True):
+                labels[name], changes.setdefault(key, {})[name] = value
+            yield unusual, labels, changes

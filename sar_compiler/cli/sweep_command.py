@@ -1,0 +1,132 @@
+"""What the two commands that sweep have in common: their options, progress, and result."""
+
+import argparse
+import contextlib
+import os
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import CancelledError
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sar_compiler.cli.arguments import FINDINGS, INTERRUPTED, OK, count, seed
+
+if TYPE_CHECKING:
+    from sar_compiler.checks.sweep.sweeping import Played, SweptRow
+    from sar_compiler.checks.sweep.workers import Workers
+
+
+Varied = tuple[str, list[tuple[str, object]]]
+"""The name of what is varied, and its values: as written, and as data."""
+
+Written = tuple[Path, str]
+"""The file of a sweep's smallest failure, and the command that plays it again."""
+
+
+def add_sweep_options(parser: argparse.ArgumentParser, *, runs: int, half_width: float) -> None:
+    """Add the options that both commands have; *runs* and *half_width* are the defaults of two."""
+    add = parser.add_argument
+    text = f"play each combination so often at most (default {runs})"
+    add("--runs", type=count, default=runs, metavar="N", help=text)
+    text = f"end a row once half its interval's width is no more than this (default {half_width:g}; 0: never)"
+    add("--half-width", type=_probability, default=half_width, metavar="W", help=text)
+    text = "the confidence of the intervals, which are Wilson's (default 0.95)"
+    add("--confidence", type=_confidence, default=0.95, metavar="C", help=text)
+    text = "status 0 if every interval lies at or above this rate (default: if no run has failed)"
+    add("--at-least", type=_probability, metavar="RATE", help=text)
+    text = "the seed of the first run of each combination (default 0)"
+    add("--seed", type=seed, default=0, metavar="N", help=text)
+    text = "how many runs to play at the same time (default: as many as there are cores)"
+    add("--jobs", type=count, default=os.cpu_count() or 1, metavar="N", help=text)
+    text = "play on a Dask cluster instead: its scheduler, such as tcp://host:8786"
+    add("--dask", metavar="ADDRESS", help=text)
+    text = "where to write the smallest scenario that fails, if any does"
+    add("-o", "--output", type=Path, metavar="FAILING", help=text)
+    add("--format", choices=("text", "json"), default="text", help="for people, or for scripts")
+
+
+def probabilities(text: str) -> tuple[float, ...]:
+    """Read probabilities with commas between them."""
+    return tuple(_probability(part) for part in text.split(","))
+
+
+def _confidence(text: str) -> float:
+    value = _probability(text)
+    if value in (0.0, 1.0):
+        message = f"'{text}' is not a number above 0 and below 1"
+        raise argparse.ArgumentTypeError(message)
+    return value
+
+
+def _probability(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value <= 1.0:
+        message = f"'{text}' is not a number between 0 and 1"
+        raise argparse.ArgumentTypeError(message)
+    return value
+
+
+def varied(text: str) -> Varied:
+    """Read `NAME=VALUE,VALUE`; a comma in brackets or in quotes separates no values."""
+    from sar_compiler.documents.yaml_files import parse_yaml
+    from sar_compiler.tree.diagnostic import TreeError
+
+    name, sign, listed = text.partition("=")
+    values: list[tuple[str, object]] = []
+    with contextlib.suppress(TreeError):
+        items = parse_yaml(f"[{listed}]", "", "").root.listed
+        values = [(f"[{listed}]"[item.start : item.end], item.data) for item in items]
+    if not (name.strip() and sign and values):
+        message = f"'{text}' is not NAME=VALUE,VALUE, such as tries=1,2,3"
+        raise argparse.ArgumentTypeError(message)
+    return name.strip(), values
+
+
+def swept(
+    rows: "Sequence[SweptRow]",
+    batch: int,
+    workers: "Callable[[int], Workers]",
+    write: "Callable[[SweptRow, Played], Written | None]",
+    arguments: argparse.Namespace,
+) -> int:
+    """Play rows and print their table, also after Ctrl-C; return the exit status.
+
+    Args:
+        rows: What is to be played.
+        batch: The number of runs after each of which a row may end.
+        workers: Returns as many who play, unless `--dask` says who.
+        write: Writes the smallest failure out; returns None if that is not possible.
+        arguments: The command's arguments.
+    """
+    from sar_compiler.checks.sweep.sweeping import StoppingRule, smallest_failure, sweep
+    from sar_compiler.checks.sweep.workers import on_dask
+    from sar_compiler.views.sweep_table import sweep_as_json, sweep_as_text
+
+    rule = StoppingRule(arguments.runs, arguments.half_width, arguments.confidence, batch)
+    stopped = False
+    try:
+        with on_dask(arguments.dask) if arguments.dask else workers(arguments.jobs) as working:
+            sweep(rows, rule, arguments.seed, working, _show)
+    except (KeyboardInterrupt, CancelledError):
+        stopped = True
+    _show(())
+    failure = None if stopped else smallest_failure(rows)
+    written = None if failure is None else write(*failure)
+    view = sweep_as_json if arguments.format == "json" else sweep_as_text
+    print(view(rows, rule, failure, written))
+    if stopped:
+        return INTERRUPTED
+    if arguments.at_least is not None:
+        return OK if all(rule.interval(row.outcomes).low >= arguments.at_least for row in rows) else FINDINGS
+    return OK if failure is None else FINDINGS
+
+
+def _show(rows: "Sequence[SweptRow]") -> None:
+    """Show the progress in a line that is overwritten, on a terminal; without rows, remove it."""
+    if sys.stderr.isatty():
+        done, runs = sum(row.is_done for row in rows), sum(len(row.outcomes) for row in rows)
+        text = f"{runs:,} runs, {done} of {len(rows)} rows done" if rows else ""
+        print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)

@@ -1,0 +1,143 @@
+"""Missions in the simulator, each in a process and in a ROS domain of its own."""
+
+import json
+import os
+import random
+import shlex
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator, Sequence
+from concurrent.futures import CancelledError, Executor, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import IO
+
+from sar_compiler.checks.sweep.sweeping import Played
+from sar_compiler.checks.sweep.workers import Workers
+from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, USAGE
+from sar_compiler.errors import SarError
+
+# Ports of higher domains are among those that Linux gives to anybody.
+_DOMAINS = range(1, 102)
+# What was killed, or had company in its domain, is flown again.
+_MOST_ATTEMPTS = 4
+# Part of the message of `sim.isolation` about company.
+_COMPANY = "must not mix with another one"
+
+_flying: "set[subprocess.Popen[str]]" = set()
+_over = threading.Event()
+
+
+class FlightError(SarError):
+    """A mission cannot be flown."""
+
+
+@dataclass(frozen=True)
+class Flights:
+    """Flies a mission with the seeds that it is given.
+
+    Attributes:
+        arguments: The arguments of `sar-run` before the faults: the tree and the world among them.
+        faults: The faults, as written.
+        ros: The ROS arguments.
+    """
+
+    arguments: tuple[str, ...]
+    faults: tuple[str, ...] = ()
+    ros: tuple[str, ...] = ()
+
+    def command(self, seed: int) -> list[str]:
+        """Return the arguments of `sar-run` for a seed."""
+        faults = [part for fault in self.faults for part in ("--fault", fault)]
+        ros = ["--ros-args", *self.ros] if self.ros else []
+        return [*self.arguments, *faults, "--seed", str(seed), *ros]
+
+    def __call__(self, seeds: Sequence[int]) -> list[Played]:
+        """Return what comes of a mission for each seed.
+
+        Raises:
+            FlightError: If it cannot be flown.
+            CancelledError: If nobody waits for it any more.
+        """
+        return [self._outcome(seed) for seed in seeds]
+
+    def _outcome(self, seed: int) -> Played:
+        problem = ""
+        for _ in range(_MOST_ATTEMPTS):
+            status, output, problem = _flown(["--summary", "json", *self.command(seed)])
+            if _over.is_set() or status == INTERRUPTED:
+                raise CancelledError
+            if status in (OK, FINDINGS):
+                said = json.loads(output.splitlines()[-1])
+                reason = "" if status == OK else said["reason"] or "failed"
+                size = (len(self.faults), said["ticks"])
+                return Played(seed, reason, said["duration"], said["figures"], size)
+            if status == USAGE and _COMPANY not in problem:
+                break
+        message = f"sar-run {shlex.join(self.command(seed))}: {problem or f'status {status}'}"
+        raise FlightError(message)
+
+
+def _flown(arguments: Sequence[str]) -> tuple[int, str, str]:
+    """Fly a mission; return its status, what it has printed, and its last words on standard error."""
+    with _free_domain() as (domain, lock):
+        process = subprocess.Popen(  # noqa: S603 - the project's own command
+            [sys.executable, "-m", "sar_compiler.cli.run", *arguments],
+            env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            # The domain is taken as long as the mission runs, whatever becomes of this process.
+            pass_fds=[lock.fileno()],
+        )
+        _flying.add(process)
+        try:
+            output, log = process.communicate()
+        finally:
+            _flying.discard(process)
+    return process.returncode, output, log.strip().rpartition("\n")[2]
+
+
+@contextmanager
+def _free_domain() -> Iterator[tuple[int, IO[str]]]:
+    """Take a ROS domain that no other sweep of this machine uses."""
+    import fcntl
+
+    for domain in random.sample(_DOMAINS, len(_DOMAINS)):
+        path = Path(tempfile.gettempdir()) / f"sar_sim_domain_{domain}.lock"
+        try:
+            with path.open("a") as lock:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                yield domain, lock
+                return
+        except OSError:  # taken, or somebody else's file
+            continue
+    message = "all ROS domains of this machine are taken by other sweeps"
+    raise FlightError(message)
+
+
+def fewest_faults(flights: Flights, seed: int) -> Flights:
+    """Return the flights with those faults alone without which the mission of a seed does not fail."""
+    for fault in flights.faults:
+        fewer = replace(flights, faults=tuple(each for each in flights.faults if each != fault))
+        if fewer([seed])[0].failure:
+            flights = fewer
+    return flights
+
+
+def in_threads(count: int) -> Workers:
+    """Return workers that each wait for a mission; what still flies in the end is stopped."""
+    _over.clear()
+
+    def stop(executor: Executor) -> None:
+        _over.set()
+        for process in list(_flying):
+            process.terminate()
+        executor.shutdown(cancel_futures=True)
+        _over.clear()
+
+    return Workers(lambda: ThreadPoolExecutor(count), count, stop)

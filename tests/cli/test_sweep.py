@@ -1,0 +1,194 @@
+"""`sar-compile sweep` as its users and their scripts see it."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.cli.compile import main
+from tests.trees import document
+from tests.waiting import News
+
+SCENARIO = """
+ticks: 100
+until: "zones_left == 0 && at == 'base'"
+leaves:
+  NavigateToZone: [{answer: aborted, chance: 0.2, times: always}, {answer: arrived, after: 2s to 6s, times: always}]
+  NavigateToBase: [{answer: aborted, chance: 0.1, times: always}]
+"""
+MISSION = ("search_and_rescue", "--count", "NotifyBase acknowledged", "--set", "zones_left=1,2")
+
+
+def run(capsys, *arguments):
+    status = main(["sweep", *map(str, arguments)])
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    """Work in an empty folder, with a scenario in it."""
+    monkeypatch.chdir(tmp_path)
+    Path("day.yaml").write_text(SCENARIO, encoding="utf-8")
+    Path("tree.xml").write_text(document('<NavigateToZone name="Go"/>'), encoding="utf-8")
+    return tmp_path
+
+
+def table(text):
+    return [line.split() for line in text.split("\n\n")[0].splitlines()]
+
+
+def test_the_table_has_a_row_for_each_combination(capsys):
+    status, out, _ = run(
+        capsys, *MISSION, "--scenario", "day.yaml", "--unusual", "0,0.2", "--runs", 25, "--jobs", 1
+    )
+    assert status == 1
+    rows = table(out)
+    assert [row[:3] for row in rows[1:]] == [
+        ["0", "1", "25"],
+        ["0", "2", "25"],
+        ["0.2", "1", "25"],
+        ["0.2", "2", "25"],
+    ]
+    assert out.startswith("unusual  zones_left  runs  success  95 % interval  time (median)")
+
+
+def test_one_process_several_and_a_cluster_give_the_same(capsys):
+    distributed = pytest.importorskip("distributed")
+    wanted = [*MISSION, "--scenario", "day.yaml", "--runs", 50, "--half-width", 0.12]
+    one = run(capsys, *wanted, "--jobs", 1)
+    assert run(capsys, *wanted, "--jobs", 2) == one
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=2, dashboard_address=None) as cluster:
+        assert run(capsys, *wanted, "--dask", cluster.scheduler_address) == one
+
+
+def children_of(process):
+    listed = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text(encoding="ascii").split()
+    return [
+        int(each)
+        for each in listed
+        if "spawn_main" in Path(f"/proc/{each}/cmdline").read_text(encoding="utf-8")
+    ]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks for the workers in /proc")
+def test_workers_that_are_killed_change_nothing_in_the_table(capsys):
+    wanted = [*map(str, MISSION), "--scenario", "day.yaml", "--runs", "100", "--half-width", "0"]
+    command = [sys.executable, "-m", "sar_compiler.cli.compile", "sweep", *wanted, "--jobs", "2"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        news = News()
+        with news:
+            news.wait_until(lambda: len(children_of(process)) == 2, lambda: "the two workers do not start")
+        for worker in children_of(process):
+            os.kill(worker, signal.SIGKILL)
+        out, err = process.communicate()
+    finally:
+        process.kill()
+    assert (process.returncode, out, err) == run(capsys, *wanted, "--jobs", 1)
+
+
+def test_the_smallest_failure_is_written_as_a_scenario_that_fails(capsys):
+    status, out, _ = run(capsys, "search_and_rescue", "--scenario", "day.yaml", "--runs", 50, "--jobs", 1)
+    assert status == 1
+    command = out.splitlines()[-1].partition("play it again: sar-compile ")[2].split()
+    assert command[-1] == "search_and_rescue_failing.yaml"
+    assert main(command) == 1
+    assert "does not hold" in capsys.readouterr().out
+
+
+def test_the_same_as_json(capsys):
+    options = ("--scenario", "day.yaml", "--runs", 50, "--jobs", 1, "--format", "json", "-o", "small.yaml")
+    status, out, _ = run(capsys, *MISSION, *options)
+    result = json.loads(out)
+    assert status == 1
+    assert [row["labels"] for row in result["rows"]] == [{"zones_left": "1"}, {"zones_left": "2"}]
+    for row in result["rows"]:
+        assert row["runs"] == row["successes"] + len(row["failures"]) == 50
+        assert row["interval"][0] < row["rate"] < row["interval"][1]
+        assert row["means"].keys() == {"NotifyBase acknowledged"}
+    assert (result["smallest"]["file"], Path("small.yaml").is_file()) == ("small.yaml", True)
+
+
+@pytest.mark.parametrize(
+    ("unusual", "least", "status"), [("0.5", [], 1), ("0.5", [0.3], 0), ("0.5", [0.6], 1)]
+)
+def test_the_status_says_whether_the_rate_is_high_enough(capsys, unusual, least, status):
+    wanted = [f"--at-least={rate}" for rate in least]
+    assert run(capsys, "tree.xml", "--unusual", unusual, "--runs", 100, "--jobs", 1, *wanted)[0] == status
+
+
+def test_a_tree_that_never_fails_has_status_0_and_nothing_is_written(capsys, folder):
+    Path("tree.xml").write_text(document("<ForceSuccess><NavigateToZone/></ForceSuccess>"), encoding="utf-8")
+    status, out, err = run(capsys, "tree.xml", "--unusual", "0.5", "--jobs", 1)
+    assert (status, err) == (0, "")
+    assert table(out)[1][:6] == ["100", "100.0", "%", "96.3", "to", "100.0"]
+    assert {path.name for path in folder.iterdir()} == {"day.yaml", "tree.xml"}
+
+
+def test_a_parameter_is_varied(capsys):
+    tree = '<Retry num_failures="{@tries}"><NavigateToZone/></Retry>'
+    Path("tree.xml").write_text(document(tree), encoding="utf-8")
+    _, out, _ = run(capsys, "tree.xml", "--unusual", 0.5, "--param", "tries=1,4", "--runs", 200, "--jobs", 1)
+    rates = [float(row[2]) for row in table(out)[1:]]
+    assert 40.0 < rates[0] < 60.0
+    assert 85.0 < rates[1] < 99.0
+
+
+def test_runs_that_would_all_be_the_same_are_refused(capsys):
+    status, out, err = run(capsys, "tree.xml", "--jobs", 1)
+    assert (status, out) == (2, "")
+    assert "all runs would be the same" in err
+    assert "--unusual 0.1" in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--set", "zones_lft=1"], "no leaf of this tree knows a fact 'zones_lft'"),
+        (["--set", "zones_left=many"], "the fact 'zones_left' is a whole number, and this is 'many'"),
+        (["--count", "Go arived"], "did you mean 'arrived'?"),
+        (["--scenario", "no.yaml"], "cannot read no.yaml"),
+        (["--dask", "tcp://127.0.0.1:1"], "no Dask scheduler answers at 'tcp://127.0.0.1:1'"),
+    ],
+)
+def test_what_cannot_be_played_is_said(capsys, arguments, words):
+    status, out, err = run(capsys, "tree.xml", "--unusual", 0.1, *arguments)
+    assert (status, out) == (2, "")
+    assert words in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--param", "tries"], "'tries' is not NAME=VALUE,VALUE"),
+        (["--param", "tries=[1"], "is not NAME=VALUE,VALUE"),
+        (["--unusual", "2"], "'2' is not a number between 0 and 1"),
+        (["--confidence", "1"], "'1' is not a number above 0 and below 1"),
+        (["--seed", "-1"], "'-1' is not a whole number, 0 or above"),
+    ],
+)
+def test_wrong_usage_is_refused(capsys, arguments, words):
+    with pytest.raises(SystemExit) as end:
+        run(capsys, "tree.xml", *arguments)
+    assert end.value.code == 2
+    assert words in capsys.readouterr().err
+
+
+def test_a_cluster_without_the_library_names_the_extra(capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    status, _, err = run(capsys, "tree.xml", "--unusual", 0.1, "--dask", "tcp://127.0.0.1:1")
+    assert status == 2
+    assert "pip install 'sar_compiler[sweep]'" in err
+
+
+def test_simulate_plays_a_scenario_by_its_seed(capsys):
+    def played(seed):
+        main(["simulate", "search_and_rescue", "--scenario", "day.yaml", "--seed", str(seed)])
+        return capsys.readouterr().out
+
+    assert played(1) == played(1) != played(2)

@@ -1,0 +1,91 @@
+"""`sar-sim sweep`: real missions in the simulator, many times."""
+
+import json
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.cli.sim import main
+from tests.waiting import News
+
+REFUSED = "report_survivor:refuse=1"
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def flights_of(pid):
+    """Return the processes that fly missions for a sweep."""
+    listed = Path(f"/proc/{pid}/task").glob("*/children")
+    found = [int(child) for path in listed for child in path.read_text(encoding="ascii").split()]
+    return [each for each in found if b"sar_compiler.cli.run" in Path(f"/proc/{each}/cmdline").read_bytes()]
+
+
+def kill_the_first_flight(sweep):
+    news = News()
+    with news:
+        news.wait_until(lambda: flights_of(sweep._process.pid), lambda: "no flight begins")
+    os.kill(flights_of(sweep._process.pid)[0], signal.SIGKILL)
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+def test_missions_are_flown_for_each_mix_of_faults_and_a_flight_that_is_killed_is_flown_again(start):
+    mixes = ["--faults", "none", "--faults", f"{REFUSED} detect_survivor:delay=1"]
+    wanted = ["--param", "zone_order=[zone_a]", "--runs", 1, "--jobs", 2, "--format", "json"]
+    sweep = start("sar-sim", "sweep", "search_and_rescue", *mixes, *wanted)
+    kill_the_first_flight(sweep)
+    assert sweep.end() == 1, sweep.output
+    result = json.loads(sweep.output)
+    rows = result["rows"]
+    assert [(row["runs"], row["successes"]) for row in rows] == [(1, 1), (1, 0)]
+    assert [row["means"]["survivors reported"] for row in rows] == [1.0, 0.0]
+    assert rows[0]["labels"] == {"faults": "none", "zone_order": "[zone_a]"}
+    assert "did not acknowledge" in result["smallest"]["failure"]
+    script = Path("search_and_rescue_failing.sh").read_text(encoding="utf-8")
+    command = "exec sar-run search_and_rescue --sim disaster_zone --speed 20 --fault report_survivor:refuse=1 --seed 0"
+    assert script.splitlines()[-1] == f"{command} --ros-args -p 'zone_order:=[zone_a]'"
+
+
+@pytest.mark.ros
+def test_a_signal_stops_the_flights_and_shows_what_is_known(start):
+    sweep = start("sar-sim", "sweep", "search_and_rescue", "--runs", 9, "--jobs", 2)
+    news = News()
+    with news:
+        news.wait_until(lambda: len(flights_of(sweep._process.pid)) == 2, lambda: "no flights begin")
+    flying = flights_of(sweep._process.pid)
+    sweep.send(signal.SIGTERM)
+    assert sweep.end() == 130, sweep.output
+    assert sweep.output.startswith("runs  success")
+    assert not any(Path(f"/proc/{each}").exists() for each in flying)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--world", "moon"], "there is no world file 'moon'"),
+        (["--faults", "report_survivor:drp=1"], "did you mean 'drop'?"),
+        (["--param", "zone_order"], "'zone_order' is not NAME=VALUE,VALUE"),
+    ],
+)
+def test_what_cannot_be_flown_is_said_before_anything_starts(arguments, words, capsys):
+    try:
+        assert main(["sweep", "search_and_rescue", *arguments]) == 2
+    except SystemExit as end:
+        assert end.code == 2  # noqa: PT017 - either way is how a command ends
+    assert words in capsys.readouterr().err
+
+
+@pytest.mark.ros
+def test_a_flight_that_cannot_begin_ends_the_sweep_with_its_message(capsys):
+    status = main(
+        ["sweep", "search_and_rescue", "--param", "zone_order=[zone_x]", "--jobs", "1", "--runs", "1"]
+    )
+    assert status == 2
+    err = capsys.readouterr().err
+    assert "sar-run search_and_rescue --sim disaster_zone" in err
+    assert "zone_x" in err
