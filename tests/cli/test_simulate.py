@@ -318,7 +318,7 @@ def test_a_scenario_counts_before_the_parameter_file(capsys, patient, scenario):
         (PARAMS.replace("b]", "c]"), "parameter zone_order: names 'c', which has no pose"),
         (PARAMS.replace("0.6", "long"), "error[wrong-value]: duration"),
         ("/robot1/search_and_rescue: {ros__parameters: {x: 1}}", "this node is /search_and_rescue"),
-        (None, "there is no such parameter file"),
+        (None, "No such file or directory"),
     ],
 )
 def test_a_wrong_parameter_file_has_status_2_and_its_mistakes(capsys, patient, scenario, text, said):

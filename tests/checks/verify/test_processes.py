@@ -1,5 +1,6 @@
 """Several processes find what one finds."""
 
+import dataclasses
 import multiprocessing
 
 import pytest
@@ -38,7 +39,7 @@ def found(count, report=lambda _: None):
         graph = explore(stepper.steps, 3000, report, helpers=helpers)
     finally:
         helpers.close()
-    return [getattr(graph, name) for name in vars(graph)] + [stepper.ran]
+    return [getattr(graph, each.name) for each in dataclasses.fields(graph)] + [stepper.ran]
 
 
 @pytest.fixture(scope="module")
