@@ -352,8 +352,9 @@ class NodeSpec:
 
     @functools.cached_property
     def is_demanding(self) -> bool:
-        """Whether an instance requires more than its values and children."""
-        return bool(self.references or self.handed_over) or self.is_only_described
+        """Whether there is more to an instance than its values and children."""
+        around = self.references or self.handed_over or self.facts or self.reads or self.writes
+        return bool(around) or self.is_only_described
 
     @functools.cached_property
     def structure(self) -> str:

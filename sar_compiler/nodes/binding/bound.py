@@ -102,7 +102,7 @@ class BoundTree:
         keyed: The nodes with blackboard keys.
         referring: The nodes that refer to others.
         demanding: The nodes that are more than their tag and values: those with keys, subtrees or references,
-            those that need an object of the mission, and those that are only described.
+            those that need an object of the mission or have to do with facts, and those that are only described.
         skips: Whether one of the nodes can be skipped by itself.
         nesting: How deep its elements are nested.
         wrappers: How many conditions and OneShots are wrapped around its nodes.
