@@ -7,6 +7,7 @@ time of a process with all its threads.
 """
 
 import importlib.util
+import itertools
 import os
 import re
 import signal
@@ -57,7 +58,8 @@ _SERVERS: Mapping[str, Sequence[str]] = {
     "sar-detect-survivor-server": [],
     "sar-report-survivor-server": [],
 }
-_DOMAIN, _DOMAIN_OF_MISSIONS = "87", "88"
+_DOMAIN = "87"
+_DOMAINS_OF_MISSIONS = itertools.count(88)
 _TICKS_PER_SEC = os.sysconf("SC_CLK_TCK")
 # A short process needs more rounds than others.
 _MORE = 3
@@ -147,8 +149,8 @@ def _to_the_first_line(command: Sequence[str]) -> tuple[float, float]:
 def _mission() -> tuple[float, float]:
     """Return the CPU seconds of a simulated mission, and how many seconds it takes in the simulation."""
     before = cpu_of_children()
-    # Apart from the servers of before: what has just gone may still be seen, and a call to it waits for its deadline.
-    os.environ["ROS_DOMAIN_ID"] = _DOMAIN_OF_MISSIONS
+    # Apart from all servers of before: what has just gone may still be seen, and a call to it waits for its deadline.
+    os.environ["ROS_DOMAIN_ID"] = str(next(_DOMAINS_OF_MISSIONS))
     command = [str(_SCRIPTS / "sar-run"), TREE, "--sim", "--speed", "1000", "--view", "none"]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     duration = re.search(r"duration: +([\d.]+) s", done.stdout + done.stderr)
