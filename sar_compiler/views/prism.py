@@ -53,7 +53,7 @@ class PrismModel:
     def __init__(self, space: StateSpace) -> None:
         self._space = space
         self._graph = space.graph
-        self._count = len(space.graph.keys)
+        self._count = len(space.graph.states)
         # Few rows are different: what else a state has is which nodes are running.
         rows: dict[tuple[tuple[str, str], ...], int] = {}
         self._row = array("I", (rows.setdefault(self._values(n), len(rows)) for n in range(self._count)))

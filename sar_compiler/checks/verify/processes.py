@@ -12,7 +12,6 @@ import multiprocessing
 import signal
 from collections.abc import Iterator, Sequence
 from multiprocessing.connection import Connection
-from typing import Any
 
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.errors import UndecidableError
@@ -37,7 +36,7 @@ class SearchProcesses:
         self._known = -1
         self._connections: list[Connection] = []
 
-    def steps_of(self, states: list[Any]) -> Iterator[list[Step] | None]:
+    def steps_of(self, states: list[bytes]) -> Iterator[list[Step] | None]:
         """Yield for each state all of its steps; None for one that is left undone."""
         known = self._stepper.steps.known
         if known != self._known or not self._count:

@@ -1,11 +1,11 @@
 """The state of a tree between two ticks: what it consists of, how it is taken, and how it is restored."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from sar_compiler.checks.verify.events import Alphabet
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
+from sar_compiler.runtime.kernel.numbering import StateStore
 from sar_compiler.runtime.kernel.tick_steps import TickSteps
 from sar_compiler.runtime.numbered_board import NumberedBoard
 
@@ -69,10 +69,10 @@ class StateValues:
         self._steps.restore(state)
         return self.values()
 
-    def growing(self, states: Sequence[bytes]) -> tuple[tuple[str, int], ...]:
+    def growing(self, states: StateStore) -> tuple[tuple[str, int], ...]:
         """Return the keys and facts with the most values in the last of some states, and how many values."""
         values: dict[str, set[str]] = {}
-        for state in states[-_SAMPLE:]:
+        for state in states.between(max(len(states) - _SAMPLE, 0), len(states)):
             for name, value in self.values_in(state).items():
                 values.setdefault(name, set()).add(repr(value))
         counts = sorted(((name, len(found)) for name, found in values.items()), key=lambda each: -each[1])

@@ -87,18 +87,18 @@ class Retracing:
 
     def _way(self, source: int, target: int) -> TraceTick:
         """Return a tick from one state to another."""
-        end = self._graph.keys[target]
+        end = self._graph.states[target]
         return self._tick(source, lambda step: step.state == end)
 
     def _edge(self, source: int, edge: int) -> TraceTick:
         """Return a tick of the graph."""
         graph = self._graph
-        end, waits = graph.keys[graph.targets[edge]], graph.waiting[graph.waits[edge]]
+        end, waits = graph.states[graph.targets[edge]], graph.waiting[graph.waits[edge]]
         return self._tick(source, lambda step: step.state == end and step.waits == waits)
 
     def _tick(self, source: int, wanted: Callable[[TickSteps], bool]) -> TraceTick:
         """Play the first tick of a state that is wanted."""
-        key = self._graph.keys[source]
+        key = self._graph.states[source]
         before = self._stepper.states.values_in(key)
         step = self._stepper.steps
         step.enter(key)

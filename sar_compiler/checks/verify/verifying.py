@@ -62,10 +62,10 @@ def verify(
         *(questions.endings() if properties.has_end else ()),
         *questions.properties(properties),
     )
-    growing = () if graph.complete else stepper.states.growing(graph.keys)
+    growing = () if graph.complete else stepper.states.growing(graph.states)
     return Verification(
         verdicts,
-        len(graph.keys),
+        len(graph.states),
         len(graph.targets),
         graph.depth,
         graph.complete,
@@ -79,7 +79,7 @@ def verify(
 
 def _space(graph: Graph, stepper: TreeStepper, properties: Properties) -> StateSpace:
     def values(state: int) -> dict[str, object]:
-        return stepper.states.values_in(graph.keys[state])
+        return stepper.states.values_in(graph.states[state])
 
     return StateSpace(graph, values, properties.names, properties.owing)
 

@@ -4,7 +4,8 @@ import bisect
 from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
+
+from sar_compiler.runtime.kernel.numbering import StateStore
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Graph:
     """The states of a tree and the ticks between them; states are numbered in the order in which they were found.
 
     Attributes:
-        keys: The states themselves; the first one is the beginning.
+        states: The states themselves; the first one is the beginning.
         origins: The state from which each was found; 0 for the first.
         offsets: Where the ticks of each state that was gone through begin in the two lists below; one more at
             the end.
@@ -43,7 +44,7 @@ class Graph:
         stopped: Whether somebody wanted the search to end before that.
     """
 
-    keys: list[Any]
+    states: StateStore
     origins: "array[int]" = field(default_factory=lambda: array("I"))
     offsets: "array[int]" = field(default_factory=lambda: array("I", [0]))
     targets: "array[int]" = field(default_factory=lambda: array("I"))

@@ -37,7 +37,7 @@ def endings(graph: Graph) -> Endings:
 
     A state that was not gone through counts as one that can end.
     """
-    can_end = bytearray(len(graph.keys))
+    can_end = bytearray(len(graph.states))
     stuck: int | None = None
     circling: list[int] | None = None
     for component in components(graph, graph.ends):
@@ -60,7 +60,7 @@ def owing_for_ever(graph: Graph, debt: int) -> list[int] | None:
         debt: What is owed: its bit in `pending`.
     """
     excluded = bytearray(
-        not graph.pending[state] & debt or graph.ends[state] for state in range(len(graph.keys))
+        not graph.pending[state] & debt or graph.ends[state] for state in range(len(graph.states))
     )
     circling: list[int] | None = None
     for component in components(graph, excluded):
@@ -101,7 +101,7 @@ def components(graph: Graph, excluded: bytearray) -> Iterator[list[int]]:
         graph: The graph.
         excluded: 1 for each state that is taken for not being there.
     """
-    count = len(graph.keys)
+    count = len(graph.states)
     order, low = array("I", bytes(4 * count)), array("I", bytes(4 * count))
     on_stack = bytearray(count)
     following = array("Q", bytes(8 * count))

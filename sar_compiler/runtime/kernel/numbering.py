@@ -1,10 +1,50 @@
 """Numbers of states, in the order in which they are found."""
 
 from array import array
-from typing import Any, Final
+from collections.abc import Iterator
+from typing import Final
 
 _FIRST_SIZE: Final = 1024
 _FREE: Final = 0
+_MOST: Final = (1 << 32) - 1
+"""What fits into four bytes."""
+
+
+class StateStore:
+    """The states, as bytes, by their numbers.
+
+    They stand one behind the other: an object for each would take 50 bytes more.
+    """
+
+    def __init__(self) -> None:
+        self._written = bytearray()
+        # Where each ends, and the next one begins.
+        self._ends = array("I", [0])
+
+    def __len__(self) -> int:
+        return len(self._ends) - 1
+
+    def __getitem__(self, number: int) -> bytes:
+        return bytes(self._written[self._ends[number] : self._ends[number + 1]])
+
+    def __iter__(self) -> Iterator[bytes]:
+        return iter(self.between(0, len(self)))
+
+    def between(self, first: int, end: int) -> list[bytes]:
+        """Return the states from one number up to another, which does not count."""
+        return [self[number] for number in range(first, end)]
+
+    def is_at(self, number: int, state: bytes) -> bool:
+        """Return whether a state has a number."""
+        return self._written[self._ends[number] : self._ends[number + 1]] == state
+
+    def append(self, state: bytes) -> None:
+        """Give a state the next number."""
+        self._written += state
+        end = len(self._written)
+        if end > _MOST and self._ends.typecode == "I":
+            self._ends = array("Q", self._ends)
+        self._ends.append(end)
 
 
 class Numbering:
@@ -13,47 +53,47 @@ class Numbering:
     A dictionary would take 90 bytes more for each: states are found by a table of their numbers, which takes six to twelve.
 
     Attributes:
-        keys: The states, by their numbers.
+        states: The states, by their numbers.
     """
 
     def __init__(self) -> None:
-        self.keys: list[Any] = []
+        self.states = StateStore()
         # One more than the number of a state, where its hash leads to or behind that; the size is a power of two.
         self._table = array("I", bytes(4 * _FIRST_SIZE))
         self._mask = _FIRST_SIZE - 1
 
-    def find(self, key: Any) -> int:
+    def find(self, state: bytes) -> int:
         """Return the number of a state; -1 if it has none."""
-        table, keys, mask = self._table, self.keys, self._mask
-        at: int = hash(key) & mask
+        table, states, mask = self._table, self.states, self._mask
+        at: int = hash(state) & mask
         while True:
             slot: int = table[at]
             if slot == _FREE:
                 return -1
-            if keys[slot - 1] == key:
+            if states.is_at(slot - 1, state):
                 return slot - 1
             at = (at + 1) & mask
 
-    def add(self, key: Any) -> int:
+    def add(self, state: bytes) -> int:
         """Return the number of a state that has none yet."""
-        number = len(self.keys)
-        self.keys.append(key)
+        number = len(self.states)
+        self.states.append(state)
         if 3 * number > 2 * self._mask:
             self._grow()
         else:
-            self._place(key, number)
+            self._place(state, number)
         return number
 
     def _grow(self) -> None:
         size = 2 * (self._mask + 1)
         self._table = array("I", bytes(4 * size))
         self._mask = size - 1
-        for number, key in enumerate(self.keys):
-            self._place(key, number)
+        for number in range(len(self.states)):
+            self._place(self.states[number], number)
 
-    def _place(self, key: Any, number: int) -> None:
+    def _place(self, state: bytes, number: int) -> None:
         table, mask = self._table, self._mask
-        at: int = hash(key) & mask
+        at: int = hash(state) & mask
         while table[at] != _FREE:
             at = (at + 1) & mask
         table[at] = number + 1

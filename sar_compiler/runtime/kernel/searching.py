@@ -3,7 +3,7 @@
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from sar_compiler.runtime.kernel.graph import Breach, Graph
 from sar_compiler.runtime.kernel.numbering import Numbering
@@ -40,16 +40,16 @@ class Stepper(Protocol):
         error: What it raised.
     """
 
-    state: Any
+    state: bytes | None
     waits: int
     broken: int
     error: Exception | None
 
-    def start(self) -> Any:
+    def start(self) -> bytes:
         """Return the state before the first step."""
         ...
 
-    def enter(self, state: Any) -> None:
+    def enter(self, state: bytes) -> None:
         """Go to a state."""
         ...
 
@@ -57,7 +57,7 @@ class Stepper(Protocol):
         """Do the next one of the steps that are possible in the state; return False if there is none."""
         ...
 
-    def judge(self, state: Any, idle: bool | None) -> Judgement:
+    def judge(self, state: bytes, idle: bool | None) -> Judgement:
         """Judge a state.
 
         Args:
@@ -99,7 +99,7 @@ def keep_quiet(progress: Progress) -> None:
     """Report nothing."""
 
 
-Step = tuple[Any, int, int]
+Step = tuple[bytes, int, int]
 """One step from a state: the state that it leads to, what it goes on waiting for, and the rules that it breaks."""
 
 
@@ -112,7 +112,7 @@ class Helpers(Protocol):
 
     many: int
 
-    def steps_of(self, states: list[Any]) -> Iterator[list[Step] | None]:
+    def steps_of(self, states: list[bytes]) -> Iterator[list[Step] | None]:
         """Yield for each state all of its steps; None for one that is left undone."""
         ...
 
@@ -151,13 +151,13 @@ class _Exploration:
         self._names = names
         self._helpers = helpers
         self._numbering = Numbering()
-        self._graph = Graph(self._numbering.keys)
+        self._graph = Graph(self._numbering.states)
         self._waiting: dict[int, int] = {}
         self._open: set[int] = set()
         self._played = 0
         # The step in hand.
         self._source = 0
-        self._state: Any = None
+        self._state: bytes | None = None
         self._waits = self._broken = 0
         self._is_here = True
 
@@ -165,10 +165,10 @@ class _Exploration:
         graph = self._graph
         self._add(self._stepper.start())
         level_end, index = 1, 0
-        while index < len(graph.keys) and graph.complete:
+        while index < len(graph.states) and graph.complete:
             if index == level_end:
                 graph.levels.append(index)
-                level_end = len(graph.keys)
+                level_end = len(graph.states)
                 helpers = self._helpers
                 if helpers is not None and level_end - index >= helpers.many:
                     index = self._expand_level(helpers, index, level_end)
@@ -179,7 +179,7 @@ class _Exploration:
 
     def _expand_level(self, helpers: Helpers, index: int, end: int) -> int:
         """Find the successors of all states at a distance with the help of others; return the first state behind them."""
-        for steps in helpers.steps_of(self._graph.keys[index:end]):
+        for steps in helpers.steps_of(self._graph.states.between(index, end)):
             if steps is None:
                 self._expand(index)
             else:
@@ -194,7 +194,7 @@ class _Exploration:
         stepper = self._stepper
         edges: dict[tuple[int, int], None] = {}
         self._source, self._is_here = index, True
-        stepper.enter(self._graph.keys[index])
+        stepper.enter(self._graph.states[index])
         while stepper.step():
             self._state, self._waits, self._broken = stepper.state, stepper.waits, stepper.broken
             if not self._take(edges):
@@ -222,7 +222,7 @@ class _Exploration:
         else:
             target = self._numbering.find(self._state)
             if target < 0:
-                if len(graph.keys) >= self._max_states:
+                if len(graph.states) >= self._max_states:
                     graph.complete = False
                     return False
                 target = self._add(self._state)
@@ -249,7 +249,7 @@ class _Exploration:
         """Report the progress; if nobody wants to know more, the graph is not complete."""
         graph = self._graph
         broken = tuple(self._names[rule] for rule in graph.breaches if rule < len(self._names))
-        numbers = len(graph.keys), graph.expanded, len(graph.targets), len(graph.levels) - 1
+        numbers = len(graph.states), graph.expanded, len(graph.targets), len(graph.levels) - 1
         if self._report(Progress(*numbers, broken)):
             graph.stopped, graph.complete = True, False
 
@@ -275,13 +275,13 @@ class _Exploration:
         """
         graph = self._graph
         self._open.remove(index)
-        judgement = self._stepper.judge(graph.keys[index], idle)
+        judgement = self._stepper.judge(graph.states[index], idle)
         graph.ends[index] = judgement.ends
         for rule in self._new(judgement.broken):
             graph.breaches[rule] = Breach(index)
             self._tell()
 
-    def _add(self, state: Any) -> int:
+    def _add(self, state: bytes) -> int:
         graph = self._graph
         number = self._numbering.add(state)
         graph.origins.append(self._source)
@@ -317,7 +317,7 @@ class _Exploration:
         """Return the choices of the step in hand; one that somebody else has found is looked up."""
         stepper = self._stepper
         if not self._is_here:
-            stepper.enter(self._graph.keys[self._source])
+            stepper.enter(self._graph.states[self._source])
             wanted = self._state, self._waits, self._broken
             while stepper.step() and (stepper.state, stepper.waits, stepper.broken) != wanted:
                 pass

@@ -6,7 +6,7 @@ from sar_compiler.runtime.kernel.searching import Judgement, explore
 
 
 class HandMade:
-    """States are numbers; each tick leads to one, and may wait for something (bits).
+    """States are numbers, as a byte; each tick leads to one, and may wait for something (bits).
 
     Args:
         ticks: Where the ticks of each state lead to, as numbers or as pairs of a number and what is waited for; a
@@ -32,29 +32,36 @@ class HandMade:
         self._owing = owing or {}
         self._idle_ends = idle_ends
         self.path: tuple[int, ...] = ()
-        self.state, self.waits, self.broken = 0, 0, 0
+        self.state: bytes | None = None
+        self.waits = self.broken = 0
         self.error: Exception | None = None
         self._left: list[tuple[int, int | tuple[int, int]]] = []
 
     def start(self):
-        return 0
+        return bytes([0])
 
     def enter(self, state):
-        self._left = list(enumerate(self._ticks.get(state, [state])))
+        self._left = list(enumerate(self._ticks.get(state[0], [state[0]])))
 
     def step(self):
         if not self._left:
             return False
         place, tick = self._left.pop(0)
         self.path = (place,)
-        self.state, self.waits = tick if isinstance(tick, tuple) else (tick, 0)
+        number, self.waits = tick if isinstance(tick, tuple) else (tick, 0)
+        self.state = bytes([number])
         return True
 
     def judge(self, state, idle):
-        ends = state in self._ends or bool(idle and state in self._idle_ends)
+        number = state[0]
+        ends = number in self._ends or bool(idle and number in self._idle_ends)
         is_open = idle is None and bool(self._idle_ends)
-        return Judgement(ends, self._breaks.get(state, 0), self._owing.get(state, 0), is_open)
+        return Judgement(ends, self._breaks.get(number, 0), self._owing.get(number, 0), is_open)
 
 
 def explored(ticks, max_states=1000, **judged):
     return explore(HandMade(ticks, **judged), max_states)
+
+
+def numbers(graph):
+    return [state[0] for state in graph.states]

@@ -37,7 +37,7 @@ def graph_of(binding, few, properties=None):
         for state in range(graph.expanded)
     ]
     error = graph.error and (graph.error.source, graph.error.path)
-    return graph.keys, edges, graph.breaches, bytes(graph.ends), stepper.ran, error
+    return list(graph.states), edges, graph.breaches, bytes(graph.ends), stepper.ran, error
 
 
 @pytest.mark.parametrize("binding", trees(range(200, 260)))

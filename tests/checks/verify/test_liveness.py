@@ -5,7 +5,7 @@ import random
 import pytest
 
 from sar_compiler.runtime.kernel.liveness import components, endings, is_fair, lasso, owing_for_ever
-from tests.checks.verify.handmade import explored
+from tests.checks.verify.handmade import explored, numbers
 
 
 def circling(graph):
@@ -16,7 +16,7 @@ def circling(graph):
 
 
 def keys(graph, states):
-    return None if states is None else sorted(graph.keys[state] for state in states)
+    return None if states is None else sorted(numbers(graph)[state] for state in states)
 
 
 def test_a_run_that_can_only_end_ends():
@@ -27,7 +27,7 @@ def test_a_run_that_can_only_end_ends():
 
 def test_a_state_behind_which_no_end_comes_is_found():
     graph = explored({0: [1, 2], 1: [3], 3: [1]}, ends=[2])
-    assert graph.keys[endings(graph).stuck] == 1
+    assert numbers(graph)[endings(graph).stuck] == 1
 
 
 def test_a_round_that_can_be_left_but_need_not_be_is_a_livelock():
@@ -77,15 +77,15 @@ def test_a_lasso_is_a_shortest_way_and_a_shortest_fair_round():
     ticks = {0: [1], 1: [(1, 1), 2, 4], 2: [3], 3: [1], 4: [1]}
     graph = explored(ticks)
     found = lasso(graph, circling(graph))
-    assert [graph.keys[state] for state in found.stem] == [0, 1]
-    assert [graph.keys[graph.targets[edge]] for edge in found.loop] == [4, 1]
+    assert [numbers(graph)[state] for state in found.stem] == [0, 1]
+    assert [numbers(graph)[graph.targets[edge]] for edge in found.loop] == [4, 1]
 
 
 def test_a_round_is_gone_until_everything_that_was_waited_for_has_come():
     ticks = {0: [(1, 0b01), (2, 0b10)], 1: [(0, 0b01)], 2: [(0, 0b10)]}
     graph = explored(ticks)
     loop = lasso(graph, circling(graph)).loop
-    assert sorted(graph.keys[graph.targets[edge]] for edge in loop) == [0, 0, 1, 2]
+    assert sorted(numbers(graph)[graph.targets[edge]] for edge in loop) == [0, 0, 1, 2]
 
 
 def reached(ticks, start):
@@ -105,16 +105,16 @@ def test_the_components_of_random_graphs_are_those_that_reach_each_other(seed):
     count = chance.randint(1, 30)
     ticks = {state: [chance.randrange(count) for _ in range(chance.randint(1, 3))] for state in range(count)}
     graph = explored(ticks)
-    excluded = bytearray(chance.random() < 0.1 for _ in graph.keys)
+    excluded = bytearray(chance.random() < 0.1 for _ in numbers(graph))
     left = {
-        key: [target for target in ticks[key] if not excluded[graph.keys.index(target)]]
-        for number, key in enumerate(graph.keys)
+        key: [target for target in ticks[key] if not excluded[numbers(graph).index(target)]]
+        for number, key in enumerate(numbers(graph))
         if not excluded[number]
     }
     can_reach = {key: reached(left, key) | {key} for key in left}
     expected = {frozenset(other for other in can_reach[key] if key in can_reach[other]) for key in left}
     found = list(components(graph, excluded))
-    assert {frozenset(graph.keys[state] for state in component) for component in found} == expected
+    assert {frozenset(numbers(graph)[state] for state in component) for component in found} == expected
     order = {state: place for place, component in enumerate(found) for state in component}
     assert all(
         order[target] <= order[state]
@@ -134,7 +134,7 @@ def test_a_lasso_of_a_random_graph_goes_round_and_leaves_off_waiting_for_each(se
             for state in range(count)
         }
     )
-    for component in components(graph, bytearray(len(graph.keys))):
+    for component in components(graph, bytearray(len(numbers(graph)))):
         if not is_fair(graph, component):
             continue
         found = lasso(graph, component)

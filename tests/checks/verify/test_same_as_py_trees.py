@@ -53,7 +53,7 @@ class Explored:
         self._order = [index[id(node)] for node in simulated.root.iterate()]
 
     def looked_at(self, number):
-        state = self.graph.keys[number]
+        state = self.graph.states[number]
         self.stepper.states.values_in(state)
         cells = self.stepper.ticker.cells
         return (
@@ -107,7 +107,7 @@ def test_every_state_that_py_trees_comes_to_is_found_and_no_other(binding):
     assert None not in seen, f"more than {_MOST_RUNS} runs: let the trees be smaller"
     explored = Explored(simulated_tree(binding), 50_000)
     graph = explored.graph
-    near = [number for number in range(len(graph.keys)) if graph.distance(number) <= _TICKS]
+    near = [number for number in range(len(graph.states)) if graph.distance(number) <= _TICKS]
     assert {explored.looked_at(number) for number in near} == seen
 
 
@@ -133,7 +133,7 @@ class Repeating:
 def test_the_run_that_is_told_leads_py_trees_to_the_same_state(binding):
     explored = Explored(simulated_tree(binding), _MOST_STATES)
     retracing = Retracing(explored.stepper, explored.graph)
-    for number in range(0, len(explored.graph.keys), 7):
+    for number in range(0, len(explored.graph.states), 7):
         trace = retracing.to(number)
         simulated = simulated_tree(binding)
         simulated.policy = Repeating(trace)
