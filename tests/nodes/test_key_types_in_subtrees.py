@@ -106,7 +106,7 @@ def flat(trees):
 
 def lines_of(text):
     file = forest_of(text)
-    found = bind(file, REGISTRY, file.main_tree()).findings
+    found = bind(file, REGISTRY, file.trees["T0"]).findings
     assert {finding.code for finding in found} <= {"key-of-two-types"}
     return {finding.span.line for finding in found}
 
