@@ -56,6 +56,9 @@ class Wait(Behaviour):
         super().__init__(name)
         self.amount = amount
 
+    def update(self) -> Status:
+        return Status.SUCCESS
+
 
 REGISTRY = Registry(default_registry().specs())
 BUILT_IN = {tag for tag, specs in REGISTRY.by_tag().items() if is_built_in(specs)} | {"SubTree"}
