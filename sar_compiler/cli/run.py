@@ -41,6 +41,7 @@ class Options:
         nodes: Modules of leaves.
         include_path: Further folders that files may be included from.
         trust: Whether to run the modules beside the project's configuration.
+        traceback: Whether to show the tracebacks of leaves that fail.
         ros: ROS arguments, without `--ros-args`.
     """
 
@@ -59,6 +60,7 @@ class Options:
     nodes: Sequence[str]
     include_path: Sequence[Path]
     trust: bool
+    traceback: bool
     ros: Sequence[str]
 
 
@@ -184,6 +186,11 @@ def _parser() -> Parser:
         default=[],
         metavar="SPEC",
         help="let the simulation misbehave, for instance report_survivor:drop=2; may be repeated",
+    )
+    parser.add_argument(
+        "--traceback",
+        action="store_true",
+        help="of a leaf that fails, show the calls that led there (the line of its own method is always named)",
     )
     add_version(parser)
     add_nodes(parser)
