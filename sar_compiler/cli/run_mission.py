@@ -284,7 +284,7 @@ class _Run:
             for name in engine.settle(executor):
                 self.node.get_logger().warning(f"{name}: the cancel of its goal was not answered.")
         except SetupFailedError as error:
-            tell(self.node, str(error), error)
+            tell(self.node, str(error), error.__cause__)
             return self._failed(
                 "the tree was not started, because one of its leaves failed in setup (see above)"
             )
