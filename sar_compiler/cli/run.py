@@ -11,6 +11,7 @@ from sar_compiler.commands import USAGE, run
 from sar_compiler.missions.ending import Until
 from sar_compiler.resources import find
 from sar_compiler.ros.arguments import split_arguments
+from sar_compiler.ros.middleware import require_middleware
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.tree.gc_pause import gc_paused
 
@@ -72,6 +73,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(options: Options, signals: StopSignals) -> int:
+    require_middleware()
     with gc_paused():  # in what is imported there is nothing to collect
         from sar_compiler.cli.run_mission import run_mission
         from sar_compiler.tree.diagnostic import TreeError
