@@ -1,13 +1,17 @@
 """The words for leaves in files beside a tree: their names, answers and effects."""
 
-from collections.abc import Iterable, Sequence
+import functools
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
+from sar_compiler.checks.conditions import Names, names_of, slips
+from sar_compiler.checks.typed_values import script
 from sar_compiler.compiler.simulated_tree import SimulatedTree, fits
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.nodes.values import nearest
 from sar_compiler.runtime.answers import STATUSES
+from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.stub_leaf import ANSWERED, HALTED, STARTED, Event, StubLeaf
 
 STARTS = "starts"
@@ -38,11 +42,17 @@ class EventPattern:
 
 
 class LeafWords:
-    """The words for the leaves of one tree."""
+    """The words for the leaves of one tree, and for what conditions ask of it."""
 
     def __init__(self, simulated: SimulatedTree) -> None:
         self.leaves = simulated.leaves
+        self._simulated = simulated
         self._origins = simulated.compiled.origins
+
+    @functools.cached_property
+    def names(self) -> Names:
+        """The names that conditions know."""
+        return names_of(self._simulated)
 
     def spec(self, leaf: StubLeaf) -> NodeSpec:
         """Return what the registry or a model says of a leaf."""
@@ -68,6 +78,26 @@ class LeafWords:
             document.report(value, "unknown-answer", message, suggestion=nearest(text, known))
             return None
         return text
+
+    def condition(
+        self, document: Document, value: Value | None, own: Collection[str], later: Collection[str] = ()
+    ) -> Script | None:
+        """Return a condition; reports what is wrong with it.
+
+        Args:
+            document: The file.
+            value: The condition; None if none is written.
+            own: The names of what is known of the run itself.
+            later: The names of what is known of it only when a tick is over.
+        """
+        condition = script(document, value)
+        if condition is None or value is None:
+            return None
+        found = list(slips(condition, self.names, own, later))
+        for slip in found:
+            code = "wrong-condition" if slip.hint else "unknown-fact"
+            document.report(value, code, slip.message, slip.place, suggestion=slip.suggestion, hint=slip.hint)
+        return None if found else condition
 
     def deed(self, document: Document, value: Value) -> EventPattern | None:
         """Return what leaves are said to do; reports a text that says nothing of the kind."""

@@ -11,6 +11,7 @@ from sar_compiler.commands import USAGE, run
 from sar_compiler.missions.ending import Until
 from sar_compiler.resources import find
 from sar_compiler.ros.arguments import split_arguments
+from sar_compiler.ros.middleware import require_middleware
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.tree.gc_pause import gc_paused
 
@@ -41,6 +42,7 @@ class Options:
         nodes: Modules of leaves.
         include_path: Further folders that files may be included from.
         trust: Whether to run the modules beside the project's configuration.
+        traceback: Whether to show the tracebacks of leaves that fail.
         ros: ROS arguments, without `--ros-args`.
     """
 
@@ -59,6 +61,7 @@ class Options:
     nodes: Sequence[str]
     include_path: Sequence[Path]
     trust: bool
+    traceback: bool
     ros: Sequence[str]
 
 
@@ -70,6 +73,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(options: Options, signals: StopSignals) -> int:
+    require_middleware()
     with gc_paused():  # in what is imported there is nothing to collect
         from sar_compiler.cli.run_mission import run_mission
         from sar_compiler.tree.diagnostic import TreeError
@@ -184,6 +188,11 @@ def _parser() -> Parser:
         default=[],
         metavar="SPEC",
         help="let the simulation misbehave, for instance report_survivor:drop=2; may be repeated",
+    )
+    parser.add_argument(
+        "--traceback",
+        action="store_true",
+        help="of a leaf that fails, show the calls that led there (the line of its own method is always named)",
     )
     add_version(parser)
     add_nodes(parser)

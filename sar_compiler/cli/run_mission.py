@@ -37,7 +37,7 @@ from sar_compiler.ros.arguments import (
 from sar_compiler.ros.clock import RosClock
 from sar_compiler.ros.engine import Engine, EngineFactory, find_engine
 from sar_compiler.ros.errors import readable_ros_errors
-from sar_compiler.ros.failure_reports import tell
+from sar_compiler.ros.failure_reports import show_tracebacks, tell
 from sar_compiler.ros.faults import NAVIGATION, NAVIGATION_FAULTS, Fault, FaultPlan, parse_fault
 from sar_compiler.ros.parameter_file import sections_elsewhere
 from sar_compiler.ros.parameter_reader import ParameterReader
@@ -89,6 +89,8 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
             parameter_overrides=_simulated_time(options),
         )
         stack.callback(node.destroy_node)
+        if options.traceback:
+            show_tracebacks(node)
         reader = ParameterReader(flat_parameters(node), _sections_elsewhere(options, node))
         begun, parameters, notes = begin_run(mission, reader, binding)
         run = _Run(options, signals, node, parameters, begun, make_engine)
@@ -282,7 +284,7 @@ class _Run:
             for name in engine.settle(executor):
                 self.node.get_logger().warning(f"{name}: the cancel of its goal was not answered.")
         except SetupFailedError as error:
-            tell(self.node, str(error), error)
+            tell(self.node, str(error), error.__cause__)
             return self._failed(
                 "the tree was not started, because one of its leaves failed in setup (see above)"
             )

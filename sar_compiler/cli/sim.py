@@ -10,6 +10,7 @@ from sar_compiler.cli.arguments import OK, Parser, add_version, run, seed, speed
 from sar_compiler.cli.sim_sweep import DEFAULT_WORLD, add_sim_sweep, sweep_missions
 from sar_compiler.ros.arguments import init_arguments, split_arguments
 from sar_compiler.ros.faults import NAVIGATION_FAULTS, Fault, FaultError, FaultPlan, parse_fault
+from sar_compiler.ros.middleware import require_middleware
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.sim.placement import Placement, PlacementError, parse_placement
 
@@ -128,6 +129,7 @@ def _map(options: argparse.Namespace) -> int:
 def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     # Before anything that takes time, so that Ctrl-C ends the command in order from its first moment.
     signals = StopSignals()
+    require_middleware()
     import rclpy
 
     from sar_compiler.ros.errors import readable_ros_errors

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from sar_compiler.cli.arguments import speed
 from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_nodes, add_trust, additions
 from sar_compiler.cli.sweep_command import Written, add_sweep_options, swept, varied
+from sar_compiler.ros.middleware import require_middleware
 
 if TYPE_CHECKING:
     from sar_compiler.checks.sweep.sweeping import Played, SweptRow
@@ -50,6 +51,7 @@ def sweep_missions(options: argparse.Namespace) -> int:
     """
     from sar_compiler.sim.flights import fewest_faults, in_threads
 
+    require_middleware()
     # The flights are stopped in order, however the command is.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     rows = dict(_rows(options))

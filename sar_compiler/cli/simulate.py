@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from sar_compiler.checks.simulate.judging import Failure
     from sar_compiler.checks.simulate.running import Run
     from sar_compiler.checks.simulate.scenario_files import Stage
+    from sar_compiler.compiler.simulated_tree import SimulatedTree
     from sar_compiler.runtime.expressions import Script
     from sar_compiler.views.junit import PlayedScenario
 
@@ -118,6 +119,10 @@ def _play(
     except SarError as error:
         print(error if isinstance(error, TreeError) else f"sar-compile: {error}", file=sys.stderr)
         return PlayedScenario(str(path or arguments.file), problem=str(error))
+    unknown = _slip(arguments.until, play.simulated) if arguments.until else None
+    if unknown is not None:
+        print(f"sar-compile: {unknown}", file=sys.stderr)
+        return PlayedScenario(str(path or arguments.file), problem=unknown)
     scenario = replace(
         play.scenario,
         until=arguments.until or play.scenario.until,
@@ -130,6 +135,20 @@ def _play(
     if arguments.ticks is not None and not run.ended:
         missed = [failure for failure in missed if failure.expected != "ends"]
     return PlayedScenario(scenario.name, run, tuple(missed))
+
+
+def _slip(until: "Script", simulated: "SimulatedTree") -> str | None:
+    """Return what is wrong with the argument of `--until`, if anything is."""
+    from sar_compiler.checks.conditions import names_of, slips
+    from sar_compiler.checks.simulate.run_variables import OWN
+
+    slip = next(slips(until, names_of(simulated), OWN), None)
+    if slip is None:
+        return None
+    advice = (
+        f"; did you mean '{slip.suggestion}'?" if slip.suggestion else f"; {slip.hint}" if slip.hint else ""
+    )
+    return f"--until: {slip.message}{advice}"
 
 
 def _trace_failure(run: "Run") -> "list[Failure]":

@@ -9,7 +9,7 @@ from py_trees.behaviour import Behaviour
 
 from sar_compiler.compiler.building import Builder, PreviewBuilder
 from sar_compiler.compiler.constructor_arguments import Arguments, PreviewArguments, given
-from sar_compiler.compiler.origins import Origin, Origins
+from sar_compiler.compiler.origins import Origin, Origins, remember
 from sar_compiler.nodes.binding.binder import bind
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.nodes.binding.collector import Collector
@@ -133,7 +133,9 @@ def compile_with(
     if collector.findings:
         raise TreeError(_in_order(collector.findings))
     with gc_paused():
-        return CompiledTree(builder.place(top, binding.main.root), Origins(builder.constructions), top)
+        root, origins = builder.place(top, binding.main.root), Origins(builder.constructions)
+    remember(root, origins)
+    return CompiledTree(root, origins, top)
 
 
 def _has_error(findings: Iterable[Diagnostic]) -> bool:

@@ -1,10 +1,13 @@
 """The origins of the behaviours of a compiled tree."""
 
 import functools
+import weakref
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 from uuid import UUID
+
+from py_trees.behaviour import Behaviour
 
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.instances import Instance
@@ -64,11 +67,38 @@ class Origins(Mapping[UUID, Origin]):
         uses = tuple(Use(use.kind, use.name.format_map(attributes)) for use in bound.spec.uses)
         return Origin(bound, attributes, uses)
 
+    def place(self, behaviour: UUID) -> str | None:
+        """Return the file and the line that a behaviour was made from; None if it was not made from a file."""
+        made = self._by_id.get(behaviour)
+        return None if made is None else f"{made.bound.element.source.path}:{made.bound.element.line}"
+
     def __iter__(self) -> Iterator[UUID]:
         return (each.behaviour for each in self._in_order)
 
     def __len__(self) -> int:
         return len(self._in_order)
+
+
+# By the roots of compiled trees, for whoever has only a behaviour that has failed.
+_of_trees: "weakref.WeakKeyDictionary[Behaviour, Origins]" = weakref.WeakKeyDictionary()
+
+
+def remember(root: Behaviour, origins: Origins) -> None:
+    """Keep the origins of a compiled tree for as long as there is its root."""
+    _of_trees[root] = origins
+
+
+def place_of(behaviour: Behaviour) -> str | None:
+    """Return the file and the line that a behaviour, or the one around it, was made from; None if there is none."""
+    around: list[Behaviour] = []
+    each: Behaviour | None = behaviour
+    while each is not None:
+        around.append(each)
+        if each in _of_trees:
+            places = (_of_trees[each].place(inner.id) for inner in around)
+            return next((place for place in places if place is not None), None)
+        each = each.parent
+    return None
 
 
 def _attributes(instance: Instance, bound: BoundNode, known: Mapping[str, Any]) -> dict[str, object]:

@@ -1,11 +1,21 @@
 """Finding the behaviour that raised an exception, and logging it."""
 
+import os
 import traceback
+from pathlib import Path
 
+import py_trees
+import rclpy.logging
 from py_trees.behaviour import Behaviour
 from rclpy.node import Node
 
+import sar_compiler
+from sar_compiler.compiler.origins import place_of
 from sar_compiler.errors import SarError
+
+_OURS = tuple(str(Path(str(package.__file__)).parent) + os.sep for package in (sar_compiler, py_trees))
+_TRACEBACKS = "traceback"
+"""The part that the name of the logger of tracebacks has behind the node's."""
 
 
 def described(error: BaseException) -> str:
@@ -35,6 +45,36 @@ def named(behaviour: Behaviour | None) -> str:
     return f"'{behaviour.name}' ({type(behaviour).__name__})"
 
 
+def places(behaviour: Behaviour | None, error: BaseException) -> str:
+    """Return where an exception of a behaviour comes from, in brackets: the lines of the tree file and of Python.
+
+    Empty if neither is known. The line of Python is that in the behaviour's own method; what is called there is in the
+    traceback.
+    """
+    known = [place_of(behaviour) if behaviour is not None else None, _line_of(behaviour, error)]
+    said = "; ".join(place for place in known if place is not None)
+    return f" ({said})" if said else ""
+
+
+def _line_of(behaviour: Behaviour | None, error: BaseException) -> str | None:
+    for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
+        code = frame.f_code
+        is_own = behaviour is None or frame.f_locals.get("self") is behaviour
+        if is_own and not code.co_filename.startswith(_OURS):
+            path = os.path.relpath(code.co_filename)
+            return f"{code.co_filename if path.startswith(os.pardir) else path}:{line}, in {code.co_name}"
+    return None
+
+
+def show_tracebacks(node: Node) -> None:
+    """Have the tracebacks of all that fails logged, which otherwise only `--log-level debug` shows."""
+    _traceback_logger(node).set_level(rclpy.logging.LoggingSeverity.DEBUG)
+
+
+def _traceback_logger(node: Node) -> rclpy.logging.RcutilsLogger:
+    return rclpy.logging.get_logger(f"{node.get_logger().name}.{_TRACEBACKS}")
+
+
 def tell(node: Node | None, text: str, error: BaseException | None = None) -> None:
     """Log an error, if there is a node to log it.
 
@@ -47,7 +87,7 @@ def tell(node: Node | None, text: str, error: BaseException | None = None) -> No
         return
     node.get_logger().error(text)
     if error is not None:
-        node.get_logger().debug("".join(traceback.format_exception(error)))
+        _traceback_logger(node).debug("".join(traceback.format_exception(error)))
 
 
 def tell_failure(node: Node | None, error: BaseException) -> Behaviour | None:
@@ -57,7 +97,11 @@ def tell_failure(node: Node | None, error: BaseException) -> Behaviour | None:
         The behaviour that raised it; None if it was not a behaviour of the tree.
     """
     behaviour = raised_in(error)
-    tell(node, f"{named(behaviour)} failed: {described(error)}. The tree is stopped.", error)
+    tell(
+        node,
+        f"{named(behaviour)} failed: {described(error)}{places(behaviour, error)}. The tree is stopped.",
+        error,
+    )
     return behaviour
 
 

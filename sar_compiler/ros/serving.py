@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.commands import OK, run
 from sar_compiler.ros.arguments import init_arguments, node_arguments, split_arguments
+from sar_compiler.ros.middleware import require_middleware
 from sar_compiler.ros.signals import StopSignals
 
 if TYPE_CHECKING:
@@ -54,6 +55,7 @@ def serve(make_node: NodeFactory, prog: str, description: str, argv: Sequence[st
 
 
 def _run(make_node: NodeFactory, ros: Sequence[str], stopped: Callable[[], bool]) -> int:
+    require_middleware()
     import rclpy
     from rclpy.context import Context
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor

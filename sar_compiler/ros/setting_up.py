@@ -7,7 +7,7 @@ from py_trees.behaviour import Behaviour
 from rclpy.node import Node
 
 from sar_compiler.errors import SarError
-from sar_compiler.ros.failure_reports import called_by_engine, described, named, raised_in
+from sar_compiler.ros.failure_reports import called_by_engine, described, named, places, raised_in
 from sar_compiler.ros.stopping import shut_down, stop_leaves
 
 
@@ -20,7 +20,7 @@ class SetupFailedError(SarError, RuntimeError):
 
     def __init__(self, behaviour: Behaviour, error: Exception) -> None:
         self.behaviour = behaviour.name
-        super().__init__(f"{named(behaviour)} failed in setup: {described(error)}")
+        super().__init__(f"{named(behaviour)} failed in setup: {described(error)}{places(behaviour, error)}")
 
 
 def give_up(root: Behaviour, error: Exception, node: Node) -> NoReturn:

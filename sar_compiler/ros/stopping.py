@@ -9,7 +9,7 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.node import Node
 
-from sar_compiler.ros.failure_reports import described, raised_in, tell
+from sar_compiler.ros.failure_reports import described, places, raised_in, tell
 from sar_compiler.runtime.leaf_protocol import Settling
 
 SETTLE_SEC = 1.5
@@ -76,16 +76,19 @@ def _stop_one(behaviour: Behaviour, node: Node | None) -> None:
     try:
         behaviour.stop(Status.INVALID)
     except Exception as error:  # noqa: BLE001 - the others must be stopped all the same
-        tell(node, f"'{behaviour.name}' failed while it was stopped: {described(error)}")
+        failed = raised_in(error) or behaviour
+        words = f"{described(error)}{places(failed, error)}"
+        tell(node, f"'{failed.name}' failed while it was stopped: {words}", error)
         # Not again, and not as one that is still running.
-        (raised_in(error) or behaviour).status = Status.INVALID
+        failed.status = Status.INVALID
 
 
 def _shut_one_down(behaviour: Behaviour, node: Node | None) -> None:
     try:
         behaviour.shutdown()
     except Exception as error:  # noqa: BLE001 - the others must be shut down all the same
-        tell(node, f"'{behaviour.name}' could not be shut down: {described(error)}")
+        words = f"{described(error)}{places(behaviour, error)}"
+        tell(node, f"'{behaviour.name}' could not be shut down: {words}", error)
 
 
 def _unsettled(root: Behaviour) -> list[Behaviour]:

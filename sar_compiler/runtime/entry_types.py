@@ -20,7 +20,8 @@ def kept(current: object, value: object, enums: Mapping[str, int]) -> object:
         enums: The names that stand for numbers.
 
     Returns:
-        The value, as one of the current value's type: numbers and texts are converted where nothing is lost.
+        The value, as one of the current value's type: numbers and texts are converted where nothing is lost. A truth
+        value is a whole number to a script, so any other one may take its place.
 
     Raises:
         RefusedValueError: If it is none.
@@ -32,7 +33,12 @@ def kept(current: object, value: object, enums: Mapping[str, int]) -> object:
     if plain is None or (kind not in _PLAIN and not isinstance(current, enum.Enum)):
         message = f"the entry holds a value of type {kind.__name__}, which one of type {type(value).__name__} cannot replace"
         raise RefusedValueError(message)
-    return _member(kind, plain, enums) if issubclass(kind, enum.Enum) else fit(plain, kind, enums)
+    if issubclass(kind, enum.Enum):
+        return _member(kind, plain, enums)
+    if kind is bool:
+        whole = fit(plain, int, enums)
+        return bool(whole) if whole in {0, 1} else whole
+    return fit(plain, kind, enums)
 
 
 def read_as(text: str, kind: type) -> ScriptValue:

@@ -1,12 +1,15 @@
 """The nodes of the registry, as text and as JSON."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 
+from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.models.palette import as_written
-from sar_compiler.nodes.spec import NodeSpec, Parameter, Role
+from sar_compiler.nodes.outcome_sets import ALLOWED, K
+from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role, Skips
 from sar_compiler.runtime.answers import Answer
+from sar_compiler.tree.synthetic import synthetic_element
 from sar_compiler.views.plain import plain, value_as_script
 
 
@@ -44,10 +47,33 @@ def _in_full(spec: NodeSpec) -> str:
 def _answers(spec: NodeSpec) -> list[str]:
     """Return the possible outcomes of a node; one answer per line if more than their statuses is known."""
     if not any(answer.label or answer.when or answer.then for answer in spec.answers):
-        return [f"answers: {', '.join(sorted(spec.outcomes))}"] if spec.outcomes else []
+        outcomes = [*sorted(spec.outcomes), *_skipped(spec)]
+        return [f"answers: {', '.join(outcomes)}"] if outcomes else []
     return [
         f"{'answers:' if not index else '':8} {_answer(answer)}" for index, answer in enumerate(spec.answers)
     ]
+
+
+def _skipped(spec: NodeSpec) -> Iterator[str]:
+    """Yield when a control or a decorator is skipped, if it ever is."""
+    skipping = spec.skipping
+    if skipping.possible is Skips.NEVER:
+        return
+    when = []
+    if skipping.only_if is not None:
+        name, value = skipping.only_if
+        by_default = " as by default" if spec.parameters[name].default == value else ""
+        when.append(f'with {name}="{as_written(value)}"{by_default}')
+    if skipping.possible is Skips.FROM_CHILD or (when and _passes_on(spec)):
+        when.append("if its child is" if spec.kind is Kind.DECORATOR else "if its children are")
+    yield f"SKIPPED ({', or '.join(when)})" if when else "SKIPPED"
+
+
+def _passes_on(spec: NodeSpec) -> bool:
+    """Return whether a decorator is skipped with its child."""
+    element = synthetic_element(spec.tag)
+    possible = spec.semantics.possible
+    return possible is not None and bool(possible(BoundNode(element, spec, spec.tag), [K], ALLOWED) & K)
 
 
 def _answer(answer: Answer) -> str:
@@ -82,6 +108,7 @@ def _as_dict(spec: NodeSpec) -> dict[str, object]:
         "class": f"{spec.cls.__module__}.{spec.cls.__qualname__}" if spec.cls else None,
         "doc": spec.doc,
         "outcomes": sorted(spec.outcomes),
+        "skipped": list(_skipped(spec)),
         "effects": spec.effects,
         "uses": [{"kind": use.kind, "name": use.name} for use in spec.uses],
         "answers": [asdict(answer) for answer in spec.answers],

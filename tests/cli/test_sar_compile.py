@@ -187,6 +187,30 @@ def test_nodes_writes_defaults_as_a_tree_file_has_them(capsys):
     assert "synchronise: true or false. optional. " in run(capsys, "nodes", "Parallel")[1]
 
 
+@pytest.mark.parametrize(
+    ("tag", "skipped"),
+    [
+        ("Precondition", ['SKIPPED (with else="SKIPPED", or if its child is)']),
+        ("RunOnce", ['SKIPPED (with then_skip="true" as by default, or if its child is)']),
+        ("LoopInt", ['SKIPPED (with if_empty="SKIPPED")']),
+        ("SkipUnlessUpdated", ["SKIPPED"]),
+        ("Inverter", ["SKIPPED (if its child is)"]),
+        ("Fallback", ["SKIPPED (if its children are)"]),
+        ("EternalGuard", []),
+    ],
+)
+def test_nodes_tells_when_a_node_is_skipped(capsys, tag, skipped):
+    _, out, _ = run(capsys, "nodes", tag)
+    assert f"answers: {', '.join(['FAILURE, RUNNING, SUCCESS', *skipped])}\n" in out
+    assert json.loads(run(capsys, "nodes", tag, "--format", "json")[1])[0]["skipped"] == skipped
+
+
+def test_nodes_shows_no_none_of_pythons(capsys):
+    _, out, _ = run(capsys, "nodes")
+    tags = [line.split()[0] for line in out.splitlines()]
+    assert [tag for tag in tags if "None" in run(capsys, "nodes", tag)[1]] == []
+
+
 @pytest.mark.parametrize("form", ["xsd", "json"])
 def test_the_schemas_tell_ports_by_their_direction(capsys, form):
     _, out, _ = run(capsys, "schema", "--format", form, "--nodes", "tests.nodes.port_leaves")

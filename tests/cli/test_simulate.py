@@ -139,6 +139,22 @@ def test_an_option_that_cannot_be_meant_is_refused(capsys, tree, option, said):
     assert said in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("until", "said"),
+    [
+        ("att == 'base'", "--until: 'att' is neither a fact nor a key of this tree; there is "),
+        (
+            "at = 'base'",
+            "--until: a condition only looks at 'at' and does not change it; write == to compare",
+        ),
+    ],
+)
+def test_a_run_does_not_begin_whose_end_asks_for_what_is_not_there(capsys, until, said):
+    status, out, err = run(capsys, TREE, "--until", until)
+    assert (status, out) == (2, "")
+    assert said in err
+
+
 def test_the_number_of_ticks_that_is_asked_for_is_no_failure(capsys, tree, scenario):
     path = scenario("leaves: {NavigateToZone: RUNNING}")
     status, out, _ = run(capsys, tree, "--scenario", path, "--ticks", 3)

@@ -1,5 +1,6 @@
 """What the commands say on a machine where a library is missing."""
 
+import os
 import subprocess
 import sys
 
@@ -8,7 +9,7 @@ import pytest
 from sar_compiler.cli.arguments import run
 
 
-def run_without(library, *arguments):
+def run_without(library, *arguments, **environment):
     """Run a command in an interpreter that cannot import a library; return its status and what it said."""
     (module, function), *rest = arguments[0].split(":"), *arguments[1:]
     program = (
@@ -16,7 +17,12 @@ def run_without(library, *arguments):
         f"from sar_compiler.{module} import {function} as main; sys.exit(main({rest!r}))"
     )
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60.0, check=False
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        timeout=60.0,
+        check=False,
+        env={**os.environ, **environment},
     )
     return done.returncode, done.stderr
 
@@ -67,3 +73,51 @@ def test_a_library_that_is_nobodys_to_install_is_a_failure_of_the_project():
 
     with pytest.raises(ModuleNotFoundError):
         run(command, "sar-run")
+
+
+def registered(prefix, *names):
+    """Register middlewares as those of a sourced workspace."""
+    index = prefix / "share/ament_index/resource_index/rmw_typesupport"
+    index.mkdir(parents=True)
+    for name in ("rmw_implementation", *names):
+        (index / name).touch()
+
+
+@pytest.mark.parametrize(
+    "command", [*SIMULATING, *SERVERS, ("cli.sim:main", "sweep", "search_and_rescue")], ids=" ".join
+)
+def test_a_middleware_that_is_not_installed_is_said_before_ros_is_loaded(command, tmp_path):
+    registered(tmp_path, "rmw_other_cpp")
+    status, said = run_without(
+        "rclpy", *command, RMW_IMPLEMENTATION="rmw_zenoh_cpp", AMENT_PREFIX_PATH=str(tmp_path)
+    )
+    assert status == 2
+    (line,) = said.splitlines()
+    assert "RMW_IMPLEMENTATION is 'rmw_zenoh_cpp', which is not installed; there is " in line
+    assert "rmw_other_cpp" in line
+    assert "rmw_implementation" not in line
+    assert "apt install ros-jazzy-rmw-zenoh-cpp" in line
+
+
+@pytest.mark.parametrize("wanted", ["", "rmw_other_cpp"])
+def test_a_middleware_that_is_installed_is_left_to_ros(wanted, tmp_path):
+    registered(tmp_path, "rmw_other_cpp")
+    _, said = run_without("rclpy", *SERVERS[0], RMW_IMPLEMENTATION=wanted, AMENT_PREFIX_PATH=str(tmp_path))
+    assert "ROS 2 is not here (" in said
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("import py_trees_ros_interfaces.msg", "cannot be loaded: py_trees_ros_interfaces is missing. "),
+        ("from rclpy import nothing", "cannot be loaded: cannot import name 'nothing' from 'rclpy'"),
+    ],
+)
+def test_an_engine_that_cannot_be_loaded_says_what_is_missing(line, said, tmp_path):
+    (tmp_path / "py_trees_ros").mkdir()
+    (tmp_path / "py_trees_ros/__init__.py").touch()
+    (tmp_path / "py_trees_ros/trees.py").write_text(line, encoding="utf-8")
+    status, err = run_without("nothing", "cli.run:main", "--engine", "py_trees_ros", PYTHONPATH=str(tmp_path))
+    assert (status, "Traceback" in err, "not installed here" in err) == (2, False, False), err
+    assert f"sar-run: --engine py_trees_ros: it is here, and {said}" in err

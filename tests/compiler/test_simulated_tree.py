@@ -205,6 +205,9 @@ class Wait(Behaviour):
     def __init__(self, name: str, sec: float = 1.0) -> None:
         super().__init__(name)
 
+    def update(self) -> Status:
+        return Status.SUCCESS
+
 
 def registry_with(**leaves):
     """Return the registry with further leaves: what `register` is told of each, by their tags."""

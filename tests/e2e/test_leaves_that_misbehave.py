@@ -43,11 +43,11 @@ def fly(request, start, tmp_path):
     """Fly a tree of these leaves with either engine."""
     (tmp_path / "misbehaving_leaves.py").write_text(LEAVES, encoding="utf-8")
 
-    def run(body):
+    def run(body, *options):
         tree = tmp_path / "tree.xml"
         tree.write_text(document(body), encoding="utf-8")
         path = os.pathsep.join((str(tmp_path), str(STAND_INS)))
-        arguments = ("--nodes", "misbehaving_leaves", "--engine", request.param)
+        arguments = ("--nodes", "misbehaving_leaves", "--engine", request.param, *options)
         return start("sar-run", tree, *arguments, env={"PYTHONPATH": path})
 
     return run
@@ -58,19 +58,28 @@ def test_a_leaf_that_returns_no_status_ends_the_run_and_its_time_out(fly):
     assert run.end() == 1, run.output
     assert (
         "'Out' (Forgetful) failed: update() returned None, which is no status; "
-        "return Status.SUCCESS, FAILURE or RUNNING. The tree is stopped." in run.output
+        "return Status.SUCCESS, FAILURE or RUNNING (" in run.output
     )
+    assert "tree.xml:3). The tree is stopped." in run.output
 
 
 def test_a_leaf_whose_setup_raises_is_named_and_those_before_it_are_shut_down(fly):
     run = fly('<Sequence><Orderly name="Before"/><Unready name="M"/><Orderly name="Behind"/></Sequence>')
     assert run.end() == 1, run.output
-    assert "'M' (Unready) failed in setup: ValueError: boom" in run.output
+    assert "'M' (Unready) failed in setup: ValueError: boom (" in run.output
+    assert "tree.xml:3; " in run.output
+    assert "misbehaving_leaves.py:18, in setup)" in run.output
     assert run.output.count("shut down: Before") == 1
     assert "shut down: Behind" not in run.output
     assert "Traceback" not in run.output
     last = "sar-run: the tree was not started, because one of its leaves failed in setup (see above)"
     assert last in run.output
+
+
+def test_the_calls_that_led_to_a_failure_are_shown_where_they_are_asked_for(fly):
+    run = fly('<Sequence><Orderly name="Before"/><Unready name="M"/></Sequence>', "--traceback")
+    run.wait_for("Traceback (most recent call last):").wait_for('    raise ValueError("boom")')
+    run.wait_for("sar-run: the tree was not started")
 
 
 @pytest.mark.parametrize(

@@ -78,7 +78,8 @@ def test_a_leaf_that_raises_ends_the_run_and_is_named(start, tmp_path):
     )
     run = start("sar-run", tree, "--nodes", "failing_leaves", env={"PYTHONPATH": str(tmp_path)})
     assert run.end() == 1
-    assert "'Bang' (Explode) failed: ValueError: boom. The tree is stopped." in run.output
+    place = f"({tree}:1; {leaves}:8, in update)"
+    assert f"'Bang' (Explode) failed: ValueError: boom {place}. The tree is stopped." in run.output
 
 
 @pytest.mark.ros

@@ -27,6 +27,9 @@ class Leaf(Behaviour):
     def __init__(self, name: str, say: Say) -> None:
         super().__init__(name)
 
+    def update(self) -> Status:
+        return Status.SUCCESS
+
 
 def used(cls):
     """Return what a class means, as somebody learns who uses its tag."""
@@ -107,6 +110,9 @@ class Trying(Behaviour):
 
     def __init__(self, name: str, tries: int = 3) -> None:
         super().__init__(name)
+
+    def update(self) -> Status:
+        return Status.SUCCESS
 
 
 def trying(**said):

@@ -15,6 +15,7 @@ from sar_compiler.compiler import bind_main, compile_tree, preview_tree
 from sar_compiler.nodes.btcpp.to_btcpp import convert_to_btcpp, to_btcpp
 from sar_compiler.nodes.models.palette import is_built_in
 from sar_compiler.nodes.registry import Registry, default_registry
+from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.tree.diagnostic import Severity, TreeError
 from sar_compiler.tree.forest import Forest
@@ -48,10 +49,23 @@ class Answer(Behaviour):
         return status
 
 
+class Wait(Behaviour):
+    """Waits so often."""
+
+    def __init__(self, name: str, amount: int) -> None:
+        super().__init__(name)
+        self.amount = amount
+
+    def update(self) -> Status:
+        return Status.SUCCESS
+
+
 REGISTRY = Registry(default_registry().specs())
 BUILT_IN = {tag for tag, specs in REGISTRY.by_tag().items() if is_built_in(specs)} | {"SubTree"}
 REGISTRY.add_module(leaves)
 REGISTRY.add_module(sys.modules[__name__])
+
+BITS = Registry([*REGISTRY.specs(), NodeSpec("Wait", Wait, Kind.ACTION)])
 
 
 def converted(body, registry=REGISTRY):
@@ -179,6 +193,33 @@ def test_what_has_no_counterpart_is_told_and_kept(body, part, hint):
     assert text.startswith(part)
     assert (note.code, note.severity, note.span.line) == ("no-counterpart", Severity.WARNING, 3)
     assert hint in note.hint
+
+
+FAR = """<TreeNodesModel><Action ID="Far"><input_port name="a" type="int"/><input_port name="b" type="int64_t"/>
+<input_port name="c" type="std::vector&lt;unsigned int>"/></Action></TreeNodesModel>"""
+
+
+@pytest.mark.parametrize(
+    ("body", "told"),
+    [
+        ('<Far a="2147483647" b="2147483648" c="0;4294967295"/>', None),
+        ('<Far a="{k}" c="{k}"/>', None),
+        ('<Far a="2147483648"/>', "a: 2147483648 does not go into BehaviorTree.CPP's int"),
+        ('<Far a="-2147483649"/>', "a: -2147483649 does not"),
+        ('<Far c="1;-1"/>', "c: -1 does not go into BehaviorTree.CPP's unsigned int"),
+        (f'<Repeat num_cycles="2147483648">{LEAF}</Repeat>', "num_cycles: 2147483648 does not"),
+        (f'<Timeout duration="4294967.296">{LEAF}</Timeout>', "msec: 4294967296 does not"),
+        (f'<LoopInt queue="1;2147483648" value="{{k}}">{LEAF}</LoopInt>', "queue: 2147483648 does not"),
+        ('<Wait amount="2147483648"/>', "amount: 2147483648 does not"),
+    ],
+)
+def test_a_whole_number_that_needs_more_bits_than_there_are_in_cpp_is_told(body, told):
+    file = parse_xml(f'<root BTCPP_format="4"><BehaviorTree ID="M">{body}</BehaviorTree>{FAR}</root>')
+    found = [note for note in to_btcpp(file, BITS)[1] if "does not go" in note.message]
+    assert [(note.code, note.severity) for note in found] == [("no-counterpart", Severity.WARNING)] * bool(
+        told
+    )
+    assert told is None or found[0].message.startswith(told)
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ import sys
 
 import pytest
 from py_trees.behaviour import Behaviour
+from py_trees.common import Status
 
 from sar_compiler import Kind, mission_context, register
 from sar_compiler.nodes.constructors import RegistrationError
@@ -11,6 +12,11 @@ from sar_compiler.nodes.registry import Registry, RegistryError, default_registr
 from sar_compiler.nodes.spec import MARK, NodeSpec, Role, Use
 from sar_compiler.runtime.context import PreviewError, preview_of
 from tests.nodes import leaves
+
+
+class Still(Behaviour):
+    def update(self) -> Status:
+        return Status.SUCCESS
 
 
 def spec_of(cls):
@@ -151,8 +157,21 @@ def test_an_argument_of_another_type_is_refused_with_what_to_write(arguments, wo
     assert str(caught.value) == words
 
 
+def test_an_abstract_class_is_refused_where_its_tag_is_used():
+    class Half(Behaviour):
+        """Has no update."""
+
+    class Whole(Half):
+        update = Still.update
+
+    registry = Registry([NodeSpec(cls.__name__, cls, Kind.ACTION) for cls in (Half, Whole)])
+    assert registry["Whole"].parameters
+    with pytest.raises(RegistrationError, match=r"^<Half>: .*Half is abstract: write update\(\) in it"):
+        registry.variants("Half")
+
+
 def test_arguments_of_any_name_are_no_attributes():
-    class Leaf(Behaviour):
+    class Leaf(Still):
         def __init__(self, name: str, *args: int, **kwargs: int) -> None: ...
 
     assert list(NodeSpec("Leaf", Leaf, Kind.ACTION).parameters) == ["name"]
@@ -237,7 +256,7 @@ def test_a_class_is_marked_as_context_with_or_without_brackets():
 
 
 def test_a_description_of_a_parameter_is_that_of_the_nearest_class_that_has_one():
-    class Drive(Behaviour):
+    class Drive(Still):
         """Drives.
 
         Args:

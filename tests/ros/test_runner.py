@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 import time
 from functools import partial
@@ -466,9 +467,7 @@ class TestFailing:
         runner.tick()
         runner.stop()
         assert driving.ends == [Status.INVALID]
-        assert said.has("'Both' failed while it was stopped", "the arm fell off") or said.has(
-            "'Stubborn' failed"
-        )
+        assert said.has("'Stubborn' failed while it was stopped", "the arm fell off", ", in terminate")
 
     def test_a_handler_that_fails_is_not_blamed_on_a_leaf(self, ros: Ros, said: Said) -> None:
         def fail(_: py_trees.trees.BehaviourTree) -> None:
@@ -559,7 +558,9 @@ class TestSetupAndShutdown:
 
         with pytest.raises(SetupFailedError) as caught:
             runner_of(sequence(Unready("M")), ros.node())
-        assert str(caught.value) == "'M' (Unready) failed in setup: ValueError: boom"
+        assert re.fullmatch(
+            r"'M' \(Unready\) failed in setup: ValueError: boom \(.*\.py:\d+, in setup\)", str(caught.value)
+        )
         assert isinstance(caught.value.__cause__, ValueError)
 
     def test_what_was_set_up_before_a_setup_that_raises_is_stopped_and_shut_down_once(

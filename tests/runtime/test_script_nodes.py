@@ -57,6 +57,17 @@ def test_a_truth_value_is_a_whole_number_to_a_script():
     assert type(stage.values["n"]) is int
 
 
+def test_a_script_may_count_on_from_a_truth_value():
+    stage = Stage(seen=True)
+    stage.entry("seen").declare(bool)
+    run(stage, "seen := seen + 1")
+    assert stage.values == {"seen": 2}
+    run(stage, "seen -= 1; n := seen")
+    assert repr(stage.values) == "{'seen': 1, 'n': 1}"
+    with pytest.raises(NodeScriptError, match=r"0\.5 is not a whole number"):
+        run(stage, "seen := 0.5")
+
+
 def test_a_script_in_a_subtree_writes_its_own_entries_and_those_of_the_root_with_a_sign():
     stage = Stage()
     run(stage, "x := 1; @y := 2", Scope(stage.scope.board, "sub", stage.scope))

@@ -7,9 +7,10 @@ from pathlib import Path
 from sar_compiler.checks.assumptions import StartValues, raise_disputes, read_assumptions, start_assumptions
 from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.simulate.expecting import read_expectations
+from sar_compiler.checks.simulate.run_variables import OWN
 from sar_compiler.checks.simulate.scenario import MAX_TICKS, PERIOD_SEC, Scenario
 from sar_compiler.checks.simulate.steps import read_scripts
-from sar_compiler.checks.typed_values import parameters, script, seconds, word
+from sar_compiler.checks.typed_values import parameters, seconds, word
 from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.documents.located import Document, Value
@@ -121,7 +122,7 @@ def understand(document: Document, stage: Stage) -> Play:
         path=path,
         period_sec=seconds(parts["period"]) if "period" in parts else start.period_sec or PERIOD_SEC,
         max_ticks=int(parts["ticks"].data) if "ticks" in parts else MAX_TICKS,
-        until=script(document, parts.get("until")),
+        until=words.condition(document, parts.get("until"), OWN),
         scripts=read_scripts(document, parts["leaves"], words) if "leaves" in parts else {},
         expect=read_expectations(document, parts.get("expect"), simulated, words),
     )

@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 
 from sar_compiler.checks.leaf_words import LeafWords
+from sar_compiler.checks.simulate.run_variables import OWN
 from sar_compiler.checks.simulate.scenario import AnswerStep
-from sar_compiler.checks.typed_values import script, span_sec
+from sar_compiler.checks.typed_values import span_sec
 from sar_compiler.compiler.simulated_tree import fits
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.runtime.stub_leaf import StubLeaf
@@ -34,7 +35,7 @@ def read_scripts(
 def _steps(
     document: Document, value: Value, words: LeafWords, leaves: Sequence[StubLeaf]
 ) -> tuple[AnswerStep, ...]:
-    """Read one step that is always taken, or a list of steps that are taken once each."""
+    """Read one step that is always taken, or a list of steps that are taken once each, but for those every n-th time."""
     one = value.items is None
     steps = [_step(document, item, words, leaves, always=one) for item in value.listed]
     return tuple(step for step in steps if step is not None)
@@ -57,8 +58,8 @@ def _step(
         answer or "",
         after_sec=least,
         longest_sec=longest,
-        when=script(document, parts.get("when")),
-        times=_times(parts["times"]) if "times" in parts else times,
+        when=words.condition(document, parts.get("when"), OWN),
+        times=_times(parts["times"]) if "times" in parts else None if "every" in parts else times,
         every=int(parts["every"].data) if "every" in parts else 1,
         chance=float(parts["chance"].data) if "chance" in parts else 1.0,
     )

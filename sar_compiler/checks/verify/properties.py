@@ -14,7 +14,7 @@ from sar_compiler.checks.verify.monitors import (
     PropertyPattern,
     Rules,
 )
-from sar_compiler.checks.verify.property_conditions import Condition, Surroundings, names_of, read_condition
+from sar_compiler.checks.verify.property_conditions import AFTER_A_TICK, Condition, Surroundings
 from sar_compiler.checks.verify.property_files import EventProperty, PropertyFile
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.documents.located import Document, Value
@@ -126,7 +126,6 @@ class _Reading:
         self._alphabet = prepared.alphabet
         self._words = LeafWords(prepared.simulated)
         self._tags = tags
-        self._known = names_of(prepared.simulated)
         self._surroundings = Surroundings(prepared.simulated)
 
     def take(self, written: EventProperty) -> None:
@@ -154,7 +153,8 @@ class _Reading:
 
     def condition(self, value: Value, owner: str, *, after_a_tick: bool) -> Condition | None:
         """Return a condition; None if it makes no sense."""
-        script = read_condition(self._document, value, self._known, after_a_tick=after_a_tick)
+        own, later = (AFTER_A_TICK, ()) if after_a_tick else ((), AFTER_A_TICK)
+        script = self._words.condition(self._document, value, own, later)
         return None if script is None else Condition(script, self._surroundings, owner)
 
     def _events(self, values: Sequence[Value]) -> _Events:

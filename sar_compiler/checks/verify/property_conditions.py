@@ -1,16 +1,11 @@
 """Conditions of properties: scripts over facts, keys of the tree, and how the last tick ended."""
 
-from collections.abc import Collection
-
-from sar_compiler.checks import typed_values
 from sar_compiler.compiler.simulated_tree import SimulatedTree
-from sar_compiler.documents.located import Document, Value
 from sar_compiler.errors import SarError, UndecidableError
-from sar_compiler.nodes.values import nearest
 from sar_compiler.runtime.blackboard import Entry
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.evaluation import EvaluationError, Program
-from sar_compiler.runtime.expressions import Access, Script, name_uses
+from sar_compiler.runtime.expressions import Script, name_uses
 from sar_compiler.runtime.stub_leaf import FactVariables
 from sar_compiler.runtime.variables import ScriptValue
 
@@ -114,59 +109,3 @@ class Condition:
             hint = f"; {error.hint}" if error.hint else ""
             message = f"{self._owner}: '{self._program.script.text}' cannot be evaluated in every state: {error}{hint}"
             raise ConditionError(message) from error
-
-
-def read_condition(
-    document: Document, value: Value, known: Collection[str], *, after_a_tick: bool
-) -> Script | None:
-    """Read a condition; mistakes in it are reported to the document.
-
-    Args:
-        document: The file.
-        value: The text.
-        known: The names of facts and keys.
-        after_a_tick: Whether it is evaluated when a tick is over.
-
-    Returns:
-        The script; None if it cannot be used.
-    """
-    script = typed_values.script(document, value)
-    if script is None:
-        return None
-    names = [*known, *(AFTER_A_TICK if after_a_tick else ())]
-    usable = True
-    for use in name_uses(script):
-        place = (use.start, use.end)
-        if use.access is not Access.READ:
-            message = f"a condition only looks at '{use.name}' and does not change it"
-            document.report(value, "wrong-condition", message, place, hint="write == to compare")
-        elif use.name in AFTER_A_TICK and not after_a_tick:
-            message = f"'{use.name}' is known only when a tick is over; an event comes before that"
-            document.report(value, "wrong-condition", message, place, hint="end and at_end can use it")
-        elif use.name not in names:
-            message = f"'{use.name}' is neither a fact nor a key of this tree; there is {', '.join(names) or 'none'}"
-            document.report(value, "unknown-fact", message, place, suggestion=nearest(use.name, names))
-        else:
-            continue
-        usable = False
-    return script if usable else None
-
-
-_FOLDER = "/"
-
-
-def names_of(simulated: SimulatedTree) -> list[str]:
-    """Return the names of the facts, then those of the keys of the main tree that the file shows."""
-    instance = simulated.compiled.instance
-    prefix = f"{instance.scope.board.prefix}{_FOLDER}"
-    given = (name.removeprefix(prefix) for name in instance.scope.board.names())
-    keys = [name for name in given if _FOLDER not in name]
-    for bound in instance.tree.nodes:
-        keys += [*bound.keys.values(), *bound.remapping.keys.values()]
-        scripts = [
-            value
-            for value in (*bound.values.values(), *bound.conditions.values())
-            if isinstance(value, Script)
-        ]
-        keys += [use.name for script in scripts for use in name_uses(script)]
-    return list(dict.fromkeys([*simulated.fact_values(), *keys]))

@@ -50,6 +50,13 @@ class Instance:
         for instance in self.inner.values():
             yield from instance.iterate()
 
+    def in_place(self) -> "Iterator[tuple[Instance, BoundNode]]":
+        """Yield the demanding nodes with their instances, those of a subtree after its `SubTree` node."""
+        for bound in self.tree.demanding:
+            yield self, bound
+            if bound in self.inner:
+                yield from self.inner[bound].in_place()
+
 
 def expand(main: BoundTree, collector: Collector) -> Instance:
     """Expand every subtree.
@@ -147,22 +154,24 @@ def _scope(around: Scope, name: str, bound: BoundNode) -> Scope:
 
 
 def report_shared_keys(top: Instance, collector: Collector) -> None:
-    """Report keys shared by ports of different types, in a tree with its subtrees expanded."""
+    """Report keys shared by ports of different types, in a tree with its subtrees expanded.
+
+    The port that comes first in it, its subtrees in place, gives the key its type, as in BehaviorTree.CPP.
+    """
     first: dict[tuple[Scope, str], tuple[BoundNode, Parameter]] = {}
     numbers = dict(_numbers(top))
-    for instance in top.iterate():
-        for bound in instance.tree.keyed:
-            for name, key in bound.keys.items():
-                parameter = bound.spec.parameters[name]
-                python = _python_type(parameter)
-                if parameter.direction is None or python is None:
-                    continue
-                entry = instance.scope.owner(key)
-                if python is str and entry in numbers:
-                    _report_number(bound, parameter, key, numbers[entry], collector)
-                other, known = first.setdefault(entry, (bound, parameter))
-                if known is not parameter and not _agree(known, parameter):
-                    _report_types(bound, parameter, key, (other, known), collector)
+    for instance, bound in top.in_place():
+        for name, key in bound.keys.items():
+            parameter = bound.spec.parameters[name]
+            python = _python_type(parameter)
+            if parameter.direction is None or python is None:
+                continue
+            entry = instance.scope.owner(key)
+            if python is str and entry in numbers:
+                _report_number(bound, parameter, key, numbers[entry], collector)
+            other, known = first.setdefault(entry, (bound, parameter))
+            if known is not parameter and not _agree(known, parameter):
+                _report_types(bound, parameter, key, (other, known), collector)
 
 
 def _numbers(top: Instance) -> Iterator[tuple[tuple[Scope, str], str]]:

@@ -27,6 +27,12 @@ class Notes:
         span = element.value_span(attribute)
         self._add("no-counterpart", element, span, message, hint, Severity.WARNING)
 
+    def too_large(self, element: Element, attribute: str, message: str, hint: str) -> None:
+        """Note that a number is too large for BehaviorTree.CPP; the attribute may be one that was rewritten."""
+        written = attribute in element.attributes
+        span = element.value_span(attribute) if written else element.tag_span()
+        self._add("no-counterpart", element, span, message, hint, Severity.WARNING)
+
     def wrong_value(self, element: Element, attribute: str, error: ConversionError) -> None:
         """Note that a value is invalid and was left unchanged."""
         message = f"{attribute}: {error.message}"

@@ -12,11 +12,11 @@ from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.tree_ids import refused_in
 from sar_compiler.nodes.btcpp.notes import Notes
 from sar_compiler.nodes.btcpp.rewrites import NO_ONESHOT, Draft, Rewrite
-from sar_compiler.nodes.models.models import read_models
+from sar_compiler.nodes.models.models import Model, read_models
 from sar_compiler.nodes.models.palette import described_by_use, description, is_built_in
 from sar_compiler.nodes.registry import Registry, subtree
 from sar_compiler.nodes.spec import Kind, NodeSpec, Role
-from sar_compiler.nodes.values import ConversionError
+from sar_compiler.nodes.values import ConversionError, blackboard_key, items_of, whole_number
 from sar_compiler.tree.conversion import Converted, convert
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
@@ -26,6 +26,16 @@ from sar_compiler.tree.synthetic import synthetic_element
 _KIND_TAGS = frozenset(kind.value for kind in Kind)
 _DROPS_EXPLICIT = "ReactiveSequence"
 """BehaviorTree.CPP (4.10) does not find nodes in explicit form that are its direct children."""
+
+_LIMITS = {
+    "short": (-(2**15), 2**15 - 1),
+    "int": (-(2**31), 2**31 - 1),
+    "unsigned": (0, 2**32 - 1),
+    "unsigned int": (0, 2**32 - 1),
+}
+"""The smallest and the largest number of the types of whole numbers that have less than 64 bits."""
+_QUEUES = {("LoopInt", "queue"): "std::vector<int>"}
+"""The types of ports that BehaviorTree.CPP declares in its own way."""
 
 
 def to_btcpp(
@@ -72,17 +82,19 @@ class _Conversion:
     def __init__(self, registry: Registry) -> None:
         self._registry = registry
         self._used: dict[str, _Usage] = {}
+        self._models: dict[str, Model] = {}
         self.notes = Notes()
 
     def root(self, tree_file: TreeFile, palettes: Iterable[TreeFile]) -> Element:
         root = tree_file.root
+        own = read_models([tree_file], Collector()).nodes
+        others = read_models(palettes, Collector()).nodes
+        self._models = {**others, **own}
         children = [self._section(child) for child in root.children]
         for tree in tree_file.trees:
             self._tree_id(tree)
-        own = read_models([tree_file], Collector()).nodes
         missing = [tag for tag in self._used if tag not in own]
         if missing:
-            others = read_models(palettes, Collector()).nodes
             models = [
                 _copied(others[tag].element)
                 if tag in others and tag not in self._registry
@@ -130,6 +142,7 @@ class _Conversion:
         for rewrite in dict.fromkeys(self._rewrites(draft.tag)):
             rewrite(draft, self.notes)
         self._complain(draft)
+        self._measure(draft)
         draft.explicit = self._explicit(draft, parent if policy is None else "")
         converted = self._element(draft)
         if policy is None:
@@ -201,6 +214,34 @@ class _Conversion:
             del draft.attributes[name]
             if name in draft.element.attributes:
                 self.notes.left_out(draft.element, name, f"BehaviorTree.CPP's <{draft.tag}> has no '{name}'")
+
+    def _measure(self, draft: Draft) -> None:
+        """Note whole numbers that have more bits than BehaviorTree.CPP's type of the port."""
+        for name, text in draft.attributes.items():
+            type_name = self._type_name(draft.tag, name)
+            kind = type_name.removeprefix("std::vector<").removesuffix(">")
+            if kind not in _LIMITS or blackboard_key(text, name) is not None:
+                continue
+            least, most = _LIMITS[kind]
+            try:
+                numbers = items_of(text, whole_number) if kind != type_name else [whole_number(text)]
+            except ConversionError:
+                continue  # validation has the words for it
+            beyond = next((number for number in numbers if not least <= number <= most), None)
+            if beyond is not None:
+                message = f"{name}: {beyond} does not go into BehaviorTree.CPP's {kind}"
+                self.notes.too_large(draft.element, name, message, f"write a number from {least} to {most}")
+
+    def _type_name(self, tag: str, name: str) -> str:
+        """Return the type that an attribute has in C++; empty if it is not known."""
+        model = self._models.get(tag)
+        if model is not None and name in model.ports and not self._is_built_in(tag):
+            return model.ports[name].type_name
+        for spec in self._registry.variants(tag):
+            value_type = spec.parameters[name].value_type if name in spec.parameters else None
+            if value_type is not None:
+                return _QUEUES.get((tag, name), value_type.cpp)
+        return ""
 
     def _explicit(self, draft: Draft, parent: str) -> bool:
         """Return whether a node is written in explicit form."""

@@ -112,6 +112,15 @@ MISTAKES = {
         None,
     ),
     "every 0th time": ("leaves: {NavigateToZone: {answer: arrived, every: 0}}", "wrong-value", 1, 51, None),
+    "a misspelt fact in a condition": (
+        'leaves: {NavigateToZone: {answer: aborted, when: "tick > 2 && zones_lft == 2"}}',
+        "unknown-fact",
+        1,
+        63,
+        "zones_left",
+    ),
+    "a misspelt fact at the end of a run": ('until: "zones_lft == 0"', "unknown-fact", 1, 9, "zones_left"),
+    "an end that gives a fact a value": ('until: "zones_left = 0"', "wrong-condition", 1, 9, None),
     "a condition that is none": (
         "leaves: {NavigateToZone: {answer: arrived, when: ')'}}",
         "script-error",
@@ -194,3 +203,25 @@ def test_a_script_that_cannot_be_read_comes_with_what_to_write():
         read("until: root == 0x")
     (finding,) = error.value.findings
     assert (finding.code, finding.hint) == ("script-error", "such as 0xFF")
+
+
+@pytest.mark.parametrize(
+    ("until", "body"),
+    [
+        ("battery > 3", '<SetBlackboard value="5" output_key="battery"/>'),
+        ("battery > 3", '<Script code="battery := 5"/>'),
+        ("@battery > 3", '<SubTree ID="Main2" level="{battery}"/>'),
+        ("level == 5", '<Script code="{program}"/>'),
+    ],
+)
+def test_a_condition_may_ask_for_every_key_that_the_tree_can_have(until, body):
+    tree = f"<Sequence>{body}<AdvanceZone/></Sequence>"
+    if "SubTree" in body:
+        tree += '</BehaviorTree><BehaviorTree ID="Main2"><Script code="level := 5"/>'
+    assert read(f'tree: Main\nuntil: "{until}"', tree).scenario.until is not None
+
+
+def test_a_condition_may_ask_for_a_key_that_an_answer_or_a_parameter_makes():
+    answers = 'answers: {AdvanceZone: {status: SUCCESS, then: "gone := 1"}}'
+    assert read(f'{answers}\nuntil: "gone == 1"').scenario.until is not None
+    assert read("parameters: {speed: 2}\nuntil: speed > 1").scenario.until is not None

@@ -244,3 +244,8 @@ def test_nothing_can_hold_at_an_end_that_there_is_not():
         "conflicting-keys",
         "'p' is to hold at the end, and end: none says that there is none",
     )
+
+
+def test_a_condition_may_ask_for_a_key_whose_name_is_given_to_a_node():
+    tree = '<Sequence><SetBlackboard value="low" output_key="battery"/><A/></Sequence>'
+    assert answer(tree, "{never: A starts, while: battery == 'high'}").outcome is PROVED
