@@ -35,7 +35,7 @@ class BoundForest(NamedTuple):
     """Every tree of a forest, bound.
 
     Attributes:
-        trees: The trees, in the order of the files.
+        trees: The trees, in the order of the files; those of other files of the set, as far as they are used, last.
         tops: The main tree and the trees used by no other, unless they are too large, with their subtrees expanded.
         models: The models of nodes that are not registered, and of subtrees.
         specs: All possible meanings of the tags in them.
@@ -56,7 +56,8 @@ def bind(forest: Forest, registry: Registry, tree: Element, palettes: Iterable[T
         The bound tree and its findings, in the order of the file.
     """
     collector = Collector()
-    binder = Binder(forest, registry, read_models([*palettes, *forest.files], Collector()), collector)
+    models = read_models([*palettes, *forest.files, *forest.others], Collector())
+    binder = Binder(forest, registry, models, collector)
     with gc_paused(_characters(forest)):
         main = binder.tree(tree)
     cut_circles([main], collector)
@@ -73,17 +74,18 @@ def bind_all(forest: Forest, registry: Registry, palettes: Iterable[TreeFile] = 
         The bound trees and their findings, in the order of the files.
     """
     collector = Collector()
-    models = read_models([*palettes, *forest.files], collector)
+    models = read_models([*palettes, *forest.files, *forest.others], collector)
     compare(models, registry, collector)
     binder = Binder(forest, registry, models, collector)
     with gc_paused(_characters(forest)):
-        trees = [binder.tree(tree) for tree in forest.iterate()]
+        own = [binder.tree(tree) for tree in forest.iterate()]
+    trees = list(dict.fromkeys([*own, *binder.trees]))
     cut_circles(trees, collector)
     used = {node.subtree for tree in trees for node in tree.subtrees()}
     # References into enclosing trees can be resolved only there; the main tree must not have any.
     main, count = forest.main_tree(), 0
     tops: list[Instance] = []
-    for tree in trees:
+    for tree in own:
         if tree not in used or tree.element is main:
             size = fits(tree, collector, count)
             if size is not None:
@@ -100,7 +102,7 @@ def _characters(forest: Forest) -> int:
 
 def _in_order(forest: Forest, findings: list[Diagnostic]) -> tuple[Diagnostic, ...]:
     """Return the distinct findings by file, line and column, without those about palettes."""
-    order = {id(tree_file.source): number for number, tree_file in enumerate(forest.files)}
+    order = {id(tree_file.source): number for number, tree_file in enumerate((*forest.files, *forest.others))}
     unique = [finding for finding in dict.fromkeys(findings) if id(finding.source) in order]
     return tuple(sorted(unique, key=lambda f: (order[id(f.source)], f.span.line, f.span.column)))
 
@@ -120,6 +122,11 @@ class Binder:
         self._level = 1
         self._meanings: dict[str, list[NodeSpec]] = {}
         self._meant: dict[str, str | None] = {}
+
+    @property
+    def trees(self) -> Iterable[BoundTree]:
+        """The trees bound so far."""
+        return self._trees.values()
 
     @property
     def specs(self) -> list[NodeSpec]:
@@ -312,17 +319,25 @@ class Binder:
         if not tree_id:
             self._without_id(element, f"this <{SUBTREE_TAG}> names no tree", "the tree's name")
             return bound
-        target = self._forest.trees.get(tree_id)
-        bound.remapping = self._remapping(bound, self._models.subtrees.get(tree_id))
-        if target is None:
-            trees = self._forest.trees
-            message, near = f"there is no tree '{tree_id}'", self._guesses.nearest(tree_id, trees)
-            hint = f"the trees are {listed(trees)}; <include> adds those of other files"
-            self._collector.value(element, "ID", "unknown-tree", message, suggestion=near, hint=hint)
-        else:
+        target, model = self._forest.target(element, tree_id), self._models.subtrees.get(tree_id)
+        bound.remapping = self._remapping(bound, model)
+        if target is not None:
             bound.subtree = self._known(target)
+        elif model is not None:
+            self._described(bound, model)
+        else:
+            trees = self._forest.known_ids
+            message, near = f"there is no tree '{tree_id}'", self._guesses.nearest(tree_id, trees)
+            hint = f"the trees are {listed(trees)}; <include> adds those of other files, and so does [project] trees"
+            self._collector.value(element, "ID", "unknown-tree", message, suggestion=near, hint=hint)
         self._file_away(bound)
         return bound
+
+    def _described(self, bound: BoundNode, model: Model) -> None:
+        """Bind a `SubTree` whose tree only a model describes: as a leaf with the ports of the model."""
+        bound.spec = spec = model.spec()
+        bound.keys = {name: key for name, key in bound.remapping.keys.items() if name in spec.parameters}
+        self._current.skips = True  # as the root of its tree may be
 
     def _remapping(self, bound: BoundNode, model: Model | None) -> Remapping:
         element = bound.element
