@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from sar_compiler.tree.content import as_written, read_bytes
+from sar_compiler.tree.content import as_written, read_bytes, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.source import Source, Span
 from sar_compiler.tree.synthetic import NO_SPANS
@@ -81,7 +81,7 @@ def configuration_for(
         TreeError: If the configuration that counts has mistakes.
         UnreadableFileError: If it cannot be read.
     """
-    tree_file = tree_file.resolve()
+    tree_file = real_path(tree_file)
     for folder in tree_file.parents:
         for name, table in ((OWN_FILE, ()), (SHARED_FILE, _SHARED_TABLE)):
             path = folder / name
@@ -175,7 +175,7 @@ def path_inside(
     text = str(value.data)
     repository = (repository_of(folder.resolve()) or folder).resolve()
     # Links are followed; what goes round in a circle is complained of when it is read.
-    if "\0" not in text and Path(os.path.realpath(folder / text)).is_relative_to(repository):
+    if "\0" not in text and real_path(folder / text).is_relative_to(repository):
         return folder / text
     message = f"{name}: '{text}' lies outside the repository of this file"
     document.report(value, "setting-outside", message, hint=f"put it into the repository{otherwise}")

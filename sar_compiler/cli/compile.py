@@ -31,8 +31,12 @@ _COMMANDS = {
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run `sar-compile` and return its exit status."""
-    arguments = _parser(sys.argv[1:] if argv is None else argv).parse_args(argv)
-    return run(lambda: int(arguments.run(arguments)), PROG)
+    return run(lambda: _run(sys.argv[1:] if argv is None else argv), PROG)
+
+
+def _run(argv: Sequence[str]) -> int:
+    arguments = _parser(argv).parse_args(argv)
+    return int(arguments.run(arguments))
 
 
 def _parser(argv: Sequence[str] = ()) -> Parser:

@@ -26,9 +26,8 @@ def format_files(arguments: argparse.Namespace) -> int:
 
     status = OK
     for name in arguments.files:
-        path = Path(name)
         try:
-            differs = _format(path, write=not arguments.check)
+            differs = _format(name, write=not arguments.check)
         except UnreadableFileError as error:
             print(f"sar-compile: {error}", file=sys.stderr)
             status = USAGE
@@ -37,19 +36,21 @@ def format_files(arguments: argparse.Namespace) -> int:
             status = max(status, FINDINGS)
         else:
             if differs:
-                print(f"{path}: {'is not in canonical form' if arguments.check else 'written anew'}")
+                print(f"{Path(name)}: {'is not in canonical form' if arguments.check else 'written anew'}")
             if differs and arguments.check:
                 status = max(status, FINDINGS)
     return status
 
 
-def _format(path: Path, *, write: bool) -> bool:
+def _format(name: str, *, write: bool) -> bool:
     """Return whether a file differs from its canonical form, and rewrite it if requested."""
     from sar_compiler.cli.writing import write_text
     from sar_compiler.tree.content import read_bytes
     from sar_compiler.tree.conversion import convert
     from sar_compiler.tree.reading import read_tree_file
+    from sar_compiler.tree.shipped import path_named
 
+    path = path_named(name)
     tree_file = read_tree_file(path)
     text = convert(tree_file, tree_file.source.form).text
     differs = read_bytes(path) != text.encode()

@@ -4,15 +4,18 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import Parser, add_version, seed, speed
 from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_nodes, add_trust
 from sar_compiler.commands import USAGE, run
-from sar_compiler.missions.ending import Until
 from sar_compiler.resources import find
 from sar_compiler.ros.arguments import split_arguments
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.tree.gc_pause import gc_paused
+
+if TYPE_CHECKING:
+    from sar_compiler.missions.ending import Until
 
 PROG = "sar-run"
 
@@ -49,7 +52,7 @@ class Options:
     sim: str | None
     seed: int
     speed: float
-    until: Until | None
+    until: "Until | None"
     view: str
     summary: str
     check: bool
@@ -84,9 +87,13 @@ def _run(options: Options, signals: StopSignals) -> int:
 
 
 def _options(argv: Sequence[str]) -> Options:
+    from sar_compiler.missions.ending import Until
+
     split = split_arguments(argv)
     parser = _parser()
     given = parser.parse_args(split.own)
+    if given.tree == "":
+        parser.error("the name of the tree file is empty")
     for option, value in (("--speed", given.speed), ("--fault", given.fault or None), ("--seed", given.seed)):
         if given.sim is None and value is not None:
             parser.error(f"{option} is for the simulator: add --sim")
@@ -129,6 +136,9 @@ def _looks_like_a_tree(world: str) -> bool:
 
 
 def _parser() -> Parser:
+    # py_trees, which comes with it, cannot be imported where standard output is closed.
+    from sar_compiler.missions.ending import Until
+
     parser = Parser(
         PROG,
         "Run a mission: check the tree, wait for what it needs, tick it.",

@@ -15,9 +15,9 @@ from sar_compiler.checks.configuration import Configuration, configuration_for, 
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.nodes.installed import ignored_entry_points, is_installed
 from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, load_registry
-from sar_compiler.tree.content import as_written, read_bytes
+from sar_compiler.tree.content import as_written, read_bytes, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
-from sar_compiler.tree.forest import Forest, Read, TreeSet, load_forest, real_path
+from sar_compiler.tree.forest import Forest, Read, TreeSet, load_forest
 from sar_compiler.tree.gathering import files_meant
 from sar_compiler.tree.model import TreeFile
 from sar_compiler.tree.reading import read_tree_file
@@ -200,7 +200,7 @@ class Workspace:
             self._note(f"{foreign} is passed over: it belongs neither to you nor to the owner of {path}")
 
         configuration = configuration_for(path, pass_over)
-        folder = (configuration.path or path.resolve()).parent
+        folder = (configuration.path or real_path(path)).parent
         checkout = repository_of(folder) or folder
         key = (configuration.path, checkout)
         if key not in self._projects:

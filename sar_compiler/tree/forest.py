@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from sar_compiler.tree.content import as_written
+from sar_compiler.tree.content import as_written, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError, UnreadableFileError
 from sar_compiler.tree.model import INCLUDE_TAG, SUBTREE_TAG, Element, TreeFile
 from sar_compiler.tree.reading import FORMS
@@ -112,11 +112,6 @@ def load_forest(
     loader.included(place, main, ())
     forest = Forest(main, tuple(loader.files), tuple(loader.findings), tree_set=tree_set)
     return forest if tree_set is None else _Search(forest, tree_set).done()
-
-
-def real_path(path: Path) -> Path:
-    """Return a path with its links followed, as far as they do not go round in a circle."""
-    return Path(os.path.realpath(path))
 
 
 class TreeSet:

@@ -211,7 +211,10 @@ def codes(body: str) -> list[str]:
 
 def test_the_schema_is_silent_while_the_rules_have_more_errors_than_are_shown(monkeypatch):
     monkeypatch.setattr(checks, "MOST", 3)
-    assert codes(each('<Delay delay_msec="x{0}"><AlwaysSuccess/></Delay>')(5)) == [*["wrong-value"] * 3, "more-findings"]
+    assert codes(each('<Delay delay_msec="x{0}"><AlwaysSuccess/></Delay>')(5)) == [
+        *["wrong-value"] * 3,
+        "more-findings",
+    ]
 
 
 def test_the_schema_is_asked_however_many_warnings_there_are(monkeypatch):
