@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import Parser, add_version, seed, speed
 from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_nodes, add_trust
+from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import USAGE, run
 from sar_compiler.resources import find
 from sar_compiler.ros.arguments import split_arguments
@@ -30,6 +31,7 @@ class Options:
 
     Attributes:
         tree: A tree file or the name of a shipped one; empty for the mission's default.
+        tree_id: The tree in the file; None for the one that the file executes.
         params: A parameter file.
         sim: The world to simulate; None for an existing robot.
         seed: The seed of the simulation's noise.
@@ -48,6 +50,7 @@ class Options:
     """
 
     tree: str
+    tree_id: str | None
     params: Path | None
     sim: str | None
     seed: int
@@ -81,7 +84,7 @@ def _run(options: Options, signals: StopSignals) -> int:
     try:
         return run_mission(options, signals)
     except TreeError as error:
-        print(error, file=sys.stderr)
+        print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
         print(f"{PROG}: {options.tree} cannot be run like this; nothing has moved", file=sys.stderr)
         return USAGE
 
@@ -149,6 +152,9 @@ def _parser() -> Parser:
         nargs="?",
         metavar="TREE",
         help=f"{FILE_HELP} (default: the one that --mission brings, else {_DEFAULT_TREE})",
+    )
+    parser.add_argument(
+        "--tree", dest="tree_id", metavar="ID", help="the tree to run (default: the one the file executes)"
     )
     parser.add_argument("--params", type=Path, metavar="FILE", help="a ROS 2 parameter file")
     parser.add_argument(

@@ -75,6 +75,7 @@ class _Validation:
         self.arguments = arguments
         self.findings: list[Diagnostic] = []
         self.unreadable = 0
+        self._checked = 0
         self._said: set[object] = set()
         self._fixable = 0
         self._stdin: bytes | None = None
@@ -156,6 +157,7 @@ class _Validation:
             except TreeError as error:
                 self._report(error.findings)
                 continue
+            self._checked += 1
             self._report(tree.findings)
             self._count_fixable(tree)
             if self.arguments.format == _TEXT and not tree.findings and path not in self._found_in_folders:
@@ -183,7 +185,7 @@ class _Validation:
 
     def _sum_up(self) -> None:
         """Say on standard error how much was found; of one file without findings, that is said already."""
-        if not self.findings and not (self._files[1:] and self.unreadable < len(self._files)):
+        if not self.findings and self._checked <= 1:
             return
         counts = Counter(
             finding.severity.value for finding in self.findings if finding.code != "more-findings"
@@ -195,7 +197,7 @@ class _Validation:
         fixable = f"; {self._fixable:,} fixable with --fix" if self._fixable else ""
         found = ", ".join(listed) or "no findings"
         sys.stdout.flush()
-        print(f"{found} in {_count(len(self._files), 'file')}{fixable}", file=sys.stderr)
+        print(f"{found} in {_count(self._checked, 'file')}{fixable}", file=sys.stderr)
 
     def print_for_tools(self) -> None:
         """Print everything at once, in the machine-readable formats."""

@@ -225,7 +225,7 @@ def test_the_schema_is_asked_however_many_warnings_there_are(monkeypatch):
 
 def test_of_more_findings_of_a_kind_than_are_shown_it_is_said_how_many(monkeypatch):
     monkeypatch.setattr(checks, "MOST", 2)
-    body = each("<Sucess/>")(4) + '<Delay delay_msec="x"><AlwaysSuccess/></Delay>'
+    body = f'<Sequence>{"<Sucess/>" * 4}<Delay delay_msec="x"><AlwaysSuccess/></Delay></Sequence>'
     findings = checks.first_of_each(check(Forest.of(parse_xml(document(body))), default_registry()))
     assert [(each.code, each.severity.value) for each in findings] == [
         ("unknown-node", "error"),
