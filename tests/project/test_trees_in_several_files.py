@@ -185,7 +185,7 @@ def test_the_includes_of_a_groot2_project_are_checked(folder, capsys):
     write(folder, "Project.btproj", PROJECT.format('<include path="a.xml"/><include path="b.xml"/>', model))
     assert codes("Project.btproj") == []
     write(folder, "Project.btproj", PROJECT.format('<include path="a.xml"/><include path="c.xml"/>', model))
-    assert codes("Project.btproj") == [("unreadable-include", "a.xml")]
+    assert codes("Project.btproj") == [("unreadable-include", "b.xml")]
 
 
 def test_a_groot2_project_is_named_as_such(folder, capsys):
