@@ -92,7 +92,7 @@ def check(forest: Forest, registry: Registry, palettes: Palettes = ()) -> list[D
     from sar_compiler.checks.schema_validation import check_schema
 
     # The rules say it better; the schema speaks only where they found nothing, and had nothing more to say.
-    described = described_specs([*palettes, *forest.files, *forest.others], registry)
+    described = described_specs([*palettes, *forest.files], registry)
     for tree_file in forest.files if is_all else ():
         findings += itertools.islice(check_schema(tree_file, registry, described, findings), MOST)
     files = (*reversed(forest.files), *forest.others)

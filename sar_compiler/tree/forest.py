@@ -25,7 +25,7 @@ Read = Callable[[Path], TreeFile]
 """Reads one file."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Forest:
     """A file and everything that it includes.
 
@@ -33,7 +33,8 @@ class Forest:
         main: The file.
         files: All files, each once: the included ones before those that include them.
         findings: What kept a file from being included, or from being searched for a missing tree.
-        others: The files of its set that have trees which it lacks, with what they include.
+        homes: The file of the set, with what it includes, that each tree comes from which is not in one of these files,
+            by the identity of the tree's element.
         targets: The trees meant by references that are resolved in the set, by the identity of the element.
         clashes: A finding for each reference that several trees of the set could be meant by.
         tree_set: The set; None if it has none.
@@ -42,7 +43,7 @@ class Forest:
     main: TreeFile
     files: tuple[TreeFile, ...]
     findings: tuple[Diagnostic, ...] = ()
-    others: tuple[TreeFile, ...] = ()
+    homes: "Mapping[int, Forest]" = field(default_factory=dict, repr=False)
     targets: Mapping[int, Element] = field(default_factory=dict, repr=False)
     clashes: tuple[Diagnostic, ...] = ()
     tree_set: "TreeSet | None" = field(default=None, repr=False)
@@ -60,6 +61,11 @@ class Forest:
             if "ID" in tree.attributes:
                 by_id.setdefault(tree.attributes["ID"], tree)
         return by_id
+
+    @functools.cached_property
+    def others(self) -> tuple[TreeFile, ...]:
+        """The files of the set that trees come from, with what these include."""
+        return tuple({id(file): file for home in self.homes.values() for file in home.files}.values())
 
     def iterate(self) -> Iterator[Element]:
         """Yield every `BehaviorTree` element."""
@@ -226,11 +232,10 @@ class _Search:
             for reference in self.tree_set.references(tree):
                 self._find(reference, "ID", home)
             waiting += list(self.found.values())[known:]
-        files = {id(file): file for _, home in waiting for file in home.files}
         return replace(
             forest,
             findings=tuple(dict.fromkeys(self.findings)),
-            others=tuple(files.values()),
+            homes={id(tree): home for tree, home in waiting},
             targets=self.targets,
             clashes=tuple(self.clashes),
         )

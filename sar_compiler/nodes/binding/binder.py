@@ -6,7 +6,7 @@ builds from its result.
 """
 
 import functools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, AttributeBinder
@@ -29,6 +29,9 @@ from sar_compiler.tree.model import SUBTREE_TAG, TREE_TAG, Element, TreeFile
 _KIND_TAGS = frozenset(kind.value for kind in Kind)
 _FORMER_ATTRIBUTES = {"__autoremap": "_autoremap", "__shared_blackboard": "_autoremap"}
 """The names of a `SubTree`'s attributes in BehaviorTree.CPP 3."""
+
+_Words = tuple[Models, dict[str, list[NodeSpec]], dict[str, str | None]]
+"""The models of a file, the meanings of the tags in it, and the tags meant by unknown ones."""
 
 
 class BoundForest(NamedTuple):
@@ -56,8 +59,9 @@ def bind(forest: Forest, registry: Registry, tree: Element, palettes: Iterable[T
         The bound tree and its findings, in the order of the file.
     """
     collector = Collector()
-    models = read_models([*palettes, *forest.files, *forest.others], Collector())
-    binder = Binder(forest, registry, models, collector)
+    palettes = tuple(palettes)
+    models = read_models([*palettes, *forest.files], Collector())
+    binder = Binder(forest, registry, models, collector, palettes)
     with gc_paused(_characters(forest)):
         main = binder.tree(tree)
     cut_circles([main], collector)
@@ -73,10 +77,10 @@ def bind_all(forest: Forest, registry: Registry, palettes: Iterable[TreeFile] = 
     Returns:
         The bound trees and their findings, in the order of the files.
     """
-    collector = Collector()
-    models = read_models([*palettes, *forest.files, *forest.others], collector)
+    collector, palettes = Collector(), tuple(palettes)
+    models = read_models([*palettes, *forest.files], collector)
     compare(models, registry, collector)
-    binder = Binder(forest, registry, models, collector)
+    binder = Binder(forest, registry, models, collector, palettes)
     with gc_paused(_characters(forest)):
         own = [binder.tree(tree) for tree in forest.iterate()]
     trees = list(dict.fromkeys([*own, *binder.trees]))
@@ -93,7 +97,8 @@ def bind_all(forest: Forest, registry: Registry, palettes: Iterable[TreeFile] = 
                 tops.append(expand(tree, collector))
                 report_shared_keys(tops[-1], collector)
                 report_misread(trees_in(tree), collector)
-    return BoundForest(trees, tops, models, binder.specs, _in_order(forest, collector.findings))
+    all_models = models._replace(subtrees=binder.subtrees)
+    return BoundForest(trees, tops, all_models, binder.specs, _in_order(forest, collector.findings))
 
 
 def _characters(forest: Forest) -> int:
@@ -110,8 +115,16 @@ def _in_order(forest: Forest, findings: list[Diagnostic]) -> tuple[Diagnostic, .
 class Binder:
     """Binds trees, each once."""
 
-    def __init__(self, forest: Forest, registry: Registry, models: Models, collector: Collector) -> None:
+    def __init__(
+        self,
+        forest: Forest,
+        registry: Registry,
+        models: Models,
+        collector: Collector,
+        palettes: tuple[TreeFile, ...] = (),
+    ) -> None:
         self._forest = forest
+        self._palettes = palettes
         self._registry = registry
         self._models = models
         self._collector = collector
@@ -122,6 +135,9 @@ class Binder:
         self._level = 1
         self._meanings: dict[str, list[NodeSpec]] = {}
         self._meant: dict[str, str | None] = {}
+        self._home: Forest | None = None
+        # The file itself is None.
+        self._words: dict[Forest | None, _Words] = {None: (models, self._meanings, self._meant)}
 
     @property
     def trees(self) -> Iterable[BoundTree]:
@@ -131,13 +147,39 @@ class Binder:
     @property
     def specs(self) -> list[NodeSpec]:
         """All possible meanings of the tags bound so far."""
-        return [spec for specs in self._meanings.values() for spec in specs]
+        return [
+            spec for _, meanings, _ in self._words.values() for specs in meanings.values() for spec in specs
+        ]
+
+    @property
+    def subtrees(self) -> Mapping[str, Model]:
+        """The models of subtrees in all files, those of the file itself first."""
+        return {
+            name: model
+            for models, *_ in reversed(self._words.values())
+            for name, model in models.subtrees.items()
+        }
+
+    def _words_of(self, home: Forest | None) -> _Words:
+        if home not in self._words:
+            files = home.files if home is not None else ()
+            self._words[home] = read_models([*self._palettes, *files], Collector()), {}, {}
+        return self._words[home]
+
+    def _enter(self, tree: BoundTree) -> None:
+        """Turn to a tree; in another file of the set, tags mean what the models of that file say."""
+        home = self._forest.homes.get(id(tree.element))
+        if home is not self._home:
+            self._models, self._meanings, self._meant = self._words_of(home)
+            self._home = home
+            self.__dict__.pop("_tags", None)
+        self._current = tree
 
     def tree(self, element: Element) -> BoundTree:
         """Bind a `BehaviorTree` element and the trees that it uses."""
         tree = self._known(element)
         while self._waiting:
-            self._current = self._waiting.pop()
+            self._enter(self._waiting.pop())
             self._content(self._current)
             resolve_references(self._current, self._collector)
         return tree
@@ -319,7 +361,9 @@ class Binder:
         if not tree_id:
             self._without_id(element, f"this <{SUBTREE_TAG}> names no tree", "the tree's name")
             return bound
-        target, model = self._forest.target(element, tree_id), self._models.subtrees.get(tree_id)
+        target = self._forest.target(element, tree_id)
+        theirs, *_ = self._words_of(self._forest.homes.get(id(target)))
+        model = self._models.subtrees.get(tree_id) or theirs.subtrees.get(tree_id)
         bound.remapping = self._remapping(bound, model)
         if target is not None:
             bound.subtree = self._known(target)
