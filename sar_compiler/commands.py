@@ -1,5 +1,8 @@
 """The end of commands: their exit statuses, and their errors as messages to the user."""
 
+import codecs
+import errno
+import os
 import sys
 from collections.abc import Callable
 
@@ -12,6 +15,9 @@ INTERRUPTED = 130
 PIPE_CLOSED = 141
 """The status that a shell reports for a process that wrote to a closed pipe: the output may not have been read."""
 
+_UNWRITABLE = (errno.EBADF, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENOSPC)
+"""What is wrong with standard output where writing it fails, besides a closed pipe."""
+
 # The top-level modules of the simulator's libraries, of Dask, and of ROS.
 _SIMULATOR = ("numpy", "scipy", "PIL")
 _CLUSTER = ("dask", "distributed")
@@ -23,10 +29,11 @@ def run(command: Callable[[], int], prog: str) -> int:
     """Run a command and turn its errors for the user into messages.
 
     Returns:
-        The exit status: the command's own, or 2 for a `SarError` and for a library that is not installed.
+        The exit status: the command's own, or 2 for a `SarError`, for a library that is not installed, and where
+        standard output cannot be written.
     """
     try:
-        return command()
+        return _done(command)
     except SarError as error:
         from sar_compiler.tree.diagnostic import TreeError
 
@@ -43,8 +50,45 @@ def run(command: Callable[[], int], prog: str) -> int:
         # The reader has closed the pipe (`| head`); the rest of the buffer is discarded.
         sys.stderr.close()
         return PIPE_CLOSED
+    except (OSError, UnicodeEncodeError) as error:
+        reason = _not_written(error)
+        if reason is None:
+            raise
+        discard_output()
+        print(f"{prog}: standard output cannot be written: {reason}", file=sys.stderr)
+        return USAGE
     except KeyboardInterrupt:
         return INTERRUPTED
+
+
+def _done(command: Callable[[], int]) -> int:
+    """Run a command, and write out what it has printed."""
+    if sys.stdout is None:
+        message = "standard output is closed"
+        raise SarError(message)
+    try:
+        return command()
+    finally:
+        sys.stdout.flush()  # while what goes wrong can still be told
+
+
+def discard_output() -> None:
+    """Discard what is still in the buffer of standard output, and all that is written to it from here on."""
+    with open(os.devnull, "wb") as nowhere:  # noqa: PTH123 - os.devnull is no path of a file
+        os.dup2(nowhere.fileno(), sys.stdout.fileno())
+
+
+def _not_written(error: OSError | UnicodeEncodeError) -> str | None:
+    """Return why standard output could not be written; None if the error is about something else."""
+    if isinstance(error, OSError):
+        return error.strerror if error.filename is None and error.errno in _UNWRITABLE else None
+    encoding = sys.stdout.encoding
+    if codecs.lookup(error.encoding) != codecs.lookup(encoding):
+        return None
+    return (
+        f"its encoding is {encoding}, which has no '{error.object[error.start]}'; "
+        "choose a UTF-8 locale, or set PYTHONUTF8=1"
+    )
 
 
 def _not_installed(error: ImportError) -> str | None:

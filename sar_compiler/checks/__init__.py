@@ -5,6 +5,7 @@ is a module in `rules`, and `RULES` lists them.
 """
 
 import itertools
+from collections import Counter
 from collections.abc import Callable, Iterable
 
 from sar_compiler.checks.document import check_document
@@ -40,7 +41,7 @@ def check_meaning(context: CheckContext) -> Iterable[Diagnostic]:
 
 
 MOST = 1000
-"""The most findings reported for one rule; the rest appear when these are corrected."""
+"""The most findings of a kind that are reported; the rest appear when these are corrected."""
 
 RULES: tuple[Callable[[CheckContext], Iterable[Diagnostic]], ...] = (
     check_document,
@@ -85,7 +86,7 @@ def check(forest: Forest, registry: Registry, palettes: Palettes = ()) -> list[D
     context = CheckContext(forest, registry, palettes)
     is_all = True
     for rule in RULES:
-        found = list(itertools.islice(rule(context), MOST))
+        found = list(rule(context))
         is_all = is_all and (len(found) < MOST or all(map(_is_no_error, found)))
         findings += found
     from sar_compiler.checks.schema_validation import check_schema
@@ -94,9 +95,32 @@ def check(forest: Forest, registry: Registry, palettes: Palettes = ()) -> list[D
     described = described_specs([*palettes, *forest.files], registry)
     for tree_file in forest.files if is_all else ():
         findings += itertools.islice(check_schema(tree_file, registry, described, findings), MOST)
-    order = {tree_file.source.path: number for number, tree_file in enumerate(reversed(forest.files))}
+    files = (*reversed(forest.files), *forest.others)
+    order = {tree_file.source.path: number for number, tree_file in reversed([*enumerate(files)])}
 
     def place(finding: Diagnostic) -> tuple[int, int, int, str]:
         return order.get(finding.source.path, 0), finding.span.line, finding.span.column, finding.code
 
     return sorted(without_suppressed(forest, findings), key=place)
+
+
+def first_of_each(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
+    """Return findings, of each kind the first `MOST` and an information about how many more there are."""
+    findings = list(findings)
+    counts = Counter(finding.code for finding in findings)
+    if max(counts.values(), default=0) <= MOST:
+        return findings
+    seen: Counter[str] = Counter()
+    kept = []
+    for finding in findings:
+        seen[finding.code] += 1
+        if seen[finding.code] <= MOST:
+            kept.append(finding)
+        elif seen[finding.code] == MOST + 1:
+            code, message = (
+                "more-findings",
+                f"{counts[finding.code] - MOST:,} more of this kind: {finding.code}",
+            )
+            hint = "correct those above, and they appear"
+            kept.append(Diagnostic(code, message, finding.source, finding.span, None, hint, Severity.INFO))
+    return kept

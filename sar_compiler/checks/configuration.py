@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from sar_compiler.tree.content import as_written, read_bytes
+from sar_compiler.tree.content import as_written, read_bytes, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.source import Source, Span
 from sar_compiler.tree.synthetic import NO_SPANS
@@ -24,6 +24,7 @@ OWN_FILE = "sar.toml"
 SHARED_FILE = "pyproject.toml"
 _SHARED_TABLE = ("tool", "sar")
 _NODES, _MODELS, _INCLUDE_PATH = "nodes", "models", "include-path"
+_PROJECT, _TREES = "project", "trees"
 _OFF = "off"
 # A file in which this word never stands by itself has no such table, and need not be understood.
 _OWN_WORD = re.compile(rb"(?<![\w-])sar(?![\w-])")
@@ -36,6 +37,7 @@ class Configuration(NamedTuple):
         nodes: Modules of leaves, as `--nodes` names them.
         models: Palettes, as `--model` names them.
         include_path: Further folders that may be included from.
+        trees: Files, folders and glob patterns of tree files that belong together, each with the folder it begins from.
         severities: The severities of some kinds of findings, by code; None where they are not to be reported.
         path: The file; None where nothing is decided.
         source: Its text.
@@ -45,6 +47,7 @@ class Configuration(NamedTuple):
     nodes: tuple[str, ...] = ()
     models: tuple[Path, ...] = ()
     include_path: tuple[Path, ...] = ()
+    trees: tuple[tuple[Path, str], ...] = ()
     severities: Mapping[str, Severity | None] = {}
     path: Path | None = None
     source: Source = Source("", "", NO_SPANS)
@@ -78,7 +81,7 @@ def configuration_for(
         TreeError: If the configuration that counts has mistakes.
         UnreadableFileError: If it cannot be read.
     """
-    tree_file = tree_file.resolve()
+    tree_file = real_path(tree_file)
     for folder in tree_file.parents:
         for name, table in ((OWN_FILE, ()), (SHARED_FILE, _SHARED_TABLE)):
             path = folder / name
@@ -124,12 +127,17 @@ def _decided(path: Path, table: tuple[str, ...]) -> Configuration | None:
     said, entries = held.data, held.mapping
     models = _paths(path, document, entries.get(_MODELS), _MODELS, "--model")
     include_path = _paths(path, document, entries.get(_INCLUDE_PATH), _INCLUDE_PATH, "--include-path")
+    project = entries.get(_PROJECT)
+    trees = project.mapping.get(_TREES) if project is not None else None
+    patterns = tuple(str(each.data) for each in trees.listed) if trees is not None else ()
+    _paths(path, document, trees, _TREES, "")
     document.raise_findings()
     modules = entries[_NODES].listed if _NODES in entries else ()
     return Configuration(
         tuple(said.get(_NODES, ())),
         models,
         include_path,
+        tuple((path.parent, pattern) for pattern in patterns),
         {
             code: None if level == _OFF else Severity(level)
             for code, level in said.get("findings", {}).items()
@@ -146,7 +154,7 @@ def _paths(
     """Return paths that a setting lists, from the file's folder; none leads out of the repository."""
     listed = written.listed if written is not None else ()
     found = (
-        path_inside(document, path.parent, value, name, f", or name it yourself: {option}")
+        path_inside(document, path.parent, value, name, f", or name it yourself: {option}" if option else "")
         for value in listed
     )
     return tuple(each for each in found if each is not None)
@@ -167,7 +175,7 @@ def path_inside(
     text = str(value.data)
     repository = (repository_of(folder.resolve()) or folder).resolve()
     # Links are followed; what goes round in a circle is complained of when it is read.
-    if "\0" not in text and Path(os.path.realpath(folder / text)).is_relative_to(repository):
+    if "\0" not in text and real_path(folder / text).is_relative_to(repository):
         return folder / text
     message = f"{name}: '{text}' lies outside the repository of this file"
     document.report(value, "setting-outside", message, hint=f"put it into the repository{otherwise}")

@@ -10,7 +10,17 @@ from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.values import nearest
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, ROOT_TAG, SECTIONS, TREE_TAG, Element, TreeFile
+from sar_compiler.tree.model import (
+    INCLUDE_TAG,
+    MODEL_TAG,
+    PROJECT_ATTRIBUTE,
+    ROOT_TAG,
+    SECTIONS,
+    TREE_TAG,
+    Element,
+    TreeFile,
+    is_groot2_project,
+)
 
 ROOT_ATTRIBUTES = ("BTCPP_format", "main_tree_to_execute")
 TREE_ATTRIBUTES = ("ID", *NOTES)
@@ -22,13 +32,15 @@ def check_document(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield what is wrong outside the trees."""
     forest, registry = context.forest, context.registry
     for tree_file in forest.files:
-        yield from _frame(tree_file.root)
+        yield from _frame(tree_file)
     yield from _tree_ids(forest, registry)
+    yield from forest.clashes
     if forest.main.root.tag == ROOT_TAG and context.is_whole and not _is_palette(forest):
         try:
             find_main_tree(forest)
         except TreeError as error:
-            yield from error.findings
+            # Which of several trees is executed, only who executes one has to say.
+            yield from (each for each in error.findings if each.code != "no-main-tree")
 
 
 def _is_palette(forest: Forest) -> bool:
@@ -39,13 +51,15 @@ def _is_palette(forest: Forest) -> bool:
     return describes and not names_tree and not any(True for _ in forest.iterate())
 
 
-def _frame(root: Element) -> Iterator[Diagnostic]:
+def _frame(tree_file: TreeFile) -> Iterator[Diagnostic]:
+    root = tree_file.root
     if root.tag != ROOT_TAG:
         message = f"the outermost element is <{root.tag}>; a tree file has <{ROOT_TAG}> there"
         hint = f'put everything in <{ROOT_TAG} BTCPP_format="{FORMAT}">'
         yield _finding(root, "wrong-root", message, suggestion=nearest(root.tag, [ROOT_TAG]), hint=hint)
         return
-    yield from _unknown_attributes(root, ROOT_ATTRIBUTES)
+    own = (PROJECT_ATTRIBUTE,) if is_groot2_project(tree_file) else ()
+    yield from _unknown_attributes(root, (*ROOT_ATTRIBUTES, *own))
     yield from _format(root)
     for child in root.children:
         if child.tag not in SECTIONS:

@@ -51,12 +51,12 @@ def without_suppressed(forest: Forest, findings: Iterable[Diagnostic]) -> list[D
     """Return the findings that no comment silences, and what is wrong with the comments themselves."""
     kept, guesses = list(findings), Guesses()
     whole = all(finding.severity is not Severity.ERROR for finding in kept)
-    for tree_file in forest.files:
+    for number, tree_file in enumerate((*forest.files, *forest.others)):
         if _MARK not in tree_file.source.text:
             continue
         suppressions = list(_suppressions(tree_file))
         kept = _silenced(tree_file, suppressions, kept)
-        for suppression in suppressions:
+        for suppression in suppressions if number < len(forest.files) else ():
             # While there are errors, some rules are not asked.
             kept += _wrong(suppression, guesses, unneeded=whole)
     return kept

@@ -2,11 +2,11 @@
 
 import argparse
 import math
-import os
 import platform
 import sys
 from typing import Any
 
+from sar_compiler.cli.terminal import columns, columns_asked_for
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, PIPE_CLOSED, USAGE, run
 
 __all__ = [
@@ -32,11 +32,8 @@ class Parser(argparse.ArgumentParser):
 
     def _get_formatter(self) -> argparse.HelpFormatter:
         # It is made for every argument, to look at its name; what argparse asks for the width takes long to import.
-        try:
-            columns = int(os.environ.get("COLUMNS", "0")) or os.get_terminal_size(sys.stdout.fileno()).columns
-        except (AttributeError, ValueError, OSError):
-            columns = 80
-        return argparse.HelpFormatter(prog=self.prog, width=columns - 2)
+        width = columns(sys.stdout) or columns_asked_for() or 80
+        return argparse.HelpFormatter(prog=self.prog, width=width - 2)
 
 
 def add_version(parser: argparse.ArgumentParser) -> None:

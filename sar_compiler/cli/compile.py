@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE, Parser, add_version, run
 from sar_compiler.cli.loading import FILE_HELP, add_nodes, add_project_options, workspace
+from sar_compiler.cli.terminal import findings_as_text
 
 if TYPE_CHECKING:
     from sar_compiler.nodes.registry import Registry
@@ -31,8 +32,12 @@ _COMMANDS = {
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run `sar-compile` and return its exit status."""
-    arguments = _parser(sys.argv[1:] if argv is None else argv).parse_args(argv)
-    return run(lambda: int(arguments.run(arguments)), PROG)
+    return run(lambda: _run(sys.argv[1:] if argv is None else argv), PROG)
+
+
+def _run(argv: Sequence[str]) -> int:
+    arguments = _parser(argv).parse_args(argv)
+    return int(arguments.run(arguments))
 
 
 def _parser(argv: Sequence[str] = ()) -> Parser:
@@ -92,7 +97,7 @@ def _show(arguments: argparse.Namespace) -> int:
         # `validate` warns of the doubtful cases.
         tree = workspace(arguments).load(arguments.file).preview(arguments.tree)
     except TreeError as error:
-        print(error, file=sys.stderr)
+        print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
         return FINDINGS
     if arguments.format == "json":
         print(json.dumps(outline(tree), indent=2, ensure_ascii=False))

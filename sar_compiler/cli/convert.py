@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, OK
 from sar_compiler.cli.loading import FILE_HELP, add_project_options, workspace
+from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.cli.writing import WriteError, same_file, write_text
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def convert_file(arguments: argparse.Namespace) -> int:
     try:
         converted = _converted(path, arguments)
     except TreeError as error:
-        print(error, file=sys.stderr)
+        print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
         return FINDINGS
     for loss in converted.losses:
         print(loss.render(), file=sys.stderr)

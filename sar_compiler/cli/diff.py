@@ -5,6 +5,7 @@ import sys
 
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
 from sar_compiler.cli.loading import FILE_HELP
+from sar_compiler.cli.terminal import findings_as_text
 
 
 def add_diff(parser: argparse.ArgumentParser) -> None:
@@ -31,7 +32,7 @@ def diff_files(arguments: argparse.Namespace) -> int:
     try:
         old, new = (read_tree_file(find_tree(name)) for name in (arguments.old, arguments.new))
     except TreeError as error:
-        print(error, file=sys.stderr)
+        print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
         return USAGE
     differences = difference(old, new)
     print(difference_as_text(differences), end="")

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
+from sar_compiler.cli.terminal import findings_as_text
 
 
 def add_format(parser: argparse.ArgumentParser) -> None:
@@ -22,34 +23,35 @@ def format_files(arguments: argparse.Namespace) -> int:
     Raises:
         WriteError: If a file cannot be written.
     """
+    return max(_status(name, check=arguments.check) for name in arguments.files)
+
+
+def _status(name: str, *, check: bool) -> int:
+    """Rewrite a file, or say whether it would change; return the exit status."""
     from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
 
-    status = OK
-    for name in arguments.files:
-        path = Path(name)
-        try:
-            differs = _format(path, write=not arguments.check)
-        except UnreadableFileError as error:
-            print(f"sar-compile: {error}", file=sys.stderr)
-            status = USAGE
-        except TreeError as error:
-            print(error, file=sys.stderr)
-            status = max(status, FINDINGS)
-        else:
-            if differs:
-                print(f"{path}: {'is not in canonical form' if arguments.check else 'written anew'}")
-            if differs and arguments.check:
-                status = max(status, FINDINGS)
-    return status
+    try:
+        differs = _format(name, write=not check)
+    except UnreadableFileError as error:
+        print(f"sar-compile: {error}", file=sys.stderr)
+        return USAGE
+    except TreeError as error:
+        print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
+        return FINDINGS
+    if differs:
+        print(f"{Path(name)}: {'is not in canonical form' if check else 'written anew'}")
+    return FINDINGS if differs and check else OK
 
 
-def _format(path: Path, *, write: bool) -> bool:
+def _format(name: str, *, write: bool) -> bool:
     """Return whether a file differs from its canonical form, and rewrite it if requested."""
     from sar_compiler.cli.writing import write_text
     from sar_compiler.tree.content import read_bytes
     from sar_compiler.tree.conversion import convert
     from sar_compiler.tree.reading import read_tree_file
+    from sar_compiler.tree.shipped import path_named
 
+    path = path_named(name)
     tree_file = read_tree_file(path)
     text = convert(tree_file, tree_file.source.form).text
     differs = read_bytes(path) != text.encode()

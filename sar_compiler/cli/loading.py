@@ -11,6 +11,7 @@ from sar_compiler.tree.gc_pause import gc_paused
 
 if TYPE_CHECKING:
     from sar_compiler.project import Additions, Workspace
+    from sar_compiler.tree.forest import Read
 
 FILE_HELP = "a tree file, or the name of a shipped tree"
 
@@ -62,14 +63,24 @@ def add_trust(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def workspace(arguments: argparse.Namespace) -> "Workspace":
-    """Return the workspace that loads trees by the options of a command."""
+def workspace(
+    arguments: argparse.Namespace, trees: tuple[Path, ...] = (), read: "Read | None" = None
+) -> "Workspace":
+    """Return the workspace that loads trees by the options of a command.
+
+    Args:
+        arguments: The options.
+        trees: Tree files, in which a tree is sought that one of them lacks.
+        read: Reads one tree file, if it is not to be read as it is.
+    """
     # The collector would look several times through what is imported, and find nothing; so it would at the end.
     with gc_paused():
         from sar_compiler.project import Workspace
+        from sar_compiler.tree.reading import read_tree_file
     atexit.register(gc.freeze)
 
-    return Workspace(additions(arguments), note=tell_passed_over)
+    added = additions(arguments)._replace(trees=trees)
+    return Workspace(added, read or read_tree_file, note=tell_passed_over)
 
 
 def additions(arguments: argparse.Namespace) -> "Additions":

@@ -1,8 +1,9 @@
 """Standard output of a run, which must continue even if the output is closed."""
 
-import os
 import sys
 from contextlib import suppress
+
+from sar_compiler.commands import discard_output
 
 
 class RunOutput:
@@ -37,15 +38,9 @@ class RunOutput:
                 "nothing is shown from here on, and the run goes on"
             )
             if isinstance(error, OSError):
-                _silence()
+                discard_output()
 
 
 def _print_error(text: str) -> None:
     with suppress(OSError, UnicodeError):  # its reader may be gone, too
         print(text, file=sys.stderr, flush=True)
-
-
-def _silence() -> None:
-    """Discard what is still in the buffer when the process ends."""
-    with open(os.devnull, "wb") as nowhere:  # noqa: PTH123 - os.devnull is no path of a file
-        os.dup2(nowhere.fileno(), sys.stdout.fileno())

@@ -4,16 +4,20 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import Parser, add_version, seed, speed
 from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_nodes, add_trust
+from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import USAGE, run
-from sar_compiler.missions.ending import Until
 from sar_compiler.resources import find
 from sar_compiler.ros.arguments import split_arguments
 from sar_compiler.ros.middleware import require_middleware
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.tree.gc_pause import gc_paused
+
+if TYPE_CHECKING:
+    from sar_compiler.missions.ending import Until
 
 PROG = "sar-run"
 
@@ -28,6 +32,7 @@ class Options:
 
     Attributes:
         tree: A tree file or the name of a shipped one; empty for the mission's default.
+        tree_id: The tree in the file; None for the one that the file executes.
         params: A parameter file.
         sim: The world to simulate; None for an existing robot.
         seed: The seed of the simulation's noise.
@@ -47,11 +52,12 @@ class Options:
     """
 
     tree: str
+    tree_id: str | None
     params: Path | None
     sim: str | None
     seed: int
     speed: float
-    until: Until | None
+    until: "Until | None"
     view: str
     summary: str
     check: bool
@@ -82,15 +88,19 @@ def _run(options: Options, signals: StopSignals) -> int:
     try:
         return run_mission(options, signals)
     except TreeError as error:
-        print(error, file=sys.stderr)
+        print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
         print(f"{PROG}: {options.tree} cannot be run like this; nothing has moved", file=sys.stderr)
         return USAGE
 
 
 def _options(argv: Sequence[str]) -> Options:
+    from sar_compiler.missions.ending import Until
+
     split = split_arguments(argv)
     parser = _parser()
     given = parser.parse_args(split.own)
+    if given.tree == "":
+        parser.error("the name of the tree file is empty")
     for option, value in (("--speed", given.speed), ("--fault", given.fault or None), ("--seed", given.seed)):
         if given.sim is None and value is not None:
             parser.error(f"{option} is for the simulator: add --sim")
@@ -133,6 +143,9 @@ def _looks_like_a_tree(world: str) -> bool:
 
 
 def _parser() -> Parser:
+    # py_trees, which comes with it, cannot be imported where standard output is closed.
+    from sar_compiler.missions.ending import Until
+
     parser = Parser(
         PROG,
         "Run a mission: check the tree, wait for what it needs, tick it.",
@@ -143,6 +156,9 @@ def _parser() -> Parser:
         nargs="?",
         metavar="TREE",
         help=f"{FILE_HELP} (default: the one that --mission brings, else {_DEFAULT_TREE})",
+    )
+    parser.add_argument(
+        "--tree", dest="tree_id", metavar="ID", help="the tree to run (default: the one the file executes)"
     )
     parser.add_argument("--params", type=Path, metavar="FILE", help="a ROS 2 parameter file")
     parser.add_argument(

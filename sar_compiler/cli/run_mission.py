@@ -73,7 +73,7 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
     """
     make_engine = find_engine(options.engine)
     loaded = _loaded(options)
-    binding = loaded.binding()
+    binding = loaded.binding(options.tree_id)
     mission = choose_mission(binding, options.mission, loaded.project.checkout)
     targets = {**(mission.faults if mission is not None else {}), **NAVIGATION_FAULTS}
     faults = [parse_fault(text, targets) for text in options.fault]

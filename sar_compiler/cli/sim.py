@@ -30,13 +30,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit status: 0, also when stopped by SIGINT or SIGTERM; 2 for wrong usage or input.
     """
-    split = split_arguments(sys.argv[1:] if argv is None else argv)
+    return run(lambda: _command(sys.argv[1:] if argv is None else argv), "sar-sim")
+
+
+def _command(argv: Sequence[str]) -> int:
+    split = split_arguments(argv)
     options = _parser().parse_args(split.own)
     if options.command == "sweep":
-        return run(lambda: sweep_missions(options), "sar-sim")
-    if options.command == "map":
-        return run(lambda: _map(options), "sar-sim")
-    return run(lambda: _run(options, split.ros), "sar-sim")
+        return sweep_missions(options)
+    return _map(options) if options.command == "map" else _run(options, split.ros)
 
 
 def _parser() -> argparse.ArgumentParser:

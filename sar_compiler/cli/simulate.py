@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE, count, seed
 from sar_compiler.cli.loading import FILE_HELP, add_params, add_project_options, workspace
+from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.errors import SarError
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ def simulate_file(arguments: argparse.Namespace) -> int:
         stage = workspace(arguments).load(arguments.file).stage(arguments.tree, arguments.params)
         stage.binding()
     except TreeError as error:
-        print(error, file=sys.stderr)
+        print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
         return USAGE
     coverage = Coverage()
     played = [_play(path, stage, coverage, arguments) for path in scenario_files(arguments.scenario)]

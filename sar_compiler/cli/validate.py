@@ -2,25 +2,31 @@
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
 from sar_compiler.cli.loading import FILE_HELP, add_project_options, workspace
+from sar_compiler.cli.terminal import findings_as_text
 
 if TYPE_CHECKING:
     from sar_compiler.checks.fixing import Fix
     from sar_compiler.project import LoadedTree, Workspace
     from sar_compiler.tree.diagnostic import Diagnostic
+    from sar_compiler.tree.model import TreeFile
 
 _TEXT, _JSON, _SARIF, _GITHUB = FORMATS = ("text", "json", "sarif", "github")
+_STDIN, _STDIN_NAME = "-", Path("<stdin>")
 _ROUNDS = 20
 """The largest number of passes: a fix may reveal another mistake."""
 
 
 def add_validate(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `validate`."""
-    parser.add_argument("files", nargs="+", metavar="FILE", help=FILE_HELP)
+    more = f"{FILE_HELP}; a folder, for all tree files in it and below; or - for standard input"
+    parser.add_argument("files", nargs="+", metavar="FILE", help=more)
     add_project_options(parser)
     parser.add_argument("--strict", action="store_true", help="count warnings as errors")
     parser.add_argument(
@@ -44,9 +50,10 @@ def validate_files(arguments: argparse.Namespace) -> int:
     """
     from sar_compiler.tree.diagnostic import Severity
 
-    validation = _Validation(arguments, workspace(arguments))
-    for name in arguments.files:
-        validation.look_at(name)
+    validation = _Validation(arguments)
+    if arguments.fix:
+        validation.mend()
+    validation.look()
     validation.print_for_tools()
     counted = (Severity.ERROR, Severity.WARNING) if arguments.strict else (Severity.ERROR,)
     if validation.unreadable:
@@ -55,38 +62,142 @@ def validate_files(arguments: argparse.Namespace) -> int:
 
 
 class _Validation:
-    def __init__(self, arguments: argparse.Namespace, workspace: "Workspace") -> None:
-        self.arguments = arguments
-        self.workspace = workspace
-        self.findings: list[Diagnostic] = []
-        self.said: set[str] = set()
-        self.unreadable = 0
+    """The check of files that are one set: a tree that one lacks is sought in the others.
 
-    def look_at(self, name: str) -> None:
-        """Check a file, after fixing it if requested."""
+    Attributes:
+        findings: What was found, each finding once.
+        unreadable: How many of the files and folders could not be read.
+    """
+
+    def __init__(self, arguments: argparse.Namespace) -> None:
+        from sar_compiler.tree.content import real_path
+
+        self.arguments = arguments
+        self.findings: list[Diagnostic] = []
+        self.unreadable = 0
+        self._checked = 0
+        self._said: set[object] = set()
+        self._fixable = 0
+        self._stdin: bytes | None = None
+        self._found_in_folders: set[Path] = set()
+        # Of several links to a file, and of a file that is also in a folder, the first counts.
+        files: dict[Path, Path] = {}
+        for name in arguments.files:
+            for path in self._named(name):
+                files.setdefault(real_path(path), path)
+        self._files = tuple(files.values())
+        self._workspace = self._new_workspace()
+
+    def _named(self, name: str) -> Iterator[Path]:
+        """Yield the files that an argument stands for."""
+        from sar_compiler.tree.diagnostic import UnreadableFileError
+        from sar_compiler.tree.gathering import tree_files_in
+        from sar_compiler.tree.shipped import find_tree
+
+        try:
+            if name == _STDIN:
+                self._stdin = sys.stdin.buffer.read() if self._stdin is None else self._stdin
+                yield _STDIN_NAME
+            elif name and Path(name).is_dir():
+                files = tree_files_in(Path(name))
+                if not files:
+                    self._tell(f"there is no tree file in {name}")
+                self._found_in_folders.update(files)
+                yield from files
+            else:
+                yield find_tree(name)
+        except UnreadableFileError as error:
+            self._tell(str(error))
+
+    def _tell(self, why: str) -> None:
+        self.unreadable += 1
+        print(f"sar-compile: {why}", file=sys.stderr)
+
+    def _new_workspace(self) -> "Workspace":
+        # A file by itself is no set.
+        return workspace(self.arguments, self._files[1:] and self._files, self._read)
+
+    def _read(self, path: Path) -> "TreeFile":
+        from sar_compiler.tree.reading import parse_tree, read_tree_file
+
+        if path == _STDIN_NAME and self._stdin is not None:
+            return parse_tree(self._stdin, str(path))
+        return read_tree_file(path)
+
+    def mend(self) -> None:
+        """Apply all possible fixes to the files; what is wrong otherwise is found when they are looked at."""
         from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
 
-        try:
-            tree = self.workspace.load(name)
-        except UnreadableFileError as error:
-            self.unreadable += 1
-            print(f"sar-compile: {error}", file=sys.stderr)
-            return
-        except TreeError as error:
-            self._report_once(error.findings)
-            return
-        try:
-            self._report_once(tree.project.findings)
-        except TreeError as error:
-            self._report_once(error.findings)
-            return
-        for _ in range(_ROUNDS if self.arguments.fix else 0):
-            if not self._mended(tree):
-                break
-            tree = self.workspace.load(name)
-        self.findings += tree.findings
+        for path in self._files:
+            for _ in range(_ROUNDS if path != _STDIN_NAME else 0):
+                try:
+                    tree = self._workspace.load_file(path)
+                    tree.project.findings  # noqa: B018 - where a palette is malformed, no file is looked at
+                except (TreeError, UnreadableFileError):
+                    break
+                if not self._mended(tree):
+                    break
+        self._workspace = self._new_workspace()
+
+    def look(self) -> None:
+        """Check the files."""
+        from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
+
+        for path in self._files:
+            try:
+                tree = self._workspace.load_file(path)
+            except UnreadableFileError as error:
+                self._tell(str(error))
+                continue
+            except TreeError as error:
+                self._report(error.findings)
+                continue
+            try:
+                self._report(tree.project.findings)
+            except TreeError as error:
+                self._report(error.findings)
+                continue
+            self._checked += 1
+            self._report(tree.findings)
+            self._count_fixable(tree)
+            if self.arguments.format == _TEXT and not tree.findings and path not in self._found_in_folders:
+                print(f"{path}: no findings")
         if self.arguments.format == _TEXT:
-            print("\n".join([finding.render() for finding in tree.findings] or [f"{name}: no findings"]))
+            self._sum_up()
+
+    def _report(self, findings: "Iterable[Diagnostic]") -> None:
+        """Report findings, each once: a file may be included by several, or have trees that several use."""
+        new = []
+        for finding in findings:
+            key = (finding.source.path, finding.span, finding.code, finding.message)
+            if key not in self._said:
+                self._said.add(key)
+                new.append(finding)
+        self.findings += new
+        if new and self.arguments.format == _TEXT:
+            print(findings_as_text(new, sys.stdout))
+
+    def _count_fixable(self, tree: "LoadedTree") -> None:
+        if self.arguments.format == _TEXT and any(finding.suggestion for finding in tree.findings):
+            from sar_compiler.checks.fixing import fixes
+
+            self._fixable += len(fixes(tree.source, tree.tree_file, tree.findings))
+
+    def _sum_up(self) -> None:
+        """Say on standard error how much was found; of one file without findings, that is said already."""
+        if not self.findings and self._checked <= 1:
+            return
+        counts = Counter(
+            finding.severity.value for finding in self.findings if finding.code != "more-findings"
+        )
+        listed = [_count(number, severity) for severity, number in sorted(counts.items(), key=_by_severity)]
+        listed += (
+            ["more that are not shown"] if any(each.code == "more-findings" for each in self.findings) else []
+        )
+        fixable = f"; {self._fixable:,} fixable with --fix" if self._fixable else ""
+        found = ", ".join(listed) or "no findings"
+        sys.stdout.flush()
+        print(f"{found} in {_count(self._checked, 'file')}{fixable}", file=sys.stderr)
 
     def print_for_tools(self) -> None:
         """Print everything at once, in the machine-readable formats."""
@@ -104,16 +215,6 @@ class _Validation:
 
             print(findings_as_github(self.findings))
 
-    def _report_once(self, findings: "Sequence[Diagnostic]") -> None:
-        """Report the findings about a file that is shared by several tree files."""
-        for finding in findings:
-            text = finding.render()
-            if text not in self.said:
-                self.said.add(text)
-                self.findings.append(finding)
-                if self.arguments.format == _TEXT:
-                    print(text)
-
     def _mended(self, tree: "LoadedTree") -> bool:
         """Apply all possible fixes to a file; return whether there were any."""
         from sar_compiler.checks.fixing import fixes
@@ -125,6 +226,14 @@ class _Validation:
         for fix in chosen:
             print(fix.describe(), file=output)
         return bool(chosen)
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number:,} {what}{'' if number == 1 else 's'}"
+
+
+def _by_severity(counted: tuple[str, int]) -> int:
+    return ("error", "warning", "info").index(counted[0])
 
 
 def _write(tree: "LoadedTree", chosen: "Sequence[Fix]") -> None:

@@ -1,10 +1,12 @@
 """Writing files atomically: there is always a complete one, the old or the new."""
 
+import errno
 import os
 from collections.abc import Iterable
 from pathlib import Path
 
 from sar_compiler.errors import SarError
+from sar_compiler.tree.content import real_path
 
 
 class WriteError(SarError):
@@ -39,8 +41,10 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 
 def _write(path: Path, data: Iterable[bytes]) -> None:
-    target = path.resolve()
+    target = real_path(path)
     try:
+        if target.is_symlink():
+            raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))  # noqa: TRY301 - told as the others are
         if target.exists() and not target.is_file():
             with target.open("wb") as stream:  # a device or a pipe cannot be replaced
                 stream.writelines(data)

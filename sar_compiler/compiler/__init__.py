@@ -77,7 +77,7 @@ def bind_main(
         TreeError: If there is none, or an error in it; carries all the findings.
     """
     binding = bind(forest, registry, find_main_tree(forest, tree_id), palettes)
-    findings = [*forest.findings, *binding.findings]
+    findings = [*forest.findings, *forest.clashes, *binding.findings]
     if _has_error(findings):
         raise TreeError(findings)
     return binding

@@ -20,6 +20,7 @@ from sar_compiler.nodes.spec import Kind
 from sar_compiler.nodes.values import literal_value
 from sar_compiler.runtime.conditions import Conditions, ConditionScripts
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
+from sar_compiler.tree.model import SUBTREE_TAG
 
 _CONDITIONS = {
     "_failureIf": "failure_if",
@@ -72,8 +73,12 @@ class Builder:
 
     def only_described(self, bound: BoundNode) -> None:
         """Report a node for which there is no class."""
-        message = f"<{bound.spec.tag}> is described by a model, but no class is registered for it"
-        hint = "load the module that has it: --nodes package.module"
+        if bound.element.tag == SUBTREE_TAG:
+            message = f"the tree '{bound.spec.tag}' is described by a model, but it is in no file"
+            hint = "<include> the file that has it, or name that under [project] trees in sar.toml"
+        else:
+            message = f"<{bound.spec.tag}> is described by a model, but no class is registered for it"
+            hint = "load the module that has it: --nodes package.module"
         self._collector.tag(bound.element, "not-installed", message, hint=hint)
 
     def place(self, instance: Instance, bound: BoundNode) -> Behaviour:

@@ -29,6 +29,7 @@ from sar_compiler.runtime.context import preview_of
 from sar_compiler.runtime.stub_leaf import Event, FactVariables, OutcomePolicy, StubLeaf
 from sar_compiler.runtime.variables import UnknownVariableError
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.model import SUBTREE_TAG
 
 # A leaf of the language that answers by chance would make every run another one.
 _LANGUAGE = {(each.tag, each.cls) for each in language.SPECS if each.cls is not ProbabilisticBehaviour}
@@ -225,7 +226,9 @@ class SimulationBuilder(Builder):
 
     def only_described(self, bound: BoundNode) -> None:
         """Note the substitute of a control or a decorator that only a model describes."""
-        if not bound.spec.kind.is_leaf:
+        if bound.element.tag == SUBTREE_TAG:
+            super().only_described(bound)
+        elif not bound.spec.kind.is_leaf:
             what = "a Sequence with memory" if bound.spec.kind is Kind.CONTROL else "its child alone"
             message = f"<{bound.spec.tag}> is only described by a model; {what} stands for it here"
             element = bound.element

@@ -6,17 +6,19 @@ for each configuration that it finds, and loads trees. All commands and all test
 
 import functools
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from sar_compiler.checks import check, check_palettes
+from sar_compiler.checks import check, check_palettes, first_of_each
 from sar_compiler.checks.configuration import Configuration, configuration_for, repository_of
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.nodes.installed import ignored_entry_points, is_installed
 from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, load_registry
+from sar_compiler.tree.content import as_written, read_bytes, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
-from sar_compiler.tree.forest import Forest, Read, load_forest
+from sar_compiler.tree.forest import Forest, Read, TreeSet, load_forest
+from sar_compiler.tree.gathering import files_meant
 from sar_compiler.tree.model import TreeFile
 from sar_compiler.tree.reading import read_tree_file
 from sar_compiler.tree.shipped import find_tree
@@ -42,6 +44,7 @@ class Additions(NamedTuple):
         include_path: Further folders that may be included from.
         trust: Whether to run, now and until they change, the modules beside configurations.
         registry: The registered nodes; None for the installed and named ones.
+        trees: Further tree files, in which a tree is sought that a file lacks.
     """
 
     nodes: tuple[Named, ...] = ()
@@ -49,6 +52,7 @@ class Additions(NamedTuple):
     include_path: tuple[Path, ...] = ()
     trust: bool = False
     registry: Registry | None = None
+    trees: tuple[Path, ...] = ()
 
 
 class Project:
@@ -58,12 +62,18 @@ class Project:
         configuration: Their configuration.
         checkout: The folder whose code is not trusted: the repository, or the configuration's folder.
         additions: The user's additions.
+        tree_set: The files in which a tree is sought that a file lacks; None if there are none.
     """
 
-    def __init__(self, configuration: Configuration, checkout: Path, additions: Additions) -> None:
+    def __init__(
+        self, configuration: Configuration, checkout: Path, additions: Additions, read: Read = read_tree_file
+    ) -> None:
         self.configuration = configuration
         self.checkout = checkout
         self.additions = additions
+        self.tree_set: TreeSet | None = None
+        if configuration.trees or additions.trees:
+            self.tree_set = TreeSet(self._set_files, read, self.include_path)
 
     @functools.cached_property
     def registry(self) -> Registry:
@@ -116,6 +126,20 @@ class Project:
         """The findings about the palettes, for any tree."""
         return self.configuration.decide(check_palettes(self.palettes, self.registry))
 
+    def _set_files(self) -> Iterator[Path]:
+        """Yield the tree files that belong together.
+
+        Raises:
+            UnreadableFileError: If a file or a folder that the configuration names does not exist or cannot be read.
+        """
+        yield from self.additions.trees
+        for folder, pattern in self.configuration.trees:
+            for path in map(as_written, files_meant(folder, pattern)):
+                if not path.exists():
+                    read_bytes(path, 0)  # says why
+                if real_path(path).is_relative_to(self.checkout):
+                    yield path
+
     @property
     def include_path(self) -> tuple[Path, ...]:
         """The further folders that may be included from."""
@@ -153,7 +177,15 @@ class Workspace:
             UnreadableFileError: If the file does not exist or cannot be read.
             TreeError: If the project's configuration has mistakes.
         """
-        path = find_tree(str(tree))
+        return self.load_file(find_tree(str(tree)))
+
+    def load_file(self, path: Path) -> "LoadedTree":
+        """Load a tree file.
+
+        Raises:
+            UnreadableFileError: If the file does not exist or cannot be read.
+            TreeError: If the project's configuration has mistakes.
+        """
         return LoadedTree(path, self.project_of(path), self.read, self._note)
 
     def project_of(self, path: Path) -> Project:
@@ -168,11 +200,11 @@ class Workspace:
             self._note(f"{foreign} is passed over: it belongs neither to you nor to the owner of {path}")
 
         configuration = configuration_for(path, pass_over)
-        folder = (configuration.path or path.resolve()).parent
+        folder = (configuration.path or real_path(path)).parent
         checkout = repository_of(folder) or folder
         key = (configuration.path, checkout)
         if key not in self._projects:
-            self._projects[key] = Project(configuration, checkout, self.additions)
+            self._projects[key] = Project(configuration, checkout, self.additions, self.read)
             for entry_point, place in ignored_entry_points(ENTRY_POINTS, checkout):
                 self._note(
                     f"the leaves of '{entry_point.value}' are passed over: {place} says that they are installed, "
@@ -212,7 +244,7 @@ class LoadedTree:
         self._forest: Forest | None = None
         self._malformed: tuple[Diagnostic, ...] = ()
         try:
-            self._forest = load_forest(path, read, project.include_path)
+            self._forest = load_forest(path, read, project.include_path, project.tree_set)
         except TreeError as error:
             self._malformed = error.findings
 
@@ -245,8 +277,8 @@ class LoadedTree:
         """The findings about the file and those that it includes, with the project's severities."""
         if self._forest is None:
             return list(self._malformed)
-        project = self.project
-        return project.configuration.decide(check(self._forest, project.registry, project.palettes))
+        project, decide = self.project, self.project.configuration.decide
+        return decide(first_of_each(decide(check(self._forest, project.registry, project.palettes))))
 
     def check(self) -> list[Diagnostic]:
         """Return all findings about the palettes, the file, and the files that it includes.
@@ -268,14 +300,11 @@ class LoadedTree:
         """
         from sar_compiler.compiler import bind_main
 
-        self._require_no_errors(tree_named=tree_id is not None)
+        self._require_no_errors()
         return bind_main(self.forest, self.project.registry, tree_id, self.project.palettes)
 
-    def _require_no_errors(self, *, tree_named: bool) -> None:
+    def _require_no_errors(self) -> None:
         errors = [each for each in self.check() if each.severity is Severity.ERROR]
-        if tree_named:
-            # The main tree does not matter if another one is requested.
-            errors = [each for each in errors if each.code != "no-main-tree"]
         if errors:
             raise TreeError(errors)
 
@@ -300,7 +329,7 @@ class LoadedTree:
         """
         from sar_compiler.checks.simulate.scenario_files import Stage
 
-        self._require_no_errors(tree_named=True)
+        self._require_no_errors()
         start = functools.partial(self._start_values, params)
         return Stage(self.forest, self.project.registry, self.project.palettes, tree_id, start)
 

@@ -31,7 +31,7 @@ def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
     """
     try:
         # A pipe of the shell's (`<(...)`) leads to no path, and has a writer; a named one may never have any.
-        if Path(os.path.realpath(path)).is_fifo():
+        if real_path(Path(path)).is_fifo():
             raise OSError(errno.EINVAL, "it is a pipe, not a file")  # noqa: TRY301 - told as the others are
         # One byte more than allowed is enough to know, whatever is at the other end of the path.
         with Path(path).open("rb") as stream:
@@ -39,6 +39,11 @@ def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
     except OSError as error:
         message = f"cannot read {path}: {error.strerror or error}"
         raise UnreadableFileError(message) from error
+
+
+def real_path(path: Path) -> Path:
+    """Return a path with its links followed, as far as they do not go round in a circle."""
+    return Path(os.path.realpath(path))
 
 
 def as_written(path: Path) -> Path:

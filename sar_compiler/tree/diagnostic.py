@@ -1,14 +1,21 @@
 """A finding: something wrong in a file, its place, and what to write instead."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
 
 from sar_compiler.errors import SarError
 from sar_compiler.tree.source import Source, Span
 
-_EXCERPT = 120
-"""The number of characters shown of a long line."""
+WIDTH = 128
+"""The width of a finding as text, where nothing says how wide it may be."""
+
+_MARGIN, _LEAST = 8, 40
+"""The columns before an excerpt, and the fewest characters that are shown of a long line."""
+
+
+def _plain(text: str, _part: str) -> str:
+    return text
 
 
 class Severity(str, Enum):
@@ -46,25 +53,33 @@ class Diagnostic:
         """The advice on what to write or do instead; empty if there is none."""
         return f"did you mean '{self.suggestion}'?" if self.suggestion else self.hint or ""
 
-    def render(self) -> str:
-        """Return the finding as text: place, message, the line itself with carets, the suggestion."""
-        span = self.span
-        head = f"{self.source.path}:{span.line}:{span.column}: {self.severity.value}[{self.code}]: {self.message}"
-        line = self.source.line(span.line)
-        advice = self.advice
+    def render(self, width: int = WIDTH, paint: Callable[[str, str], str] = _plain) -> str:
+        """Return the finding as text: place, message, the line itself with carets, the suggestion.
+
+        Args:
+            width: The columns that there are for the line.
+            paint: Colours a text by what it is: `place`, `error`, `warning`, `info`, `margin`, `carets`, `advice`.
+        """
+        span, severity = self.span, self.severity.value
+        place = paint(f"{self.source.path}:{span.line}:{span.column}:", "place")
+        head = f"{place} {paint(f'{severity}[{self.code}]', severity)}: {self.message}"
+        line, most = self.source.line(span.line), max(width - _MARGIN, _LEAST)
+        advice = paint(self.advice, "advice")
+        empty = paint("      |", "margin")
         if not line.strip():
-            return f"{head}\n      | {advice}" if advice else head
+            return f"{head}\n{empty} {advice}" if advice else head
         start = span.column - 1
         end = span.end_column - 1 if span.end_line == span.line else len(line)
         if line[start : start + 1] == "<" and end > start + 1:
             start += 1  # the carets stand under the tag's name
-        if len(line) > _EXCERPT:
-            left = max(0, min(start - _EXCERPT // 2, len(line) - _EXCERPT))
-            line, start, end = line[left : left + _EXCERPT], start - left, min(end - left, _EXCERPT)
+        if len(line) > most:
+            left = max(0, min(start - most // 2, len(line) - most))
+            line, start, end = line[left : left + most], start - left, min(end - left, most)
         # A tab stays a tab, so that the carets stand right at any tab width.
         indent = "".join("\t" if character == "\t" else " " for character in line[:start])
-        carets = "^" * max(1, end - start)
-        return f"{head}\n{span.line:5} | {line}\n      | {indent}{carets} {advice}".rstrip()
+        carets = paint("^" * max(1, end - start), "carets")
+        number = paint(f"{span.line:5} |", "margin")
+        return f"{head}\n{number} {line}\n{empty} {indent}{carets} {advice}".rstrip()
 
 
 class TreeError(SarError):

@@ -1,15 +1,16 @@
-"""All trees that a file can name: its own, and those of the files that it includes."""
+"""All trees that a file can name: its own, those of the files that it includes, and those of its set."""
 
 import functools
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from sar_compiler.tree.content import as_written
+from sar_compiler.tree.content import as_written, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError, UnreadableFileError
-from sar_compiler.tree.model import INCLUDE_TAG, Element, TreeFile
+from sar_compiler.tree.model import INCLUDE_TAG, SUBTREE_TAG, Element, TreeFile
+from sar_compiler.tree.reading import FORMS
 
 MAX_FILES = 1000
 """More files than this are not read for one tree."""
@@ -20,25 +21,32 @@ MAX_NEIGHBOURS = 20_000
 MAX_INCLUDE_DEPTH = 50
 """An include in an include, and so on, ends here."""
 
-_ENDINGS = frozenset((".xml", ".yaml", ".yml"))
-
 Read = Callable[[Path], TreeFile]
 """Reads one file."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Forest:
     """A file and everything that it includes.
 
     Attributes:
         main: The file.
         files: All files, each once: the included ones before those that include them.
-        findings: What kept a file from being included.
+        findings: What kept a file from being included, or from being searched for a missing tree.
+        homes: The file of the set, with what it includes, that each tree comes from which is not in one of these files,
+            by the identity of the tree's element.
+        targets: The trees meant by references that are resolved in the set, by the identity of the element.
+        clashes: A finding for each reference that several trees of the set could be meant by.
+        tree_set: The set; None if it has none.
     """
 
     main: TreeFile
     files: tuple[TreeFile, ...]
     findings: tuple[Diagnostic, ...] = ()
+    homes: "Mapping[int, Forest]" = field(default_factory=dict, repr=False)
+    targets: Mapping[int, Element] = field(default_factory=dict, repr=False)
+    clashes: tuple[Diagnostic, ...] = ()
+    tree_set: "TreeSet | None" = field(default=None, repr=False)
 
     @classmethod
     def of(cls, tree_file: TreeFile) -> "Forest":
@@ -54,10 +62,29 @@ class Forest:
                 by_id.setdefault(tree.attributes["ID"], tree)
         return by_id
 
+    @functools.cached_property
+    def others(self) -> tuple[TreeFile, ...]:
+        """The files of the set that trees come from, with what these include."""
+        return tuple({id(file): file for home in self.homes.values() for file in home.files}.values())
+
     def iterate(self) -> Iterator[Element]:
         """Yield every `BehaviorTree` element."""
         for tree_file in self.files:
             yield from tree_file.trees
+
+    def target(self, reference: Element, tree_id: str) -> Element | None:
+        """Return the tree that an element names; None if there is none."""
+        return self.targets.get(id(reference)) or self.trees.get(tree_id)
+
+    @property
+    def known_ids(self) -> list[str]:
+        """The IDs of all trees that can be named."""
+        ids = dict.fromkeys(self.trees)
+        return [*ids, *(each for each in (self.tree_set.ids if self.tree_set else ()) if each not in ids)]
+
+    def is_used_elsewhere(self, tree_id: str) -> bool:
+        """Return whether another file of the set uses a tree of this ID without having one."""
+        return self.tree_set is not None and self.tree_set.is_used(tree_id, self.main)
 
     def main_tree(self, tree_id: str | None = None) -> Element | None:
         """Return the tree to execute: the one asked for, the one the main file names, or its only one.
@@ -67,13 +94,15 @@ class Forest:
         """
         wanted = tree_id if tree_id is not None else self.main.main_tree_name
         if wanted is not None:
-            return self.trees.get(wanted)
+            return self.trees.get(wanted) if tree_id is not None else self.target(self.main.root, wanted)
         candidates = self.main.trees or tuple(self.iterate())
         return candidates[0] if len(candidates) == 1 else None
 
 
-def load_forest(path: Path, read: Read, include_paths: Iterable[Path] = ()) -> Forest:
-    """Read a file and everything that it includes.
+def load_forest(
+    path: Path, read: Read, include_paths: Iterable[Path] = (), tree_set: "TreeSet | None" = None
+) -> Forest:
+    """Read a file and everything that it includes, and find the trees that these lack in its set.
 
     An included file must lie in the folder of the file given, below it, in one of *include_paths*, or (by
     `ros_pkg`) in the share folder of an installed ROS package: a mission must not be able to read whatever
@@ -83,10 +112,166 @@ def load_forest(path: Path, read: Read, include_paths: Iterable[Path] = ()) -> F
         UnreadableFileError: If the file itself is not there or cannot be read.
         TreeError: If the file itself is malformed.
     """
-    loader = _Loader(read, [path.resolve().parent, *(folder.resolve() for folder in include_paths)])
+    place = real_path(path)
+    loader = _Loader(read, [place.parent, *map(real_path, include_paths)])
     main = read(path)
-    loader.included(path.resolve(), main, ())
-    return Forest(main, tuple(loader.files), tuple(loader.findings))
+    loader.included(place, main, ())
+    forest = Forest(main, tuple(loader.files), tuple(loader.findings), tree_set=tree_set)
+    return forest if tree_set is None else _Search(forest, tree_set).done()
+
+
+class TreeSet:
+    """Files that belong together: a tree that one of them lacks is sought in the others.
+
+    None of them is read before a tree is missing, and each is then read once.
+
+    Args:
+        paths: Returns the files.
+        read: Reads one file.
+        include_paths: Further folders that they may include from.
+    """
+
+    def __init__(
+        self, paths: Callable[[], Iterable[Path]], read: Read, include_paths: Iterable[Path] = ()
+    ) -> None:
+        self._paths = paths
+        self._read = functools.lru_cache(maxsize=None)(read)
+        self._include_paths = tuple(include_paths)
+        self._references: dict[int, tuple[Element, ...]] = {}
+        self.findings: list[Diagnostic] = []
+        self.unreadable: list[str] = []
+
+    @functools.cached_property
+    def forests(self) -> Mapping[Path, Forest]:
+        """Each file with what it includes, by its path with links followed.
+
+        What is wrong with malformed files is then in `findings`, why others cannot be read in `unreadable`.
+        """
+        forests: dict[Path, Forest] = {}
+        for path in self._paths():
+            place = real_path(path)
+            if place not in forests:
+                try:
+                    forests[place] = load_forest(path, self._read, self._include_paths)
+                except UnreadableFileError as error:
+                    self.unreadable.append(str(error))
+                except TreeError as error:
+                    self.findings += error.findings
+        return forests
+
+    @functools.cached_property
+    def _by_id(self) -> Mapping[str, list[Path]]:
+        by_id: dict[str, list[Path]] = {}
+        for path, forest in self.forests.items():
+            for tree_id in forest.trees:
+                by_id.setdefault(tree_id, []).append(path)
+        return by_id
+
+    @property
+    def ids(self) -> Iterable[str]:
+        """The IDs of all trees."""
+        return self._by_id
+
+    @functools.cached_property
+    def _users(self) -> Mapping[str, list[str]]:
+        """The files that use trees which they do not have, by the trees' IDs."""
+        users: dict[str, list[str]] = {}
+        for forest in self.forests.values():
+            wanted = {each.attributes["ID"] for tree in forest.main.trees for each in self.references(tree)}
+            for tree_id in wanted - forest.trees.keys():
+                users.setdefault(tree_id, []).append(forest.main.source.path)
+        return users
+
+    def is_used(self, tree_id: str, by_other_than: TreeFile) -> bool:
+        """Return whether a file uses a tree of this ID without having one."""
+        own = real_path(Path(by_other_than.source.path))
+        return any(real_path(Path(path)) != own for path in self._users.get(tree_id, ()))
+
+    def having(self, tree_id: str) -> list[tuple[Path, Forest]]:
+        """Return the files that have a tree of an ID, those that do not just include it first."""
+        found = [(path, self.forests[path]) for path in self._by_id.get(tree_id, ())]
+        return sorted(found, key=lambda each: each[1].trees[tree_id].source is not each[1].main.source)
+
+    def references(self, tree: Element) -> tuple[Element, ...]:
+        """Return the elements in a tree of the set that name trees."""
+        if id(tree) not in self._references:
+            self._references[id(tree)] = _references(tree)
+        return self._references[id(tree)]
+
+
+def _references(tree: Element) -> tuple[Element, ...]:
+    return tuple(each for each in tree.iterate() if each.tag == SUBTREE_TAG and each.attributes.get("ID"))
+
+
+class _Search:
+    """The search for the trees that a forest lacks, and for those that these lack, in the files of a set."""
+
+    def __init__(self, forest: Forest, tree_set: TreeSet) -> None:
+        self.forest = forest
+        self.tree_set = tree_set
+        self.place = real_path(Path(forest.main.source.path))
+        self.findings = list(forest.findings)
+        self.targets: dict[int, Element] = {}
+        self.clashes: list[Diagnostic] = []
+        # The trees found in other files, with these.
+        self.found: dict[int, tuple[Element, Forest]] = {}
+
+    def done(self) -> Forest:
+        """Return the forest with what was found."""
+        forest, root = self.forest, self.forest.main.root
+        named = forest.main.main_tree_name
+        if named and named not in forest.trees:
+            self._find(root, "main_tree_to_execute", forest)
+        for tree in forest.iterate():
+            for reference in _references(tree):
+                if reference.attributes["ID"] not in forest.trees:
+                    self._find(reference, "ID", forest)
+        waiting = list(self.found.values())
+        for tree, home in waiting:
+            known = len(self.found)
+            for reference in self.tree_set.references(tree):
+                self._find(reference, "ID", home)
+            waiting += list(self.found.values())[known:]
+        return replace(
+            forest,
+            findings=tuple(dict.fromkeys(self.findings)),
+            homes={id(tree): home for tree, home in waiting},
+            targets=self.targets,
+            clashes=tuple(self.clashes),
+        )
+
+    def _find(self, reference: Element, attribute: str, home: Forest) -> None:
+        """Resolve a reference that is in a tree of one of the forests."""
+        tree_id = reference.attributes[attribute]
+        having = [(self.place, home)] if tree_id in home.trees else self._having(tree_id, reference)
+        if not having:
+            # It may be in one of those.
+            self.findings += self.tree_set.findings
+            for reason in self.tree_set.unreadable:
+                message = f"the tree '{tree_id}' may be in a file of the set: {reason}"
+                span = reference.value_span(attribute)
+                self.findings.append(Diagnostic("unreadable-include", message, reference.source, span))
+            return
+        first = having[0][1]
+        target = self.targets[id(reference)] = first.trees[tree_id]
+        others = [other.trees[tree_id] for _, other in having[1:] if other.trees[tree_id] != target]
+        if others:
+            places = f"{target.source.path}:{target.line} and {others[0].source.path}:{others[0].line}"
+            more = f", and in {len(others) - 1} more" if others[1:] else ""
+            message = f"the tree '{tree_id}' is in several files of the set: {places}{more}"
+            hint = "give each an ID of its own, or include the file that is meant"
+            span = reference.value_span(attribute)
+            self.clashes.append(Diagnostic("duplicate-tree-id", message, reference.source, span, hint=hint))
+        if first is not self.forest:
+            self.found.setdefault(id(target), (target, first))
+
+    def _having(self, tree_id: str, reference: Element) -> list[tuple[Path, Forest]]:
+        """Return the files that have a tree; only those beside the file of the reference, if there are any."""
+        having = [each for each in self.tree_set.having(tree_id) if each[0] != self.place]
+        if tree_id in self.forest.trees:
+            having.insert(0, (self.place, self.forest))
+        here = real_path(Path(reference.source.path)).parent
+        return [each for each in having if each[0].parent == here] or having
 
 
 class _Loader:
@@ -142,7 +327,7 @@ class _Loader:
         written, beside = element.attributes["path"], []
         with suppress(OSError):
             if self.compared < MAX_NEIGHBOURS and not target.exists():
-                beside = [path.name for path in target.parent.iterdir() if path.suffix in _ENDINGS]
+                beside = [path.name for path in target.parent.iterdir() if path.suffix in FORMS]
         self.compared += len(beside)
         import difflib
 

@@ -14,6 +14,9 @@ SUBTREE_TAG = "SubTree"
 SECTIONS = (TREE_TAG, INCLUDE_TAG, MODEL_TAG)
 """The sections that may be directly in the root element."""
 
+PROJECT_ATTRIBUTE = "project_name"
+"""The attribute of the root element that only a Groot2 project (`.btproj`) has."""
+
 
 CHILDREN_KEY = "children"
 TEXT_KEY = "$text"
@@ -127,3 +130,8 @@ class TreeFile:
     def main_tree_name(self) -> str | None:
         """The tree that the file itself names as the one to execute."""
         return self.root.attributes.get("main_tree_to_execute")
+
+
+def is_groot2_project(tree_file: TreeFile) -> bool:
+    """Return whether a file is what Groot2 keeps of a project: the files in it, and models of their nodes."""
+    return tree_file.source.path.endswith(".btproj") or PROJECT_ATTRIBUTE in tree_file.root.attributes

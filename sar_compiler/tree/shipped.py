@@ -6,6 +6,18 @@ from sar_compiler import resources
 from sar_compiler.tree.diagnostic import UnreadableFileError
 
 
+def path_named(name: str) -> Path:
+    """Return the path that a user names.
+
+    Raises:
+        UnreadableFileError: If *name* is empty, which would mean the current folder.
+    """
+    if not name:
+        message = "the name of a tree file is empty"
+        raise UnreadableFileError(message)
+    return Path(name)
+
+
 def find_tree(name: str) -> Path:
     """Return the tree file that a user means.
 
@@ -16,9 +28,9 @@ def find_tree(name: str) -> Path:
         The file; where *name* is plainly a path, it may not be there.
 
     Raises:
-        UnreadableFileError: If *name* is a bare word, and neither a file nor a shipped tree is called so.
+        UnreadableFileError: If *name* is empty, or a bare word, and neither a file nor a shipped tree is called so.
     """
-    path = resources.find("trees", name, ".xml")
+    path = resources.find("trees", str(path_named(name)), ".xml")
     if resources.is_bare_word(name) and not path.exists():
         raise UnreadableFileError(resources.not_found("trees", name, ".xml"))
     return path

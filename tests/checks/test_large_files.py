@@ -205,18 +205,35 @@ def test_among_many_attributes_each_is_found_in_its_place(yaml):
 
 
 def codes(body: str) -> list[str]:
-    return [finding.code for finding in check(Forest.of(parse_xml(document(body))), default_registry())]
+    findings = check(Forest.of(parse_xml(document(body))), default_registry())
+    return [finding.code for finding in checks.first_of_each(findings)]
 
 
 def test_the_schema_is_silent_while_the_rules_have_more_errors_than_are_shown(monkeypatch):
     monkeypatch.setattr(checks, "MOST", 3)
-    assert codes(each('<Delay delay_msec="x{0}"><AlwaysSuccess/></Delay>')(5)) == ["wrong-value"] * 3
+    assert codes(each('<Delay delay_msec="x{0}"><AlwaysSuccess/></Delay>')(5)) == [
+        *["wrong-value"] * 3,
+        "more-findings",
+    ]
 
 
 def test_the_schema_is_asked_however_many_warnings_there_are(monkeypatch):
     monkeypatch.setattr(checks, "MOST", 2)
     found = codes("a stray text" + each("<Sequence><AlwaysSuccess/></Sequence>")(5))
-    assert sorted(found) == ["needless-node", "needless-node", "stray-text"]
+    assert sorted(found) == ["more-findings", "needless-node", "needless-node", "stray-text"]
+
+
+def test_of_more_findings_of_a_kind_than_are_shown_it_is_said_how_many(monkeypatch):
+    monkeypatch.setattr(checks, "MOST", 2)
+    body = f'<Sequence>{"<Sucess/>" * 4}<Delay delay_msec="x"><AlwaysSuccess/></Delay></Sequence>'
+    findings = checks.first_of_each(check(Forest.of(parse_xml(document(body))), default_registry()))
+    assert [(each.code, each.severity.value) for each in findings] == [
+        ("unknown-node", "error"),
+        ("unknown-node", "error"),
+        ("more-findings", "info"),
+        ("wrong-value", "error"),
+    ]
+    assert findings[2].message == "2 more of this kind: unknown-node"
 
 
 def test_of_many_names_a_message_lists_the_first():

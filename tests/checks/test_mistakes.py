@@ -196,7 +196,6 @@ IN_A_FILE = {
     ),
     "a node beside the trees": (f"<root>{TREE}<Sequence/></root>", "unknown-element", 1, 53, None),
     "no tree": ('<root BTCPP_format="4"/>', "no-tree", 1, 1, None),
-    "two trees and no main tree": (f"<root>{TREE}\n{OTHER}</root>", "no-main-tree", 1, 1, None),
     "a main tree that is not there": (
         f'<root\nmain_tree_to_execute="MainTree">{TREE.replace("A", "Maintree")}</root>',
         "missing-main-tree",

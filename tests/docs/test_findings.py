@@ -30,6 +30,7 @@ _MAKERS = {
 }
 # One command that can be run in this process: modules of leaves would stay imported.
 _ALONE = re.compile(r"sar-compile (?!.*--nodes)[^\n|>;&$]*\n")
+_UNSHOWN = re.compile(r"\[INFO\]|[\d,]+ (error|warning|info)s?\b.* in \d+ files?\b")
 _CODE = re.compile(r"[a-z]+(-[a-z]+)*")
 # A command may have to start ROS first.
 _TIMEOUT_SEC = 120.0
@@ -128,8 +129,8 @@ def test_the_good_example_of_a_page_has_no_findings(code, tmp_path, monkeypatch)
 
 
 def plain(output):
-    """Return what a command printed without the log of ROS, which has the time in it."""
-    kept = (f"{line.rstrip()}\n" for line in output.splitlines() if not line.startswith("[INFO]"))
+    """Return what a command printed without the log of ROS, which has the time in it, and without the counts."""
+    kept = (f"{line.rstrip()}\n" for line in output.splitlines() if not _UNSHOWN.match(line))
     return "".join(kept).rstrip("\n")
 
 

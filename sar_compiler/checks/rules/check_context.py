@@ -50,6 +50,23 @@ class CheckContext:
         """The trees within the limits of size and depth, the inner ones first."""
         return tuple({tree: None for top in self.bound.tops for tree in trees_in(top.tree)})
 
+    def is_main(self, tree: BoundTree) -> bool:
+        """Return whether a tree is executed as far as the file says: the main tree, or one that nobody uses.
+
+        Other files of a set are asked where the file itself names no main tree.
+        """
+        forest, main = self.forest, self.forest.main_tree()
+        if main is not None and tree.element is not main:
+            return False
+        if forest.main.main_tree_name is not None:
+            return main is not None
+        is_own = not forest.main.trees or tree.element.source is forest.main.source
+        return is_own and tree not in self._used and not forest.is_used_elsewhere(tree.name)
+
+    @functools.cached_property
+    def _used(self) -> frozenset[BoundTree | None]:
+        return frozenset(node.subtree for tree in self.bound.trees for node in tree.subtrees())
+
     @functools.cached_property
     def key_accesses(self) -> Mapping[BoundTree, KeyAccesses]:
         """The accesses of the nodes of each of these trees to keys."""

@@ -33,7 +33,6 @@ def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield findings about keys whose reads and writes do not fit each other."""
     if not context.sound:
         return  # a mistake elsewhere may be the reason why a key is not written
-    main = context.forest.main_tree()
     reported: set[tuple[str, int, int]] = set()
     for top in context.bound.tops:
         board = entry_table_of(top, context.key_accesses)
@@ -42,32 +41,30 @@ def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
         for entry in board.entries if ports else ():
             # Users of the tree pass it the keys that its model declares.
             entry.is_parameter = entry.is_parameter or (entry.scope is top.scope and entry.key in ports)
-        for finding in _of_board(board, context, is_main=top.tree.element is main):
+        for finding in _of_board(board, context):
             place = (finding.source.path, finding.span.line, finding.span.column)
             if place not in reported:
                 reported.add(place)
                 yield finding
 
 
-def _of_board(board: EntryTable, context: CheckContext, *, is_main: bool) -> Iterator[Diagnostic]:
+def _of_board(board: EntryTable, context: CheckContext) -> Iterator[Diagnostic]:
     for entry in board.entries:
         if entry.given or entry.is_parameter:
             continue
         if not entry.is_made:
-            yield from _unwritten(entry, board, context, is_main=is_main)
+            yield from _unwritten(entry, board, context)
             continue
         if not board.is_foreign:
             yield from _too_early(entry)
         yield from _overwritten(entry, context)
         if not board.is_foreign:
             yield from _side_by_side(entry)
-        if is_main and not board.is_open and not board.is_foreign:
-            yield from _unread(entry, board, context)
+        if not board.is_open and not board.is_foreign:
+            yield from (each for each in _unread(entry, board, context) if context.is_main(board.top.tree))
 
 
-def _unwritten(
-    entry: EntryAccesses, board: EntryTable, context: CheckContext, *, is_main: bool
-) -> Iterator[Diagnostic]:
+def _unwritten(entry: EntryAccesses, board: EntryTable, context: CheckContext) -> Iterator[Diagnostic]:
     readers = entry.of(AccessKind.READ, AccessKind.PEEK, AccessKind.CHANGE)
     if not readers:
         return
@@ -77,10 +74,16 @@ def _unwritten(
     if _is_given_another(use, board):
         return  # `check_subtrees` finds the attribute that means nothing
     near = _nearest(entry.key, board.written.get(entry.scope, ()), context.guesses)
-    if near is not None and (board.is_foreign or not is_main) and not _is_slip(entry, near):
+    if (
+        near is not None
+        and not _is_slip(entry, near)
+        and (board.is_foreign or not context.is_main(board.top.tree))
+    ):
         near = None
     is_open = board.is_open and not _is_name_of_key(use)
-    if near is None and (is_open or board.is_foreign or not is_main or _may_be_enumeration(use)):
+    if near is None and (
+        is_open or board.is_foreign or _may_be_enumeration(use) or not context.is_main(board.top.tree)
+    ):
         return
     yield _unwritten_finding(use, entry, near)
 

@@ -23,10 +23,9 @@ def check_reactive(context: CheckContext) -> Iterator[Diagnostic]:
     for bound in outcomes.running:
         if bound.is_reactive and bound not in context.broken:
             yield from (_sequence if bound.spec.semantics.is_sequence else _selector)(bound, outcomes)
-    main = context.forest.main_tree()
     for top in context.bound.tops:
-        if top.tree.element is main and top.tree.root is not None:
-            yield from _finished(top.tree.root, outcomes)
+        if top.tree.root is not None:
+            yield from (each for each in _finished(top.tree.root, outcomes) if context.is_main(top.tree))
 
 
 def _sequence(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:

@@ -18,7 +18,7 @@ def check_subtrees(context: CheckContext) -> Iterator[Diagnostic]:
     yield from _unused_trees(context)
     wanted = _Wanted(context.key_accesses)
     for tree in context.trees:
-        for use in tree.subtrees():
+        for use in tree.uses:
             yield from _unused_arguments(use, context, wanted)
 
 
@@ -38,6 +38,7 @@ def _unused_trees(context: CheckContext) -> Iterator[Diagnostic]:
             and tree not in used
             and tree not in inner
             and context.forest.trees.get(tree.name) is element
+            and not context.forest.is_used_elsewhere(tree.name)
         ):
             message = f"the tree '{tree.name}' is never ticked: it stands neither in '{mains[0].name}' nor in any other"
             hint = f'put it somewhere, <SubTree ID="{tree.name}"/>, or delete it'
@@ -78,8 +79,11 @@ class _Wanted:
 
 def _unused_arguments(use: BoundNode, context: CheckContext, wanted: _Wanted) -> Iterator[Diagnostic]:
     tree = use.subtree
-    keys = wanted.by(tree) if tree is not None else None
-    if tree is None or keys is None:
+    if tree is None:
+        yield from _undeclared_arguments(use, context)
+        return
+    keys = wanted.by(tree)
+    if keys is None:
         return
     model = context.bound.models.subtrees.get(tree.name)
     declared = model.ports if model is not None else ()
@@ -96,3 +100,16 @@ def _unused_arguments(use: BoundNode, context: CheckContext, wanted: _Wanted) ->
         near = "_autoremap" if name == "autoremap" else underscored(name)
         near = near or context.guesses.nearest(name, missing)
         yield warning("unused-argument", message, use, use.element.name_span(name), near, hint)
+
+
+def _undeclared_arguments(use: BoundNode, context: CheckContext) -> Iterator[Diagnostic]:
+    """Yield keys passed to a tree that only a model describes, and that the model does not have."""
+    model = context.bound.models.subtrees.get(use.spec.tag)
+    if model is None or not model.ports:  # one without ports may just say that there is such a tree
+        return
+    for name in [*use.remapping.keys, *use.remapping.constants]:
+        if name not in model.ports:
+            message = f"{name}: the model of the tree '{model.tag}' has no such port"
+            near = context.guesses.nearest(name, model.ports)
+            hint = f"it has {listed(model.ports)}"
+            yield warning("unused-argument", message, use, use.element.name_span(name), near, hint)

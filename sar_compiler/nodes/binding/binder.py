@@ -6,7 +6,7 @@ builds from its result.
 """
 
 import functools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, AttributeBinder
@@ -30,12 +30,15 @@ _KIND_TAGS = frozenset(kind.value for kind in Kind)
 _FORMER_ATTRIBUTES = {"__autoremap": "_autoremap", "__shared_blackboard": "_autoremap"}
 """The names of a `SubTree`'s attributes in BehaviorTree.CPP 3."""
 
+_Words = tuple[Models, dict[str, list[NodeSpec]], dict[str, str | None]]
+"""The models of a file, the meanings of the tags in it, and the tags meant by unknown ones."""
+
 
 class BoundForest(NamedTuple):
     """Every tree of a forest, bound.
 
     Attributes:
-        trees: The trees, in the order of the files.
+        trees: The trees, in the order of the files; those of other files of the set, as far as they are used, last.
         tops: The main tree and the trees used by no other, unless they are too large, with their subtrees expanded.
         models: The models of nodes that are not registered, and of subtrees.
         specs: All possible meanings of the tags in them.
@@ -56,7 +59,9 @@ def bind(forest: Forest, registry: Registry, tree: Element, palettes: Iterable[T
         The bound tree and its findings, in the order of the file.
     """
     collector = Collector()
-    binder = Binder(forest, registry, read_models([*palettes, *forest.files], Collector()), collector)
+    palettes = tuple(palettes)
+    models = read_models([*palettes, *forest.files], Collector())
+    binder = Binder(forest, registry, models, collector, palettes)
     with gc_paused(_characters(forest)):
         main = binder.tree(tree)
     cut_circles([main], collector)
@@ -72,18 +77,19 @@ def bind_all(forest: Forest, registry: Registry, palettes: Iterable[TreeFile] = 
     Returns:
         The bound trees and their findings, in the order of the files.
     """
-    collector = Collector()
+    collector, palettes = Collector(), tuple(palettes)
     models = read_models([*palettes, *forest.files], collector)
     compare(models, registry, collector)
-    binder = Binder(forest, registry, models, collector)
+    binder = Binder(forest, registry, models, collector, palettes)
     with gc_paused(_characters(forest)):
-        trees = [binder.tree(tree) for tree in forest.iterate()]
+        own = [binder.tree(tree) for tree in forest.iterate()]
+    trees = list(dict.fromkeys([*own, *binder.trees]))
     cut_circles(trees, collector)
     used = {node.subtree for tree in trees for node in tree.subtrees()}
     # References into enclosing trees can be resolved only there; the main tree must not have any.
     main, count = forest.main_tree(), 0
     tops: list[Instance] = []
-    for tree in trees:
+    for tree in own:
         if tree not in used or tree.element is main:
             size = fits(tree, collector, count)
             if size is not None:
@@ -91,7 +97,8 @@ def bind_all(forest: Forest, registry: Registry, palettes: Iterable[TreeFile] = 
                 tops.append(expand(tree, collector))
                 report_shared_keys(tops[-1], collector)
                 report_misread(trees_in(tree), collector)
-    return BoundForest(trees, tops, models, binder.specs, _in_order(forest, collector.findings))
+    all_models = models._replace(subtrees=binder.subtrees)
+    return BoundForest(trees, tops, all_models, binder.specs, _in_order(forest, collector.findings))
 
 
 def _characters(forest: Forest) -> int:
@@ -100,7 +107,7 @@ def _characters(forest: Forest) -> int:
 
 def _in_order(forest: Forest, findings: list[Diagnostic]) -> tuple[Diagnostic, ...]:
     """Return the distinct findings by file, line and column, without those about palettes."""
-    order = {id(tree_file.source): number for number, tree_file in enumerate(forest.files)}
+    order = {id(tree_file.source): number for number, tree_file in enumerate((*forest.files, *forest.others))}
     unique = [finding for finding in dict.fromkeys(findings) if id(finding.source) in order]
     return tuple(sorted(unique, key=lambda f: (order[id(f.source)], f.span.line, f.span.column)))
 
@@ -108,8 +115,16 @@ def _in_order(forest: Forest, findings: list[Diagnostic]) -> tuple[Diagnostic, .
 class Binder:
     """Binds trees, each once."""
 
-    def __init__(self, forest: Forest, registry: Registry, models: Models, collector: Collector) -> None:
+    def __init__(
+        self,
+        forest: Forest,
+        registry: Registry,
+        models: Models,
+        collector: Collector,
+        palettes: tuple[TreeFile, ...] = (),
+    ) -> None:
         self._forest = forest
+        self._palettes = palettes
         self._registry = registry
         self._models = models
         self._collector = collector
@@ -120,17 +135,51 @@ class Binder:
         self._level = 1
         self._meanings: dict[str, list[NodeSpec]] = {}
         self._meant: dict[str, str | None] = {}
+        self._home: Forest | None = None
+        # The file itself is None.
+        self._words: dict[Forest | None, _Words] = {None: (models, self._meanings, self._meant)}
+
+    @property
+    def trees(self) -> Iterable[BoundTree]:
+        """The trees bound so far."""
+        return self._trees.values()
 
     @property
     def specs(self) -> list[NodeSpec]:
         """All possible meanings of the tags bound so far."""
-        return [spec for specs in self._meanings.values() for spec in specs]
+        return [
+            spec for _, meanings, _ in self._words.values() for specs in meanings.values() for spec in specs
+        ]
+
+    @property
+    def subtrees(self) -> Mapping[str, Model]:
+        """The models of subtrees in all files, those of the file itself first."""
+        return {
+            name: model
+            for models, *_ in reversed(self._words.values())
+            for name, model in models.subtrees.items()
+        }
+
+    def _words_of(self, home: Forest | None) -> _Words:
+        if home not in self._words:
+            files = home.files if home is not None else ()
+            self._words[home] = read_models([*self._palettes, *files], Collector()), {}, {}
+        return self._words[home]
+
+    def _enter(self, tree: BoundTree) -> None:
+        """Turn to a tree; in another file of the set, tags mean what the models of that file say."""
+        home = self._forest.homes.get(id(tree.element))
+        if home is not self._home:
+            self._models, self._meanings, self._meant = self._words_of(home)
+            self._home = home
+            self.__dict__.pop("_tags", None)
+        self._current = tree
 
     def tree(self, element: Element) -> BoundTree:
         """Bind a `BehaviorTree` element and the trees that it uses."""
         tree = self._known(element)
         while self._waiting:
-            self._current = self._waiting.pop()
+            self._enter(self._waiting.pop())
             self._content(self._current)
             resolve_references(self._current, self._collector)
         return tree
@@ -312,17 +361,27 @@ class Binder:
         if not tree_id:
             self._without_id(element, f"this <{SUBTREE_TAG}> names no tree", "the tree's name")
             return bound
-        target = self._forest.trees.get(tree_id)
-        bound.remapping = self._remapping(bound, self._models.subtrees.get(tree_id))
-        if target is None:
-            trees = self._forest.trees
-            message, near = f"there is no tree '{tree_id}'", self._guesses.nearest(tree_id, trees)
-            hint = f"the trees are {listed(trees)}; <include> adds those of other files"
-            self._collector.value(element, "ID", "unknown-tree", message, suggestion=near, hint=hint)
-        else:
+        target = self._forest.target(element, tree_id)
+        theirs, *_ = self._words_of(self._forest.homes.get(id(target)))
+        model = self._models.subtrees.get(tree_id) or theirs.subtrees.get(tree_id)
+        bound.remapping = self._remapping(bound, model)
+        if target is not None:
             bound.subtree = self._known(target)
+        elif model is not None:
+            self._described(bound, model)
+        else:
+            trees = self._forest.known_ids
+            message, near = f"there is no tree '{tree_id}'", self._guesses.nearest(tree_id, trees)
+            hint = f"the trees are {listed(trees)}; <include> adds those of other files, and so does [project] trees"
+            self._collector.value(element, "ID", "unknown-tree", message, suggestion=near, hint=hint)
         self._file_away(bound)
         return bound
+
+    def _described(self, bound: BoundNode, model: Model) -> None:
+        """Bind a `SubTree` whose tree only a model describes: as a leaf with the ports of the model."""
+        bound.spec = spec = model.spec()
+        bound.keys = {name: key for name, key in bound.remapping.keys.items() if name in spec.parameters}
+        self._current.skips = True  # as the root of its tree may be
 
     def _remapping(self, bound: BoundNode, model: Model | None) -> Remapping:
         element = bound.element

@@ -1,9 +1,11 @@
 """Choice of the tree to execute."""
 
+from shlex import quote
+
 from sar_compiler.nodes.values import listed, nearest
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.model import Element
+from sar_compiler.tree.model import Element, is_groot2_project
 
 
 def find_main_tree(forest: Forest, tree_id: str | None = None) -> Element:
@@ -34,6 +36,8 @@ def _missing(forest: Forest, tree_id: str | None) -> Diagnostic:
     if not count:
         hint = 'write a <BehaviorTree ID="..."> in it'
         return Diagnostic("no-tree", "the file has no tree", source, root.tag_span(), hint=hint)
-    message = f"the file has {count} trees and does not say which one to execute"
-    hint = f'write main_tree_to_execute="{ids[0] if ids else "..."}"'
+    what = "this Groot2 project" if is_groot2_project(forest.main) else "the file"
+    message = f"{what} has {count} trees and does not say which one to execute: {listed(ids)}"
+    first = ids[0] if ids else "..."
+    hint = f'name one, --tree {quote(first)}, or write main_tree_to_execute="{first}"'
     return Diagnostic("no-main-tree", message, source, root.tag_span(), hint=hint)

@@ -61,7 +61,11 @@ def json_schema(registry: Registry) -> Schema:
 
 
 def _root() -> Schema:
-    attributes = {"BTCPP_format": {"enum": [4, "4"]}, "main_tree_to_execute": _NAME}
+    attributes = {
+        "BTCPP_format": {"enum": [4, "4"]},
+        "main_tree_to_execute": _NAME,
+        "project_name": {"type": "string"},
+    }
     return _with_children(attributes, {"type": "array", "items": {"$ref": "#/$defs/section"}, "minItems": 1})
 
 

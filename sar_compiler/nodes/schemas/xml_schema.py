@@ -33,6 +33,7 @@ _HEAD = """\
       </xs:choice>
       <xs:attribute name="BTCPP_format" type="xs:string" fixed="4"/>
       <xs:attribute name="main_tree_to_execute" type="xs:string"/>
+      <xs:attribute name="project_name" type="xs:string"/>
     </xs:complexType>
     <xs:unique name="tree_id">
       <xs:selector xpath="BehaviorTree"/>

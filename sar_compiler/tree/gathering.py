@@ -1,0 +1,99 @@
+"""The tree files in folders, told from other files by how they begin."""
+
+import glob
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from sar_compiler.tree.content import read_bytes
+from sar_compiler.tree.diagnostic import UnreadableFileError
+from sar_compiler.tree.reading import FORMS
+from sar_compiler.tree.source import Form
+
+SKIPPED = ("build", "install", "log")
+"""The folders that are not looked into, besides hidden ones: what colcon makes."""
+
+_BEGINNING = 65_536
+"""The number of bytes that tell what a file is."""
+
+# The first element, after the declaration, comments and a DOCTYPE; the first key, after comments.
+_FIRST_ELEMENT = re.compile(rb"(?:\s|<\?.*?\?>|<!--.*?-->|<![^>]*>)*<([\w:.-]+)([^>]*)", re.DOTALL)
+_FIRST_KEY = re.compile(rb"(?:\s|#[^\n]*\n|---|%[^\n]*\n)*\{?\s*[\"']?root[\"']?\s*:")
+_ROOT_ATTRIBUTES = re.compile(rb"\b(?:BTCPP_format|main_tree_to_execute)\b")
+_SECTIONS = re.compile(rb"\b(?:BehaviorTree|TreeNodesModel|include)\b")
+_ALONE = (b"BehaviorTree", b"TreeNodesModel")
+
+
+def tree_files_in(folder: Path) -> list[Path]:
+    """Return the tree files in a folder and below it, in the order of their paths.
+
+    Hidden folders and those of colcon are skipped; a folder that several links lead to is looked into once.
+
+    Raises:
+        UnreadableFileError: If a folder or a file cannot be read.
+    """
+    return sorted(path for path in _files_in(folder) if is_tree_file(path))
+
+
+def files_meant(folder: Path, pattern: str) -> list[Path]:
+    """Return the files that a path, a folder or a glob pattern stands for.
+
+    Of folders and patterns these are the tree files; a plain path is returned whatever is there.
+
+    Args:
+        folder: The folder from which the path begins.
+        pattern: The path.
+
+    Raises:
+        UnreadableFileError: If a folder or a file cannot be read.
+    """
+    path = folder / pattern
+    if path.is_dir():
+        return tree_files_in(path)
+    if not glob.has_magic(pattern):
+        return [path]
+    found: list[Path] = []
+    for each in sorted(glob.glob(str(Path(glob.escape(str(folder))) / pattern), recursive=True)):  # noqa: PTH207
+        match = Path(each)
+        found += tree_files_in(match) if match.is_dir() else [match] if is_tree_file(match) else []
+    return list(dict.fromkeys(found))
+
+
+def is_tree_file(path: Path) -> bool:
+    """Return whether a file has the ending and the outermost element, or key, of a tree file."""
+    form = FORMS.get(path.suffix.lower())
+    if form is None or not path.is_file():
+        return False
+    # A byte order mark, and the zero bytes of UTF-16, do not matter here.
+    data = read_bytes(path, _BEGINNING).lstrip(b"\xef\xbb\xbf\xff\xfe").replace(b"\0", b"")
+    if form is Form.YAML:
+        return _FIRST_KEY.match(data) is not None and _SECTIONS.search(data) is not None
+    first = _FIRST_ELEMENT.match(data)
+    if first is None:
+        return False
+    tag, attributes = first.groups()
+    is_root = _ROOT_ATTRIBUTES.search(attributes) is not None
+    return is_root or tag in _ALONE or (tag == b"root" and _SECTIONS.search(data) is not None)
+
+
+def _files_in(folder: Path) -> Iterator[Path]:
+    waiting, seen = [folder], set()
+    while waiting:
+        here = waiting.pop()
+        place = os.path.realpath(here)
+        if place in seen:
+            continue
+        seen.add(place)
+        try:
+            entries = sorted(here.iterdir())
+        except OSError as error:
+            message = f"cannot read {here}: {error.strerror or error}"
+            raise UnreadableFileError(message) from error
+        for entry in entries:
+            if entry.name.startswith("."):
+                continue
+            if entry.is_dir():
+                waiting += [] if entry.name in SKIPPED else [entry]
+            else:
+                yield entry
