@@ -3,17 +3,18 @@
 from collections.abc import Iterator
 
 from sar_compiler.checks.rules.check_context import CheckContext
-from sar_compiler.nodes.binding.attributes import NOTES
+from sar_compiler.nodes.binding.attributes import slip_in_note
 from sar_compiler.nodes.binding.main_tree import find_main_tree
 from sar_compiler.nodes.binding.tree_ids import fault_of
 from sar_compiler.nodes.registry import Registry
-from sar_compiler.nodes.values import nearest
-from sar_compiler.tree.diagnostic import Diagnostic, TreeError
+from sar_compiler.nodes.values import Guesses, nearest
+from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, ROOT_TAG, SECTIONS, TREE_TAG, Element, TreeFile
+from sar_compiler.tree.source import Form
 
 ROOT_ATTRIBUTES = ("BTCPP_format", "main_tree_to_execute")
-TREE_ATTRIBUTES = ("ID", *NOTES)
+TREE_ATTRIBUTES = ("ID",)
 INCLUDE_ATTRIBUTES = ("path", "ros_pkg")
 FORMAT = "4"
 
@@ -21,9 +22,10 @@ FORMAT = "4"
 def check_document(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield what is wrong outside the trees."""
     forest, registry = context.forest, context.registry
+    guesses = Guesses()
     for tree_file in forest.files:
-        yield from _frame(tree_file.root)
-    yield from _tree_ids(forest, registry)
+        yield from _frame(tree_file.root, guesses)
+    yield from _tree_ids(forest, registry, guesses)
     if forest.main.root.tag == ROOT_TAG and context.is_whole and not _is_palette(forest):
         try:
             find_main_tree(forest)
@@ -39,13 +41,13 @@ def _is_palette(forest: Forest) -> bool:
     return describes and not names_tree and not any(True for _ in forest.iterate())
 
 
-def _frame(root: Element) -> Iterator[Diagnostic]:
+def _frame(root: Element, guesses: Guesses) -> Iterator[Diagnostic]:
     if root.tag != ROOT_TAG:
         message = f"the outermost element is <{root.tag}>; a tree file has <{ROOT_TAG}> there"
         hint = f'put everything in <{ROOT_TAG} BTCPP_format="{FORMAT}">'
         yield _finding(root, "wrong-root", message, suggestion=nearest(root.tag, [ROOT_TAG]), hint=hint)
         return
-    yield from _unknown_attributes(root, ROOT_ATTRIBUTES)
+    yield from _unknown_attributes(root, ROOT_ATTRIBUTES, guesses)
     yield from _format(root)
     for child in root.children:
         if child.tag not in SECTIONS:
@@ -54,24 +56,31 @@ def _frame(root: Element) -> Iterator[Diagnostic]:
             hint = f"nodes stand in a <{TREE_TAG}>"
             yield _finding(child, "unknown-element", message, suggestion=near, hint=hint)
         elif child.tag == INCLUDE_TAG and "path" in child.attributes:  # the forest speaks of one without
-            yield from _unknown_attributes(child, INCLUDE_ATTRIBUTES)
+            yield from _unknown_attributes(child, INCLUDE_ATTRIBUTES, guesses)
     for extra in [child for child in root.children if child.tag == MODEL_TAG][1:]:
         yield _finding(extra, "duplicate-model", f"a file has one <{MODEL_TAG}>; this is another")
 
 
 def _format(root: Element) -> Iterator[Diagnostic]:
-    written = root.attributes.get("BTCPP_format", FORMAT)
-    if written != FORMAT:
+    written = root.attributes.get("BTCPP_format")
+    if written is None:
+        # Files in YAML have never been of another version.
+        is_xml = root.source.form is Form.XML
+        if is_xml and any(child.tag in (TREE_TAG, INCLUDE_TAG) for child in root.children):
+            message = f"this file does not say that it is written for BehaviorTree.CPP {FORMAT}, and is taken for that"
+            hint = f'write BTCPP_format="{FORMAT}"; in one of version 3, look first at what has changed since'
+            yield _finding(root, "missing-format", message, hint=hint, severity=Severity.WARNING)
+    elif written != FORMAT:
         message = f"BTCPP_format is '{written}'; this reads format {FORMAT}"
         span = root.value_span("BTCPP_format")
         yield Diagnostic("wrong-format", message, root.source, span, suggestion=FORMAT)
 
 
-def _tree_ids(forest: Forest, registry: Registry) -> Iterator[Diagnostic]:
+def _tree_ids(forest: Forest, registry: Registry, guesses: Guesses) -> Iterator[Diagnostic]:
     first: dict[str, Element] = {}
     for tree_file in forest.files:
         for tree in tree_file.trees:
-            yield from _unknown_attributes(tree, TREE_ATTRIBUTES)
+            yield from _unknown_attributes(tree, TREE_ATTRIBUTES, guesses)
             tree_id = tree.attributes.get("ID")
             if tree_id is None:
                 yield from _nameless(tree, tree_file)
@@ -98,15 +107,17 @@ def _duplicate(tree: Element, first: Element) -> Diagnostic:
     return Diagnostic("duplicate-tree-id", message, tree.source, span, hint="give each tree its own")
 
 
-def _unknown_attributes(element: Element, known: tuple[str, ...]) -> Iterator[Diagnostic]:
+def _unknown_attributes(element: Element, known: tuple[str, ...], guesses: Guesses) -> Iterator[Diagnostic]:
     for name in element.attributes:
         # Editors find the schema by the attributes of these namespaces.
-        if name not in known and not name.startswith(("xmlns", "xsi:")):
+        if name in known or name.startswith(("xmlns", "xsi:")):
+            continue
+        if not name.startswith("_") or slip_in_note(name, guesses) is not None:
             message = f"<{element.tag}> has no attribute '{name}'; it has {', '.join(known)}"
             span = element.name_span(name)
             suggestion = nearest(name, known)
             yield Diagnostic("unknown-attribute", message, element.source, span, suggestion=suggestion)
 
 
-def _finding(element: Element, code: str, message: str, **advice: str | None) -> Diagnostic:
-    return Diagnostic(code, message, element.source, element.tag_span(), **advice)  # type: ignore[arg-type]
+def _finding(element: Element, code: str, message: str, **more: str | None) -> Diagnostic:
+    return Diagnostic(code, message, element.source, element.tag_span(), **more)  # type: ignore[arg-type]

@@ -15,7 +15,7 @@ REGISTRY = default_registry()
 
 def palette(*models, trees=""):
     """Return a file with a model; the model's lines begin in line 2."""
-    return f"<root><TreeNodesModel>\n{chr(10).join(models)}\n</TreeNodesModel>{trees}</root>"
+    return f'<root BTCPP_format="4"><TreeNodesModel>\n{chr(10).join(models)}\n</TreeNodesModel>{trees}</root>'
 
 
 TREE = '<BehaviorTree ID="A"><Success/></BehaviorTree>'
@@ -250,7 +250,7 @@ def with_subtree(attributes, model=SUBTREE):
         model,
         trees=f'<BehaviorTree ID="A"><SubTree ID="B" {attributes}/></BehaviorTree>'
         '<BehaviorTree ID="B"><Script code="@seen := speed"/></BehaviorTree>',
-    ).replace("<root>", '<root main_tree_to_execute="A">')
+    ).replace("<root ", '<root main_tree_to_execute="A" ')
 
 
 def test_a_subtree_must_be_given_what_its_model_says_without_a_default():

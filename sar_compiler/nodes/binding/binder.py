@@ -9,7 +9,7 @@ import functools
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, AttributeBinder
+from sar_compiler.nodes.binding.attributes import AUTOREMAP, AttributeBinder
 from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree, Remapping
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.instances import Instance, expand, report_shared_keys
@@ -27,8 +27,6 @@ from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import SUBTREE_TAG, TREE_TAG, Element, TreeFile
 
 _KIND_TAGS = frozenset(kind.value for kind in Kind)
-_FORMER_ATTRIBUTES = {"__autoremap": "_autoremap", "__shared_blackboard": "_autoremap"}
-"""The names of a `SubTree`'s attributes in BehaviorTree.CPP 3."""
 
 
 class BoundForest(NamedTuple):
@@ -230,7 +228,7 @@ class Binder:
         elif element.tag in _KIND_TAGS and not element.attributes.get("ID"):
             self._without_id(element, f"<{element.tag}> does not say which node it is", "the node's name")
         else:
-            message = f"no node is called '{tag}'"
+            message = f"no node is called '{tag}'{self._was_called(tag, near)}"
             hint = "sar-compile nodes lists them; --nodes adds a module of leaves, --model a palette"
             span = element.tag_span() if tag == element.tag else element.value_span("ID")
             self._collector.at(element, span, "unknown-node", message, suggestion=near, hint=hint)
@@ -269,6 +267,12 @@ class Binder:
             known = self._tags if tag != SUBTREE_TAG else self._tags[:-1]
             self._meant[tag] = today or self._guesses.nearest(tag, known)
         return self._meant[tag]
+
+    def _was_called(self, tag: str, today: str | None) -> str:
+        """Return a phrase about a name of BehaviorTree.CPP 3; empty for any other."""
+        spec = subtree() if today == SUBTREE_TAG else self._registry.get(today or "")
+        former = spec is not None and tag in spec.former_tags and spec.semantics.counterpart.built_in
+        return " any more: that is a name of BehaviorTree.CPP 3" if former else ""
 
     @functools.cached_property
     def _tags(self) -> list[str]:
@@ -329,18 +333,17 @@ class Binder:
         keys: dict[str, str] = {}
         constants: dict[str, str] = {}
         for name, text in element.attributes.items():
-            if name in ("ID", "_autoremap") or self._attributes.common(bound, name):
+            if name in bound.spec.former_attributes:
+                self._attributes.report_former(element, name, bound.spec.former_attributes[name])
+            elif name in ("ID", "name", AUTOREMAP) or self._attributes.common(bound, name):
                 continue
-            if name == "name":
-                if not text:
-                    self._attributes.report_empty_name(element)
             elif name.startswith("_"):
                 self._unknown_of_subtree(element, name)
             else:
                 # Of a port, `=` would be its own key.
                 key = None if text == "=" else blackboard_key(text, name)
                 (constants if key is None else keys)[name] = text if key is None else key
-        autoremap = self._attributes.flag(element, "_autoremap")
+        autoremap = self._attributes.flag(element, AUTOREMAP)
         for port in model.ports.values() if model else ():
             if autoremap or port.name in keys or port.name in constants:
                 continue
@@ -354,9 +357,8 @@ class Binder:
         return Remapping(keys, constants, autoremap)
 
     def _unknown_of_subtree(self, element: Element, name: str) -> None:
-        known = ["_autoremap", *CONDITIONS]
         message = f"<{SUBTREE_TAG}> has no attribute '{name}'; keys do not begin with _"
-        near = _FORMER_ATTRIBUTES.get(name) or self._guesses.nearest(name, [*known, ONESHOT])
+        near = self._attributes.slip_in_note(name)
         self._collector.name(element, name, "unknown-attribute", message, suggestion=near)
 
 

@@ -187,6 +187,11 @@ SPECS = [
             counterpart=Counterpart(built_in=True, rewrite=rewrites.parallel),
         ),
         signature=Signature(defaults={"success_count": -1, "failure_count": 1}),
+        former_attributes={
+            "threshold": "success_count",
+            "success_threshold": "success_count",
+            "failure_threshold": "failure_count",
+        },
         rule=within_reach("success_count", "failure_count"),
     ),
     NodeSpec(
