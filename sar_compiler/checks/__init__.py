@@ -22,7 +22,7 @@ from sar_compiler.checks.rules.texts import check_texts
 from sar_compiler.checks.suppressions import without_suppressed
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.models.model_comparison import compare
-from sar_compiler.nodes.models.models import described_specs, read_models
+from sar_compiler.nodes.models.models import described_specs, read_models, yielding
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.forest import Forest
@@ -61,7 +61,8 @@ RULES: tuple[Callable[[CheckContext], Iterable[Diagnostic]], ...] = (
 def check_palettes(palettes: Palettes, registry: Registry) -> list[Diagnostic]:
     """Return what is wrong with palettes themselves, whatever files they are for."""
     collector = Collector()
-    compare(read_models(palettes, collector), registry, collector)
+    models = read_models(palettes, collector)
+    compare(models, yielding(registry, models), collector)
     return collector.findings
 
 
@@ -81,6 +82,7 @@ def check(forest: Forest, registry: Registry, palettes: Palettes = ()) -> list[D
             themselves, `check_palettes` says.
     """
     palettes = tuple(palettes)
+    registry = yielding(registry, read_models([*palettes, *forest.files], Collector()))
     findings = [*forest.findings]
     context = CheckContext(forest, registry, palettes)
     is_all = True

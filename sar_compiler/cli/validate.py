@@ -3,6 +3,7 @@
 import argparse
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
@@ -61,6 +62,7 @@ class _Validation:
         self.findings: list[Diagnostic] = []
         self.said: set[str] = set()
         self.unreadable = 0
+        self.files = set(map(_resolved, arguments.files))
 
     def look_at(self, name: str) -> None:
         """Check a file, after fixing it if requested."""
@@ -76,7 +78,9 @@ class _Validation:
             self._report_once(error.findings)
             return
         try:
-            self._report_once(tree.project.findings)
+            # A palette that is among the files is spoken of as such.
+            palettes = tree.project.findings
+            self._report_once([each for each in palettes if _resolved(each.source.path) not in self.files])
         except TreeError as error:
             self._report_once(error.findings)
             return
@@ -125,6 +129,10 @@ class _Validation:
         for fix in chosen:
             print(fix.describe(), file=output)
         return bool(chosen)
+
+
+def _resolved(path: str) -> Path:
+    return Path(path).resolve()
 
 
 def _write(tree: "LoadedTree", chosen: "Sequence[Fix]") -> None:

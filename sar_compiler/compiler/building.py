@@ -16,6 +16,7 @@ from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.binding.skips import SkipAnalysis
+from sar_compiler.nodes.registry import is_own_word
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.nodes.values import literal_value
 from sar_compiler.runtime.conditions import Conditions, ConditionScripts
@@ -74,6 +75,8 @@ class Builder:
         """Report a node for which there is no class."""
         message = f"<{bound.spec.tag}> is described by a model, but no class is registered for it"
         hint = "load the module that has it: --nodes package.module"
+        if is_own_word(bound.spec.tag):
+            hint += f", or delete the model if py_trees' <{bound.spec.tag}> is meant"
         self._collector.tag(bound.element, "not-installed", message, hint=hint)
 
     def place(self, instance: Instance, bound: BoundNode) -> Behaviour:

@@ -246,7 +246,13 @@ class LoadedTree:
         if self._forest is None:
             return list(self._malformed)
         project = self.project
-        return project.configuration.decide(check(self._forest, project.registry, project.palettes))
+        return project.configuration.decide(check(self._forest, project.registry, self._palettes))
+
+    @functools.cached_property
+    def _palettes(self) -> tuple[TreeFile, ...]:
+        """The project's palettes, without what is one of the files itself."""
+        own = {Path(each.source.path).resolve() for each in self.forest.files}
+        return tuple(each for each in self.project.palettes if Path(each.source.path).resolve() not in own)
 
     def check(self) -> list[Diagnostic]:
         """Return all findings about the palettes, the file, and the files that it includes.
@@ -269,7 +275,7 @@ class LoadedTree:
         from sar_compiler.compiler import bind_main
 
         self._require_no_errors(tree_named=tree_id is not None)
-        return bind_main(self.forest, self.project.registry, tree_id, self.project.palettes)
+        return bind_main(self.forest, self.project.registry, tree_id, self._palettes)
 
     def _require_no_errors(self, *, tree_named: bool) -> None:
         errors = [each for each in self.check() if each.severity is Severity.ERROR]
@@ -302,7 +308,7 @@ class LoadedTree:
 
         self._require_no_errors(tree_named=True)
         start = functools.partial(self._start_values, params)
-        return Stage(self.forest, self.project.registry, self.project.palettes, tree_id, start)
+        return Stage(self.forest, self.project.registry, self._palettes, tree_id, start)
 
     def compile(
         self,

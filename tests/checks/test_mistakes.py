@@ -215,6 +215,13 @@ IN_A_FILE = {
         23,
         "Maintree",
     ),
+    "a second model": (
+        f'<root BTCPP_format="4">{TREE}<TreeNodesModel/>\n<TreeNodesModel/></root>',
+        "duplicate-model",
+        2,
+        1,
+        None,
+    ),
     "two trees of one ID": (
         f'<root BTCPP_format="4" main_tree_to_execute="A">{TREE}\n{TREE}</root>',
         "duplicate-tree-id",

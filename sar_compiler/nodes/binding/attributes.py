@@ -6,7 +6,7 @@ from typing import Any, Literal, TypeAlias
 
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.collector import Collector
-from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter, Role
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import (
     CONDITION,
     ConversionError,
@@ -50,6 +50,8 @@ ONESHOT_TYPE = type_of(OneShotPolicyName)
 _NAME, _ATTRIBUTE, _REFERENCE, _OUTPUT = Role.NAME, Role.ATTRIBUTE, Role.REFERENCE, Direction.OUTPUT
 _SCRIPT_TYPE = type_of(Script)
 _BOOL_TYPE = type_of(bool)
+KIND_TAGS = frozenset(kind.value for kind in Kind)
+"""The tags of explicit forms."""
 _TEXTS = (str, None)
 """The types of attributes that take any text."""
 _UNCLOSED = re.compile(r" *(?:\{([^{}\s]+)|([^{}\s]+)\}) *")
@@ -76,7 +78,7 @@ class AttributeBinder:
                 self._value(bound, parameter, text)
             elif role is _REFERENCE:
                 pass  # resolved when all nodes are known
-            elif not self.common(bound, name) and not (name == "ID" and bound.element.tag != bound.spec.tag):
+            elif not self.common(bound, name) and not (name == "ID" and _is_explicit(bound)):
                 unknown.append(name)
         for name in unknown:
             meant.add(self._unknown(bound, name, other_variants, is_only=len(unknown) == 1))
@@ -216,6 +218,12 @@ class AttributeBinder:
 def slip_in_note(name: str, guesses: Guesses) -> str | None:
     """Return the attribute that was meant by one that begins with `_`; None for a note of an editor."""
     return None if name in NOTES else guesses.nearest(name, [*CONDITIONS, AUTOREMAP, ONESHOT], _LIKENESS)
+
+
+def _is_explicit(bound: BoundNode) -> bool:
+    """Return whether a node is named by an ID: that of somebody's own may be the very tag, `<Condition ID="Condition"/>`."""
+    tag = bound.element.tag
+    return tag != bound.spec.tag or (bound.spec.is_only_described and tag in KIND_TAGS)
 
 
 def underscored(name: str) -> str | None:

@@ -9,7 +9,7 @@ import functools
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from sar_compiler.nodes.binding.attributes import AUTOREMAP, AttributeBinder
+from sar_compiler.nodes.binding.attributes import AUTOREMAP, KIND_TAGS, AttributeBinder
 from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree, Remapping
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.instances import Instance, expand, report_shared_keys
@@ -17,7 +17,7 @@ from sar_compiler.nodes.binding.nesting import cut_circles, fits, trees_in
 from sar_compiler.nodes.binding.references import resolve_references
 from sar_compiler.nodes.binding.skips import by_itself, report_misread
 from sar_compiler.nodes.models.model_comparison import compare
-from sar_compiler.nodes.models.models import Model, Models, read_models
+from sar_compiler.nodes.models.models import Model, Models, read_models, yielding
 from sar_compiler.nodes.registry import Registry, subtree
 from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.nodes.values import Guesses, blackboard_key, listed
@@ -25,8 +25,6 @@ from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import SUBTREE_TAG, TREE_TAG, Element, TreeFile
-
-_KIND_TAGS = frozenset(kind.value for kind in Kind)
 
 
 class BoundForest(NamedTuple):
@@ -54,7 +52,8 @@ def bind(forest: Forest, registry: Registry, tree: Element, palettes: Iterable[T
         The bound tree and its findings, in the order of the file.
     """
     collector = Collector()
-    binder = Binder(forest, registry, read_models([*palettes, *forest.files], Collector()), collector)
+    models = read_models([*palettes, *forest.files], Collector())
+    binder = Binder(forest, yielding(registry, models), models, collector)
     with gc_paused(_characters(forest)):
         main = binder.tree(tree)
     cut_circles([main], collector)
@@ -72,6 +71,7 @@ def bind_all(forest: Forest, registry: Registry, palettes: Iterable[TreeFile] = 
     """
     collector = Collector()
     models = read_models([*palettes, *forest.files], collector)
+    registry = yielding(registry, models)
     compare(models, registry, collector)
     binder = Binder(forest, registry, models, collector)
     with gc_paused(_characters(forest)):
@@ -159,11 +159,13 @@ class Binder:
         tag = element.tag
         if tag == SUBTREE_TAG:
             return self._subtree(element)
-        if tag in _KIND_TAGS:  # the explicit form
+        if tag in KIND_TAGS:  # the explicit form
             tag = element.attributes.get("ID", tag)
         variants = self._meanings.get(tag)
         if variants is None:
             variants = self._meanings[tag] = self._variants(tag)
+        if tag in KIND_TAGS and "ID" not in element.attributes and tag not in self._registry:
+            variants = []  # a node that is called so is only meant by its ID
         if not variants:
             return self._unknown(element, tag)
         spec = variants[0] if len(variants) == 1 else _best(variants, element, self._guesses)
@@ -225,7 +227,7 @@ class Binder:
         near = self._meant_by(element, tag)
         if element.tag == TREE_TAG:
             self._collector.tag(element, "unknown-node", f"a <{TREE_TAG}> cannot stand inside another")
-        elif element.tag in _KIND_TAGS and not element.attributes.get("ID"):
+        elif element.tag in KIND_TAGS and not element.attributes.get("ID"):
             self._without_id(element, f"<{element.tag}> does not say which node it is", "the node's name")
         else:
             message = f"no node is called '{tag}'{self._was_called(tag, near)}"
@@ -233,7 +235,7 @@ class Binder:
             span = element.tag_span() if tag == element.tag else element.value_span("ID")
             self._collector.at(element, span, "unknown-node", message, suggestion=near, hint=hint)
         variants = self._variants(
-            element.attributes["ID"] if near in _KIND_TAGS and "ID" in element.attributes else near or ""
+            element.attributes["ID"] if near in KIND_TAGS and "ID" in element.attributes else near or ""
         )
         if not variants:
             for child in element.children:
@@ -258,8 +260,8 @@ class Binder:
 
     def _meant_by(self, element: Element, tag: str) -> str | None:
         """Return the tag that was probably meant by an unknown one."""
-        if "ID" in element.attributes and tag == element.tag and tag not in _KIND_TAGS:
-            explicit = self._guesses.nearest(tag, sorted(_KIND_TAGS))
+        if "ID" in element.attributes and tag == element.tag and tag not in KIND_TAGS:
+            explicit = self._guesses.nearest(tag, sorted(KIND_TAGS))
             if explicit is not None:
                 return explicit
         if tag not in self._meant:

@@ -1,7 +1,7 @@
 """Collection of findings while a tree is bound."""
 
 from sar_compiler.nodes.values import ConversionError, Guesses
-from sar_compiler.tree.diagnostic import Diagnostic
+from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.model import Element
 from sar_compiler.tree.source import Span
 
@@ -34,6 +34,20 @@ class Collector:
     def value(self, element: Element, attribute: str, code: str, message: str, **advice: str | None) -> None:
         """Report a finding about the value of an attribute."""
         self.at(element, element.value_span(attribute), code, message, **advice)
+
+    def slip_in_model(
+        self, element: Element, attribute: str | None, message: str, **advice: str | None
+    ) -> None:
+        """Report a slip in the description of a node, which BehaviorTree.CPP does not read.
+
+        Args:
+            element: The element.
+            attribute: The attribute with the wrong value; None for the element as a whole.
+            message: What is wrong.
+            **advice: As in `Diagnostic`.
+        """
+        span = element.value_span(attribute) if attribute else element.tag_span()
+        self.at(element, span, "wrong-model", message, severity=Severity.WARNING, **advice)
 
     def wrong_value(
         self, element: Element, attribute: str, error: ConversionError, code: str = "wrong-value"

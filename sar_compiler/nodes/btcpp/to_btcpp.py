@@ -12,7 +12,7 @@ from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.tree_ids import refused_in
 from sar_compiler.nodes.btcpp.notes import Notes
 from sar_compiler.nodes.btcpp.rewrites import NO_ONESHOT, Draft, Rewrite
-from sar_compiler.nodes.models.models import read_models
+from sar_compiler.nodes.models.models import read_models, yielding
 from sar_compiler.nodes.models.palette import described_by_use, description, is_built_in
 from sar_compiler.nodes.registry import Registry, subtree
 from sar_compiler.nodes.spec import Kind, NodeSpec, Role
@@ -75,11 +75,13 @@ class _Conversion:
         self.notes = Notes()
 
     def root(self, tree_file: TreeFile, palettes: Iterable[TreeFile]) -> Element:
+        palettes = tuple(palettes)
+        own = read_models([tree_file], Collector()).nodes
+        self._registry = yielding(self._registry, read_models([*palettes, tree_file], Collector()))
         root = tree_file.root
         children = [self._section(child) for child in root.children]
         for tree in tree_file.trees:
             self._tree_id(tree)
-        own = read_models([tree_file], Collector()).nodes
         missing = [tag for tag in self._used if tag not in own]
         if missing:
             others = read_models(palettes, Collector()).nodes
@@ -182,7 +184,7 @@ class _Conversion:
         """Note missing counterparts, and drop the attributes that BehaviorTree.CPP would refuse."""
         specs = self._registry.variants(draft.tag)
         refused = refused_in(draft.tag)
-        if refused:
+        if refused and not draft.explicit:
             message = f"BehaviorTree.CPP refuses the node '{draft.tag}'"
             hint = f"register it by a name without {refused}"
             self.notes.no_counterpart(draft.element, message, hint)
@@ -208,6 +210,9 @@ class _Conversion:
             return True  # its own name would be taken for the explicit form
         if draft.explicit and parent == _DROPS_EXPLICIT:
             message = f"BehaviorTree.CPP does not find <{draft.element.tag}> directly in <{parent}>"
+            if refused_in(draft.tag):
+                self.notes.no_counterpart(draft.element, message, "put it into a Sequence of its own")
+                return True
             self.notes.differs(draft.element, f"{message}; written as <{draft.tag}>")
             return False
         return draft.explicit
