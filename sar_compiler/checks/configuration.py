@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from sar_compiler.nodes.btcpp.versions import NEWEST, VERSIONS, Version
 from sar_compiler.tree.content import as_written, read_bytes
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.source import Source, Span
@@ -36,6 +37,7 @@ class Configuration(NamedTuple):
         nodes: Modules of leaves, as `--nodes` names them.
         models: Palettes, as `--model` names them.
         include_path: Further folders that may be included from.
+        btcpp: The version of BehaviorTree.CPP that the trees are for.
         severities: The severities of some kinds of findings, by code; None where they are not to be reported.
         path: The file; None where nothing is decided.
         source: Its text.
@@ -45,6 +47,7 @@ class Configuration(NamedTuple):
     nodes: tuple[str, ...] = ()
     models: tuple[Path, ...] = ()
     include_path: tuple[Path, ...] = ()
+    btcpp: Version = NEWEST
     severities: Mapping[str, Severity | None] = {}
     path: Path | None = None
     source: Source = Source("", "", NO_SPANS)
@@ -130,6 +133,7 @@ def _decided(path: Path, table: tuple[str, ...]) -> Configuration | None:
         tuple(said.get(_NODES, ())),
         models,
         include_path,
+        VERSIONS[said.get("language", {}).get("btcpp", str(NEWEST))],
         {
             code: None if level == _OFF else Severity(level)
             for code, level in said.get("findings", {}).items()

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from sar_compiler.checks.rules.check_context import CheckContext
 from sar_compiler.nodes.binding.attributes import slip_in_note
 from sar_compiler.nodes.binding.main_tree import find_main_tree
-from sar_compiler.nodes.binding.tree_ids import fault_of
+from sar_compiler.nodes.binding.tree_ids import is_node
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.values import Guesses, nearest
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
@@ -89,8 +89,9 @@ def _tree_ids(forest: Forest, registry: Registry, guesses: Guesses) -> Iterator[
                 yield Diagnostic("missing-tree-id", message, tree.source, tree.value_span("ID"))
             elif first.setdefault(tree_id, tree) is not tree:
                 yield _duplicate(tree, first[tree_id])
-            elif (fault := fault_of(tree_id, registry)) is not None:
-                message, hint = fault
+            elif is_node(tree_id, registry):
+                message = f"'{tree_id}' is a node, and cannot be the ID of a tree as well"
+                hint = "give the tree another one"
                 yield Diagnostic("wrong-tree-id", message, tree.source, tree.value_span("ID"), hint=hint)
 
 

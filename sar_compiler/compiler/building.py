@@ -18,7 +18,6 @@ from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.binding.skips import SkipAnalysis
 from sar_compiler.nodes.registry import is_own_word
 from sar_compiler.nodes.spec import Kind
-from sar_compiler.nodes.values import literal_value
 from sar_compiler.runtime.conditions import Conditions, ConditionScripts
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 
@@ -67,8 +66,8 @@ class Builder:
                 self._arguments[instance, bound] = self._source.of(instance, bound)
             if bound.subtree is not None:
                 inner = instance.inner[bound]
-                for key, text in bound.remapping.constants.items():
-                    given(inner.scope.resolve(key), literal_value(text))
+                for key, value in inner.constants():
+                    given(inner.scope.resolve(key), value)
                 self.prepare(inner)
 
     def only_described(self, bound: BoundNode) -> None:

@@ -246,7 +246,9 @@ class LoadedTree:
         if self._forest is None:
             return list(self._malformed)
         project = self.project
-        return project.configuration.decide(check(self._forest, project.registry, self._palettes))
+        return project.configuration.decide(
+            check(self._forest, project.registry, self._palettes, project.configuration.btcpp)
+        )
 
     @functools.cached_property
     def _palettes(self) -> tuple[TreeFile, ...]:

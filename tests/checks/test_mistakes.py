@@ -229,27 +229,6 @@ IN_A_FILE = {
         19,
         None,
     ),
-    "an ID with a blank": (
-        '<root BTCPP_format="4"><BehaviorTree ID="my tree"><Success/></BehaviorTree></root>',
-        "wrong-tree-id",
-        1,
-        42,
-        None,
-    ),
-    "an ID with a dot": (
-        '<root BTCPP_format="4"><BehaviorTree ID="v.2"><Success/></BehaviorTree></root>',
-        "wrong-tree-id",
-        1,
-        42,
-        None,
-    ),
-    "the ID Root": (
-        '<root BTCPP_format="4"><BehaviorTree ID="Root"><Success/></BehaviorTree></root>',
-        "wrong-tree-id",
-        1,
-        42,
-        None,
-    ),
     "the ID of a node": (
         '<root BTCPP_format="4"><BehaviorTree ID="Sequence"><Success/></BehaviorTree></root>',
         "wrong-tree-id",

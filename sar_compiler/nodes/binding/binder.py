@@ -16,6 +16,7 @@ from sar_compiler.nodes.binding.instances import Instance, expand, report_shared
 from sar_compiler.nodes.binding.nesting import cut_circles, fits, trees_in
 from sar_compiler.nodes.binding.references import resolve_references
 from sar_compiler.nodes.binding.skips import by_itself, report_misread
+from sar_compiler.nodes.btcpp.versions import NEWEST, Version
 from sar_compiler.nodes.models.model_comparison import compare
 from sar_compiler.nodes.models.models import Model, Models, read_models, yielding
 from sar_compiler.nodes.registry import Registry, subtree
@@ -35,7 +36,7 @@ class BoundForest(NamedTuple):
         tops: The main tree and the trees used by no other, unless they are too large, with their subtrees expanded.
         models: The models of nodes that are not registered, and of subtrees.
         specs: All possible meanings of the tags in them.
-        findings: The errors found while binding.
+        findings: What was found while binding: errors, and warnings about models and versions.
     """
 
     trees: Sequence[BoundTree]
@@ -63,13 +64,21 @@ def bind(forest: Forest, registry: Registry, tree: Element, palettes: Iterable[T
     return Binding(main, _in_order(forest, collector.findings))
 
 
-def bind_all(forest: Forest, registry: Registry, palettes: Iterable[TreeFile] = ()) -> BoundForest:
+def bind_all(
+    forest: Forest, registry: Registry, palettes: Iterable[TreeFile] = (), btcpp: Version = NEWEST
+) -> BoundForest:
     """Bind every tree of a forest, executed or not.
+
+    Args:
+        forest: The files.
+        registry: What tags mean.
+        palettes: Further files with descriptions of nodes.
+        btcpp: The version of BehaviorTree.CPP that the trees are for.
 
     Returns:
         The bound trees and their findings, in the order of the files.
     """
-    collector = Collector()
+    collector = Collector(btcpp)
     models = read_models([*palettes, *forest.files], collector)
     registry = yielding(registry, models)
     compare(models, registry, collector)

@@ -220,7 +220,7 @@ SPECS = [
     _own(
         "TryCatch",
         branches.TryCatch,
-        Semantics(outcome_sets.attempt, gates=one_after_the_other),
+        Semantics(outcome_sets.attempt, gates=one_after_the_other, counterpart=Counterpart(since="4.9")),
         signature=Signature(defaults={"catch_on_halt": False}),
         child_count=(2, None),
     ),
