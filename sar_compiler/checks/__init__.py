@@ -20,10 +20,12 @@ from sar_compiler.checks.rules.reactive import check_reactive
 from sar_compiler.checks.rules.scripts import check_scripts
 from sar_compiler.checks.rules.subtrees import check_subtrees
 from sar_compiler.checks.rules.texts import check_texts
+from sar_compiler.checks.rules.versions import check_versions
 from sar_compiler.checks.suppressions import without_suppressed
 from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.btcpp.versions import NEWEST, Version
 from sar_compiler.nodes.models.model_comparison import compare
-from sar_compiler.nodes.models.models import described_specs, read_models
+from sar_compiler.nodes.models.models import described_specs, read_models, yielding
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.forest import Forest
@@ -56,13 +58,15 @@ RULES: tuple[Callable[[CheckContext], Iterable[Diagnostic]], ...] = (
     check_texts,
     check_subtrees,
     check_names,
+    check_versions,
 )
 
 
 def check_palettes(palettes: Palettes, registry: Registry) -> list[Diagnostic]:
     """Return what is wrong with palettes themselves, whatever files they are for."""
     collector = Collector()
-    compare(read_models(palettes, collector), registry, collector)
+    models = read_models(palettes, collector)
+    compare(models, yielding(registry, models), collector)
     return collector.findings
 
 
@@ -70,7 +74,9 @@ def _is_no_error(finding: Diagnostic) -> bool:
     return finding.severity is not Severity.ERROR
 
 
-def check(forest: Forest, registry: Registry, palettes: Palettes = ()) -> list[Diagnostic]:
+def check(
+    forest: Forest, registry: Registry, palettes: Palettes = (), btcpp: Version = NEWEST
+) -> list[Diagnostic]:
     """Return everything that is wrong with a file and those that it includes, file by file.
 
     What comments in the files allow is left out.
@@ -80,10 +86,12 @@ def check(forest: Forest, registry: Registry, palettes: Palettes = ()) -> list[D
         registry: What tags mean.
         palettes: Further files whose `TreeNodesModel` describes nodes that are not installed; what is wrong with
             themselves, `check_palettes` says.
+        btcpp: The version of BehaviorTree.CPP that the trees are for.
     """
     palettes = tuple(palettes)
+    registry = yielding(registry, read_models([*palettes, *forest.files], Collector()))
     findings = [*forest.findings]
-    context = CheckContext(forest, registry, palettes)
+    context = CheckContext(forest, registry, palettes, btcpp)
     is_all = True
     for rule in RULES:
         found = list(rule(context))

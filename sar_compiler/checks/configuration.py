@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from sar_compiler.nodes.btcpp.versions import NEWEST, VERSIONS, Version
 from sar_compiler.tree.content import as_written, read_bytes, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.source import Source, Span
@@ -37,6 +38,7 @@ class Configuration(NamedTuple):
         nodes: Modules of leaves, as `--nodes` names them.
         models: Palettes, as `--model` names them.
         include_path: Further folders that may be included from.
+        btcpp: The version of BehaviorTree.CPP that the trees are for.
         trees: Files, folders and glob patterns of tree files that belong together, each with the folder it begins from.
         severities: The severities of some kinds of findings, by code; None where they are not to be reported.
         path: The file; None where nothing is decided.
@@ -47,6 +49,7 @@ class Configuration(NamedTuple):
     nodes: tuple[str, ...] = ()
     models: tuple[Path, ...] = ()
     include_path: tuple[Path, ...] = ()
+    btcpp: Version = NEWEST
     trees: tuple[tuple[Path, str], ...] = ()
     severities: Mapping[str, Severity | None] = {}
     path: Path | None = None
@@ -137,6 +140,7 @@ def _decided(path: Path, table: tuple[str, ...]) -> Configuration | None:
         tuple(said.get(_NODES, ())),
         models,
         include_path,
+        VERSIONS[said.get("language", {}).get("btcpp", str(NEWEST))],
         tuple((path.parent, pattern) for pattern in patterns),
         {
             code: None if level == _OFF else Severity(level)

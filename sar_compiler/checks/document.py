@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 
 from sar_compiler.checks.rules.check_context import CheckContext
-from sar_compiler.nodes.binding.attributes import NOTES
+from sar_compiler.nodes.binding.attributes import slip_in_note
 from sar_compiler.nodes.binding.main_tree import find_main_tree
-from sar_compiler.nodes.binding.tree_ids import fault_of
+from sar_compiler.nodes.binding.tree_ids import is_node
 from sar_compiler.nodes.registry import Registry
-from sar_compiler.nodes.values import nearest
-from sar_compiler.tree.diagnostic import Diagnostic, TreeError
+from sar_compiler.nodes.values import Guesses, nearest
+from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.model import (
     INCLUDE_TAG,
@@ -21,9 +21,10 @@ from sar_compiler.tree.model import (
     TreeFile,
     is_groot2_project,
 )
+from sar_compiler.tree.source import Form
 
 ROOT_ATTRIBUTES = ("BTCPP_format", "main_tree_to_execute")
-TREE_ATTRIBUTES = ("ID", *NOTES)
+TREE_ATTRIBUTES = ("ID",)
 INCLUDE_ATTRIBUTES = ("path", "ros_pkg")
 FORMAT = "4"
 
@@ -31,9 +32,10 @@ FORMAT = "4"
 def check_document(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield what is wrong outside the trees."""
     forest, registry = context.forest, context.registry
+    guesses = Guesses()
     for tree_file in forest.files:
-        yield from _frame(tree_file)
-    yield from _tree_ids(forest, registry)
+        yield from _frame(tree_file, guesses)
+    yield from _tree_ids(forest, registry, guesses)
     yield from forest.clashes
     if forest.main.root.tag == ROOT_TAG and context.is_whole and not _is_palette(forest):
         try:
@@ -51,7 +53,7 @@ def _is_palette(forest: Forest) -> bool:
     return describes and not names_tree and not any(True for _ in forest.iterate())
 
 
-def _frame(tree_file: TreeFile) -> Iterator[Diagnostic]:
+def _frame(tree_file: TreeFile, guesses: Guesses) -> Iterator[Diagnostic]:
     root = tree_file.root
     if root.tag != ROOT_TAG:
         message = f"the outermost element is <{root.tag}>; a tree file has <{ROOT_TAG}> there"
@@ -59,7 +61,7 @@ def _frame(tree_file: TreeFile) -> Iterator[Diagnostic]:
         yield _finding(root, "wrong-root", message, suggestion=nearest(root.tag, [ROOT_TAG]), hint=hint)
         return
     own = (PROJECT_ATTRIBUTE,) if is_groot2_project(tree_file) else ()
-    yield from _unknown_attributes(root, (*ROOT_ATTRIBUTES, *own))
+    yield from _unknown_attributes(root, (*ROOT_ATTRIBUTES, *own), guesses)
     yield from _format(root)
     for child in root.children:
         if child.tag not in SECTIONS:
@@ -68,24 +70,31 @@ def _frame(tree_file: TreeFile) -> Iterator[Diagnostic]:
             hint = f"nodes stand in a <{TREE_TAG}>"
             yield _finding(child, "unknown-element", message, suggestion=near, hint=hint)
         elif child.tag == INCLUDE_TAG and "path" in child.attributes:  # the forest speaks of one without
-            yield from _unknown_attributes(child, INCLUDE_ATTRIBUTES)
+            yield from _unknown_attributes(child, INCLUDE_ATTRIBUTES, guesses)
     for extra in [child for child in root.children if child.tag == MODEL_TAG][1:]:
         yield _finding(extra, "duplicate-model", f"a file has one <{MODEL_TAG}>; this is another")
 
 
 def _format(root: Element) -> Iterator[Diagnostic]:
-    written = root.attributes.get("BTCPP_format", FORMAT)
-    if written != FORMAT:
+    written = root.attributes.get("BTCPP_format")
+    if written is None:
+        # Files in YAML have never been of another version.
+        is_xml = root.source.form is Form.XML
+        if is_xml and any(child.tag in (TREE_TAG, INCLUDE_TAG) for child in root.children):
+            message = f"this file does not say that it is written for BehaviorTree.CPP {FORMAT}, and is taken for that"
+            hint = f'write BTCPP_format="{FORMAT}"; in one of version 3, look first at what has changed since'
+            yield _finding(root, "missing-format", message, hint=hint, severity=Severity.WARNING)
+    elif written != FORMAT:
         message = f"BTCPP_format is '{written}'; this reads format {FORMAT}"
         span = root.value_span("BTCPP_format")
         yield Diagnostic("wrong-format", message, root.source, span, suggestion=FORMAT)
 
 
-def _tree_ids(forest: Forest, registry: Registry) -> Iterator[Diagnostic]:
+def _tree_ids(forest: Forest, registry: Registry, guesses: Guesses) -> Iterator[Diagnostic]:
     first: dict[str, Element] = {}
     for tree_file in forest.files:
         for tree in tree_file.trees:
-            yield from _unknown_attributes(tree, TREE_ATTRIBUTES)
+            yield from _unknown_attributes(tree, TREE_ATTRIBUTES, guesses)
             tree_id = tree.attributes.get("ID")
             if tree_id is None:
                 yield from _nameless(tree, tree_file)
@@ -94,8 +103,9 @@ def _tree_ids(forest: Forest, registry: Registry) -> Iterator[Diagnostic]:
                 yield Diagnostic("missing-tree-id", message, tree.source, tree.value_span("ID"))
             elif first.setdefault(tree_id, tree) is not tree:
                 yield _duplicate(tree, first[tree_id])
-            elif (fault := fault_of(tree_id, registry)) is not None:
-                message, hint = fault
+            elif is_node(tree_id, registry):
+                message = f"'{tree_id}' is a node, and cannot be the ID of a tree as well"
+                hint = "give the tree another one"
                 yield Diagnostic("wrong-tree-id", message, tree.source, tree.value_span("ID"), hint=hint)
 
 
@@ -112,15 +122,17 @@ def _duplicate(tree: Element, first: Element) -> Diagnostic:
     return Diagnostic("duplicate-tree-id", message, tree.source, span, hint="give each tree its own")
 
 
-def _unknown_attributes(element: Element, known: tuple[str, ...]) -> Iterator[Diagnostic]:
+def _unknown_attributes(element: Element, known: tuple[str, ...], guesses: Guesses) -> Iterator[Diagnostic]:
     for name in element.attributes:
         # Editors find the schema by the attributes of these namespaces.
-        if name not in known and not name.startswith(("xmlns", "xsi:")):
+        if name in known or name.startswith(("xmlns", "xsi:")):
+            continue
+        if not name.startswith("_") or slip_in_note(name, guesses) is not None:
             message = f"<{element.tag}> has no attribute '{name}'; it has {', '.join(known)}"
             span = element.name_span(name)
             suggestion = nearest(name, known)
             yield Diagnostic("unknown-attribute", message, element.source, span, suggestion=suggestion)
 
 
-def _finding(element: Element, code: str, message: str, **advice: str | None) -> Diagnostic:
-    return Diagnostic(code, message, element.source, element.tag_span(), **advice)  # type: ignore[arg-type]
+def _finding(element: Element, code: str, message: str, **more: str | None) -> Diagnostic:
+    return Diagnostic(code, message, element.source, element.tag_span(), **more)  # type: ignore[arg-type]

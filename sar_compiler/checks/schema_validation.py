@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from lxml import etree
 
+from sar_compiler.nodes.binding.attributes import CONDITIONS
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.schemas.xml_schema import xml_schema
 from sar_compiler.nodes.spec import NodeSpec
@@ -26,13 +27,15 @@ _TEXT = "Character content other than whitespace"
 
 
 @functools.lru_cache(maxsize=32)
-def _schema_of(registry: Registry, tags: frozenset[str]) -> etree.XMLSchema:
-    return _schema(registry, tags, ())
+def _schema_of(registry: Registry, tags: frozenset[str], notes: frozenset[str]) -> etree.XMLSchema:
+    return _schema(registry, tags, notes, ())
 
 
-def _schema(registry: Registry, tags: frozenset[str], described: Iterable[NodeSpec]) -> etree.XMLSchema:
-    """Return the schema as far as some tags need it: to make all of it takes longer than to read most files."""
-    return etree.XMLSchema(etree.fromstring(xml_schema(registry, described, tags).encode()))
+def _schema(
+    registry: Registry, tags: frozenset[str], notes: frozenset[str], described: Iterable[NodeSpec]
+) -> etree.XMLSchema:
+    """Return the schema as far as a file needs it: to make all of it takes longer than to read most files."""
+    return etree.XMLSchema(etree.fromstring(xml_schema(registry, described, tags, sorted(notes)).encode()))
 
 
 def schema_errors(
@@ -50,11 +53,20 @@ def schema_errors(
     except etree.XMLSyntaxError as error:  # what expat lets pass, such as a prefix that is not bound
         return [(lines[(error.lineno or 1) - 1], f"not well-formed XML: {error.msg}")]
     tags = frozenset(element.tag for element in tree_file.root.iterate())
-    schema = _schema(registry, tags, described) if described else _schema_of(registry, tags)
+    notes = frozenset(_notes(tree_file))
+    schema = _schema(registry, tags, notes, described) if described else _schema_of(registry, tags, notes)
     if schema.validate(document):
         return []
     # The log grows over the life of the schema object; the last validation's errors are those of now.
     return [(lines[error.line - 1], error.message) for error in schema.error_log.filter_from_errors()]
+
+
+def _notes(tree_file: TreeFile) -> Iterator[str]:
+    """Yield the attributes of a file that may be notes of an editor; what is a slip the rules have said."""
+    for element in tree_file.root.iterate():
+        for name in element.attributes:
+            if name.startswith("_") and ":" not in name and name not in CONDITIONS:
+                yield name
 
 
 def _as_xml(tree_file: TreeFile) -> tuple[str, Sequence[int]]:

@@ -66,7 +66,10 @@ def _converted(path: Path, arguments: argparse.Namespace) -> "Converted":
         from sar_compiler.nodes.btcpp.to_btcpp import convert_to_btcpp
 
         tree = workspace(arguments).load(path)
-        return convert_to_btcpp(tree.forest.main, tree.project.registry, tree.project.palettes)
+        project = tree.project
+        return convert_to_btcpp(
+            tree.forest.main, project.registry, project.palettes, project.configuration.btcpp
+        )
     from sar_compiler.tree.conversion import convert
     from sar_compiler.tree.reading import read_tree_file
     from sar_compiler.tree.source import Form

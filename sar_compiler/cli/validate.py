@@ -86,6 +86,7 @@ class _Validation:
             for path in self._named(name):
                 files.setdefault(real_path(path), path)
         self._files = tuple(files.values())
+        self._places = frozenset(files)
         self._workspace = self._new_workspace()
 
     def _named(self, name: str) -> Iterator[Path]:
@@ -141,6 +142,7 @@ class _Validation:
 
     def look(self) -> None:
         """Check the files."""
+        from sar_compiler.tree.content import real_path
         from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
 
         for path in self._files:
@@ -153,7 +155,11 @@ class _Validation:
                 self._report(error.findings)
                 continue
             try:
-                self._report(tree.project.findings)
+                # A palette that is among the files is spoken of as such.
+                palettes = tree.project.findings
+                self._report(
+                    each for each in palettes if real_path(Path(each.source.path)) not in self._places
+                )
             except TreeError as error:
                 self._report(error.findings)
                 continue

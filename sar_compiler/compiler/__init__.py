@@ -130,7 +130,7 @@ def compile_with(
         given(top.scope.resolve(name), value)
     # Everything that can be said of the arguments is said at once, before anything is made.
     builder.prepare(top)
-    if collector.findings:
+    if _has_error(collector.findings):
         raise TreeError(_in_order(collector.findings))
     with gc_paused():
         root, origins = builder.place(top, binding.main.root), Origins(builder.constructions)

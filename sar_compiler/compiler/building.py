@@ -16,8 +16,8 @@ from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.binding.skips import SkipAnalysis
+from sar_compiler.nodes.registry import is_own_word
 from sar_compiler.nodes.spec import Kind
-from sar_compiler.nodes.values import literal_value
 from sar_compiler.runtime.conditions import Conditions, ConditionScripts
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.model import SUBTREE_TAG
@@ -67,8 +67,8 @@ class Builder:
                 self._arguments[instance, bound] = self._source.of(instance, bound)
             if bound.subtree is not None:
                 inner = instance.inner[bound]
-                for key, text in bound.remapping.constants.items():
-                    given(inner.scope.resolve(key), literal_value(text))
+                for key, value in inner.constants():
+                    given(inner.scope.resolve(key), value)
                 self.prepare(inner)
 
     def only_described(self, bound: BoundNode) -> None:
@@ -79,6 +79,8 @@ class Builder:
         else:
             message = f"<{bound.spec.tag}> is described by a model, but no class is registered for it"
             hint = "load the module that has it: --nodes package.module"
+        if is_own_word(bound.spec.tag):
+            hint += f", or delete the model if py_trees' <{bound.spec.tag}> is meant"
         self._collector.tag(bound.element, "not-installed", message, hint=hint)
 
     def place(self, instance: Instance, bound: BoundNode) -> Behaviour:

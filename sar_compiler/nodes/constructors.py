@@ -11,7 +11,7 @@ from py_trees.behaviour import Behaviour
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.answers import SELF, mistake_in, placeholders
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role
-from sar_compiler.nodes.values import ANYTHING, ValueType, is_class, value_type_of, without_none
+from sar_compiler.nodes.values import ANYTHING, ValueType, is_class, port_type_of, value_type_of, without_none
 from sar_compiler.runtime.context import is_mission_context
 from sar_compiler.runtime.ports import InOut, Input, Output
 
@@ -150,7 +150,7 @@ def _complain_of_placeholders(spec: NodeSpec, text: str, known: Sequence[str]) -
 def _carried_type(port: object) -> ValueType | None:
     """Return the type of a port's values: `T` of `Input[T]`, any type for a bare `Input`."""
     carried = typing.get_args(port)[0] if typing.get_args(port) else object
-    return ANYTHING if carried in (object, Any) else value_type_of(carried)
+    return ANYTHING if carried in (object, Any) else port_type_of(carried)
 
 
 def _name_of(spec: NodeSpec) -> str:

@@ -47,9 +47,10 @@ class Record(NamedTuple):
     def spec(self) -> NodeSpec:
         """Return all that is known of the node."""
         fields = {name: decoded(value) for name, value in json.loads(self.line).items()}
+        empty: dict[str, object] = {"facts": {}, "former_attributes": {}}
         own = {"tag": self.tag, "maker_path": self.maker_path, "variant": self.variant}
-        more = {"former_tags": tuple(self.former_tags), "registered_by": self.module, "facts": {}}
-        restored: NodeSpec = _restored(RecordedSpec, {**more, **own, **fields})
+        more = {"former_tags": tuple(self.former_tags), "registered_by": self.module}
+        restored: NodeSpec = _restored(RecordedSpec, {**empty, **more, **own, **fields})
         return restored
 
 

@@ -4,7 +4,7 @@ import functools
 import importlib
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
@@ -111,6 +111,12 @@ class Registry:
         """Return the registered specs, unread, to make another registry."""
         return [spec for variants in self._specs.values() for spec in variants]
 
+    def without(self, tags: Collection[str]) -> "Registry":
+        """Return a registry that does not have some tags."""
+        left = Registry()
+        left._specs = {tag: variants for tag, variants in self._specs.items() if tag not in tags}
+        return left
+
     def today(self, former_tag: str) -> str | None:
         """Return the current name of an earlier version's tag, or None."""
         return next((spec.tag for spec in self.specs() if former_tag in spec.former_tags), None)
@@ -170,6 +176,13 @@ def subtree() -> NodeSpec:
     """Return the record of `SubTree`."""
     found = next(each for each in language() if each.tag == SUBTREE_TAG)
     return found.spec() if isinstance(found, Record) else found
+
+
+@functools.cache
+def is_own_word(tag: str) -> bool:
+    """Return whether a tag is a word of the language here that BehaviorTree.CPP does not have, such as py_trees' nodes."""
+    specs = [each.spec() if isinstance(each, Record) else each for each in language() if each.tag == tag]
+    return bool(specs) and not any(spec.semantics.counterpart.built_in for spec in specs)
 
 
 @functools.cache

@@ -89,11 +89,13 @@ class Counterpart(NamedTuple):
         built_in: Whether BehaviorTree.CPP has a node of this tag.
         rewrite: Turns a node of this project into one of BehaviorTree.CPP's; None if the tag is kept.
         hint: The remedy if there is no counterpart.
+        since: The version that brought the node of this tag (`nodes.btcpp.versions`); empty if all have it.
     """
 
     built_in: bool = False
     rewrite: "Callable[[Draft, Notes], None] | None" = None
     hint: str = NO_HINT
+    since: str = ""
 
 
 def _ungated(_bound: "BoundNode") -> Mapping[int, Gate]:

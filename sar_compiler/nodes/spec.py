@@ -244,6 +244,7 @@ class NodeSpec:
         variant: Whether it is a further meaning of an existing tag: the attributes written in a file decide
             between them.
         former_tags: Its names in earlier versions of BehaviorTree.CPP and py_trees.
+        former_attributes: The attributes that it had in BehaviorTree.CPP 3, with those of today.
         rule: Reports attributes that do not fit each other or the children.
     """
 
@@ -263,6 +264,7 @@ class NodeSpec:
     child_count: tuple[int, int | None] = (-1, None)
     variant: bool = False
     former_tags: tuple[str, ...] = ()
+    former_attributes: Mapping[str, str] = field(default_factory=dict)
     rule: "Rule | None" = None
 
     def __post_init__(self) -> None:

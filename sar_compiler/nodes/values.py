@@ -27,7 +27,8 @@ _LONGEST_INTEGER = 100
 _INT64 = range(-(2**63), 2**63)
 _INTEGER = r"[+\-]?[0-9]+"
 _REAL = r"[+\-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+\-]?[0-9]+)?"
-_NO_DIGITS = r"-?(inf|infinity|nan)"
+# As std::from_chars reads them: in any case, and without a plus.
+_NO_DIGITS = r"-?([iI][nN][fF]([iI][nN][iI][tT][yY])?|[nN][aA][nN])"
 _NOT_BLANK = r"[\s\S]*\S[\s\S]*"
 _DURATION = r"([0-9]+(\.[0-9]*)?|\.[0-9]+)(ms|s|min)?"
 _SECONDS_PER_UNIT = {"ms": 0.001, "s": 1.0, "min": 60.0}
@@ -150,7 +151,7 @@ def literal_value(text: str) -> int | float | str:
     """Return the constant that a text given to a subtree represents: a number if all of it is one, else a text."""
     if text.startswith("+"):
         return text
-    if re.fullmatch(_NO_DIGITS, text, re.IGNORECASE):
+    if re.fullmatch(_NO_DIGITS, text):
         return float(text)
     if re.fullmatch(_INTEGER, text) and len(text) <= _LONGEST_INTEGER and int(text) in _INT64:
         return int(text)
@@ -171,15 +172,21 @@ def _odd(value: object, wanted: type) -> bool:
     return isinstance(value, bool) and wanted is not bool
 
 
-def nearest(word: str, known: Iterable[str]) -> str | None:
-    """Return the known word that was probably meant, or None."""
+def nearest(word: str, known: Iterable[str], likeness: float = 0.6) -> str | None:
+    """Return the known word that was probably meant, or None.
+
+    Args:
+        word: What was written.
+        known: The words that may have been meant.
+        likeness: How alike the two must be at least, from 0 to 1, if they differ in more than case and underscores.
+    """
     import difflib
 
     candidates, lower, folded = list(known), word.lower(), _folded(word)
     found = (
         [candidate for candidate in candidates if candidate.lower() == lower]
         or [candidate for candidate in candidates if _folded(candidate) == folded]
-        or difflib.get_close_matches(word, candidates, n=1, cutoff=0.6)
+        or difflib.get_close_matches(word, candidates, n=1, cutoff=likeness)
     )
     return found[0] if found else None
 
@@ -202,12 +209,12 @@ class Guesses:
     def __init__(self) -> None:
         self._left = MOST_COMPARED
 
-    def nearest(self, word: str, known: Collection[str]) -> str | None:
-        """Return the known word that was probably meant; None if there is none, or too many to compare."""
+    def nearest(self, word: str, known: Collection[str], likeness: float = 0.6) -> str | None:
+        """Return the known word that was probably meant, as `nearest`; None if there are too many to compare."""
         if len(known) > self._left:
             return None
         self._left -= len(known)
-        return nearest(word, known)
+        return nearest(word, known, likeness)
 
 
 def _folded(word: str) -> str:
@@ -260,6 +267,12 @@ def value_type_of(annotation: object) -> ValueType | None:
         if all(isinstance(literal, str) for literal in literals):
             return _choice(".".join(("one_of", *literals)), literals, functools.partial(_chosen, literals))
     return None
+
+
+def port_type_of(annotation: object) -> ValueType | None:
+    """Return the type of a port's values; None if no text can become such a value."""
+    value_type = value_type_of(annotation)
+    return _OF_PORTS.get(value_type.name, value_type) if value_type is not None else None
 
 
 def type_of(annotation: object) -> ValueType:
@@ -387,6 +400,10 @@ def real_number(text: str) -> float:
         message = f"'{text}' is too large for a number"
         raise ConversionError(message)
     return value
+
+
+def _any_real(text: str) -> float:
+    return float(text) if re.fullmatch(_NO_DIGITS, text) else real_number(text)
 
 
 def _duration(text: str) -> timedelta:
@@ -544,12 +561,15 @@ UNSIGNED = ValueType(
     most=_LARGEST_UNSIGNED,
 )
 """BehaviorTree.CPP's `unsigned`."""
+REAL = ValueType("real", "a number", _any_real, pattern=f"{_REAL}|{_NO_DIGITS}", python=float, cpp="double")
+"""The type of ports for real numbers, which may be `inf` or `nan` as in BehaviorTree.CPP; other attributes must be finite."""
 CONDITION = ValueType("condition", "a script", _condition, pattern=_NOT_BLANK, python=Script, cpp=_CPP_TEXT)
 """The scripts of pre- and post-conditions, which must not be empty."""
 ANYTHING = ValueType("anything", "a value", _anything)
 """The type of a port for any object; not a type for plain parameters."""
 AS_WRITTEN = ValueType("anything", "a value", str)
 """The type of a port for any object, for which a text in the file is a text whatever its prefix."""
+_OF_PORTS = {_PLAIN[float].name: REAL, list_of(_PLAIN[float]).name: list_of(REAL)}
 _CPP_TYPES = {
     "bool": _PLAIN[bool],
     "int": _PLAIN[int],
@@ -559,8 +579,8 @@ _CPP_TYPES = {
     "unsigned": UNSIGNED,
     "short": _PLAIN[int],
     "long": _PLAIN[int],
-    "double": _PLAIN[float],
-    "float": _PLAIN[float],
+    "double": REAL,
+    "float": REAL,
     _CPP_TEXT: _PLAIN[str],
     "string": _PLAIN[str],
 }

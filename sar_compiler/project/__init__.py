@@ -278,7 +278,14 @@ class LoadedTree:
         if self._forest is None:
             return list(self._malformed)
         project, decide = self.project, self.project.configuration.decide
-        return decide(first_of_each(decide(check(self._forest, project.registry, project.palettes))))
+        found = check(self._forest, project.registry, self._palettes, project.configuration.btcpp)
+        return decide(first_of_each(decide(found)))
+
+    @functools.cached_property
+    def _palettes(self) -> tuple[TreeFile, ...]:
+        """The project's palettes, without what is one of the files itself."""
+        own = {real_path(Path(each.source.path)) for each in self.forest.files}
+        return tuple(each for each in self.project.palettes if real_path(Path(each.source.path)) not in own)
 
     def check(self) -> list[Diagnostic]:
         """Return all findings about the palettes, the file, and the files that it includes.
@@ -301,7 +308,7 @@ class LoadedTree:
         from sar_compiler.compiler import bind_main
 
         self._require_no_errors()
-        return bind_main(self.forest, self.project.registry, tree_id, self.project.palettes)
+        return bind_main(self.forest, self.project.registry, tree_id, self._palettes)
 
     def _require_no_errors(self) -> None:
         errors = [each for each in self.check() if each.severity is Severity.ERROR]
@@ -331,7 +338,7 @@ class LoadedTree:
 
         self._require_no_errors()
         start = functools.partial(self._start_values, params)
-        return Stage(self.forest, self.project.registry, self.project.palettes, tree_id, start)
+        return Stage(self.forest, self.project.registry, self._palettes, tree_id, start)
 
     def compile(
         self,

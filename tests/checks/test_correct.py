@@ -77,6 +77,9 @@ ON_PURPOSE = {
     "a control of one, with a condition of its own": (
         '<Sequence><Script code="a := 1"/><Sequence _skipIf="a == 1"><Drive/></Sequence></Sequence>'
     ),
+    "a robot that never stops": "<KeepRunningUntilFailure><Beep/></KeepRunningUntilFailure>",
+    "rounds without an end at the very top": '<Repeat num_cycles="-1"><Beep/></Repeat>',
+    "an empty name": '<Sequence name=""><Drive name=""/><Drive name=""/></Sequence>',
     "a last resort behind all that can fail": "<Fallback><Drive/><Look/><Beep/></Fallback>",
 }
 

@@ -130,10 +130,10 @@ def test_what_has_no_node_where_one_must_be_is_refused_by_both(text):
     assert check(Forest.of(parse_yaml(text, "test.yaml")), default_registry())
 
 
-def test_an_unknown_attribute_is_named_without_a_pattern_that_nobody_reads():
+def test_an_unknown_attribute_is_named():
     text = in_a_tree({"Sequence": {"memroy": True, "children": ["Success"]}})
     (error,) = VALIDATOR.iter_errors(yaml.safe_load(text))
-    assert error.message == "Additional properties are not allowed ('memroy' was unexpected)"
+    assert "'memroy'" in error.message
 
 
 @given(ELEMENTS)

@@ -84,7 +84,6 @@ IN_A_TREE = {
         22,
         "2",
     ),
-    "an empty name": ('<Success name=""/>', "wrong-value", 3, 16, None),
     "a missing attribute": ("<Retry><Success/></Retry>", "missing-attribute", 3, 1, None),
     "a decorator without a child": ('<Inverter name="a"/>', "missing-child", 3, 1, None),
     "a decorator with two children": (
@@ -172,7 +171,7 @@ USING = '<BehaviorTree ID="B"><SubTree ID="A"/></BehaviorTree>'
 
 IN_A_FILE = {
     "a prefix that is not bound": (
-        f'<root xsi:noNamespaceSchemaLocation="a.xsd">\n{TREE}</root>',
+        f'<root BTCPP_format="4" xsi:noNamespaceSchemaLocation="a.xsd">\n{TREE}</root>',
         "schema",
         1,
         1,
@@ -180,83 +179,75 @@ IN_A_FILE = {
     ),
     "another root": (f"<trees>{TREE}</trees>", "wrong-root", 1, 1, None),
     "a root attribute that is unknown": (
-        f'<root main_tree_to_exec="A">{TREE}</root>',
+        f'<root BTCPP_format="4" main_tree_to_exec="A">{TREE}</root>',
         "unknown-attribute",
         1,
-        7,
+        24,
         "main_tree_to_execute",
     ),
     "another format": (f'<root BTCPP_format="3">{TREE}</root>', "wrong-format", 1, 21, "4"),
     "an element beside the trees": (
-        f"<root>{TREE}<BehaviourTree/></root>",
+        f'<root BTCPP_format="4">{TREE}<BehaviourTree/></root>',
         "unknown-element",
         1,
-        53,
+        70,
         "BehaviorTree",
     ),
-    "a node beside the trees": (f"<root>{TREE}<Sequence/></root>", "unknown-element", 1, 53, None),
+    "a node beside the trees": (
+        f'<root BTCPP_format="4">{TREE}<Sequence/></root>',
+        "unknown-element",
+        1,
+        70,
+        None,
+    ),
     "no tree": ('<root BTCPP_format="4"/>', "no-tree", 1, 1, None),
     "a main tree that is not there": (
-        f'<root\nmain_tree_to_execute="MainTree">{TREE.replace("A", "Maintree")}</root>',
+        f'<root BTCPP_format="4"\nmain_tree_to_execute="MainTree">{TREE.replace("A", "Maintree")}</root>',
         "missing-main-tree",
         2,
         23,
         "Maintree",
     ),
+    "a second model": (
+        f'<root BTCPP_format="4">{TREE}<TreeNodesModel/>\n<TreeNodesModel/></root>',
+        "duplicate-model",
+        2,
+        1,
+        None,
+    ),
     "two trees of one ID": (
-        f'<root main_tree_to_execute="A">{TREE}\n{TREE}</root>',
+        f'<root BTCPP_format="4" main_tree_to_execute="A">{TREE}\n{TREE}</root>',
         "duplicate-tree-id",
         2,
         19,
         None,
     ),
-    "an ID with a blank": (
-        '<root><BehaviorTree ID="my tree"><Success/></BehaviorTree></root>',
-        "wrong-tree-id",
-        1,
-        25,
-        None,
-    ),
-    "an ID with a dot": (
-        '<root><BehaviorTree ID="v.2"><Success/></BehaviorTree></root>',
-        "wrong-tree-id",
-        1,
-        25,
-        None,
-    ),
-    "the ID Root": (
-        '<root><BehaviorTree ID="Root"><Success/></BehaviorTree></root>',
-        "wrong-tree-id",
-        1,
-        25,
-        None,
-    ),
     "the ID of a node": (
-        '<root><BehaviorTree ID="Sequence"><Success/></BehaviorTree></root>',
+        '<root BTCPP_format="4"><BehaviorTree ID="Sequence"><Success/></BehaviorTree></root>',
         "wrong-tree-id",
         1,
-        25,
+        42,
         None,
     ),
     "an empty ID": (
-        '<root><BehaviorTree ID=""><Success/></BehaviorTree></root>',
+        '<root BTCPP_format="4"><BehaviorTree ID=""><Success/></BehaviorTree></root>',
         "missing-tree-id",
         1,
-        25,
+        42,
         None,
     ),
     "no ID where there are several trees": (
-        f'<root main_tree_to_execute="A">{TREE}\n<BehaviorTree><Success/></BehaviorTree></root>',
+        f'<root BTCPP_format="4" main_tree_to_execute="A">{TREE}\n<BehaviorTree><Success/></BehaviorTree></root>',
         "missing-tree-id",
         2,
         1,
         None,
     ),
     "an attribute that trees do not have": (
-        '<root><BehaviorTree id="A"><Success/></BehaviorTree></root>',
+        '<root BTCPP_format="4"><BehaviorTree id="A"><Success/></BehaviorTree></root>',
         "unknown-attribute",
         1,
-        21,
+        38,
         "ID",
     ),
 }
@@ -279,7 +270,7 @@ def test_all_mistakes_are_found_at_once_in_the_order_of_the_file(registry):
 
 
 def test_trees_that_are_not_executed_are_checked_as_well(registry):
-    text = f'<root main_tree_to_execute="A">{TREE}\n<BehaviorTree ID="B"><Sucess/></BehaviorTree></root>'
+    text = f'<root BTCPP_format="4" main_tree_to_execute="A">{TREE}\n<BehaviorTree ID="B"><Sucess/></BehaviorTree></root>'
     assert [(code, line) for code, line, *_ in found(text, registry)] == [("unknown-node", 2)]
 
 
@@ -318,12 +309,12 @@ def test_nothing_is_said_of_a_correct_tree(name, registry):
 @pytest.mark.parametrize(
     "text",
     [
-        f"<root>{TREE}</root>",
-        f'<root main_tree_to_execute="B">{TREE}{USING}</root>',
-        "<root><BehaviorTree><Success/></BehaviorTree></root>",
-        f'<root xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xsi:noNamespaceSchemaLocation="a.xsd">{TREE}</root>',
-        f'<root>{TREE}<TreeNodesModel><Action ID="X"><input_port name="y"/></Action></TreeNodesModel></root>',
-        f'<?xml version="1.0" encoding="ISO-8859-1"?><root>{TREE}</root>',
+        f'<root BTCPP_format="4">{TREE}</root>',
+        f'<root BTCPP_format="4" main_tree_to_execute="B">{TREE}{USING}</root>',
+        '<root BTCPP_format="4"><BehaviorTree><Success/></BehaviorTree></root>',
+        f'<root BTCPP_format="4" xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xsi:noNamespaceSchemaLocation="a.xsd">{TREE}</root>',
+        f'<root BTCPP_format="4">{TREE}<TreeNodesModel><Action ID="X"><input_port name="y"/></Action></TreeNodesModel></root>',
+        f'<?xml version="1.0" encoding="ISO-8859-1"?><root BTCPP_format="4">{TREE}</root>',
     ],
 )
 def test_nothing_is_said_of_a_correct_file(text, registry):

@@ -1,10 +1,12 @@
 """The mistakes that the language has room for, in XML, in YAML and in files that are included."""
 
+from pathlib import Path
+
 import pytest
 
 from sar_compiler.checks import check
 from sar_compiler.nodes.registry import default_registry
-from sar_compiler.tree.diagnostic import TreeError
+from sar_compiler.tree.diagnostic import Severity, TreeError
 from sar_compiler.tree.forest import Forest, load_forest
 from sar_compiler.tree.reading import read_tree_file
 from sar_compiler.tree.yaml import parse_yaml
@@ -18,7 +20,19 @@ def places(findings):
 # Each: what is written in the tree (its first line is line 3), then code, line, column and suggestion.
 IN_XML = {
     "a misspelt special attribute": ('<Success _skipif="true"/>', ("unknown-attribute", 3, 10, "_skipIf")),
-    "an unknown special attribute": ('<Success _colour="red"/>', ("unknown-attribute", 3, 10, None)),
+    "an attribute that is much like a condition": (
+        '<Success _failIf="true"/>',
+        ("unknown-attribute", 3, 10, "_failureIf"),
+    ),
+    "an attribute that BehaviorTree.CPP 3 had": (
+        '<Parallel threshold="2"><Success/><Failure/></Parallel>',
+        ("unknown-attribute", 3, 11, "success_count"),
+    ),
+    "an attribute of a variant that BehaviorTree.CPP 3 had": (
+        '<Parallel policy="SuccessOnAll" failure_threshold="1"><Success/><Failure/></Parallel>',
+        ("unknown-attribute", 3, 33, "failure_count"),
+    ),
+    "what only a subtree can have": ('<Success _autoremap="true"/>', ("unknown-attribute", 3, 10, None)),
     "a misspelt status": (
         '<Precondition if="1 == 1" else="FAILED"><Success/></Precondition>',
         ("wrong-value", 3, 33, "FAILURE"),
@@ -121,6 +135,40 @@ def test_a_mistake_in_yaml_is_found_where_it_stands(name):
     except TreeError as error:
         findings = list(error.findings)
     assert places(findings) == [expected]
+
+
+TREE = '<BehaviorTree ID="Main"><Success/></BehaviorTree></root>'
+
+
+def test_a_file_that_does_not_say_its_version_may_be_of_an_older_one():
+    (finding,) = check(forest_of(f"<!-- old -->\n<root>{TREE}"), default_registry())
+    assert (finding.severity, *places([finding])[0]) == (Severity.WARNING, "missing-format", 2, 1, None)
+    assert 'BTCPP_format="4"' in (finding.hint or "")
+
+
+def test_an_included_file_says_its_version_itself(tmp_path):
+    (tmp_path / "main.xml").write_text(MAIN.format(form="xml"))
+    (tmp_path / "parts.xml").write_text(f"<root>{TREE.replace('Main', 'Part')}")
+    (finding,) = check(load_forest(tmp_path / "main.xml", read_tree_file), default_registry())
+    assert (finding.code, Path(finding.source.path).name) == ("missing-format", "parts.xml")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f'<root BTCPP_format="4">{TREE}',
+        '<root><TreeNodesModel><Action ID="Fly"/></TreeNodesModel></root>',
+    ],
+)
+def test_a_file_that_says_its_version_or_has_no_trees_is_right(text):
+    assert check(forest_of(text), default_registry()) == []
+
+
+def test_a_name_of_an_older_version_is_said_to_be_one():
+    (finding,) = check(forest_of(document("<SequenceStar><Success/></SequenceStar>")), default_registry())
+    assert (
+        finding.message == "no node is called 'SequenceStar' any more: that is a name of BehaviorTree.CPP 3"
+    )
 
 
 MAIN = (

@@ -3,10 +3,13 @@
 import pytest
 
 from sar_compiler.checks import check
+from sar_compiler.nodes.binding.attributes import NOTES
 from sar_compiler.nodes.registry import default_registry
+from sar_compiler.tree.conversion import convert
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.forest import Forest, load_forest
 from sar_compiler.tree.reading import read_tree_file
+from sar_compiler.tree.source import Form
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.yaml import parse_yaml
 from tests.trees import document, forest_of
@@ -195,10 +198,30 @@ def test_a_list_of_nodes_in_yaml_by_another_name_is_the_children(name):
     assert places(caught.value.findings) == [("wrong-shape", 6, 11, "children")]
 
 
-def test_notes_of_an_editor_are_taken_wherever_it_writes_them():
-    notes = '_description="the way" _uid="1" _fullpath="Main"'
-    text = document(f"<Sequence {notes}><LogNoDetection/><NavigateToBase/></Sequence>")
-    assert found(text.replace('ID="Main"', f'ID="Main" {notes}')) == []
+NOTED = (
+    '<root BTCPP_format="4" main_tree_to_execute="Main" {0}><BehaviorTree ID="Main" {0}>'
+    '<Sequence {0}><LogNoDetection {0}/><SubTree ID="Home" {0}/></Sequence></BehaviorTree>'
+    '<BehaviorTree ID="Home"><Action ID="NavigateToBase" {0}/></BehaviorTree></root>'
+)
+
+
+@pytest.mark.parametrize(
+    "note", [*NOTES, "_hidden", "_note", "_x", "_position", "_größe", "_skip_list", "_on"]
+)
+def test_a_note_of_an_editor_is_taken_wherever_it_writes_it(note):
+    assert found(NOTED.format(f'{note}="1"')) == []
+    yaml = convert(parse_xml(NOTED.format(f'{note}="1"')), Form.YAML).text
+    assert yaml.count(note) == 6
+    assert check(Forest.of(parse_yaml(yaml, "test.yaml")), default_registry()) == []
+
+
+@pytest.mark.parametrize("place", ["root", "BehaviorTree", "include"])
+def test_a_condition_that_nothing_asks_there_is_no_note(place):
+    text = (
+        '<root BTCPP_format="4"><include path="a.xml"/><BehaviorTree ID="A"><Success/></BehaviorTree></root>'
+    )
+    codes = [code for code, *_ in found(text.replace(f"<{place}", f'<{place} _skipIf="true"'))]
+    assert "unknown-attribute" in codes
 
 
 @pytest.mark.parametrize(

@@ -170,7 +170,7 @@ def test_a_key_that_is_used_wrongly_gets_one_finding(name):
 
 def trees(main, *others):
     inner = "".join(f'\n<BehaviorTree ID="{name}">{body}</BehaviorTree>' for name, body in others)
-    return f'<root main_tree_to_execute="Main">\n<BehaviorTree ID="Main">{main}</BehaviorTree>{inner}</root>'
+    return f'<root BTCPP_format="4" main_tree_to_execute="Main">\n<BehaviorTree ID="Main">{main}</BehaviorTree>{inner}</root>'
 
 
 def test_a_tree_that_is_in_no_other_is_found():

@@ -127,14 +127,20 @@ def test_a_node_in_a_subtree_that_refers_to_what_the_subtree_stands_in_is_a_find
         bind_main(forest_of(text), registry)
 
 
-def test_what_a_text_port_reads_cannot_be_a_number_that_the_subtree_is_given():
-    body = '<Switch2 variable="{zone}" case_1="7" case_2="8"><Success/><Success/><Success/></Switch2>'
-    with pytest.raises(TreeError) as caught:
-        compiled('<SubTree ID="B" zone="{=}"/>', B='<SubTree ID="C" zone="007"/>', C=body)
-    (finding,) = caught.value.findings
-    assert finding.code == "key-of-two-types"
-    assert "'zone' is a text here, and the subtree is given the number 007" in finding.message
-    assert "<Script code=\"k := '007'\"/>" in (finding.hint or "")
+def test_what_a_text_port_reads_is_the_text_that_the_subtree_is_given():
+    body = '<Switch2 variable="{zone}" case_1="7" case_2="8"><Failure/><Success/><Failure/></Switch2>'
+    tree = compiled('<SubTree ID="B"/>', B='<SubTree ID="C" zone="007" count="007"/>', C=body)
+    (outer,) = tree.instance.inner.values()
+    (inner,) = outer.inner.values()
+    assert [inner.scope.resolve(key).read() for key in ("zone", "count")] == ["007", 7]
+
+
+@pytest.mark.parametrize("name", ["b", "b::1"])
+def test_two_subtrees_of_one_name_have_keys_of_their_own(name):
+    main = f'<Sequence><SubTree ID="B" name="{name}" x="1"/><SubTree ID="B" name="{name}" x="2"/></Sequence>'
+    tree = compiled(main, B='<Script code="y := x"/>')
+    tree.root.tick_once()
+    assert [inner.scope.resolve("y").read() for inner in tree.instance.inner.values()] == [1, 2]
 
 
 def test_an_equals_sign_is_a_text_for_a_subtree():

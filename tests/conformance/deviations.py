@@ -112,6 +112,11 @@ def _numbers_of_two_types(_: Case, difference: Difference) -> bool:
     return match is not None and set(match.groups()) <= _NUMBERS
 
 
+def _constant_for_a_text(_: Case, difference: Difference) -> bool:
+    match = _TYPES.search(difference.expected) if difference.what == "accepted" else None
+    return match is not None and match.group(1) in _NUMBERS and match.group(2) == _TEXT
+
+
 def _set_over_another(_: Case, difference: Difference) -> bool:
     """Whether a number could not be written there to an entry that was first named by a port of another plain type."""
     match = _DECLARED.search(difference.exception)
@@ -214,6 +219,7 @@ _RULES: tuple[tuple[str, Rule], ...] = (
     ("of a text that begins with a number, the rest is dropped there", _front_of_entry),
     ("a number of a script that is too large is 0 there", _too_large),
     ("a number is refused there by a port for numbers of another type", _numbers_of_two_types),
+    ("a constant that looks like a number is refused there by a port for texts", _constant_for_a_text),
     ("an entry that was first named by a port of another type takes no number there", _set_over_another),
     ("a loop cannot replace there what a script has written to its output", _loop_over_another),
     ("a delay of nothing takes there until its thread has had a turn", _no_delay),

@@ -57,6 +57,8 @@ DEVIATING = {
     "root_key_twice": "listed a second time",
     "script_written_later": "must be there before",
     "sign_of_no_number": "has a sign",
+    "subtree_number_for_a_text_port": "looks like a number",
+    "switch_over_a_subtrees_number": "looks like a number",
     "text_for_an_awaited_entry": "takes no text",
     "text_lost": "loses a text",
     "text_over_a_copy": "takes no text",

@@ -27,7 +27,7 @@ from sar_compiler.tree.yaml import parse_yaml
 from sar_compiler.tree.yaml_writer import write_yaml
 from sar_compiler.views.outline import outline
 from tests.nodes import leaves
-from tests.trees import document, errors
+from tests.trees import document, errors, forest_of
 
 TICKED: list[tuple[str, Status]] = []
 STATUSES = {"S": Status.SUCCESS, "F": Status.FAILURE, "R": Status.RUNNING}
@@ -304,9 +304,19 @@ def models_of(text, registry=REGISTRY):
     root = to_btcpp(parse_xml(text), registry)[0].root
     (section,) = [child for child in root.children if child.tag == MODEL_TAG]
     return {
-        model.attributes["ID"]: (model.tag, [port.attributes["name"] for port in model.children])
+        model.attributes["ID"]: (
+            model.tag,
+            [port.attributes["name"] for port in model.children if port.attributes],
+        )
         for model in section.children
     }
+
+
+def test_a_node_of_py_trees_is_the_same_again_when_the_file_is_read():
+    body = "<Sequence><OneShot policy='ON_SUCCESSFUL_COMPLETION'><ZonesRemaining/></OneShot><Count><Success/></Count></Sequence>"
+    text = write_xml(to_btcpp(parse_xml(document(body)), REGISTRY)[0])
+    assert text.count('<Metadata library="py_trees"/>') == 2
+    assert not any(node.spec.is_only_described for node in bind_main(forest_of(text), REGISTRY).nodes())
 
 
 def test_every_node_that_behaviortree_cpp_does_not_have_is_described():

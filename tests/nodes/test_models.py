@@ -1,12 +1,14 @@
 """`TreeNodesModel`: nodes that are only described, and what subtrees need."""
 
+import re
+
 import pytest
 from py_trees import behaviours, composites, decorators
 
 from sar_compiler.checks import check, check_palettes
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
 from sar_compiler.nodes.registry import default_registry
-from sar_compiler.tree.diagnostic import TreeError
+from sar_compiler.tree.diagnostic import Severity, TreeError
 from sar_compiler.tree.xml import parse_xml
 from tests.trees import document, errors, forest, forest_of
 
@@ -15,7 +17,7 @@ REGISTRY = default_registry()
 
 def palette(*models, trees=""):
     """Return a file with a model; the model's lines begin in line 2."""
-    return f"<root><TreeNodesModel>\n{chr(10).join(models)}\n</TreeNodesModel>{trees}</root>"
+    return f'<root BTCPP_format="4"><TreeNodesModel>\n{chr(10).join(models)}\n</TreeNodesModel>{trees}</root>'
 
 
 TREE = '<BehaviorTree ID="A"><Success/></BehaviorTree>'
@@ -23,6 +25,13 @@ TREE = '<BehaviorTree ID="A"><Success/></BehaviorTree>'
 
 def found(text, *palettes):
     findings = errors(forest_of(text), REGISTRY, [parse_xml(each, "palette.xml") for each in palettes])
+    return [(f.code, f.source.path, f.span.line, f.suggestion) for f in findings]
+
+
+def slips(text, *palettes):
+    """Return what is said of the models themselves, in warnings."""
+    findings = check(forest_of(text), REGISTRY, [parse_xml(each, "palette.xml") for each in palettes])
+    assert {finding.severity for finding in findings} <= {Severity.WARNING}
     return [(f.code, f.source.path, f.span.line, f.suggestion) for f in findings]
 
 
@@ -80,37 +89,53 @@ def test_an_output_of_a_described_node_must_be_a_key():
     assert found(document('<Do x="x"/>'), model) == [("wrong-value", "test.xml", 3, "{x}")]
 
 
-MISTAKES = {
-    "an unknown kind": ('<Acton ID="X"/>', "unknown-element", "Action"),
-    "no ID": ("<Action/>", "missing-attribute", None),
-    "a port that is none": ('<Action ID="X"><input_prt name="a"/></Action>', "unknown-element", "input_port"),
-    "a port without a name": ('<Action ID="X"><input_port/></Action>', "missing-attribute", None),
-    "a port called as every node's name": (
-        '<Action ID="X"><input_port name="name"/></Action>',
-        "wrong-value",
-        None,
-    ),
-    "a node whose name cannot be a tag": ('<Action ID="go there"/>', "wrong-value", None),
-    "a node that is called SubTree": ('<Action ID="SubTree"/>', "wrong-value", None),
+SLIPS = {
+    "an unknown kind": ('<Acton ID="X"/>', "Action"),
+    "no ID": ("<Action/>", None),
+    "a port that is none": ('<Action ID="X"><input_prt name="a"/></Action>', "input_port"),
+    "a port without a name": ('<Action ID="X"><input_port/></Action>', None),
+    "a port called as every node's name": ('<Action ID="X"><input_port name="name"/></Action>', None),
+    "a node that is called SubTree": ('<Action ID="SubTree"/>', None),
+    "a port whose name cannot be an attribute": ('<Action ID="X"><input_port name="he*ght"/></Action>', None),
+    "a port called as a condition": ('<Action ID="X"><input_port name="_skipIf"/></Action>', None),
+}
+
+
+@pytest.mark.parametrize("name", SLIPS)
+def test_a_slip_in_a_model_is_a_warning_where_it_stands(name):
+    model, suggestion = SLIPS[name]
+    assert slips(palette(model, trees=TREE)) == [("wrong-model", "test.xml", 2, suggestion)]
+
+
+WRONG_SUBTREES = {
+    "no ID": ("<SubTree/>", "missing-attribute"),
+    "a port without a name": ('<SubTree ID="B"><input_port/></SubTree>', "missing-attribute"),
     "a port whose name cannot be an attribute": (
-        '<Action ID="X"><input_port name="he*ght"/></Action>',
+        '<SubTree ID="B"><input_port name="go al" default="1"/></SubTree>',
         "wrong-value",
-        None,
-    ),
-    "a port called as a condition": (
-        '<Action ID="X"><input_port name="_skipIf"/></Action>',
-        "wrong-value",
-        None,
     ),
 }
 
 
-@pytest.mark.parametrize("name", MISTAKES)
-def test_a_mistake_in_a_model_is_found_where_it_stands(name):
-    model, code, suggestion = MISTAKES[name]
-    assert found(palette(model, trees=TREE)) == [(code, "test.xml", 2, suggestion)]
+@pytest.mark.parametrize("name", WRONG_SUBTREES)
+def test_a_mistake_in_the_model_of_a_subtree_is_an_error_because_it_counts(name):
+    model, code = WRONG_SUBTREES[name]
+    assert found(palette(model, trees=TREE)) == [(code, "test.xml", 2, None)]
 
 
+def test_a_port_of_another_name_than_the_three_may_be_read_and_written():
+    model = palette('<Action ID="Do"><bidirectional_port name="x"/></Action>')
+    assert found(document('<Sequence><Do x="1"/><Do x="{x}"/></Sequence>'), model) == []
+    assert found(document('<Do y="1"/>'), model) == [("unknown-attribute", "test.xml", 3, None)]
+
+
+def test_a_node_whose_name_cannot_be_a_tag_is_written_by_its_id():
+    model = palette('<Action ID="go there"><input_port name="x" type="int"/></Action>')
+    assert found(document('<Action ID="go there" x="1"/>'), model) == []
+    assert found(document('<Action ID="go there" x="a"/>'), model) == [("wrong-value", "test.xml", 3, None)]
+
+
+OF_PY_TREES = '<MetadataFields><Metadata library="py_trees"/></MetadataFields>'
 CONTRADICTIONS = {
     "another kind": ('<Action ID="Sequence"/>', "Control"),
     "a port that the node does not have": (
@@ -124,7 +149,7 @@ CONTRADICTIONS = {
     ),
     "another type": ('<Action ID="Sleep"><input_port name="msec" type="double"/></Action>', "unsigned int"),
     "a type in place of a list": (
-        '<Action ID="ProbabilisticBehaviour"><input_port name="weights" type="double"/></Action>',
+        f'<Action ID="ProbabilisticBehaviour"><input_port name="weights" type="double"/>{OF_PY_TREES}</Action>',
         "std::vector<double>",
     ),
     "a type for the name of a node": (
@@ -135,9 +160,9 @@ CONTRADICTIONS = {
 
 
 @pytest.mark.parametrize("name", CONTRADICTIONS)
-def test_a_model_that_contradicts_the_registry_is_a_finding(name):
+def test_a_model_that_contradicts_the_registry_is_a_warning(name):
     model, suggestion = CONTRADICTIONS[name]
-    assert found(palette(model, trees=TREE)) == [("model-mismatch", "test.xml", 2, suggestion)]
+    assert slips(palette(model, trees=TREE)) == [("model-mismatch", "test.xml", 2, suggestion)]
 
 
 @pytest.mark.parametrize(
@@ -156,7 +181,7 @@ def test_a_model_that_contradicts_the_registry_is_a_finding(name):
     ],
 )
 def test_a_model_that_says_what_the_registry_knows_is_none(model):
-    assert found(palette(model, trees=TREE)) == []
+    assert slips(palette(model, trees=TREE)) == []
 
 
 DEFAULTS = {
@@ -170,42 +195,41 @@ def test_a_default_that_the_port_does_not_take_is_a_finding_at_the_default(which
     text = palette(DEFAULTS[which].format("12abc"), trees=TREE)
     (finding,) = check(forest_of(text), REGISTRY)
     column = DEFAULTS[which].index("{}") + 1
-    assert (finding.code, finding.span.line, finding.span.column) == ("wrong-value", 2, column)
+    assert (finding.code, finding.span.line, finding.span.column) == ("wrong-model", 2, column)
+    assert finding.severity is Severity.WARNING
     assert finding.message == "default: '12abc' is not a whole number"
-    assert found(palette(DEFAULTS[which].format("12"), trees=TREE)) == []
+    assert slips(palette(DEFAULTS[which].format("12"), trees=TREE)) == []
 
 
-def test_the_default_of_an_output_must_be_a_key():
-    model = '<Action ID="Do"><output_port name="x" default="{}"/></Action>'
-    assert found(palette(model.format("{y}"), trees=TREE)) == []
-    assert found(palette(model.format("y"), trees=TREE)) == [("wrong-value", "test.xml", 2, "{y}")]
+@pytest.mark.parametrize("default", ["{y}", "y", "", "1.5"])
+def test_the_default_of_an_output_means_nothing(default):
+    model = f'<Action ID="Do"><output_port name="x" type="int" default="{default}"/></Action>'
+    assert slips(palette(model, trees=TREE)) == []
 
 
 def test_a_port_that_is_described_twice_is_a_finding():
     text = palette('<Action ID="Do"><input_port name="x"/>\n<input_port name="x"/></Action>', trees=TREE)
     (finding,) = check(forest_of(text), REGISTRY)
-    assert (finding.code, finding.span.line, finding.span.column) == ("duplicate-model", 3, 19)
+    assert (finding.code, finding.span.line, finding.span.column) == ("wrong-model", 3, 19)
     assert finding.message == "the port 'x' is described in line 2 already"
 
 
 def test_a_node_that_is_described_twice_must_be_described_alike():
     other = '<Action ID="Fly"><input_port name="height" type="int"/></Action>'
-    assert found(palette(FLY, FLY, trees=TREE)) == []
+    assert slips(palette(FLY, FLY, trees=TREE)) == []
     (finding,) = check(forest_of(palette(FLY, other, trees=TREE)), REGISTRY)
-    assert (finding.code, finding.span.line) == ("duplicate-model", 3)
+    assert (finding.code, finding.span.line) == ("wrong-model", 3)
     assert finding.message == "'Fly' is described in line 2 already, differently"
 
 
 def test_a_file_that_describes_a_node_otherwise_than_its_palette_is_a_finding_in_the_file():
     other = '<Action ID="Fly"><input_port name="height" type="int"/></Action>'
-    assert found(palette(FLY, trees=TREE), palette(FLY)) == []
-    assert found(palette(other, trees=TREE), palette(FLY)) == [("duplicate-model", "test.xml", 2, None)]
+    assert slips(palette(FLY, trees=TREE), palette(FLY)) == []
+    assert slips(palette(other, trees=TREE), palette(FLY)) == [("wrong-model", "test.xml", 2, None)]
 
 
 def test_a_subtree_that_a_file_describes_twice_is_a_finding():
-    assert found(with_subtree('goal="x"', SUBTREE + "\n" + SUBTREE)) == [
-        ("duplicate-model", "test.xml", 3, None)
-    ]
+    assert slips(with_subtree('goal="x"', SUBTREE + "\n" + SUBTREE)) == [("wrong-model", "test.xml", 3, None)]
 
 
 def test_notes_of_groot_beside_the_models_mean_nothing():
@@ -225,6 +249,74 @@ def test_a_palette_with_a_mistake_has_the_finding_itself():
     (finding,) = check_palettes(wrong, REGISTRY)
     assert (finding.code, finding.source.path, finding.span.line) == ("model-mismatch", "palette.xml", 2)
     assert check(forest("<Success/>"), REGISTRY, wrong) == []
+
+
+DECLARED = {
+    "with other ports": (
+        '<Decorator ID="ForEach"><input_port name="list"/></Decorator>',
+        '<ForEach list="{l}"><{0}/></ForEach>',
+    ),
+    "of another kind": ('<Condition ID="Success"/>', "<Sequence><Success/><{0}/></Sequence>"),
+    "that seems to be the same": ('<Action ID="Dummy"/>', "<Sequence><Dummy/><{0}/></Sequence>"),
+    "called as its kind": (
+        '<Condition ID="Condition"/>',
+        '<Sequence><Condition ID="Condition" name="c"/><{0}/></Sequence>',
+    ),
+    "called as another kind": ('<Action ID="Action"/>', '<Sequence><Action ID="Action"/><{0}/></Sequence>'),
+    "of a leaf": (
+        '<Action ID="Timer"><input_port name="topic"/></Action>',
+        '<Sequence><Timer topic="a"/><{0}/></Sequence>',
+    ),
+}
+
+
+@pytest.mark.parametrize("name", DECLARED)
+@pytest.mark.parametrize("beside", [True, False], ids=["in a palette", "in the file"])
+def test_a_node_that_is_declared_by_the_name_of_one_of_py_trees_is_that_node(name, beside):
+    model, body = DECLARED[name]
+    body = body.replace("{0}", "Fly")
+    text = (
+        document(body) if beside else palette(model, FLY, trees=f'<BehaviorTree ID="A">{body}</BehaviorTree>')
+    )
+    palettes = [palette(model, FLY)] if beside else []
+    assert slips(text, *palettes) == []
+    binding = bind_main(forest_of(text), REGISTRY, None, [parse_xml(each) for each in palettes])
+    tag = re.findall('ID="(.*?)"', model)[0]
+    (node,) = [node for node in binding.nodes() if node.spec.tag == tag]
+    assert node.spec.is_only_described
+    with pytest.raises(TreeError) as caught:
+        compile_tree(binding, {}, {})
+    assert [finding.code for finding in caught.value.findings] == ["not-installed"] * 2
+
+
+def test_whoever_means_the_node_of_py_trees_is_told_to_delete_the_model():
+    text = palette('<Action ID="Dummy"/>', trees=TREE.replace("Success", "Dummy"))
+    with pytest.raises(TreeError) as caught:
+        compile_tree(bind_main(forest_of(text), REGISTRY), {}, {})
+    (finding,) = caught.value.findings
+    assert "if py_trees' <Dummy> is meant" in (finding.hint or "")
+
+
+def test_a_description_of_a_node_of_py_trees_that_is_noted_as_such_is_one():
+    described = f'<Action ID="Dummy">{OF_PY_TREES}</Action>'
+    text = palette(described, trees='<BehaviorTree ID="A"><Dummy/></BehaviorTree>')
+    assert slips(text) == []
+    assert compile_tree(bind_main(forest_of(text), REGISTRY), {}, {}).root.name == "Dummy"
+
+
+@pytest.mark.parametrize("tag", ["Sequence", "Inverter", "AlwaysSuccess", "NavigateToBase"])
+def test_what_behaviortree_cpp_or_a_class_has_stays_what_it_is(tag):
+    node = f"<{tag}><Success/></{tag}>" if tag in ("Sequence", "Inverter") else f"<{tag}/>"
+    text = palette(f'<Condition ID="{tag}"/>', trees=f'<BehaviorTree ID="A">{node}</BehaviorTree>')
+    binding = bind_main(forest_of(text), REGISTRY)
+    assert [node.spec.tag for node in binding.nodes() if node.spec.is_only_described] == []
+    assert ("model-mismatch", 2) in [(f.code, f.span.line) for f in check(forest_of(text), REGISTRY)]
+
+
+def test_an_explicit_form_names_its_node_also_where_one_is_called_as_the_kind():
+    assert found(document("<Action/>"), palette('<Action ID="Action"/>')) == [
+        ("missing-attribute", "test.xml", 3, None)
+    ]
 
 
 def test_a_described_tree_can_be_looked_at_but_not_flown():
@@ -250,7 +342,7 @@ def with_subtree(attributes, model=SUBTREE):
         model,
         trees=f'<BehaviorTree ID="A"><SubTree ID="B" {attributes}/></BehaviorTree>'
         '<BehaviorTree ID="B"><Script code="@seen := speed"/></BehaviorTree>',
-    ).replace("<root>", '<root main_tree_to_execute="A">')
+    ).replace("<root ", '<root main_tree_to_execute="A" ')
 
 
 def test_a_subtree_must_be_given_what_its_model_says_without_a_default():

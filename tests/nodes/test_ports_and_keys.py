@@ -39,6 +39,7 @@ class Read(Leaf):
         flag: Input[bool] | None = None,
         colour: Input[Colour] | None = None,
         numbers: Input[list[int]] | None = None,
+        reals: Input[list[float]] | None = None,
         wait: Input[timedelta] | None = None,
         thing: Input[object] | None = None,
     ) -> None:
@@ -50,6 +51,7 @@ class Read(Leaf):
             "flag": flag,
             "colour": colour,
             "numbers": numbers,
+            "reals": reals,
             "wait": wait,
             "thing": thing,
         }
@@ -96,6 +98,9 @@ def found(body):
     [
         ('number="1.5"', 1.5),
         ('number="2"', 2.0),
+        ('number="-inf"', -math.inf),
+        ('number="Infinity"', math.inf),
+        ('reals="0.5;inf"', [0.5, math.inf]),
         ('count="-3"', -3),
         ('text="a {x} b"', "a {x} b"),
         ('text="{x"', "{x"),
@@ -124,6 +129,9 @@ def test_a_literal_has_the_type_of_its_port(written, value):
         ('count="12abc"', "12"),
         ('count="2.7"', "2"),
         ('number="fast"', None),
+        ('number="+inf"', None),
+        ('number="infi"', None),
+        ('count="inf"', None),
         ('flag="yes"', None),
         ('colour="GREN"', "GREEN"),
         ('colour="3"', None),
@@ -135,6 +143,15 @@ def test_a_literal_that_does_not_fit_is_a_finding_at_the_value(written, suggesti
     ((code, line, column, suggested),) = found(f"<Read {written}/>")
     assert (code, line, column) == ("wrong-value", 3, len("<Read ") + written.index('"') + 2)
     assert suggested == suggestion
+
+
+def test_a_port_for_real_numbers_takes_what_is_none():
+    assert math.isnan(made('<Read number="nan"/>')["Read"].ports["number"].get())
+
+
+@pytest.mark.parametrize("written", ["inf", "-inf", "nan"])
+def test_what_is_no_port_must_be_finite(written):
+    assert found(f'<Timeout duration="{written}"><Read/></Timeout>') == [("wrong-value", 3, 20, None)]
 
 
 def test_an_item_of_a_list_that_does_not_fit_is_a_finding_at_the_item():
@@ -169,6 +186,7 @@ def test_a_key_that_nobody_has_written_is_an_error_that_names_it_or_the_default_
     [
         ("number", 3, 3.0),
         ("number", "2.5", 2.5),
+        ("number", "inf", math.inf),
         ("count", 3.0, 3),
         ("count", "3", 3),
         ("text", 3, "3"),
@@ -304,7 +322,7 @@ def test_texts_and_anything_share_a_key_with_every_type(body):
 
 def in_two_files(outer, inner):
     return forest_of(
-        f'<root main_tree_to_execute="Main">\n<BehaviorTree ID="Main">{outer}</BehaviorTree>\n'
+        f'<root BTCPP_format="4" main_tree_to_execute="Main">\n<BehaviorTree ID="Main">{outer}</BehaviorTree>\n'
         f'<BehaviorTree ID="B">{inner}</BehaviorTree></root>'
     )
 

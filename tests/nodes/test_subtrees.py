@@ -86,12 +86,6 @@ def test_autoremap_is_true_or_false():
     assert found(line, tree("B", "<Success/>")) == [("wrong-value", 2, column(line, "ture"), "true")]
 
 
-def test_two_subtrees_of_one_name_in_one_tree_are_a_finding_at_the_second():
-    line = tree("Main", '<Sequence><SubTree ID="B" name="b"/><SubTree ID="B" name="b"/></Sequence>')
-    second = line.rindex('"b"') + 2
-    assert found(line, tree("B", "<Success/>")) == [("duplicate-name", 2, second, None)]
-
-
 def test_the_same_name_in_two_trees_is_none():
     inner = tree("B", '<SubTree ID="C" name="c"/>')
     assert (
@@ -102,14 +96,6 @@ def test_the_same_name_in_two_trees_is_none():
         )
         == []
     )
-
-
-def test_a_name_that_another_subtree_gets_by_itself_is_a_finding_there():
-    first = '<SubTree ID="B" name="B::4"/>'
-    line = tree("Main", f'<Sequence>{first}<SubTree ID="B"/></Sequence>')
-    assert found(line, tree("B", "<Success/>")) == [
-        ("duplicate-name", 2, line.index('<SubTree ID="B"/>') + 1, None)
-    ]
 
 
 @pytest.mark.parametrize(

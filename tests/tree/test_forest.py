@@ -24,7 +24,9 @@ def here(tmp_path, monkeypatch):
 def write(path, *content, main=""):
     named = f' main_tree_to_execute="{main}"' if main else ""
     Path(path).parent.mkdir(parents=True, exist_ok=True)
-    Path(path).write_text(f"<root{named}>\n" + "\n".join(content) + "\n</root>\n", encoding="utf-8")
+    Path(path).write_text(
+        f'<root BTCPP_format="4"{named}>\n' + "\n".join(content) + "\n</root>\n", encoding="utf-8"
+    )
 
 
 def include(path, **more):
@@ -277,7 +279,7 @@ def test_a_file_that_does_not_say_which_of_several_included_trees_to_execute_is_
 
 def test_a_main_tree_that_is_not_there_is_a_finding_with_the_nearest_name():
     write("main.xml", A.replace("A", "Patrol"), main="Partol")
-    with pytest.raises(TreeError, match=r"main\.xml:1:29: .*\n.*\n.*did you mean 'Patrol'"):
+    with pytest.raises(TreeError, match=r"main\.xml:1:46: .*\n.*\n.*did you mean 'Patrol'"):
         find_main_tree(load())
 
 

@@ -10,6 +10,7 @@ from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes, is_tell
 from sar_compiler.nodes.binding.binder import BoundForest, bind_all
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.nesting import trees_in
+from sar_compiler.nodes.btcpp.versions import NEWEST, Version
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.values import Guesses
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
@@ -25,9 +26,17 @@ class CheckContext:
         forest: The file and what it includes.
         registry: The registered nodes.
         palettes: Files whose `TreeNodesModel` describes nodes that are not installed.
+        btcpp: The version of BehaviorTree.CPP that the trees are for.
     """
 
-    def __init__(self, forest: Forest, registry: Registry, palettes: tuple[TreeFile, ...] = ()) -> None:
+    def __init__(
+        self,
+        forest: Forest,
+        registry: Registry,
+        palettes: tuple[TreeFile, ...] = (),
+        btcpp: Version = NEWEST,
+    ) -> None:
+        self.btcpp = btcpp
         self.forest = forest
         self.registry = registry
         self.palettes = palettes
@@ -35,7 +44,7 @@ class CheckContext:
     @functools.cached_property
     def bound(self) -> BoundForest:
         """Every tree, bound."""
-        return bind_all(self.forest, self.registry, self.palettes)
+        return bind_all(self.forest, self.registry, self.palettes, self.btcpp)
 
     @functools.cached_property
     def is_whole(self) -> bool:
@@ -101,7 +110,11 @@ class CheckContext:
     @functools.cached_property
     def broken(self) -> frozenset[BoundNode]:
         """The nodes with a mistake in their tags or attributes, from which no conclusions are drawn."""
-        return frozenset(self._broken()) if self.bound.findings else frozenset()
+        return frozenset(self._broken()) if self._errors else frozenset()
+
+    @functools.cached_property
+    def _errors(self) -> list[Diagnostic]:
+        return [finding for finding in self.bound.findings if finding.severity is Severity.ERROR]
 
     def _broken(self) -> Iterator[BoundNode]:
         nodes: dict[str, list[BoundNode]] = {}
@@ -109,7 +122,7 @@ class CheckContext:
             nodes.setdefault(tree.element.source.path, []).extend(tree.nodes)
         for of_file in nodes.values():
             of_file.sort(key=_place)
-        for finding in self.bound.findings:
+        for finding in self._errors:
             of_file = nodes.get(finding.source.path, [])
             index = bisect.bisect_right(of_file, (finding.span.line, finding.span.column), key=_place)
             if index:

@@ -39,7 +39,7 @@ def _separated(nodes: Sequence[BoundNode]) -> Iterator[Diagnostic]:
 def _same(children: Sequence[BoundNode]) -> Iterator[Diagnostic]:
     first: dict[str, BoundNode] = {}
     for child in children:
-        if "name" not in child.element.attributes or child.subtree is not None:
+        if not child.element.attributes.get("name") or child.subtree is not None:
             continue
         other = first.setdefault(child.name, child)
         if other is not child:

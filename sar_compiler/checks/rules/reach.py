@@ -21,10 +21,13 @@ def check_reach(context: CheckContext) -> Iterator[Diagnostic]:
     for bound in outcomes.blocked:
         if bound not in context.broken:
             yield from _after_the_last(bound, outcomes)
+    # At the very top, what begins again after each success is how a robot is told never to stop.
+    tops = {top.tree.root for top in context.bound.tops}
     for tree in context.trees:
         for bound in tree.parents:
             if bound.spec.semantics.order is not Order.IN_ORDER and bound not in context.broken:
-                yield from _endless(bound, outcomes)
+                if bound not in tops or not bound.spec.semantics.repeats & S:
+                    yield from _endless(bound, outcomes)
                 yield from _unreached(bound, outcomes)
 
 

@@ -6,17 +6,18 @@ from typing import Any, Literal, TypeAlias
 
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.collector import Collector
-from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter, Role
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import (
     CONDITION,
     ConversionError,
+    Guesses,
     ValueType,
     blackboard_key,
     listed,
     type_of,
 )
 from sar_compiler.runtime.expressions import Script
-from sar_compiler.tree.model import Element
+from sar_compiler.tree.model import SUBTREE_TAG, Element
 
 ONESHOT = "oneshot"
 """The attribute that any node may have: wraps it in a OneShot with the policy it names."""
@@ -33,8 +34,13 @@ CONDITIONS = (
 )
 """The attributes that any node may have: scripts that are run before and after it."""
 
-NOTES = ("_description", "_uid", "_fullpath")
-"""Attributes in which BehaviorTree.CPP and Groot2 keep notes of their own; they mean nothing."""
+AUTOREMAP = "_autoremap"
+"""The attribute of a `SubTree` that remaps every key to that of the same name around it."""
+
+NOTES = ("_description", "_uid", "_fullpath", "_collapsed", "_favorite", "_hardcoded", "_subtreeOnly")
+"""Some attributes in which BehaviorTree.CPP and editors keep notes, for schemas; any that begins with `_` may be one."""
+_LIKENESS = 0.81
+"""How alike a note and a condition must be to be taken for a slip: `_failIf` is one, `_hidden` is not."""
 
 
 OneShotPolicyName: TypeAlias = Literal["ON_COMPLETION", "ON_SUCCESSFUL_COMPLETION"]
@@ -44,6 +50,8 @@ ONESHOT_TYPE = type_of(OneShotPolicyName)
 _NAME, _ATTRIBUTE, _REFERENCE, _OUTPUT = Role.NAME, Role.ATTRIBUTE, Role.REFERENCE, Direction.OUTPUT
 _SCRIPT_TYPE = type_of(Script)
 _BOOL_TYPE = type_of(bool)
+KIND_TAGS = frozenset(kind.value for kind in Kind)
+"""The tags of explicit forms."""
 _TEXTS = (str, None)
 """The types of attributes that take any text."""
 _UNCLOSED = re.compile(r" *(?:\{([^{}\s]+)|([^{}\s]+)\}) *")
@@ -54,6 +62,7 @@ class AttributeBinder:
 
     def __init__(self, collector: Collector) -> None:
         self._collector = collector
+        self._slips: dict[str, str | None] = {}
 
     def bind(self, bound: BoundNode, other_variants: Sequence[NodeSpec]) -> None:
         """Bind every attribute of a node, and report those that are missing."""
@@ -64,13 +73,12 @@ class AttributeBinder:
             parameter = parameters.get(name)
             role = parameter and parameter.role
             if role is _NAME:
-                if not text:
-                    self.report_empty_name(bound.element)
+                pass  # an empty one is the tag
             elif parameter is not None and role is _ATTRIBUTE:
                 self._value(bound, parameter, text)
             elif role is _REFERENCE:
                 pass  # resolved when all nodes are known
-            elif not self.common(bound, name) and not (name == "ID" and bound.element.tag != bound.spec.tag):
+            elif not self.common(bound, name) and not (name == "ID" and _is_explicit(bound)):
                 unknown.append(name)
         for name in unknown:
             meant.add(self._unknown(bound, name, other_variants, is_only=len(unknown) == 1))
@@ -88,12 +96,20 @@ class AttributeBinder:
             if script is not None:
                 bound.conditions = {**bound.conditions, name: script}
         else:
-            return name in NOTES
+            return name.startswith("_") and self.slip_in_note(name) is None
         return True
 
-    def report_empty_name(self, element: Element) -> None:
-        """Report an invalid name of a node."""
-        self._collector.value(element, "name", "wrong-value", "a node's name must not be empty")
+    def slip_in_note(self, name: str) -> str | None:
+        """Return the attribute that was meant by one that begins with `_`; None for a note of an editor."""
+        if name not in self._slips:
+            self._slips[name] = slip_in_note(name, self._collector.guesses)
+        return self._slips[name]
+
+    def report_former(self, element: Element, name: str, today: str) -> str:
+        """Report an attribute of BehaviorTree.CPP 3; return the one of today."""
+        message = f"<{element.tag}> has no attribute '{name}' any more: that is a name of BehaviorTree.CPP 3"
+        self._collector.name(element, name, "unknown-attribute", message, suggestion=today)
+        return today
 
     def flag(self, element: Element, name: str) -> bool:
         """Return the value of a Boolean attribute; False if it is missing or invalid."""
@@ -142,8 +158,8 @@ class AttributeBinder:
             self._collector.text_of_output(bound.element, name, text)
             return
         value = self.convert(bound.element, name, parameter.value_type)
-        fixed = bound.spec.fixed.get(name, value)
-        if value is not None and value != fixed:
+        fixed = bound.spec.fixed.get(name)
+        if None not in (value, fixed) and value != fixed:
             tag = bound.spec.tag
             message = f'<{tag}> says {name}="{_as_text(fixed)}" by its name, and {name}="{text}" here'
             self._collector.value(
@@ -167,6 +183,11 @@ class AttributeBinder:
     ) -> str | None:
         """Report an attribute that the node does not have; return the one that was probably meant."""
         element, spec = bound.element, bound.spec
+        former = [
+            each.former_attributes[name] for each in (spec, *other_variants) if name in each.former_attributes
+        ]
+        if former:
+            return self.report_former(element, name, former[0])
         if any(name in (parameter.name for parameter in other.attributes) for other in other_variants):
             written = [other for other in element.attributes if other in spec.parameters and other != "name"]
             message = f"<{bound.spec.tag}> has {' and '.join(written)} here, which does not go with '{name}'"
@@ -174,9 +195,14 @@ class AttributeBinder:
             return None
         known = [parameter.name for parameter in spec.attributes] + [ONESHOT]
         message = f"<{bound.spec.tag}> has no attribute '{name}'; it has {listed(known)}"
-        candidates = [*known, *CONDITIONS] if name.startswith("_") else known
-        free = [other for other in candidates if other not in element.attributes]
-        near = self._collector.guesses.nearest(name, free) or underscored(name)
+        if name.startswith("_"):
+            near = self.slip_in_note(name)
+            if near == name:
+                message = f"<{bound.spec.tag}> has no attribute '{name}'; it goes with <{SUBTREE_TAG}>"
+                near = None
+        else:
+            free = [other for other in known if other not in element.attributes]
+            near = self._collector.guesses.nearest(name, free) or underscored(name)
         missing = [p.name for p in spec.required if p.name not in element.attributes]
         if near is not None or not is_only or len(missing) != 1:
             self._collector.name(element, name, "unknown-attribute", message, suggestion=near)
@@ -187,6 +213,17 @@ class AttributeBinder:
         hint = f"write {' or '.join([*missing, *others])} instead"
         self._collector.name(element, name, "unknown-attribute", message, suggestion=suggestion, hint=hint)
         return missing[0]
+
+
+def slip_in_note(name: str, guesses: Guesses) -> str | None:
+    """Return the attribute that was meant by one that begins with `_`; None for a note of an editor."""
+    return None if name in NOTES else guesses.nearest(name, [*CONDITIONS, AUTOREMAP, ONESHOT], _LIKENESS)
+
+
+def _is_explicit(bound: BoundNode) -> bool:
+    """Return whether a node is named by an ID: that of somebody's own may be the very tag, `<Condition ID="Condition"/>`."""
+    tag = bound.element.tag
+    return tag != bound.spec.tag or (bound.spec.is_only_described and tag in KIND_TAGS)
 
 
 def underscored(name: str) -> str | None:

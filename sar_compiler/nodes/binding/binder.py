@@ -9,15 +9,16 @@ import functools
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, AttributeBinder
+from sar_compiler.nodes.binding.attributes import AUTOREMAP, KIND_TAGS, AttributeBinder
 from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree, Remapping
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.instances import Instance, expand, report_shared_keys
 from sar_compiler.nodes.binding.nesting import cut_circles, fits, trees_in
 from sar_compiler.nodes.binding.references import resolve_references
 from sar_compiler.nodes.binding.skips import by_itself, report_misread
+from sar_compiler.nodes.btcpp.versions import NEWEST, Version
 from sar_compiler.nodes.models.model_comparison import compare
-from sar_compiler.nodes.models.models import Model, Models, read_models
+from sar_compiler.nodes.models.models import Model, Models, read_models, yielding
 from sar_compiler.nodes.registry import Registry, subtree
 from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.nodes.values import Guesses, blackboard_key, listed
@@ -26,12 +27,8 @@ from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import SUBTREE_TAG, TREE_TAG, Element, TreeFile
 
-_KIND_TAGS = frozenset(kind.value for kind in Kind)
-_FORMER_ATTRIBUTES = {"__autoremap": "_autoremap", "__shared_blackboard": "_autoremap"}
-"""The names of a `SubTree`'s attributes in BehaviorTree.CPP 3."""
-
-_Words = tuple[Models, dict[str, list[NodeSpec]], dict[str, str | None]]
-"""The models of a file, the meanings of the tags in it, and the tags meant by unknown ones."""
+_Words = tuple[Registry, Models, dict[str, list[NodeSpec]], dict[str, str | None]]
+"""The nodes and models of a file, the meanings of the tags in it, and the tags meant by unknown ones."""
 
 
 class BoundForest(NamedTuple):
@@ -42,7 +39,7 @@ class BoundForest(NamedTuple):
         tops: The main tree and the trees used by no other, unless they are too large, with their subtrees expanded.
         models: The models of nodes that are not registered, and of subtrees.
         specs: All possible meanings of the tags in them.
-        findings: The errors found while binding.
+        findings: What was found while binding: errors, and warnings about models and versions.
     """
 
     trees: Sequence[BoundTree]
@@ -71,15 +68,23 @@ def bind(forest: Forest, registry: Registry, tree: Element, palettes: Iterable[T
     return Binding(main, _in_order(forest, collector.findings))
 
 
-def bind_all(forest: Forest, registry: Registry, palettes: Iterable[TreeFile] = ()) -> BoundForest:
+def bind_all(
+    forest: Forest, registry: Registry, palettes: Iterable[TreeFile] = (), btcpp: Version = NEWEST
+) -> BoundForest:
     """Bind every tree of a forest, executed or not.
+
+    Args:
+        forest: The files.
+        registry: What tags mean.
+        palettes: Further files with descriptions of nodes.
+        btcpp: The version of BehaviorTree.CPP that the trees are for.
 
     Returns:
         The bound trees and their findings, in the order of the files.
     """
-    collector, palettes = Collector(), tuple(palettes)
+    collector, palettes = Collector(btcpp), tuple(palettes)
     models = read_models([*palettes, *forest.files], collector)
-    compare(models, registry, collector)
+    compare(models, yielding(registry, models), collector)
     binder = Binder(forest, registry, models, collector, palettes)
     with gc_paused(_characters(forest)):
         own = [binder.tree(tree) for tree in forest.iterate()]
@@ -125,7 +130,8 @@ class Binder:
     ) -> None:
         self._forest = forest
         self._palettes = palettes
-        self._registry = registry
+        self._registered = registry
+        self._registry = yielding(registry, models)
         self._models = models
         self._collector = collector
         self._guesses = collector.guesses
@@ -137,7 +143,9 @@ class Binder:
         self._meant: dict[str, str | None] = {}
         self._home: Forest | None = None
         # The file itself is None.
-        self._words: dict[Forest | None, _Words] = {None: (models, self._meanings, self._meant)}
+        self._words: dict[Forest | None, _Words] = {
+            None: (self._registry, models, self._meanings, self._meant)
+        }
 
     @property
     def trees(self) -> Iterable[BoundTree]:
@@ -148,7 +156,10 @@ class Binder:
     def specs(self) -> list[NodeSpec]:
         """All possible meanings of the tags bound so far."""
         return [
-            spec for _, meanings, _ in self._words.values() for specs in meanings.values() for spec in specs
+            spec
+            for _, _, meanings, _ in self._words.values()
+            for specs in meanings.values()
+            for spec in specs
         ]
 
     @property
@@ -156,21 +167,22 @@ class Binder:
         """The models of subtrees in all files, those of the file itself first."""
         return {
             name: model
-            for models, *_ in reversed(self._words.values())
+            for _, models, *_ in reversed(self._words.values())
             for name, model in models.subtrees.items()
         }
 
     def _words_of(self, home: Forest | None) -> _Words:
         if home not in self._words:
             files = home.files if home is not None else ()
-            self._words[home] = read_models([*self._palettes, *files], Collector()), {}, {}
+            models = read_models([*self._palettes, *files], Collector())
+            self._words[home] = yielding(self._registered, models), models, {}, {}
         return self._words[home]
 
     def _enter(self, tree: BoundTree) -> None:
         """Turn to a tree; in another file of the set, tags mean what the models of that file say."""
         home = self._forest.homes.get(id(tree.element))
         if home is not self._home:
-            self._models, self._meanings, self._meant = self._words_of(home)
+            self._registry, self._models, self._meanings, self._meant = self._words_of(home)
             self._home = home
             self.__dict__.pop("_tags", None)
         self._current = tree
@@ -210,11 +222,13 @@ class Binder:
         tag = element.tag
         if tag == SUBTREE_TAG:
             return self._subtree(element)
-        if tag in _KIND_TAGS:  # the explicit form
+        if tag in KIND_TAGS:  # the explicit form
             tag = element.attributes.get("ID", tag)
         variants = self._meanings.get(tag)
         if variants is None:
             variants = self._meanings[tag] = self._variants(tag)
+        if tag in KIND_TAGS and "ID" not in element.attributes and tag not in self._registry:
+            variants = []  # a node that is called so is only meant by its ID
         if not variants:
             return self._unknown(element, tag)
         spec = variants[0] if len(variants) == 1 else _best(variants, element, self._guesses)
@@ -276,15 +290,15 @@ class Binder:
         near = self._meant_by(element, tag)
         if element.tag == TREE_TAG:
             self._collector.tag(element, "unknown-node", f"a <{TREE_TAG}> cannot stand inside another")
-        elif element.tag in _KIND_TAGS and not element.attributes.get("ID"):
+        elif element.tag in KIND_TAGS and not element.attributes.get("ID"):
             self._without_id(element, f"<{element.tag}> does not say which node it is", "the node's name")
         else:
-            message = f"no node is called '{tag}'"
+            message = f"no node is called '{tag}'{self._was_called(tag, near)}"
             hint = "sar-compile nodes lists them; --nodes adds a module of leaves, --model a palette"
             span = element.tag_span() if tag == element.tag else element.value_span("ID")
             self._collector.at(element, span, "unknown-node", message, suggestion=near, hint=hint)
         variants = self._variants(
-            element.attributes["ID"] if near in _KIND_TAGS and "ID" in element.attributes else near or ""
+            element.attributes["ID"] if near in KIND_TAGS and "ID" in element.attributes else near or ""
         )
         if not variants:
             for child in element.children:
@@ -309,8 +323,8 @@ class Binder:
 
     def _meant_by(self, element: Element, tag: str) -> str | None:
         """Return the tag that was probably meant by an unknown one."""
-        if "ID" in element.attributes and tag == element.tag and tag not in _KIND_TAGS:
-            explicit = self._guesses.nearest(tag, sorted(_KIND_TAGS))
+        if "ID" in element.attributes and tag == element.tag and tag not in KIND_TAGS:
+            explicit = self._guesses.nearest(tag, sorted(KIND_TAGS))
             if explicit is not None:
                 return explicit
         if tag not in self._meant:
@@ -318,6 +332,12 @@ class Binder:
             known = self._tags if tag != SUBTREE_TAG else self._tags[:-1]
             self._meant[tag] = today or self._guesses.nearest(tag, known)
         return self._meant[tag]
+
+    def _was_called(self, tag: str, today: str | None) -> str:
+        """Return a phrase about a name of BehaviorTree.CPP 3; empty for any other."""
+        spec = subtree() if today == SUBTREE_TAG else self._registry.get(today or "")
+        former = spec is not None and tag in spec.former_tags and spec.semantics.counterpart.built_in
+        return " any more: that is a name of BehaviorTree.CPP 3" if former else ""
 
     @functools.cached_property
     def _tags(self) -> list[str]:
@@ -362,7 +382,7 @@ class Binder:
             self._without_id(element, f"this <{SUBTREE_TAG}> names no tree", "the tree's name")
             return bound
         target = self._forest.target(element, tree_id)
-        theirs, *_ = self._words_of(self._forest.homes.get(id(target)))
+        _, theirs, *_ = self._words_of(self._forest.homes.get(id(target)))
         model = self._models.subtrees.get(tree_id) or theirs.subtrees.get(tree_id)
         bound.remapping = self._remapping(bound, model)
         if target is not None:
@@ -388,18 +408,17 @@ class Binder:
         keys: dict[str, str] = {}
         constants: dict[str, str] = {}
         for name, text in element.attributes.items():
-            if name in ("ID", "_autoremap") or self._attributes.common(bound, name):
+            if name in bound.spec.former_attributes:
+                self._attributes.report_former(element, name, bound.spec.former_attributes[name])
+            elif name in ("ID", "name", AUTOREMAP) or self._attributes.common(bound, name):
                 continue
-            if name == "name":
-                if not text:
-                    self._attributes.report_empty_name(element)
             elif name.startswith("_"):
                 self._unknown_of_subtree(element, name)
             else:
                 # Of a port, `=` would be its own key.
                 key = None if text == "=" else blackboard_key(text, name)
                 (constants if key is None else keys)[name] = text if key is None else key
-        autoremap = self._attributes.flag(element, "_autoremap")
+        autoremap = self._attributes.flag(element, AUTOREMAP)
         for port in model.ports.values() if model else ():
             if autoremap or port.name in keys or port.name in constants:
                 continue
@@ -413,9 +432,8 @@ class Binder:
         return Remapping(keys, constants, autoremap)
 
     def _unknown_of_subtree(self, element: Element, name: str) -> None:
-        known = ["_autoremap", *CONDITIONS]
         message = f"<{SUBTREE_TAG}> has no attribute '{name}'; keys do not begin with _"
-        near = _FORMER_ATTRIBUTES.get(name) or self._guesses.nearest(name, [*known, ONESHOT])
+        near = self._attributes.slip_in_note(name)
         self._collector.name(element, name, "unknown-attribute", message, suggestion=near)
 
 

@@ -1,7 +1,8 @@
 """Collection of findings while a tree is bound."""
 
+from sar_compiler.nodes.btcpp.versions import NEWEST, Change, Version
 from sar_compiler.nodes.values import ConversionError, Guesses
-from sar_compiler.tree.diagnostic import Diagnostic
+from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.model import Element
 from sar_compiler.tree.source import Span
 
@@ -17,9 +18,11 @@ class Collector:
     Attributes:
         findings: The findings.
         guesses: Guesses of what was meant.
+        btcpp: The version of BehaviorTree.CPP that the trees are for.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, btcpp: Version = NEWEST) -> None:
+        self.btcpp = btcpp
         self.findings: list[Diagnostic] = []
         self.guesses = Guesses()
 
@@ -34,6 +37,26 @@ class Collector:
     def value(self, element: Element, attribute: str, code: str, message: str, **advice: str | None) -> None:
         """Report a finding about the value of an attribute."""
         self.at(element, element.value_span(attribute), code, message, **advice)
+
+    def refused_since(self, change: Change, element: Element, span: Span, message: str, hint: str) -> None:
+        """Report what BehaviorTree.CPP refuses since a version, if the trees are for that or a later one."""
+        if self.btcpp >= change.since:
+            message += f"; BehaviorTree.CPP refuses that since {change.release}"
+            self.at(element, span, "btcpp-version", message, hint=hint, severity=Severity.WARNING)
+
+    def slip_in_model(
+        self, element: Element, attribute: str | None, message: str, **advice: str | None
+    ) -> None:
+        """Report a slip in the description of a node, which BehaviorTree.CPP does not read.
+
+        Args:
+            element: The element.
+            attribute: The attribute with the wrong value; None for the element as a whole.
+            message: What is wrong.
+            **advice: As in `Diagnostic`.
+        """
+        span = element.value_span(attribute) if attribute else element.tag_span()
+        self.at(element, span, "wrong-model", message, severity=Severity.WARNING, **advice)
 
     def wrong_value(
         self, element: Element, attribute: str, error: ConversionError, code: str = "wrong-value"

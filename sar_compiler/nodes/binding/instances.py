@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.collector import Collector, file_of
 from sar_compiler.nodes.binding.references import Candidates, choose, report_missing
+from sar_compiler.nodes.btcpp.versions import NAMES, NUMBERS
 from sar_compiler.nodes.spec import Parameter
 from sar_compiler.nodes.values import literal_value
 from sar_compiler.runtime.blackboard import STROKE, Board, Scope
@@ -20,6 +21,7 @@ class Instance:
         place: The `SubTree` node there that refers to it.
         inner: The instances in it, by their `SubTree` nodes.
         references: The nodes that its tree's open references resolve to, with their instances.
+        texts: The keys that it is given as constants which look like numbers, and that a port reads as a text.
     """
 
     def __init__(
@@ -31,6 +33,12 @@ class Instance:
         self.place = place
         self.inner: dict[BoundNode, Instance] = {}
         self.references: dict[tuple[BoundNode, str], tuple[Instance, BoundNode]] = {}
+        self.texts: set[str] = set()
+
+    def constants(self) -> Iterator[tuple[str, int | float | str]]:
+        """Yield the keys that it is given as constants, with their values."""
+        for key, text in self.place.remapping.constants.items() if self.place is not None else ():
+            yield key, text if key in self.texts else literal_value(text)
 
     def referred(self, bound: BoundNode, name: str) -> "tuple[Instance, BoundNode] | None":
         """Return the node that a reference resolves to, with its instance; None if there is none."""
@@ -72,6 +80,8 @@ def expand(main: BoundTree, collector: Collector) -> Instance:
     top = Instance(main, Scope(Board(main.name)))
     expansion.fill(top)
     expansion.resolve(top)
+    for inner, key, *_ in _numbers_read_as_texts(top):
+        inner.texts.add(key)
     return top
 
 
@@ -90,11 +100,10 @@ class _Expansion:
                 continue
             name = bound.element.attributes.get("name") or f"{bound.subtree.name}::{self._count}"
             if name in names:
-                message = f"two subtrees are called '{name}' here, so their keys could not be told apart"
-                hint = "give each a name of its own"
-                element, written = bound.element, "name" in bound.element.attributes
-                span = element.value_span("name") if written else element.tag_span()
-                self._collector.at(element, span, "duplicate-name", message, hint=hint)
+                element, message = bound.element, f"two subtrees are called '{name}' here"
+                span, hint = element.value_span("name"), "give each a name of its own"
+                self._collector.refused_since(NAMES, element, span, message, hint)
+                name = f"{name}::{self._count}"  # each has keys of its own
             names.add(name)
             inner = instance.inner[bound] = Instance(
                 bound.subtree, _scope(instance.scope, name, bound), instance, bound
@@ -159,7 +168,8 @@ def report_shared_keys(top: Instance, collector: Collector) -> None:
     The port that comes first in it, its subtrees in place, gives the key its type, as in BehaviorTree.CPP.
     """
     first: dict[tuple[Scope, str], tuple[BoundNode, Parameter]] = {}
-    numbers = dict(_numbers(top))
+    for inner, given, bound, parameter in _numbers_read_as_texts(top):
+        _report_number(inner, given, bound, parameter, collector)
     for instance, bound in top.in_place():
         for name, key in bound.keys.items():
             parameter = bound.spec.parameters[name]
@@ -167,31 +177,37 @@ def report_shared_keys(top: Instance, collector: Collector) -> None:
             if parameter.direction is None or python is None:
                 continue
             entry = instance.scope.owner(key)
-            if python is str and entry in numbers:
-                _report_number(bound, parameter, key, numbers[entry], collector)
             other, known = first.setdefault(entry, (bound, parameter))
             if known is not parameter and not _agree(known, parameter):
                 _report_types(bound, parameter, key, (other, known), collector)
 
 
-def _numbers(top: Instance) -> Iterator[tuple[tuple[Scope, str], str]]:
-    """Yield the keys that subtrees are given as constant numbers, with the numbers as written."""
-    for instance in top.iterate():
-        for bound, inner in instance.inner.items():
-            for key, text in bound.remapping.constants.items():
-                if not isinstance(literal_value(text), str):
-                    yield (inner.scope, key), text
+def _numbers_read_as_texts(top: Instance) -> Iterator[tuple[Instance, str, BoundNode, Parameter]]:
+    """Yield the constants that look like numbers and that a port reads as a text: whose they are, their keys, the port."""
+    numbers = {
+        (inner.scope, key): inner
+        for instance in top.iterate()
+        for bound, inner in instance.inner.items()
+        for key, text in bound.remapping.constants.items()
+        if not isinstance(literal_value(text), str)
+    }
+    for instance in top.iterate() if numbers else ():
+        for bound in instance.tree.keyed:
+            for name, key in bound.keys.items():
+                parameter, entry = bound.spec.parameters[name], instance.scope.owner(key)
+                if parameter.direction is not None and _python_type(parameter) is str and entry in numbers:
+                    yield numbers[entry], entry[1], bound, parameter
 
 
 def _report_number(
-    bound: BoundNode, parameter: Parameter, key: str, written: str, collector: Collector
+    inner: Instance, given: str, bound: BoundNode, parameter: Parameter, collector: Collector
 ) -> None:
-    message = (
-        f"{parameter.name}: '{key}' is a text here, and the subtree is given the number {written}; "
-        "what looks like a number is one"
-    )
+    assert inner.place is not None  # noqa: S101 - it is given constants
+    written, key = inner.place.remapping.constants[given], bound.keys[parameter.name]
+    message = f"{parameter.name}: '{key}' is a text here, and the subtree is given {written}, which looks like a number"
     hint = f'to give it a text, write {key}="{{k}}" around it, and before that <Script code="k := \'{written}\'"/>'
-    collector.value(bound.element, parameter.name, "key-of-two-types", message, hint=hint)
+    span = bound.element.value_span(parameter.name)
+    collector.refused_since(NUMBERS, bound.element, span, message, hint)
 
 
 def _agree(first: Parameter, second: Parameter) -> bool:

@@ -2,10 +2,11 @@
 
 import re
 
-from sar_compiler.nodes.registry import Registry
+from sar_compiler.nodes.registry import Registry, is_own_word
 
 _REFUSED = re.compile(r"""[\s<>&"'/\\:*?|.\x00-\x1f]""")
-_TAKEN = "root"
+RESERVED = ("Root", "root")
+"""IDs that BehaviorTree.CPP keeps for itself."""
 
 
 def refused_in(name: str) -> str | None:
@@ -17,13 +18,16 @@ def refused_in(name: str) -> str | None:
     return f"'{character}'" if character.isprintable() and character != " " else "blanks"
 
 
-def fault_of(tree_id: str, registry: Registry) -> tuple[str, str] | None:
-    """Return why an ID is not allowed for a tree, and the remedy; None if it is allowed."""
+def is_node(tree_id: str, registry: Registry) -> bool:
+    """Return whether an ID of a tree is that of a node that BehaviorTree.CPP knows as well: then it refuses the tree."""
+    return tree_id in registry and not is_own_word(tree_id)
+
+
+def fault_of(tree_id: str) -> tuple[str, str] | None:
+    """Return what BehaviorTree.CPP refuses in the ID of a tree since 4.8.4, and the remedy; None if it is allowed."""
     refused = refused_in(tree_id)
     if refused is not None:
-        return f"the ID of a tree cannot have {refused} in it, as '{tree_id}' has", f"leave {refused} out"
-    if tree_id.lower() == _TAKEN:
-        return f"a tree cannot have the ID '{tree_id}'", "give it another one"
-    if tree_id in registry:
-        return f"'{tree_id}' is a node, and cannot be the ID of a tree as well", "give the tree another one"
+        return f"the ID '{tree_id}' of a tree has {refused} in it", f"leave {refused} out"
+    if tree_id in RESERVED:
+        return f"a tree has the ID '{tree_id}'", "give it another one"
     return None

@@ -9,10 +9,11 @@ from collections.abc import Iterable, Iterator
 
 from sar_compiler.nodes.binding.attributes import ONESHOT, ONESHOT_TYPE
 from sar_compiler.nodes.binding.collector import Collector
-from sar_compiler.nodes.binding.tree_ids import refused_in
+from sar_compiler.nodes.binding.tree_ids import RESERVED, refused_in
 from sar_compiler.nodes.btcpp.notes import Notes
 from sar_compiler.nodes.btcpp.rewrites import NO_ONESHOT, Draft, Rewrite
-from sar_compiler.nodes.models.models import Model, read_models
+from sar_compiler.nodes.btcpp.versions import NAMES, NEWEST, VERSIONS, Version
+from sar_compiler.nodes.models.models import Model, read_models, yielding
 from sar_compiler.nodes.models.palette import described_by_use, description, is_built_in
 from sar_compiler.nodes.registry import Registry, subtree
 from sar_compiler.nodes.spec import Kind, NodeSpec, Role
@@ -39,27 +40,35 @@ _QUEUES = {("LoopInt", "queue"): "std::vector<int>"}
 
 
 def to_btcpp(
-    tree_file: TreeFile, registry: Registry, palettes: Iterable[TreeFile] = ()
+    tree_file: TreeFile, registry: Registry, palettes: Iterable[TreeFile] = (), btcpp: Version = NEWEST
 ) -> tuple[TreeFile, list[Diagnostic]]:
     """Rewrite a tree file for BehaviorTree.CPP 4 and Groot2.
+
+    Args:
+        tree_file: The file.
+        registry: What tags mean.
+        palettes: Further files with descriptions of nodes.
+        btcpp: The version that it is for.
 
     Returns:
         The converted file and the notes about it, in its order: warnings for content that BehaviorTree.CPP does
         not support by itself, information for slight differences.
     """
-    conversion = _Conversion(registry)
+    conversion = _Conversion(registry, btcpp)
     root = conversion.root(tree_file, palettes)
     return dataclasses.replace(tree_file, root=root), conversion.notes.in_order()
 
 
-def convert_to_btcpp(tree_file: TreeFile, registry: Registry, palettes: Iterable[TreeFile] = ()) -> Converted:
+def convert_to_btcpp(
+    tree_file: TreeFile, registry: Registry, palettes: Iterable[TreeFile] = (), btcpp: Version = NEWEST
+) -> Converted:
     """Write a tree file for BehaviorTree.CPP 4 and Groot2; see `to_btcpp`.
 
     Raises:
         TreeError: If the file has content outside the trees that would be lost.
     """
     losses = convert(tree_file, Form.XML).losses
-    rewritten, notes = to_btcpp(tree_file, registry, palettes)
+    rewritten, notes = to_btcpp(tree_file, registry, palettes, btcpp)
     return Converted(convert(rewritten, Form.XML).text, (*losses, *notes))
 
 
@@ -79,13 +88,17 @@ class _Usage:
 
 
 class _Conversion:
-    def __init__(self, registry: Registry) -> None:
+    def __init__(self, registry: Registry, btcpp: Version) -> None:
         self._registry = registry
+        self._btcpp = btcpp
         self._used: dict[str, _Usage] = {}
         self._models: dict[str, Model] = {}
         self.notes = Notes()
 
     def root(self, tree_file: TreeFile, palettes: Iterable[TreeFile]) -> Element:
+        palettes = tuple(palettes)
+        own = read_models([tree_file], Collector()).nodes
+        self._registry = yielding(self._registry, read_models([*palettes, tree_file], Collector()))
         root = tree_file.root
         own = read_models([tree_file], Collector()).nodes
         others = read_models(palettes, Collector()).nodes
@@ -120,7 +133,7 @@ class _Conversion:
     def _tree_id(self, element: Element) -> None:
         tree_id = element.attributes.get("ID", "")
         refused = refused_in(tree_id)
-        if refused or tree_id.lower() == "root":
+        if self._btcpp >= NAMES.since and (refused or tree_id in RESERVED):
             message = f"BehaviorTree.CPP refuses the ID '{tree_id}'"
             what = f"an ID without {refused}" if refused else "another ID"
             self.notes.no_counterpart_of_value(element, "ID", message, hint=f"give the tree {what}")
@@ -195,13 +208,17 @@ class _Conversion:
         """Note missing counterparts, and drop the attributes that BehaviorTree.CPP would refuse."""
         specs = self._registry.variants(draft.tag)
         refused = refused_in(draft.tag)
-        if refused:
+        if refused and not draft.explicit and self._btcpp >= NAMES.since:
             message = f"BehaviorTree.CPP refuses the node '{draft.tag}'"
             hint = f"register it by a name without {refused}"
             self.notes.no_counterpart(draft.element, message, hint)
         if draft.kept or not specs:
             return
         spec = specs[0]
+        since = spec.semantics.counterpart.since
+        if since and self._btcpp < VERSIONS[since]:
+            message = f"BehaviorTree.CPP has <{draft.tag}> since {since}, and this is for {self._btcpp}"
+            self.notes.no_counterpart(draft.element, message, spec.semantics.counterpart.hint)
         built_in = is_built_in(specs)
         if not built_in:
             if not spec.kind.is_leaf:
@@ -249,6 +266,9 @@ class _Conversion:
             return True  # its own name would be taken for the explicit form
         if draft.explicit and parent == _DROPS_EXPLICIT:
             message = f"BehaviorTree.CPP does not find <{draft.element.tag}> directly in <{parent}>"
+            if refused_in(draft.tag):
+                self.notes.no_counterpart(draft.element, message, "put it into a Sequence of its own")
+                return True
             self.notes.differs(draft.element, f"{message}; written as <{draft.tag}>")
             return False
         return draft.explicit

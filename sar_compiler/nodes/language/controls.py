@@ -187,6 +187,11 @@ SPECS = [
             counterpart=Counterpart(built_in=True, rewrite=rewrites.parallel),
         ),
         signature=Signature(defaults={"success_count": -1, "failure_count": 1}),
+        former_attributes={
+            "threshold": "success_count",
+            "success_threshold": "success_count",
+            "failure_threshold": "failure_count",
+        },
         rule=within_reach("success_count", "failure_count"),
     ),
     NodeSpec(
@@ -215,7 +220,7 @@ SPECS = [
     _own(
         "TryCatch",
         branches.TryCatch,
-        Semantics(outcome_sets.attempt, gates=one_after_the_other),
+        Semantics(outcome_sets.attempt, gates=one_after_the_other, counterpart=Counterpart(since="4.9")),
         signature=Signature(defaults={"catch_on_halt": False}),
         child_count=(2, None),
     ),

@@ -380,6 +380,7 @@ SUBTREE = NodeSpec(
     ),
     child_count=(0, 0),
     former_tags=("SubTreePlus",),
+    former_attributes={"__shared_blackboard": "_autoremap", "__autoremap": "_autoremap"},
 )
 """The node that a `SubTree` is compiled to; its attributes are handled by binding."""
 

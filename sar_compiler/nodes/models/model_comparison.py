@@ -12,6 +12,8 @@ from sar_compiler.nodes.values import (
     type_of,
     type_of_cpp_name,
 )
+from sar_compiler.tree.diagnostic import Severity
+from sar_compiler.tree.model import Element
 
 _TEXT = type_of(str)
 # The comparable types: C++ has types of its own for durations, enumerations and other values written as texts.
@@ -19,7 +21,10 @@ _COMPARED = (bool, int, float, str, list)
 
 
 def compare(models: Models, registry: Registry, collector: Collector) -> None:
-    """Report models that contradict the registry, and defaults that their ports do not accept."""
+    """Report models that contradict the registry, and defaults that their ports do not accept.
+
+    BehaviorTree.CPP does not look at the models of nodes, so these are warnings.
+    """
     for model in models.nodes.values():
         specs = registry.variants(model.tag)
         if specs:
@@ -33,7 +38,7 @@ def compare(models: Models, registry: Registry, collector: Collector) -> None:
             elif specs:
                 message = f"<{model.tag}> has no port '{port.name}'; it has {', '.join(known)}"
                 near = collector.guesses.nearest(port.name, known)
-                collector.value(port.element, "name", "model-mismatch", message, suggestion=near)
+                _mismatch(port.element, "name", message, near, collector)
             else:
                 _check_default(port, type_of_cpp_name(port.type_name) or ANYTHING, collector)
 
@@ -42,20 +47,27 @@ def _compare_kind(model: Model, spec: NodeSpec, collector: Collector) -> None:
     if model.kind is not spec.kind:
         article = "an" if spec.kind is Kind.ACTION else "a"
         message = f"<{model.tag}> is {article} {spec.kind.value}, and the model says {model.element.tag}"
-        collector.tag(model.element, "model-mismatch", message, suggestion=spec.kind.value)
+        _mismatch(model.element, None, message, spec.kind.value, collector)
 
 
 def _compare_port(model: Model, port: Port, parameter: Parameter, collector: Collector) -> None:
     if {parameter.direction, port.direction} == {Direction.INPUT, Direction.OUTPUT}:
         right = Direction.INPUT if port.direction is Direction.OUTPUT else Direction.OUTPUT
         message = f"the port '{port.name}' of <{model.tag}> is an {right.value}"
-        collector.tag(port.element, "model-mismatch", message, suggestion=right.value)
+        _mismatch(port.element, None, message, right.value, collector)
     said, real = type_of_cpp_name(port.type_name), parameter.value_type or _TEXT
     if said is not None and not _agree(said, real):
         message = (
             f"the port '{port.name}' of <{model.tag}> is {real.label}, and the model says {port.type_name}"
         )
-        collector.value(port.element, "type", "model-mismatch", message, suggestion=real.cpp)
+        _mismatch(port.element, "type", message, real.cpp, collector)
+
+
+def _mismatch(
+    element: Element, attribute: str | None, message: str, suggestion: str | None, collector: Collector
+) -> None:
+    span = element.value_span(attribute) if attribute else element.tag_span()
+    collector.at(element, span, "model-mismatch", message, suggestion=suggestion, severity=Severity.WARNING)
 
 
 def _agree(said: ValueType, real: ValueType) -> bool:
@@ -66,14 +78,12 @@ def _agree(said: ValueType, real: ValueType) -> bool:
 
 
 def _check_default(port: Port, value_type: ValueType, collector: Collector) -> None:
-    """Report a default that is not a valid value of the port; an empty one does not count."""
+    """Report a default that is not a valid value of the port; an empty one and that of an output do not count."""
     text = port.default
-    if not text or blackboard_key(text, port.name) is not None:
-        return
-    if port.direction is Direction.OUTPUT:
-        collector.text_of_output(port.element, "default", text)
+    if not text or port.direction is Direction.OUTPUT or blackboard_key(text, port.name) is not None:
         return
     try:
         value_type.convert(text)
     except ConversionError as error:
-        collector.wrong_value(port.element, "default", error)
+        advice = {"suggestion": error.suggestion, "hint": error.hint}
+        collector.slip_in_model(port.element, "default", f"default: {error.message}", **advice)

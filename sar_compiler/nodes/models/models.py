@@ -6,7 +6,7 @@ from typing import NamedTuple
 from sar_compiler.nodes.answers import answers_of
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT
 from sar_compiler.nodes.binding.collector import Collector, file_of
-from sar_compiler.nodes.registry import Registry
+from sar_compiler.nodes.registry import Registry, is_own_word
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Signature
 from sar_compiler.nodes.values import ANYTHING, type_of_cpp_name, value_type_of
 from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
@@ -14,9 +14,14 @@ from sar_compiler.tree.xml_names import is_name
 
 _KINDS = {kind.value: kind for kind in Kind}
 _DIRECTIONS = {direction.value: direction for direction in Direction}
-_IGNORED = ("MetadataFields",)
+METADATA_TAG = "MetadataFields"
+LIBRARY = {"library": "py_trees"}
+"""What is noted beside the description of a node of py_trees', so that it is not taken for somebody's own."""
 # The assumed outcomes of a leaf that is only described.
 _ANSWERS = {Kind.ACTION: ("SUCCESS", "FAILURE", "RUNNING"), Kind.CONDITION: ("SUCCESS", "FAILURE")}
+_DIRECTIONS_HINT = (
+    "write input_port for one that is read, output_port for one that is written, inout_port for both"
+)
 _TAGS = (SUBTREE_TAG, TREE_TAG)
 _NAMES = ("name", "ID", "_autoremap", "children", ONESHOT)
 
@@ -53,6 +58,14 @@ class Model(NamedTuple):
     tag: str
     kind: Kind | None
     ports: Mapping[str, Port] = {}
+
+    @property
+    def is_of_py_trees(self) -> bool:
+        """Whether it is a description of py_trees' node, as `sar-compile` writes them."""
+        notes = (
+            note for child in self.element.children if child.tag == METADATA_TAG for note in child.children
+        )
+        return any(note.attributes == LIBRARY for note in notes)
 
     @property
     def says(self) -> object:
@@ -104,7 +117,7 @@ def _descriptions(files: Iterable[TreeFile]) -> Iterator[Element]:
     for tree_file in files:
         for section in tree_file.root.children:
             if section.tag == MODEL_TAG:
-                yield from (child for child in section.children if child.tag not in _IGNORED)
+                yield from (child for child in section.children if child.tag != METADATA_TAG)
 
 
 def _compare_twice(first: Model, second: Model, collector: Collector) -> None:
@@ -116,13 +129,27 @@ def _compare_twice(first: Model, second: Model, collector: Collector) -> None:
     where = f"line {first.element.line}{file_of(first.element, element)}"
     differs = ", differently" if first.says != second.says else ""
     message = f"'{second.tag}' is described in {where} already{differs}"
-    collector.value(element, "ID", "duplicate-model", message, hint="delete one of the two")
+    collector.slip_in_model(element, "ID", message, hint="delete one of the two")
+
+
+def yielding(registry: Registry, models: Models) -> Registry:
+    """Return a registry without py_trees' nodes whose names are declared for others: what the user declares wins."""
+    taken = {
+        tag
+        for tag, model in models.nodes.items()
+        if tag in registry and is_own_word(tag) and not model.is_of_py_trees
+    }
+    return registry.without(taken) if taken else registry
 
 
 def described_specs(files: Iterable[TreeFile], registry: Registry) -> list[NodeSpec]:
-    """Return the nodes that files describe and that are not registered."""
+    """Return the nodes that files describe, that are not registered, and whose names can be tags."""
     models = read_models(files, Collector())
-    return [model.spec() for tag, model in models.nodes.items() if tag not in registry]
+    return [model.spec() for tag, model in models.nodes.items() if tag not in registry and _can_be_tag(tag)]
+
+
+def _can_be_tag(name: str) -> bool:
+    return is_name(name) and ":" not in name
 
 
 def _model(element: Element, collector: Collector) -> Model | None:
@@ -130,61 +157,74 @@ def _model(element: Element, collector: Collector) -> Model | None:
     if kind is None and element.tag != SUBTREE_TAG:
         known = [*_KINDS, SUBTREE_TAG]
         message = f"<{element.tag}> cannot stand in a <{MODEL_TAG}>; it has {', '.join(known)}"
-        collector.tag(
-            element, "unknown-element", message, suggestion=collector.guesses.nearest(element.tag, known)
+        collector.slip_in_model(
+            element, None, message, suggestion=collector.guesses.nearest(element.tag, known)
         )
         return None
     tag = element.attributes.get("ID")
     if not tag:
-        message = f"this <{element.tag}> describes nothing: it has no ID"
-        collector.tag(element, "missing-attribute", message, hint='write ID="..."')
+        _report_nameless(
+            element, f"this <{element.tag}> describes nothing: it has no ID", "ID", kind, collector
+        )
         return None
-    if kind is not None and not _can_be_written(element, "ID", "node", _TAGS, collector):
+    if kind is not None and tag in _TAGS:
+        message = f"a node cannot be called '{tag}': it has a meaning already"
+        collector.slip_in_model(element, "ID", message)
         return None
-    return Model(element, tag, kind, _ports(element, collector))
+    return Model(element, tag, kind, _ports(element, kind, collector))
 
 
-def _ports(element: Element, collector: Collector) -> dict[str, Port]:
+def _ports(element: Element, kind: Kind | None, collector: Collector) -> dict[str, Port]:
     ports: dict[str, Port] = {}
     for child in element.children:
-        port = _port(child, collector) if child.tag not in _IGNORED else None
+        port = _port(child, kind, collector) if child.tag != METADATA_TAG else None
         if port is not None and ports.setdefault(port.name, port) is not port:
             message = f"the port '{port.name}' is described in line {ports[port.name].element.line} already"
-            collector.value(child, "name", "duplicate-model", message, hint="delete one of the two")
+            collector.slip_in_model(child, "name", message, hint="delete one of the two")
     return ports
 
 
-def _port(element: Element, collector: Collector) -> Port | None:
+def _port(element: Element, kind: Kind | None, collector: Collector) -> Port | None:
     direction = _DIRECTIONS.get(element.tag)
     if direction is None:
         message = f"<{element.tag}> is no port; a model has {', '.join(_DIRECTIONS)}"
-        collector.tag(
-            element,
-            "unknown-element",
-            message,
-            suggestion=collector.guesses.nearest(element.tag, _DIRECTIONS),
-        )
-        return None
-    name = element.attributes.get("name")
+        near = collector.guesses.nearest(element.tag, _DIRECTIONS)
+        collector.slip_in_model(element, None, message, suggestion=near, hint=_DIRECTIONS_HINT)
+        if (
+            kind is None
+        ):  # the models of subtrees are read by BehaviorTree.CPP, which passes over such an element
+            return None
+    attributes, name = element.attributes, element.attributes.get("name")
     if not name:
-        collector.tag(element, "missing-attribute", f"<{element.tag}> has no name", hint='write name="..."')
+        _report_nameless(element, f"<{element.tag}> has no name", "name", kind, collector)
         return None
-    if not _can_be_written(element, "name", "port", (*_NAMES, *CONDITIONS), collector):
+    taken = name in (*_NAMES, *CONDITIONS)
+    if taken or not _can_be_tag(name):
+        why = "it has a meaning already" if taken else "a name has letters, digits and _ only"
+        _report(element, "name", f"a port cannot be called '{name}': {why}", kind, collector)
         return None
-    attributes = element.attributes
-    return Port(element, name, direction, attributes.get("type", ""), attributes.get("default"))
+    # Of one that is neither, anything may be meant.
+    return Port(
+        element, name, direction or Direction.INOUT, attributes.get("type", ""), attributes.get("default")
+    )
 
 
-def _can_be_written(
-    element: Element, attribute: str, what: str, taken: Iterable[str], collector: Collector
-) -> bool:
-    """Return whether a name is valid for a tag or an attribute; report it if not."""
-    name = element.attributes[attribute]
-    if name not in taken and is_name(name) and ":" not in name:
-        return True
-    why = "it has a meaning already" if name in taken else "a name has letters, digits and _ only"
-    collector.value(element, attribute, "wrong-value", f"a {what} cannot be called '{name}': {why}")
-    return False
+def _report_nameless(
+    element: Element, message: str, attribute: str, kind: Kind | None, collector: Collector
+) -> None:
+    hint = f'write {attribute}="..."'
+    if kind is None:
+        collector.tag(element, "missing-attribute", message, hint=hint)
+    else:
+        collector.slip_in_model(element, None, message, hint=hint)
+
+
+def _report(element: Element, attribute: str, message: str, kind: Kind | None, collector: Collector) -> None:
+    """Report a wrong value: in the model of a subtree, BehaviorTree.CPP refuses it as well."""
+    if kind is None:
+        collector.value(element, attribute, "wrong-value", message)
+    else:
+        collector.slip_in_model(element, attribute, message)
 
 
 def _parameter(port: Port) -> Parameter:

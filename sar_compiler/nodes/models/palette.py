@@ -7,6 +7,8 @@ from collections.abc import Iterable, Sequence
 from datetime import timedelta
 from enum import Enum
 
+from sar_compiler.nodes.models.models import LIBRARY, METADATA_TAG
+from sar_compiler.nodes.registry import is_own_word
 from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import as_text
 from sar_compiler.tree.model import MODEL_TAG, Element
@@ -37,7 +39,12 @@ def description(specs: Sequence[NodeSpec]) -> Element:
         for parameter in spec.attributes
         if parameter.role is not Role.NAME and parameter.name not in spec.fixed
     }
-    return synthetic_element(specs[0].kind.value, {"ID": specs[0].tag, "editable": "true"}, ports.values())
+    notes = [_LIBRARY] if is_own_word(specs[0].tag) else []
+    attributes = {"ID": specs[0].tag, "editable": "true"}
+    return synthetic_element(specs[0].kind.value, attributes, [*ports.values(), *notes])
+
+
+_LIBRARY = synthetic_element(METADATA_TAG, children=[synthetic_element("Metadata", LIBRARY)])
 
 
 def described_by_use(kind: str, tag: str, ports: Iterable[str]) -> Element:

@@ -8,7 +8,7 @@ message "is not valid under any of the given schemas".
 from collections.abc import Iterable
 from typing import Any
 
-from sar_compiler.nodes.binding.attributes import CONDITIONS, NOTES, ONESHOT, ONESHOT_TYPE
+from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, ONESHOT_TYPE
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.schemas.written import attributes_by_name, value_types
 from sar_compiler.nodes.spec import CHILD_COUNTS, Kind, NodeSpec, Parameter, Role
@@ -31,6 +31,8 @@ _KINDS = sorted(kind.value for kind in Kind)
 _KEY_PATTERN = r"^ *(\{.+\}|=) *$"
 _NAME: Schema = {"type": ["string", "number", "boolean"], "minLength": 1}
 _SCALAR: Schema = {"type": ["string", "number", "boolean"]}
+_NOTES: Schema = {"patternProperties": {"^_": _SCALAR}}
+"""What editors keep in attributes that begin with `_`."""
 _CONDITION = {"$ref": f"#/$defs/{CONDITION.name} value"}
 
 
@@ -45,7 +47,7 @@ def json_schema(registry: Registry) -> Schema:
         "$defs": {
             "root": _root(),
             "section": _section(),
-            "tree": _with_children({"ID": _NAME, **_notes()}, _nodes(1, 1)),
+            "tree": _with_children({"ID": _NAME}, _nodes(1, 1)),
             **{f"{value_type.name} value": _value(value_type) for value_type in value_types(tags)},
             "node": _node([*tags, SUBTREE_TAG, *_KINDS]),
             "model": {"type": ["object", "null"]},
@@ -70,7 +72,8 @@ def _root() -> Schema:
 
 
 def _section() -> Schema:
-    include = _mapping({"path": _NAME, "ros_pkg": _NAME, CHILDREN_KEY: _nodes(0, 0)}, required=["path"])
+    written = {"path": _NAME, "ros_pkg": _NAME, CHILDREN_KEY: _nodes(0, 0)}
+    include = {**_mapping(written, required=["path"]), **_NOTES}
     return {
         **_mapping(
             {TREE_TAG: {"$ref": "#/$defs/tree"}, INCLUDE_TAG: include, MODEL_TAG: {"$ref": "#/$defs/model"}}
@@ -126,14 +129,12 @@ def _tag(specs: list[NodeSpec]) -> Schema:
         if len(choices) == len(specs)
         and all(_must_be_written(spec, parameter) for spec, parameter in choices)
     ]
-    # Listed one by one: about a pattern that a name does not match, an editor says nothing that helps.
     attributes |= {
         ONESHOT: {"enum": list(ONESHOT_TYPE.choices)},
         **dict.fromkeys(CONDITIONS, _CONDITION),
-        **_notes(),
     }
     if kind.is_leaf:
-        schema = _mapping({**attributes, CHILDREN_KEY: _nodes(0, 0)}, required)
+        schema = {**_mapping({**attributes, CHILDREN_KEY: _nodes(0, 0)}, required), **_NOTES}
         if not required:  # a bare tag or an empty value has no attributes
             schema["type"] = ["object", "null"]
     else:
@@ -149,8 +150,10 @@ def _must_be_written(spec: NodeSpec, parameter: Parameter) -> bool:
 
 def _attribute(spec: NodeSpec, parameter: Parameter) -> Schema:
     value_type = parameter.value_type
-    if parameter.role is not Role.ATTRIBUTE or value_type is None:
-        schema: Schema = dict(_NAME)
+    if parameter.role is Role.NAME:
+        schema: Schema = dict(_SCALAR)
+    elif parameter.role is not Role.ATTRIBUTE or value_type is None:
+        schema = dict(_NAME)
     elif parameter.name in spec.fixed:
         fixed = spec.fixed[parameter.name]
         schema = {"enum": _both_ways(t for t in value_type.choices if value_type.convert(t) == fixed)}
@@ -188,13 +191,9 @@ def _both_ways(texts: Iterable[str]) -> list[object]:
     return [*(own[text] for text in texts if text in own), *texts]
 
 
-def _notes() -> Schema:
-    return dict.fromkeys(NOTES, _SCALAR)
-
-
 def _with_children(attributes: Schema, children: Schema, required: Iterable[str] = ()) -> Schema:
     """The value of a tag that requires children."""
-    return _mapping({**attributes, CHILDREN_KEY: children}, [*required, CHILDREN_KEY])
+    return {**_mapping({**attributes, CHILDREN_KEY: children}, [*required, CHILDREN_KEY]), **_NOTES}
 
 
 def _mapping(properties: Schema, required: Iterable[str] = ()) -> Schema:

@@ -21,6 +21,7 @@ _HEAD = """\
           <xs:complexType>
             <xs:attribute name="path" type="name" use="required"/>
             <xs:attribute name="ros_pkg" type="name"/>
+            <xs:attributeGroup ref="notes"/>
           </xs:complexType>
         </xs:element>
         <xs:element name="TreeNodesModel">
@@ -34,6 +35,7 @@ _HEAD = """\
       <xs:attribute name="BTCPP_format" type="xs:string" fixed="4"/>
       <xs:attribute name="main_tree_to_execute" type="xs:string"/>
       <xs:attribute name="project_name" type="xs:string"/>
+      <xs:attributeGroup ref="notes"/>
     </xs:complexType>
     <xs:unique name="tree_id">
       <xs:selector xpath="BehaviorTree"/>
@@ -67,11 +69,15 @@ _HEAD = """\
 
 _TEXT_ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;"})
 _ESCAPES = {**_TEXT_ESCAPES, **str.maketrans({'"': "&quot;", "'": "&#x27;"})}
+_NOTES = '    <xs:attributeGroup ref="notes"/>'
 _EXPLICIT = frozenset(kind.value for kind in Kind)
 
 
 def xml_schema(
-    registry: Registry, described: Iterable[NodeSpec] = (), only: Collection[str] | None = None
+    registry: Registry,
+    described: Iterable[NodeSpec] = (),
+    only: Collection[str] | None = None,
+    notes: Iterable[str] = NOTES,
 ) -> str:
     """Return the schema (XSD 1.0) of the files that may be written with a registry.
 
@@ -79,6 +85,7 @@ def xml_schema(
         registry: The registered nodes.
         described: Nodes that only a model describes.
         only: The tags to include, for a file that has no others; None for all.
+        notes: The attributes that editors keep notes in: XSD 1.0 has no way to say that any may begin with `_`.
     """
     tags = (
         registry.by_tag()
@@ -88,7 +95,7 @@ def xml_schema(
     for spec in described:
         if only is None or spec.tag in only:
             tags.setdefault(spec.tag, [spec])
-    lines = [_HEAD.rstrip("\n"), *_tree_type(), *_group(tags), *_common()]
+    lines = [_HEAD.rstrip("\n"), *_notes(notes), *_tree_type(), *_group(tags), *_common()]
     for value_type in value_types(tags):
         lines += _value_type(value_type)
     lines += _named_type(ONESHOT, _enumeration(ONESHOT_TYPE.choices))
@@ -98,12 +105,13 @@ def xml_schema(
 
 
 def _tree_type() -> list[str]:
-    lines = ['    <xs:group ref="node"/>', '    <xs:attribute name="ID" type="name"/>', *_notes()]
+    lines = ['    <xs:group ref="node"/>', '    <xs:attribute name="ID" type="name"/>', _NOTES]
     return ['  <xs:complexType name="tree">', *lines, "  </xs:complexType>"]
 
 
-def _notes() -> list[str]:
-    return [f'    <xs:attribute name="{name}" type="xs:string"/>' for name in NOTES]
+def _notes(names: Iterable[str]) -> list[str]:
+    attributes = [f'    <xs:attribute name="{name}" type="xs:string"/>' for name in names]
+    return ['  <xs:attributeGroup name="notes">', *attributes, "  </xs:attributeGroup>"]
 
 
 def _group(tags: Iterable[str]) -> list[str]:
@@ -119,7 +127,7 @@ def _group(tags: Iterable[str]) -> list[str]:
 
 def _common() -> list[str]:
     attributes = [f'    <xs:attribute name="{name}" type="{CONDITION.name}.value"/>' for name in CONDITIONS]
-    attributes += _notes()
+    attributes.append(_NOTES)
     oneshot = f'    <xs:attribute name="{ONESHOT}" type="{ONESHOT}.value"/>'
     return ['  <xs:attributeGroup name="common">', oneshot, *attributes, "  </xs:attributeGroup>"]
 
@@ -160,7 +168,9 @@ def _attribute(spec: NodeSpec, parameter: Parameter, *, always: bool) -> list[st
         fixed = spec.fixed[parameter.name]
         allowed = _enumeration(text for text in value_type.choices if value_type.convert(text) == fixed)
         return [f"{head}>", *_simple_type("      ", "", allowed), "    </xs:attribute>"]
-    if value_type is None or parameter.role is not Role.ATTRIBUTE:
+    if parameter.role is Role.NAME:
+        head += ' type="xs:string"'
+    elif value_type is None or parameter.role is not Role.ATTRIBUTE:
         head += ' type="name"'
     else:
         head += f' type="{value_type.name}.value"'

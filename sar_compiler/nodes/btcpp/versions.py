@@ -1,0 +1,40 @@
+"""The versions of BehaviorTree.CPP that trees may be for, and what differs between them where a finding depends on it.
+
+Trees are run as the newest version runs them, whatever they are for.
+"""
+
+from typing import NamedTuple
+
+
+class Version(NamedTuple):
+    """A version of BehaviorTree.CPP, without the number of the release."""
+
+    major: int
+    minor: int
+
+    def __str__(self) -> str:
+        """Return it as it is written: `4.10`."""
+        return f"{self.major}.{self.minor}"
+
+
+VERSIONS = {str(version): version for version in (Version(4, 8), Version(4, 9), Version(4, 10))}
+"""The known versions; 4.8 stands for 4.8.0 to 4.8.3, since 4.8.4 judges names as 4.9 does."""
+NEWEST = max(VERSIONS.values())
+
+
+class Change(NamedTuple):
+    """Something that BehaviorTree.CPP does otherwise since a version.
+
+    Attributes:
+        since: The version.
+        release: The very release.
+    """
+
+    since: Version
+    release: str
+
+
+NAMES = Change(Version(4, 9), "4.8.4")
+"""IDs of trees and compact tags with blanks and some other characters, the ID Root, and two subtrees of one name are refused."""
+NUMBERS = Change(Version(4, 9), "4.9.1")
+"""A constant that is given to a subtree and looks like a number is one; before, it was a text."""

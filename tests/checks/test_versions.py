@@ -1,0 +1,139 @@
+"""What depends on the version of BehaviorTree.CPP that trees are for."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.checks import check
+from sar_compiler.cli.compile import main
+from sar_compiler.nodes.btcpp.to_btcpp import to_btcpp
+from sar_compiler.nodes.btcpp.versions import NEWEST, VERSIONS
+from sar_compiler.nodes.registry import default_registry
+from sar_compiler.project import load
+from sar_compiler.tree.conversion import convert
+from sar_compiler.tree.diagnostic import Severity
+from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.source import Form
+from sar_compiler.tree.xml import parse_xml
+from sar_compiler.tree.yaml import parse_yaml
+from tests.docs.markdown import tables
+from tests.trees import forest_of
+
+MAIN = '<root BTCPP_format="4" main_tree_to_execute="Main">\n<BehaviorTree ID="Main">{}</BehaviorTree>\n'
+PART = '<BehaviorTree ID="{0}">{1}</BehaviorTree></root>'
+
+
+def ids(tree_id):
+    return MAIN.format(f'<SubTree ID="{tree_id}"/>') + PART.format(tree_id, "<Success/>")
+
+
+SWITCH = '<Switch2 variable="{zone}" case_1="7" case_2="8"><Success/><Success/><Success/></Switch2>'
+# Each: a file, the versions that it is not for, and line and column of what is said then.
+CASES = {
+    "an ID with a blank": (ids("my tree"), {"4.9", "4.10"}, (3, 19)),
+    "an ID with a dot": (ids("v.2"), {"4.9", "4.10"}, (3, 19)),
+    "the ID Root": (ids("Root"), {"4.9", "4.10"}, (3, 19)),
+    "two subtrees of one name": (
+        MAIN.format('<Sequence><SubTree ID="B" name="b"/><SubTree ID="B" name="b"/></Sequence>')
+        + PART.format("B", "<Success/>"),
+        {"4.9", "4.10"},
+        (2, 83),
+    ),
+    "a subtree that is called as another one is by itself": (
+        MAIN.format('<Sequence><SubTree ID="B" name="B::4"/><SubTree ID="B"/></Sequence>')
+        + PART.format("B", "<Success/>"),
+        {"4.9", "4.10"},
+        (2, 64),
+    ),
+    "a number for a port that reads a text": (
+        MAIN.format('<SubTree ID="B" zone="007"/>') + PART.format("B", SWITCH),
+        {"4.9", "4.10"},
+        (3, 41),
+    ),
+    "a node of a newer version": (
+        MAIN.format("<TryCatch><NavigateToZone/><NavigateToBase/></TryCatch>") + "</root>",
+        {"4.8"},
+        (2, 25),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("version", VERSIONS)
+def test_what_a_version_refuses_is_a_warning_for_it_and_nothing_for_others(name, version):
+    text, refusing, place = CASES[name]
+    findings = check(forest_of(text), default_registry(), (), VERSIONS[version])
+    assert [(f.code, f.severity, f.span.line, f.span.column) for f in findings] == (
+        [("btcpp-version", Severity.WARNING, *place)] if version in refusing else []
+    )
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_it_is_the_same_in_yaml(name):
+    text, refusing, _ = CASES[name]
+    yaml = convert(parse_xml(text), Form.YAML).text
+    for version, known in VERSIONS.items():
+        findings = check(Forest.of(parse_yaml(yaml, "t.yaml")), default_registry(), (), known)
+        assert [f.code for f in findings] == ["btcpp-version"] * (version in refusing)
+
+
+@pytest.mark.parametrize("tree_id", ["Größe", "ROOT", "a-b", "a_b", "Timer", "Success", "Condition"])
+def test_what_every_version_takes_as_an_id_is_one(tree_id):
+    assert check(forest_of(ids(tree_id)), default_registry()) == []
+
+
+@pytest.mark.parametrize("tree_id", ["my tree", "v.2", "Root"])
+@pytest.mark.parametrize(("version", "said"), [("4.8", 0), ("4.10", 1)])
+def test_conversion_is_for_the_version_as_well(tree_id, version, said):
+    notes = to_btcpp(parse_xml(ids(tree_id)), default_registry(), (), VERSIONS[version])[1]
+    assert [note.code for note in notes] == ["no-counterpart"] * said
+
+
+def test_a_node_of_a_newer_version_has_no_counterpart_in_an_older_one():
+    text, _, _ = CASES["a node of a newer version"]
+    for version, said in (("4.8", ["no-counterpart"]), ("4.9", [])):
+        notes = to_btcpp(parse_xml(text), default_registry(), (), VERSIONS[version])[1]
+        assert [note.code for note in notes if "TryCatch" in note.message] == said
+
+
+@pytest.fixture
+def project(tmp_path, monkeypatch):
+    """Return a function that writes what a project's trees are for."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tree.xml").write_text(ids("my tree"), encoding="utf-8")
+
+    def write(settings):
+        (tmp_path / "sar.toml").write_text(settings, encoding="utf-8")
+
+    return write
+
+
+def test_a_projects_configuration_says_the_version(project, capsys):
+    assert load("tree.xml").project.configuration.btcpp == NEWEST
+    assert main(["validate", "--strict", "tree.xml"]) == 1
+    project('[language]\nbtcpp = "4.8"\n')
+    assert load("tree.xml").project.configuration.btcpp == VERSIONS["4.8"]
+    capsys.readouterr()
+    assert main(["validate", "--strict", "tree.xml"]) == 0
+    assert capsys.readouterr().out == "tree.xml: no findings\n"
+    assert main(["convert", "--to", "btcpp", "tree.xml"]) == 0
+
+
+@pytest.mark.parametrize("written", ['"4.7"', "4.8", '"4"'])
+def test_a_version_that_is_not_known_is_a_mistake_of_the_configuration(project, capsys, written):
+    project(f"[language]\nbtcpp = {written}\n")
+    assert main(["validate", "tree.xml"]) == 1
+    assert "sar.toml:2:" in capsys.readouterr().out
+
+
+def test_a_tree_that_a_version_refuses_is_run_all_the_same(project):
+    compiled = load("tree.xml").compile()
+    compiled.root.tick_once()
+    assert compiled.root.status.name == "SUCCESS"
+
+
+def test_the_page_has_no_other_releases_than_those_of_known_versions():
+    rows = [cells[0] for heading, _, cells in tables(Path("docs/btcpp.md")) if heading == "Versions"]
+    assert rows
+    assert {re.sub(r"\.\d+$", "", row) if row.count(".") > 1 else row for row in rows} <= VERSIONS.keys()
