@@ -4,9 +4,30 @@ What does not end with the tick in which it shows is in `as_there`.
 """
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
+
+from sar_compiler.nodes.spec import Kind
+from sar_compiler.tree.diagnostic import TreeError
+from sar_compiler.tree.model import Element
+from sar_compiler.tree.xml import parse_xml
+
+
+class Refusal(NamedTuple):
+    """A finding because of which a tree is refused here.
+
+    Attributes:
+        line: Where it stands.
+        column: Where it stands there.
+        code: Its code.
+        message: What it says.
+    """
+
+    line: int
+    column: int
+    code: str
+    message: str
 
 
 @dataclass(frozen=True)
@@ -45,15 +66,24 @@ class Difference:
         return str(ticks[self.tick].get("exception", "")) if 0 <= self.tick < len(ticks) else ""
 
     @property
-    def refusals(self) -> list[tuple[str, str]]:
-        """The codes and messages of what was found here."""
-        return _FINDING.findall(self.seen) if self.what == "refused" else []
+    def refusals(self) -> list[Refusal]:
+        """What was found here."""
+        found = _FINDING.findall(self.seen) if self.what == "refused" else []
+        return [Refusal(int(line), int(column), code, message) for line, column, code, message in found]
+
+    @property
+    def exceptions(self) -> Iterator[str]:
+        """What was raised there in all the run."""
+        return (str(tick.get("exception", "")) for tick in self.run.get("ticks", ()))
 
 
 Case = Mapping[str, Any]
 Rule = Callable[[Case, Difference], bool]
+RefusalRule = Callable[[Case, Difference, Refusal], bool]
 
-_FINDING = re.compile(r": error\[([a-z-]+)\]: (.*)")
+_FINDING = re.compile(r":(\d+):(\d+): error\[([a-z-]+)\]: (.*)")
+_RAISED_IN = re.compile(r"Exception in node '(?:[^']*/)?([^'/]*)' \[(\w+)\]: (?!scripted throw)")
+_KIND_TAGS = {kind.value for kind in Kind}
 _MISSING = re.compile(r"<\w+> needs the attribute '(\w+)'")
 _FRONT = re.compile(r"'-?(?:[0-9]|\.[0-9])[^']*' is not a (?:whole )?number")
 _TYPES = re.compile(r"initially created with type \[([^]]*)\] and, later type \[([^]]*)\]")
@@ -71,33 +101,58 @@ _NO_DEFAULT = {
 
 
 def deviation(case: Case, difference: Difference) -> str | None:
-    """Return why a difference is intended; None if it is not."""
-    return next((reason for reason, applies in _RULES if applies(case, difference)), None)
+    """Return why a difference is intended; None if it is not. Of a refusal, each finding must be."""
+    if difference.what != "refused":
+        return next((reason for reason, applies in _RULES if applies(case, difference)), None)
+    reasons = [
+        next((reason for reason, applies in _REFUSALS if applies(case, difference, refusal)), None)
+        for refusal in difference.refusals
+    ]
+    known = [reason for reason in reasons if reason is not None]
+    return "; ".join(dict.fromkeys(known)) if known and len(known) == len(reasons) else None
 
 
-def _raised_there(difference: Difference) -> bool:
-    return any(tick["root"] == "EXCEPTION" for tick in difference.run.get("ticks", ()))
+def _refused_before(case: Case, difference: Difference, refusal: Refusal) -> bool:
+    """Whether the very node of a finding raised there; for a script around a node, its parent is blamed."""
+    nodes = _nodes_at(case, refusal)
+    if not refusal.message.startswith("_"):
+        nodes = nodes[-1:]
+    raised = [match.groups() for text in difference.exceptions if (match := _RAISED_IN.match(text))]
+    return any(_is_called(node, name, tag) for node in nodes for name, tag in raised)
 
 
-def _refused_before(_: Case, difference: Difference) -> bool:
-    return difference.what == "refused" and _raised_there(difference)
+def _nodes_at(case: Case, refusal: Refusal) -> list[Element]:
+    """Return the element that a finding is about, with its parent before it."""
+    try:
+        root = parse_xml(case["xml"]).root
+    except TreeError:
+        return []
+    place = (refusal.line, refusal.column)
+    before = [each for each in root.iterate() if (each.line, each.column) <= place]
+    if not before:
+        return []
+    parents = [each for each in before if any(child is before[-1] for child in each.children)]
+    return [*parents, before[-1]]
 
 
-def _port_missing(_: Case, difference: Difference) -> bool:
-    found = [_MISSING.match(message) for _, message in difference.refusals]
-    return bool(found) and all(match is not None and match.group(1) in _NO_DEFAULT for match in found)
+def _is_called(element: Element, name: str, tag: str) -> bool:
+    """Whether an element is the node that BehaviorTree.CPP calls so; without a name of its own, a node has a number."""
+    own = element.attributes.get("ID", "") if element.tag in _KIND_TAGS else element.tag
+    given = element.attributes.get("name", own)
+    return own == tag and (name == given if given != own else name.startswith(f"{own}::"))
 
 
-def _too_large(_: Case, difference: Difference) -> bool:
-    found = difference.refusals
-    return bool(found) and all(
-        code == "script-error" and " is too large for a" in text for code, text in found
-    )
+def _port_missing(_: Case, __: Difference, refusal: Refusal) -> bool:
+    match = _MISSING.match(refusal.message)
+    return match is not None and match.group(1) in _NO_DEFAULT
 
 
-def _front_of_literal(_: Case, difference: Difference) -> bool:
-    found = [code == "wrong-value" and _FRONT.search(message) for code, message in difference.refusals]
-    return bool(found) and all(found)
+def _too_large(_: Case, __: Difference, refusal: Refusal) -> bool:
+    return refusal.code == "script-error" and " is too large for a" in refusal.message
+
+
+def _front_of_literal(_: Case, __: Difference, refusal: Refusal) -> bool:
+    return refusal.code == "wrong-value" and _FRONT.search(refusal.message) is not None
 
 
 def _front_of_entry(_: Case, difference: Difference) -> bool:
@@ -108,13 +163,20 @@ def _front_of_entry(_: Case, difference: Difference) -> bool:
 
 
 def _numbers_of_two_types(_: Case, difference: Difference) -> bool:
-    match = _TYPES.search(difference.expected) if difference.what == "accepted" else None
+    if difference.what != "accepted":
+        return False
+    match = _TYPES.search(difference.expected) or _DECLARED.search(difference.expected)
     return match is not None and set(match.groups()) <= _NUMBERS
 
 
 def _constant_for_a_text(_: Case, difference: Difference) -> bool:
     match = _TYPES.search(difference.expected) if difference.what == "accepted" else None
     return match is not None and match.group(1) in _NUMBERS and match.group(2) == _TEXT
+
+def _text_by_root_key(_: Case, difference: Difference) -> bool:
+    """Whether a text came first through a key of the main tree that subtrees are given."""
+    match = _DECLARED.search(difference.expected) if difference.what == "accepted" else None
+    return match is not None and match.group(1) == _TEXT and "Blackboard entry [@" in difference.expected
 
 
 def _set_over_another(_: Case, difference: Difference) -> bool:
@@ -123,11 +185,9 @@ def _set_over_another(_: Case, difference: Difference) -> bool:
     return match is not None and match.group(1) in {*_NUMBERS, _TEXT} and match.group(2) in {*_NUMBERS, _ANY}
 
 
-def _of_two_types(case: Case, difference: Difference) -> bool:
+def _of_two_types(case: Case, _: Difference, refusal: Refusal) -> bool:
     text_given = any(isinstance(value, str) for value in case.get("bb", {}).values())
-    return {code for code, _ in difference.refusals} == {"key-of-two-types"} and (
-        text_given or _OF_ANY_TYPE.search(case["xml"]) is not None
-    )
+    return refusal.code == "key-of-two-types" and (text_given or _OF_ANY_TYPE.search(case["xml"]) is not None)
 
 
 def _loop_over_another(_: Case, difference: Difference) -> bool:
@@ -135,7 +195,28 @@ def _loop_over_another(_: Case, difference: Difference) -> bool:
 
 
 def _no_delay(case: Case, difference: Difference) -> bool:
-    return 'delay_msec="0"' in case["xml"] and "period_ms" in case and difference.tick >= 0
+    """Whether a delay of nothing was over in its first tick there, or not over yet in a later one."""
+    if difference.tick < 0 or "period_ms" not in case:
+        return False
+    more = difference.expected.count("tick ") > difference.seen.count("tick ")
+    sooner = more or difference.seen == "RUNNING" or difference.what.startswith("blackboard")
+    before, now = (
+        {} if tick < 0 else difference.run["ticks"][tick].get("status", {})
+        for tick in (difference.tick - 1, difference.tick)
+    )
+    delays = (each for each in parse_xml(case["xml"]).root.iterate() if each.tag == "Delay")
+    for delay in delays:
+        if delay.attributes.get("delay_msec") == "0" and now:
+            begins = "RUNNING" not in _statuses(before, delay)
+            waits = "RUNNING" in _statuses(now, delay) and "IDLE" in _statuses(now, delay.children[0])
+            if begins is not waits and (waits or sooner):
+                return True
+    return False
+
+
+def _statuses(status: Mapping[str, str], element: Element) -> list[str]:
+    tag = element.attributes.get("ID", "") if element.tag in _KIND_TAGS else element.tag
+    return [text for path, text in status.items() if _is_called(element, path.rpartition("/")[2], tag)]
 
 
 def _sleep_cut_short(case: Case, difference: Difference) -> bool:
@@ -212,19 +293,23 @@ def _explicit_under_reactive(_: Case, difference: Difference) -> bool:
     return difference.what == "accepted" and "Unknown node type" in difference.expected
 
 
-_RULES: tuple[tuple[str, Rule], ...] = (
+_REFUSALS: tuple[tuple[str, RefusalRule], ...] = (
     ("a mistake that is met while ticking there is refused before here", _refused_before),
     ("a node without a port that it needs is refused here; there it fails when it is ticked", _port_missing),
     ("of a text that begins with a number, the rest is dropped there", _front_of_literal),
-    ("of a text that begins with a number, the rest is dropped there", _front_of_entry),
     ("a number of a script that is too large is 0 there", _too_large),
+    ("ports of two types go together there if one for any type, or a text, comes first", _of_two_types),
+)
+
+_RULES: tuple[tuple[str, Rule], ...] = (
+    ("of a text that begins with a number, the rest is dropped there", _front_of_entry),
     ("a number is refused there by a port for numbers of another type", _numbers_of_two_types),
     ("a constant that looks like a number is refused there by a port for texts", _constant_for_a_text),
+    ("a text that comes first by a key of the main tree goes with no other type there", _text_by_root_key),
     ("an entry that was first named by a port of another type takes no number there", _set_over_another),
     ("a loop cannot replace there what a script has written to its output", _loop_over_another),
     ("a delay of nothing takes there until its thread has had a turn", _no_delay),
     ("a sleep that is halted and started at once can end too early there", _sleep_cut_short),
-    ("ports of two types go together there if one for any type, or a text, comes first", _of_two_types),
     ("a plus sign before a number is refused there", _plus_sign),
     ("a number is taken for a key there", _number_as_key),
     ("an entry that SetBlackboard copied, or whose updates are awaited, takes no text there", _any_type),

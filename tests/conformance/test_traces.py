@@ -146,13 +146,6 @@ def test_no_file_at_all_ends_with_status_2(capsys):
         ),
         (
             case_of(
-                '<Sequence><Scripted id="a"/><IfThenElse><Scripted id="c"/></IfThenElse></Sequence>',
-                ("EXCEPTION", [["tick", "a", "SUCCESS"]]),
-            ),
-            "refused before",
-        ),
-        (
-            case_of(
                 '<Sequence><SetBlackboard value="7" output_key="k"/><Show id="k" value="{k}"/></Sequence>',
                 ("FAILURE", [["show", "k", "<error: the entry is empty>"]]),
             ),
@@ -182,6 +175,107 @@ def test_mistakes_of_behaviortree_cpp_are_recognised_by_what_happens(case, reaso
         tick["exception"] = next((text for tag, text in exception.items() if tag in case["xml"]), "")
     (difference,) = replay(case)
     assert reason in (reason_for(case, difference) or "")
+
+
+def raised(tree, exception, **more):
+    """Return why a tree is refused here over which something is raised in BehaviorTree.CPP; None if that is not known."""
+    case = case_of(tree, ("EXCEPTION", []), **more)
+    case["runs"][0]["ticks"][0]["events"] = [["tick", "a", "SUCCESS"]]
+    case["runs"][0]["ticks"][0]["exception"] = exception
+    (difference,) = replay(case)
+    assert difference.what == "refused"
+    return reason_for(case, difference)
+
+
+ONE_CHILD = '<Sequence><Scripted id="a"/><IfThenElse{}><Scripted id="c"/></IfThenElse>{}</Sequence>'
+WHY = "IfThenElseNode must have either 2 or 3 children"
+TWO_TYPES = '<LoopInt queue="1" value="{k}"><Show id="k" value="{k}"/></LoopInt><LoopBool queue="1" value="{k}"><Scripted id="b"/></LoopBool>'
+
+
+@pytest.mark.parametrize(
+    ("tree", "exception"),
+    [
+        (ONE_CHILD.format("", ""), f"Exception in node 'IfThenElse::3' [IfThenElse]: {WHY}"),
+        (ONE_CHILD.format(' name="if"', ""), f"Exception in node 'if' [IfThenElse]: {WHY}"),
+        (
+            '<Sequence><Scripted id="a"/><Scripted id="b" _skipIf="nobody"/></Sequence>',
+            "Exception in node 'Sequence::1' [Sequence]: Error in script [nobody]\nVariable not found: nobody",
+        ),
+    ],
+)
+def test_a_refusal_is_explained_by_what_the_same_node_raised_there(tree, exception):
+    if "nobody" in tree:
+        tree = tree.replace("nobody", "nobody +")
+    assert "refused before" in (raised(tree, exception) or "")
+
+
+@pytest.mark.parametrize(
+    ("tree", "exception"),
+    [
+        (ONE_CHILD.format("", ""), "Exception in node 'Script::4' [Script]: Variable not found: b"),
+        (ONE_CHILD.format(' name="if"', ""), f"Exception in node 'other' [IfThenElse]: {WHY}"),
+        (ONE_CHILD.format("", "<"), f"Exception in node 'IfThenElse::3' [IfThenElse]: {WHY}"),
+        (
+            ONE_CHILD.format("", '<Scripted id="d" restart="maybe"/>'),
+            f"Exception in node 'IfThenElse::3' [IfThenElse]: {WHY}",
+        ),
+    ],
+)
+def test_a_refusal_is_not_explained_by_what_another_node_raised(tree, exception):
+    assert raised(tree, exception) is None
+
+
+def test_two_refusals_are_explained_each_by_its_own_reason():
+    reason = raised(ONE_CHILD.format("", TWO_TYPES), f"Exception in node 'IfThenElse::3' [IfThenElse]: {WHY}")
+    assert reason is not None
+    assert "refused before" in reason
+    assert "ports of two types" in reason
+
+
+@pytest.mark.parametrize(
+    ("ticks", "explained"),
+    [
+        # Over at once; not over in the second tick.
+        ([("RUNNING", "RUNNING", "RUNNING")], True),
+        ([("RUNNING", "RUNNING", "IDLE"), ("RUNNING", "RUNNING", "IDLE")], True),
+        # Over as here, and something else differs.
+        ([("RUNNING", "RUNNING", "IDLE"), ("FAILURE", "RUNNING", "RUNNING")], False),
+        ([("FAILURE", "RUNNING", "IDLE")], False),
+    ],
+)
+def test_a_delay_of_nothing_explains_only_that_its_child_is_ticked_sooner_or_later_there(ticks, explained):
+    events = [[["tick", "a", "RUNNING"]] if child == "RUNNING" else [] for _, _, child in ticks]
+    case = case_of(
+        '<Delay delay_msec="0"><Scripted id="a" outcomes="R"/></Delay>',
+        *((root, happened) for (root, _, _), happened in zip(ticks, events, strict=True)),
+        mode="exactly_once",
+        period_ms=10,
+    )
+    for tick, (_, delay, child) in zip(case["runs"][0]["ticks"], ticks, strict=True):
+        tick["status"] = {"Delay::1": delay, "Scripted::2": child}
+    (difference,) = replay(case)
+    assert ("had a turn" in (reason_for(case, difference) or "")) == explained
+
+
+@pytest.mark.parametrize(("first", "explained"), [("std::string", True), ("MyType", False)])
+def test_types_that_clash_there_by_a_key_of_the_main_tree_are_recognised(first, explained):
+    a, b = (
+        '<Fallback><AlwaysSuccess/><ShowS id="s" value="{x}"/></Fallback>',
+        '<LoopInt queue="1" value="{x}">',
+    )
+    case = case_of(
+        '<Sequence><SubTree ID="A" x="{@c}"/><SubTree ID="B" x="{@c}"/></Sequence></BehaviorTree>'
+        f'<BehaviorTree ID="A">{a}</BehaviorTree><BehaviorTree ID="B">{b}<Scripted id="a"/></LoopInt>'
+    )
+    case["xml"] = case["xml"].replace("<root", '<root main_tree_to_execute="Main"')
+    case["ticks"] = 1
+    (run,) = case["runs"]
+    run["create_exception"] = (
+        "Blackboard entry [@c]: once declared, the type of a port shall not change. "
+        f"Previously declared type [{first}], current type [int]"
+    )
+    (difference,) = replay(case)
+    assert ("goes with no other type" in (reason_for(case, difference) or "")) == explained
 
 
 def test_halting_the_tree_runs_no_script_of_a_node_that_does_not_run():
