@@ -60,9 +60,13 @@ RULES: tuple[Callable[[CheckContext], Iterable[Diagnostic]], ...] = (
 
 def check_palettes(palettes: Palettes, registry: Registry) -> list[Diagnostic]:
     """Return what is wrong with palettes themselves, whatever files they are for."""
-    collector = Collector()
+    collector, palettes = Collector(), tuple(palettes)
     compare(read_models(palettes, collector), registry, collector)
-    return collector.findings
+    return [*_mended(palettes), *collector.findings]
+
+
+def _mended(files: Palettes) -> Iterable[Diagnostic]:
+    return itertools.chain.from_iterable(tree_file.findings for tree_file in files)
 
 
 def _is_no_error(finding: Diagnostic) -> bool:
@@ -81,7 +85,7 @@ def check(forest: Forest, registry: Registry, palettes: Palettes = ()) -> list[D
             themselves, `check_palettes` says.
     """
     palettes = tuple(palettes)
-    findings = [*forest.findings]
+    findings = [*forest.findings, *_mended(forest.files)]
     context = CheckContext(forest, registry, palettes)
     is_all = True
     for rule in RULES:

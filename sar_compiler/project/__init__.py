@@ -17,7 +17,7 @@ from sar_compiler.nodes.installed import ignored_entry_points, is_installed
 from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, load_registry
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
 from sar_compiler.tree.forest import Forest, Read, load_forest
-from sar_compiler.tree.model import TreeFile
+from sar_compiler.tree.model import Beginning, TreeFile
 from sar_compiler.tree.reading import read_tree_file
 from sar_compiler.tree.shipped import find_tree
 from sar_compiler.tree.source import Source
@@ -211,10 +211,12 @@ class LoadedTree:
         self._note = note
         self._forest: Forest | None = None
         self._malformed: tuple[Diagnostic, ...] = ()
+        self._beginning: Beginning | None = None
+        self._read = read
         try:
             self._forest = load_forest(path, read, project.include_path)
         except TreeError as error:
-            self._malformed = error.findings
+            self._malformed, self._beginning = error.findings, error.beginning
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.path}>"
@@ -232,8 +234,10 @@ class LoadedTree:
 
     @property
     def tree_file(self) -> TreeFile | None:
-        """The content of the file itself; None if it is malformed."""
-        return self._forest.main if self._forest is not None else None
+        """The content of the file itself; if it is malformed, of its beginning, or None."""
+        if self._forest is not None:
+            return self._forest.main
+        return self._beginning.tree_file if self._beginning is not None else None
 
     @property
     def source(self) -> Source:
@@ -244,9 +248,25 @@ class LoadedTree:
     def findings(self) -> list[Diagnostic]:
         """The findings about the file and those that it includes, with the project's severities."""
         if self._forest is None:
-            return list(self._malformed)
+            return self._findings_before()
         project = self.project
         return project.configuration.decide(check(self._forest, project.registry, project.palettes))
+
+    def _findings_before(self) -> list[Diagnostic]:
+        """Return the findings about a malformed file: where it is that, and what is wrong before."""
+        found, project = list(self._malformed), self.project
+        if self._beginning is not None:
+            from sar_compiler.checks.beginnings import check_beginning
+
+            beginning, own = self._beginning, self.path.resolve()
+
+            def read(path: Path) -> TreeFile:
+                return beginning.tree_file if path.resolve() == own else self._read(path)
+
+            forest = load_forest(self.path, read, project.include_path)
+            cut = min(each.span for each in found if each.severity is Severity.ERROR)
+            found += check_beginning(beginning, cut, forest, project.registry, project.palettes)
+        return project.configuration.decide(sorted(found, key=lambda each: each.span))
 
     def check(self) -> list[Diagnostic]:
         """Return all findings about the palettes, the file, and the files that it includes.

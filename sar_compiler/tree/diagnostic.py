@@ -3,9 +3,13 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING
 
 from sar_compiler.errors import SarError
 from sar_compiler.tree.source import Source, Span
+
+if TYPE_CHECKING:
+    from sar_compiler.tree.model import Beginning
 
 _EXCERPT = 120
 """The number of characters shown of a long line."""
@@ -72,10 +76,12 @@ class TreeError(SarError):
 
     Attributes:
         findings: Everything that is wrong with it.
+        beginning: What it says before the place where it goes wrong; None where that is not known.
     """
 
-    def __init__(self, findings: Iterable[Diagnostic]) -> None:
+    def __init__(self, findings: Iterable[Diagnostic], beginning: "Beginning | None" = None) -> None:
         self.findings = tuple(findings)
+        self.beginning = beginning
         super().__init__("\n".join(finding.render() for finding in self.findings))
 
 
