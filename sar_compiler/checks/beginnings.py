@@ -11,8 +11,8 @@ from sar_compiler.checks.suppressions import without_suppressed
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, Beginning, TreeFile
-from sar_compiler.tree.source import Span
+from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, FileBeginning, TreeFile
+from sar_compiler.tree.source import Form, Span
 
 _OF_A_START_TAG = frozenset(
     {
@@ -38,7 +38,7 @@ _OF_AN_ELEMENT = frozenset({"empty-control", "missing-child", "out-of-reach"})
 
 
 def check_beginning(
-    beginning: Beginning, cut: Span, forest: Forest, registry: Registry, palettes: tuple[TreeFile, ...]
+    beginning: FileBeginning, cut: Span, forest: Forest, registry: Registry, palettes: tuple[TreeFile, ...]
 ) -> list[Diagnostic]:
     """Return what is wrong with the elements before the place where a file goes wrong.
 
@@ -61,7 +61,7 @@ def check_beginning(
     }
     rest = source.text[source.offset(cut.line, cut.column) :]
     describing = any(place.tag == MODEL_TAG for place in beginning.unfinished)
-    is_known = not (describing or f"<{MODEL_TAG}" in rest or f"<{INCLUDE_TAG}" in rest or forest.findings)
+    is_known = not (describing or MODEL_TAG in rest or INCLUDE_TAG in rest or forest.findings)
 
     def stays(finding: Diagnostic) -> bool:
         if finding.source is not source:
@@ -69,11 +69,11 @@ def check_beginning(
         place = places[max(0, bisect.bisect_right(places, finding.span[:2]) - 1)]
         if finding.code == "unknown-node":
             return is_known
+        if finding.code == "missing-attribute" and place in unfinished:  # in YAML, it may have come later
+            return source.form is Form.XML
         if finding.code == "wrong-value":  # rules of nodes look at their children as well
             return not (place in unfinished and place in ruled)
-        return finding.code in _OF_A_START_TAG or (
-            finding.code in _OF_AN_ELEMENT and place not in unfinished
-        )
+        return finding.code in _OF_A_START_TAG or (finding.code in _OF_AN_ELEMENT and place not in unfinished)
 
     kept = without_suppressed(forest, [each for each in found if stays(each)])
     return [*forest.findings, *(each for each in kept if stays(each))]

@@ -13,7 +13,6 @@ from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, closed
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.model import Element, TreeFile
 from sar_compiler.tree.source import Form, Source
-from sar_compiler.tree.xml_recovery import CODE as LOOSE_XML
 from sar_compiler.tree.yaml_writer import scalar
 
 _COMMON = frozenset({"ID", "name", "memory", "BTCPP_format", "main_tree_to_execute", ONESHOT, *CONDITIONS})
@@ -61,7 +60,7 @@ SAFE: Mapping[str, Callable[[str, str], bool]] = {
     "wrong-value": _value,
     "script-error": _script,
     "wrong-shape": _shape,
-    LOOSE_XML: _stand_alone,
+    "loose-xml": _stand_alone,
 }
 """For each kind of finding of which some are mended: whether a text in a file may become what is suggested.
 
@@ -213,7 +212,7 @@ def _fix(finding: Diagnostic, values: _Values) -> Fix | None:
     """Return a finding's suggestion as it is written there; None if it cannot be without more ado."""
     start, end = _offsets(finding)
     text = finding.suggestion or ""
-    value = values.around(finding) if finding.code != LOOSE_XML else None
+    value = values.around(finding) if finding.code != "loose-xml" else None
     if value is None:  # a name, the text itself, or what could not be read
         return Fix(finding, start, end, text)
     source = finding.source

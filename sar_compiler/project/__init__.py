@@ -17,7 +17,7 @@ from sar_compiler.nodes.installed import ignored_entry_points, is_installed
 from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, load_registry
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
 from sar_compiler.tree.forest import Forest, Read, load_forest
-from sar_compiler.tree.model import Beginning, TreeFile
+from sar_compiler.tree.model import FileBeginning, TreeFile
 from sar_compiler.tree.reading import read_tree_file
 from sar_compiler.tree.shipped import find_tree
 from sar_compiler.tree.source import Source
@@ -211,7 +211,7 @@ class LoadedTree:
         self._note = note
         self._forest: Forest | None = None
         self._malformed: tuple[Diagnostic, ...] = ()
-        self._beginning: Beginning | None = None
+        self._beginning: FileBeginning | None = None
         self._read = read
         try:
             self._forest = load_forest(path, read, project.include_path)

@@ -9,7 +9,7 @@ from sar_compiler.errors import SarError
 from sar_compiler.tree.source import Source, Span
 
 if TYPE_CHECKING:
-    from sar_compiler.tree.model import Beginning
+    from sar_compiler.tree.model import FileBeginning
 
 _EXCERPT = 120
 """The number of characters shown of a long line."""
@@ -48,7 +48,10 @@ class Diagnostic:
     @property
     def advice(self) -> str:
         """The advice on what to write or do instead; empty if there is none."""
-        return f"did you mean '{self.suggestion}'?" if self.suggestion else self.hint or ""
+        if not self.suggestion:
+            return self.hint or ""
+        quote = next((mark for mark in "'\"`" if mark not in self.suggestion), "")
+        return f"did you mean {quote}{self.suggestion}{quote}?"
 
     def render(self) -> str:
         """Return the finding as text: place, message, the line itself with carets, the suggestion."""
@@ -79,7 +82,7 @@ class TreeError(SarError):
         beginning: What it says before the place where it goes wrong; None where that is not known.
     """
 
-    def __init__(self, findings: Iterable[Diagnostic], beginning: "Beginning | None" = None) -> None:
+    def __init__(self, findings: Iterable[Diagnostic], beginning: "FileBeginning | None" = None) -> None:
         self.findings = tuple(findings)
         self.beginning = beginning
         super().__init__("\n".join(finding.render() for finding in self.findings))

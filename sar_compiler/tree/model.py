@@ -135,7 +135,7 @@ class TreeFile:
         return self.root.attributes.get("main_tree_to_execute")
 
 
-class Place(NamedTuple):
+class OpenTag(NamedTuple):
     """Where an element begins.
 
     Attributes:
@@ -149,7 +149,7 @@ class Place(NamedTuple):
     tag: str
 
 
-class Beginning(NamedTuple):
+class FileBeginning(NamedTuple):
     """What a file says before the place where it goes wrong.
 
     Attributes:
@@ -158,4 +158,4 @@ class Beginning(NamedTuple):
     """
 
     tree_file: TreeFile
-    unfinished: tuple[Place, ...]
+    unfinished: tuple[OpenTag, ...]

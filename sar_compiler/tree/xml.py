@@ -13,7 +13,7 @@ from sar_compiler.tree.comments import text_of_xml
 from sar_compiler.tree.content import MAX_DEPTH, source_of
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.gc_pause import gc_paused
-from sar_compiler.tree.model import MODEL_TAG, Beginning, Comment, Element, Place, TreeFile
+from sar_compiler.tree.model import MODEL_TAG, Comment, Element, FileBeginning, OpenTag, TreeFile
 from sar_compiler.tree.source import AttributePlaces, Form, Source, Span
 from sar_compiler.tree.xml_recovery import ATTRIBUTE, NAME, REFERENCE, Recovered, recover
 
@@ -124,12 +124,12 @@ class _XmlReader:
         findings = self._recovered.findings if self._recovered is not None else ()
         return TreeFile(self._source, self._levels[0][0], tuple(self._comments.get(0, ())), findings)
 
-    def _beginning(self) -> Beginning | None:
+    def _beginning(self) -> FileBeginning | None:
         """Return what was read before the place where the file goes wrong; None if that is no element."""
-        unfinished = [Place(line, column, tag) for tag, _, line, column in self._open]
+        unfinished = [OpenTag(line, column, tag) for tag, _, line, column in self._open]
         for place in reversed(unfinished):
             self._end(place.tag)
-        return Beginning(self._file(), tuple(unfinished)) if self._levels[0] else None
+        return FileBeginning(self._file(), tuple(unfinished)) if self._levels[0] else None
 
     def _handlers(self) -> tuple[Callable[[str, dict[str, str]], None], Callable[[str], None]]:
         """Return the handlers for start and end tags; closures, which are faster than methods."""

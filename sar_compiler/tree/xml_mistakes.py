@@ -110,7 +110,9 @@ def _twice(text: str, place: int) -> XmlMistake | None:
 def _unclosed(text: str, place: int) -> XmlMistake | None:
     """Return what has no end in the whole file."""
     if text.startswith("<!--", place):
-        return XmlMistake("the comment that begins here has no -->", place, place + len("<!--"), hint="write --> behind it")
+        return XmlMistake(
+            "the comment that begins here has no -->", place, place + len("<!--"), hint="write --> behind it"
+        )
     name = NAME.match(text, place)
     if name is None:
         return None

@@ -12,8 +12,6 @@ from typing import NamedTuple
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.source import Source
 
-CODE = "loose-xml"
-"""The kind of these findings."""
 REFERENCE = r"&(?:amp|lt|gt|apos|quot|#[0-9]+|#x[0-9a-fA-F]+);"
 """A regular expression of what stands for another character."""
 NAME = re.compile(r"<[^\s/>]+")
@@ -90,7 +88,9 @@ def _replacement(raw: str) -> str:
 def _stand_ins(text: str) -> dict[int, str] | None:
     """Return a character that the text does not have for each that is replaced; None if it has too many."""
     used = set(text)
-    free = itertools.islice((chr(each) for each in itertools.chain(*_PRIVATE) if chr(each) not in used), len(_STANDING_ALONE))
+    free = itertools.islice(
+        (chr(each) for each in itertools.chain(*_PRIVATE) if chr(each) not in used), len(_STANDING_ALONE)
+    )
     found = {ord(character): stand_in for character, stand_in in zip(_STANDING_ALONE, free, strict=False)}
     return found if len(found) == len(_STANDING_ALONE) else None
 
@@ -165,4 +165,4 @@ def _finding(source: Source, start: int, end: int) -> Diagnostic:
         what = "an &" if raw != "<" else "a <"
         message, suggestion = f"{what} is written {_replacement(raw[:1])} in XML: {_TOLD}", _replacement(raw)
     span = source.span(start, end)
-    return Diagnostic(CODE, message, source, span, suggestion, hint, Severity.WARNING)
+    return Diagnostic("loose-xml", message, source, span, suggestion, hint, Severity.WARNING)

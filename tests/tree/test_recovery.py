@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from sar_compiler.tree.conversion import convert
 from sar_compiler.tree.diagnostic import Severity, TreeError
-from sar_compiler.tree.model import Place
+from sar_compiler.tree.model import OpenTag
 from sar_compiler.tree.source import Form
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.xml_recovery import recover
@@ -141,8 +141,18 @@ def test_entities_are_not_expanded_in_a_file_that_is_recovered():
 WORDS = {
     "an attribute without a value": ("<B c/>", 4, "the attribute 'c' has no value", 'write c="..."'),
     "one before others": ("<B c d='1'/>", 4, "the attribute 'c' has no value", 'write c="..."'),
-    "a comment in a tag": ("<B <!-- c --> d='1'/>", 4, "a comment cannot stand in a tag", "put it before or behind"),
-    "a comment without an end": ("<!-- c <B/>", 1, "the comment that begins here has no -->", "write --> behind it"),
+    "a comment in a tag": (
+        "<B <!-- c --> d='1'/>",
+        4,
+        "a comment cannot stand in a tag",
+        "put it before or behind",
+    ),
+    "a comment without an end": (
+        "<!-- c <B/>",
+        1,
+        "the comment that begins here has no -->",
+        "write --> behind it",
+    ),
     "an attribute that stands twice": (
         "<B c='1' d='2' c='3'/>",
         16,
@@ -174,7 +184,7 @@ def test_what_is_not_well_formed_is_said_in_the_reader_s_words(name):
     assert finding.advice.startswith(advice)
     beginning = caught.value.beginning
     assert [each.tag for each in beginning.tree_file.root.iterate()] == ["root", "A"]
-    assert beginning.unfinished == (Place(1, 1, "root"),)
+    assert beginning.unfinished == (OpenTag(1, 1, "root"),)
 
 
 def test_a_raw_character_before_the_place_of_another_mistake_is_told_as_well():
