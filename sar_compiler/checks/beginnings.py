@@ -16,14 +16,12 @@ from sar_compiler.tree.source import Form, Span
 
 _OF_A_START_TAG = frozenset(
     {
-        "child-of-leaf",
         "conflicting-attributes",
         "duplicate-model",
         "duplicate-tree-id",
         "missing-attribute",
         "model-mismatch",
         "script-error",
-        "too-many-children",
         "unknown-attribute",
         "unknown-element",
         "unknown-node",
@@ -34,6 +32,7 @@ _OF_A_START_TAG = frozenset(
         "wrong-value",
     }
 )
+_OF_A_CHILD = frozenset({"child-of-leaf", "too-many-children"})
 _OF_AN_ELEMENT = frozenset({"empty-control", "missing-child", "out-of-reach"})
 
 
@@ -52,7 +51,11 @@ def check_beginning(
     context = CheckContext(forest, registry, palettes)
     found = [*check_document(context), *context.bound.findings]
     source, unfinished = beginning.tree_file.source, {place[:2] for place in beginning.unfinished}
-    places = sorted((each.line, each.column) for each in beginning.tree_file.root.iterate())
+    parents: dict[tuple[int, int], tuple[int, int] | None] = {}
+    for each in beginning.tree_file.root.iterate():
+        parents.setdefault((each.line, each.column), None)
+        parents.update({(child.line, child.column): (each.line, each.column) for child in each.children})
+    places = sorted(parents)
     ruled = {
         (bound.element.line, bound.element.column)
         for tree in context.bound.trees
@@ -73,7 +76,11 @@ def check_beginning(
             return source.form is Form.XML
         if finding.code == "wrong-value":  # rules of nodes look at their children as well
             return not (place in unfinished and place in ruled)
+        if finding.code in _OF_A_CHILD:  # a tag that was not closed has all that follows in it
+            return parents[place] not in unfinished
         return finding.code in _OF_A_START_TAG or (finding.code in _OF_AN_ELEMENT and place not in unfinished)
 
-    kept = without_suppressed(forest, [each for each in found if stays(each)])
-    return [*forest.findings, *(each for each in kept if stays(each))]
+    recovered = beginning.tree_file.findings
+    kept = without_suppressed(forest, [*recovered, *(each for each in found if stays(each))])
+    told = {id(each) for each in recovered}
+    return [*forest.findings, *(each for each in kept if id(each) in told or stays(each))]

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, closed
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.model import Element, TreeFile
+from sar_compiler.tree.showing import shortened, visible
 from sar_compiler.tree.source import Form, Source
 from sar_compiler.tree.yaml_writer import scalar
 
@@ -89,7 +90,10 @@ class Fix:
         finding = self.finding
         source, span = finding.source, finding.span
         place = f"{source.path}:{span.line}:{span.column}"
-        return f"{place}: fixed[{finding.code}]: {_written(finding)} -> {finding.suggestion}"
+        written, suggestion = (
+            visible(shortened(each)) for each in (_written(finding), finding.suggestion or "")
+        )
+        return f"{place}: fixed[{finding.code}]: {written} -> {suggestion}"
 
 
 def fixes(source: Source, tree_file: TreeFile | None, findings: Iterable[Diagnostic]) -> list[Fix]:

@@ -264,7 +264,8 @@ class LoadedTree:
                 return beginning.tree_file if path.resolve() == own else self._read(path)
 
             forest = load_forest(self.path, read, project.include_path)
-            cut = min(each.span for each in found if each.severity is Severity.ERROR)
+            found = [each for each in found if each.severity is Severity.ERROR]
+            cut = min(each.span for each in found)
             found += check_beginning(beginning, cut, forest, project.registry, project.palettes)
         return project.configuration.decide(sorted(found, key=lambda each: each.span))
 

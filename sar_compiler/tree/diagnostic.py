@@ -6,6 +6,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 from sar_compiler.errors import SarError
+from sar_compiler.tree.showing import shortened, visible
 from sar_compiler.tree.source import Source, Span
 
 if TYPE_CHECKING:
@@ -45,20 +46,26 @@ class Diagnostic:
     hint: str | None = None
     severity: Severity = Severity.ERROR
 
+    def __post_init__(self) -> None:
+        # A value that is quoted may be as long as a file.
+        object.__setattr__(self, "message", shortened(self.message))
+        object.__setattr__(self, "hint", self.hint and shortened(self.hint))
+
     @property
     def advice(self) -> str:
         """The advice on what to write or do instead; empty if there is none."""
         if not self.suggestion:
             return self.hint or ""
         quote = next((mark for mark in "'\"`" if mark not in self.suggestion), "")
-        return f"did you mean {quote}{self.suggestion}{quote}?"
+        return f"did you mean {quote}{shortened(self.suggestion)}{quote}?"
 
     def render(self) -> str:
         """Return the finding as text: place, message, the line itself with carets, the suggestion."""
         span = self.span
-        head = f"{self.source.path}:{span.line}:{span.column}: {self.severity.value}[{self.code}]: {self.message}"
+        place = f"{self.source.path}:{span.line}:{span.column}"
+        head = visible(f"{place}: {self.severity.value}[{self.code}]: {self.message}")
         line = self.source.line(span.line)
-        advice = self.advice
+        advice = visible(self.advice)
         if not line.strip():
             return f"{head}\n      | {advice}" if advice else head
         start = span.column - 1
@@ -68,9 +75,11 @@ class Diagnostic:
         if len(line) > _EXCERPT:
             left = max(0, min(start - _EXCERPT // 2, len(line) - _EXCERPT))
             line, start, end = line[left : left + _EXCERPT], start - left, min(end - left, _EXCERPT)
+        before, marked = visible(line[:start]), visible(line[start:end])
+        line = f"{before}{marked}{visible(line[end:])}"
         # A tab stays a tab, so that the carets stand right at any tab width.
-        indent = "".join("\t" if character == "\t" else " " for character in line[:start])
-        carets = "^" * max(1, end - start)
+        indent = "".join("\t" if character == "\t" else " " for character in before)
+        carets = "^" * max(1, end - start, len(marked))
         return f"{head}\n{span.line:5} | {line}\n      | {indent}{carets} {advice}".rstrip()
 
 

@@ -94,11 +94,13 @@ class _YamlReader:
             start, end = _place(events.next)
             message = "a second document begins here; a tree file is one"
             self._report("second-document", message, start, end, hint="put it in a file of its own")
-        tree_file = TreeFile(self._source, root, (*before, *after), tuple(self._doubts)) if root is not None else None
+        tree_file = (
+            TreeFile(self._source, root, (*before, *after), tuple(self._doubts)) if root is not None else None
+        )
         if events.findings or tree_file is None:
             findings = sorted(events.findings, key=lambda found: (found.span.line, found.span.column))
-            beginning = tree_file and FileBeginning(tree_file, tuple(self._unfinished))
-            raise TreeError(findings, beginning)
+            read = FileBeginning(tree_file, tuple(self._unfinished)) if tree_file is not None else None
+            raise TreeError(findings, read)
         return tree_file
 
     def _document(self) -> None:
@@ -278,7 +280,9 @@ class _YamlReader:
         message = f"{key.value}: a # behind a blank begins a comment, so the text is '{value.value}'"
         hint = f"write '{written}' in quotes; a comment stands behind '# '"
         span = self._source.span(end + 1, cut.end())
-        self._doubts.append(Diagnostic("cut-text", message, self._source, span, hint=hint, severity=Severity.WARNING))
+        self._doubts.append(
+            Diagnostic("cut-text", message, self._source, span, hint=hint, severity=Severity.WARNING)
+        )
 
     def _not_a_text(self, parts: _Parts, key: Any) -> None:
         """Report a list or a mapping in place of an attribute's value."""

@@ -138,7 +138,7 @@ class Events:
 
     def _ends(self, last: Any) -> Iterator[Any]:
         """Yield the events that end all that is open, behind the last one."""
-        mark = last.end_mark if last is not None else yaml.Mark("", 0, 0, 0, None, None)
+        mark = last.end_mark if last is not None else yaml.Mark("", 0, 0, 0, None, 0)
         if self._open and self._open[-1] == (yaml.MappingEndEvent, True):
             yield yaml.ScalarEvent(None, None, (True, False), "", mark, mark)
         for end, _ in reversed(self._open):

@@ -183,6 +183,7 @@ def test_what_is_not_well_formed_is_said_in_the_reader_s_words(name):
     assert message in finding.message
     assert finding.advice.startswith(advice)
     beginning = caught.value.beginning
+    assert beginning is not None
     assert [each.tag for each in beginning.tree_file.root.iterate()] == ["root", "A"]
     assert beginning.unfinished == (OpenTag(1, 1, "root"),)
 

@@ -1,7 +1,7 @@
 """Binding of an element's attributes: values, blackboard keys, conditions."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any, Literal, TypeAlias
 
 from sar_compiler.nodes.binding.bound import BoundNode
@@ -46,14 +46,16 @@ _SCRIPT_TYPE = type_of(Script)
 _BOOL_TYPE = type_of(bool)
 _TEXTS = (str, None)
 """The types of attributes that take any text."""
+_NAME_OF_KEY = re.compile(r" *(?P<sign>\$?)(?P<open>[{(]?)(?P<name>@?[A-Za-z_]\w*)(?(open)[})]?) *", re.ASCII)
 _UNCLOSED = re.compile(r" *(?:\{([^{}\s]+)|([^{}\s]+)\}) *")
 
 
 class AttributeBinder:
     """Binds the attributes of one element after the other."""
 
-    def __init__(self, collector: Collector) -> None:
+    def __init__(self, collector: Collector, known_keys: Callable[[], Collection[str]] = tuple) -> None:
         self._collector = collector
+        self._known_keys = known_keys
 
     def bind(self, bound: BoundNode, other_variants: Sequence[NodeSpec]) -> None:
         """Bind every attribute of a node, and report those that are missing."""
@@ -113,8 +115,18 @@ class AttributeBinder:
             return value_type.convert(element.attributes[name])
         except ConversionError as error:
             code = "script-error" if value_type in (CONDITION, _SCRIPT_TYPE) else "wrong-value"
+            key = self._key_meant(element.attributes[name]) if error.suggestion is None else None
+            if key is not None and code == "wrong-value":
+                error = ConversionError(error.message, key)
             self._collector.wrong_value(element, name, error, code)
             return None
+
+    def _key_meant(self, text: str) -> str | None:
+        """Return the key in braces that was probably meant by a text that is no value."""
+        match = _NAME_OF_KEY.fullmatch(text)
+        if match is None or not (match["sign"] or match["name"] in self._known_keys()):
+            return None
+        return f"{{{match['name']}}}"
 
     def _name_of_key(self, element: Element, name: str, value_type: ValueType, key: str) -> None:
         """Report a key in braces that the node cannot use."""

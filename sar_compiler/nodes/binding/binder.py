@@ -6,6 +6,7 @@ builds from its result.
 """
 
 import functools
+import re
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -24,9 +25,10 @@ from sar_compiler.nodes.values import Guesses, blackboard_key, listed
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.gc_pause import gc_paused
-from sar_compiler.tree.model import SUBTREE_TAG, TREE_TAG, Element, TreeFile
+from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, ROOT_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
 
 _KIND_TAGS = frozenset(kind.value for kind in Kind)
+_KEYS = re.compile(r"\{(@?[A-Za-z_]\w*)\}|(@?[A-Za-z_]\w*)\s*:=", re.ASCII)
 _FORMER_ATTRIBUTES = {"__autoremap": "_autoremap", "__shared_blackboard": "_autoremap"}
 """The names of a `SubTree`'s attributes in BehaviorTree.CPP 3."""
 
@@ -114,7 +116,7 @@ class Binder:
         self._models = models
         self._collector = collector
         self._guesses = collector.guesses
-        self._attributes = AttributeBinder(collector)
+        self._attributes = AttributeBinder(collector, lambda: self._keys)
         self._trees: dict[int, BoundTree] = {}
         self._waiting: list[BoundTree] = []
         self._level = 1
@@ -227,6 +229,11 @@ class Binder:
         near = self._meant_by(element, tag)
         if element.tag == TREE_TAG:
             self._collector.tag(element, "unknown-node", f"a <{TREE_TAG}> cannot stand inside another")
+        elif element.tag in (INCLUDE_TAG, MODEL_TAG):
+            hint = f"put it directly in <{ROOT_TAG}>"
+            message = f"<{element.tag}> cannot stand in a tree"
+            self._collector.tag(element, "unknown-node", message, hint=hint)
+            return None
         elif element.tag in _KIND_TAGS and not element.attributes.get("ID"):
             self._without_id(element, f"<{element.tag}> does not say which node it is", "the node's name")
         else:
@@ -269,6 +276,20 @@ class Binder:
             known = self._tags if tag != SUBTREE_TAG else self._tags[:-1]
             self._meant[tag] = today or self._guesses.nearest(tag, known)
         return self._meant[tag]
+
+    @functools.cached_property
+    def _keys(self) -> frozenset[str]:
+        """The keys that the files name: in braces, and in scripts that make them."""
+        elements = [element for tree in self._forest.iterate() for element in tree.iterate()]
+        texts = (text for element in elements for text in element.attributes.values())
+        written = (name for text in texts for pair in _KEYS.findall(text) for name in pair)
+        named = (
+            element.attributes.get(attribute, "")
+            for element in elements
+            for spec in self._meanings.get(element.tag, ())
+            for attribute in spec.semantics.keys
+        )
+        return frozenset(filter(None, (*written, *named)))
 
     @functools.cached_property
     def _tags(self) -> list[str]:
