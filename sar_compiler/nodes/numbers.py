@@ -68,13 +68,19 @@ def meant_number(text: str) -> str | None:
 
 def meant_whole_number(text: str) -> str | None:
     """Return the one whole number that a text in another notation can mean (`1e3`, `2.0`); None if there is none."""
+    plain = meant_plain_number(text)
+    return plain if plain is not None and "." not in plain else None
+
+
+def meant_plain_number(text: str) -> str | None:
+    """Return the one number that a text can mean, without an exponent; None if there is none."""
     number = meant_number(text)
     if number is None:
         return None
     from decimal import Decimal
 
     value = Decimal(number)
-    return _written(value) if abs(value.adjusted()) < LONGEST and value == value.to_integral_value() else None
+    return _written(value) if abs(value.adjusted()) < LONGEST else None
 
 
 def meant_duration(text: str) -> str | None:

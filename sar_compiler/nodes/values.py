@@ -25,6 +25,7 @@ from sar_compiler.nodes.numbers import (
     WITH_UNIT,
     meant_duration,
     meant_number,
+    meant_plain_number,
     meant_whole_number,
     milliseconds_in,
     number_hint,
@@ -406,7 +407,7 @@ def real_number(text: str) -> float:
 
 def _duration(text: str) -> timedelta:
     if not re.fullmatch(DURATION, text):
-        raise _no_duration(text, "seconds, or a number with ms, s or min", meant_number(text))
+        raise _no_duration(text, SECONDS.label, meant_plain_number(text), _duration)
     try:
         return timedelta(seconds=_seconds(text))
     except OverflowError:
@@ -419,7 +420,7 @@ def _seconds(text: str) -> float:
         return real_number(text)
     milliseconds = milliseconds_in(text)
     if milliseconds is None:
-        raise _no_duration(text, SECONDS.label, meant_number(text))
+        raise _no_duration(text, SECONDS.label, meant_number(text), _seconds)
     return float(milliseconds / 1000)
 
 
@@ -428,21 +429,28 @@ def _milliseconds(text: str) -> int:
         return _unsigned(text)
     milliseconds = milliseconds_in(text)
     if milliseconds is None:
-        meant = meant_whole_number(text)
-        fits = meant is not None and 0 <= int(meant) <= _LARGEST_UNSIGNED
-        raise _no_duration(text, MILLISECONDS.label, meant if fits else None)
+        raise _no_duration(text, MILLISECONDS.label, meant_whole_number(text), _milliseconds)
     if milliseconds % 1 or milliseconds > _LARGEST_UNSIGNED:
         message = f"'{text}' is not a whole number of milliseconds from 0 to {_LARGEST_UNSIGNED}"
         raise ConversionError(message)
     return int(milliseconds)
 
 
-def _no_duration(text: str, label: str, number: str | None) -> ConversionError:
+def _no_duration(
+    text: str, label: str, number: str | None, convert: Callable[[str], object]
+) -> ConversionError:
     """Return the error of a text that is no duration, with the number that it means if it has no unit."""
     label = label.removeprefix("a duration (").removesuffix(")")
     message, hint = f"'{text}' is not a duration ({label})", number_hint(text)
     ambiguous = hint is not None and "comma" in hint
-    suggestion = meant_duration(text) or (None if number is not None and number.startswith("-") else number)
+    suggestion = meant_duration(text) or number
+    if suggestion == text:
+        suggestion = None
+    if suggestion is not None:
+        try:
+            convert(suggestion)
+        except ConversionError:  # out of range
+            suggestion = None
     return ConversionError(message, suggestion, hint if ambiguous else HOW_LONG)
 
 

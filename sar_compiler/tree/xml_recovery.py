@@ -23,7 +23,6 @@ _LONE = re.compile(rf"(?!{REFERENCE})&")
 _RAW = re.compile(rf"(?:{_LONE.pattern})+|<")
 _NAMED = re.compile(r"&[^\W\d][\w.\-]*;")
 _DASHES = re.compile(r"-{2,}|-\Z")
-_MISSING_QUOTE = re.compile(r"[/>]\s*<")
 _PRIVATE = (range(0xE000, 0xF900), range(0xF0000, 0xFFFFE))
 _STANDING_ALONE = "&<-"
 _MOST = 1000
@@ -136,9 +135,6 @@ def _values(text: str, tag: int, values: list[tuple[int, int, bool]]) -> int:
         return 0
     offset = name.end()
     while match := ATTRIBUTE.match(text, offset):
-        if _MISSING_QUOTE.search(text, *match.span(3)):
-            values.clear()
-            return 0
         values.append((*match.span(3), False))
         offset = match.end()
     end = _TAG_END.match(text, offset)

@@ -79,6 +79,10 @@ IN_A_TREE = {
     "a word that is no key": ('<Sleep msec="long"/>', ("wrong-value", 3, 14, None)),
     "a key as shells write it": ('<Sleep msec="${pause}"/>', ("wrong-value", 3, 14, "{pause}")),
     "a key in two pairs of braces": ('<Sleep msec="{{pause}}"/>', ("unwritten-key", 3, 14, "{pause}")),
+    "a key as shells write it in a script": (
+        '<ScriptCondition code="${pause}"/>',
+        ("script-error", 3, 24, None),
+    ),
     "an if in a script": ('<Script code="if (@a == 1) { @b := 2 }"/>', ("script-error", 3, 15, None)),
     "a loop in a script": ('<Script code="@a := 1; while (@a) @a = 0"/>', ("script-error", 3, 24, None)),
     "a decimal comma in a script": ('<Script code="@b := 1,5"/>', ("script-error", 3, 22, None)),

@@ -32,7 +32,7 @@ RAW = {
     "an ampersand before a reference": ("&&amp;", "&&", [("&", "&amp;")]),
     "an entity of HTML": ("a&nbsp;b", "a&nbsp;b", [("&nbsp;", None)]),
     "a reference without its semicolon": ("a &lt b", "a &lt b", [("&", "&amp;")]),
-    "a tag": ("<b>", "<b>", [("<", "&lt;")]),
+    "tags": ("<b/> <c>", "<b/> <c>", [("<", "&lt;"), ("<", "&lt;")]),
     "a line break in it": ("a &&\n b", "a &&  b", [("&&", "&amp;&amp;")]),
     "what stand-ins are taken from": ("\ue000\ue001 & \ue002", "\ue000\ue001 & \ue002", [("&", "&amp;")]),
 }

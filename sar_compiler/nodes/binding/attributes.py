@@ -109,14 +109,14 @@ class AttributeBinder:
             self._collector.value(element, name, "wrong-value", message, suggestion=suggestion)
         return suggestion is not None
 
-    def convert(self, element: Element, name: str, value_type: ValueType) -> Any:
+    def convert(self, element: Element, name: str, value_type: ValueType, *, takes_keys: bool = False) -> Any:
         """Return an attribute's value, or None after a finding."""
         try:
             return value_type.convert(element.attributes[name])
         except ConversionError as error:
             code = "script-error" if value_type in (CONDITION, _SCRIPT_TYPE) else "wrong-value"
-            key = self._key_meant(element.attributes[name]) if error.suggestion is None else None
-            if key is not None and code == "wrong-value":
+            key = self._key_meant(element.attributes[name]) if takes_keys and not error.suggestion else None
+            if key is not None:
                 error = ConversionError(error.message, key)
             self._collector.wrong_value(element, name, error, code)
             return None
@@ -153,7 +153,8 @@ class AttributeBinder:
         if parameter.direction is _OUTPUT:
             self._collector.text_of_output(bound.element, name, text)
             return
-        value = self.convert(bound.element, name, parameter.value_type)
+        takes_keys = name not in bound.spec.fixed and parameter.value_type.python is not Script
+        value = self.convert(bound.element, name, parameter.value_type, takes_keys=takes_keys)
         fixed = bound.spec.fixed.get(name, value)
         if value is not None and value != fixed:
             tag = bound.spec.tag

@@ -28,7 +28,7 @@ from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, ROOT_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
 
 _KIND_TAGS = frozenset(kind.value for kind in Kind)
-_KEYS = re.compile(r"\{(@?[A-Za-z_]\w*)\}|(@?[A-Za-z_]\w*)\s*:=", re.ASCII)
+_KEYS = re.compile(r"\{(@?[A-Za-z_]\w*)\}|(?<![\w@])(@?[A-Za-z_]\w*)\s*:=", re.ASCII)
 _FORMER_ATTRIBUTES = {"__autoremap": "_autoremap", "__shared_blackboard": "_autoremap"}
 """The names of a `SubTree`'s attributes in BehaviorTree.CPP 3."""
 
