@@ -18,7 +18,7 @@ from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.xml_writer import write_xml
 from sar_compiler.tree.yaml import parse_yaml
 from sar_compiler.tree.yaml_writer import write_yaml
-from tests.trees import document, forest_of
+from tests.trees import forest_of
 
 SIZE = 100
 MOST_GROWTH = 2.3
