@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from sar_compiler.nodes.registry import RegistryError
     from sar_compiler.nodes.semantics import Semantics
     from sar_compiler.nodes.spec import Kind, Use
+    from sar_compiler.nodes.values import Milliseconds, Seconds
     from sar_compiler.project import LoadedTree, load
     from sar_compiler.project.simulated import Simulated
     from sar_compiler.ros.errors import readable_ros_errors
@@ -54,6 +55,7 @@ __all__ = [
     "Kind",
     "LoadedTree",
     "ManualClock",
+    "Milliseconds",
     "Mission",
     "MissionRun",
     "Output",
@@ -63,6 +65,7 @@ __all__ = [
     "RegistryError",
     "RosLeaf",
     "SarError",
+    "Seconds",
     "Semantics",
     "ServiceFaults",
     "ServiceLeaf",
@@ -94,6 +97,7 @@ _MODULES = {
     "nodes.registry": ("RegistryError",),
     "nodes.semantics": ("Semantics",),
     "nodes.spec": ("Kind", "Use"),
+    "nodes.values": ("Milliseconds", "Seconds"),
     "project": ("LoadedTree", "load"),
     "project.simulated": ("Simulated",),
     "ros.errors": ("readable_ros_errors",),

@@ -64,10 +64,14 @@ RULES: tuple[Callable[[CheckContext], Iterable[Diagnostic]], ...] = (
 
 def check_palettes(palettes: Palettes, registry: Registry) -> list[Diagnostic]:
     """Return what is wrong with palettes themselves, whatever files they are for."""
-    collector = Collector()
+    collector, palettes = Collector(), tuple(palettes)
     models = read_models(palettes, collector)
     compare(models, yielding(registry, models), collector)
-    return collector.findings
+    return [*_mended(palettes), *collector.findings]
+
+
+def _mended(files: Palettes) -> Iterable[Diagnostic]:
+    return itertools.chain.from_iterable(tree_file.findings for tree_file in files)
 
 
 def _is_no_error(finding: Diagnostic) -> bool:
@@ -90,7 +94,7 @@ def check(
     """
     palettes = tuple(palettes)
     registry = yielding(registry, read_models([*palettes, *forest.files], Collector()))
-    findings = [*forest.findings]
+    findings = [*forest.findings, *_mended(forest.files)]
     context = CheckContext(forest, registry, palettes, btcpp)
     is_all = True
     for rule in RULES:

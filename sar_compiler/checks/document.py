@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from sar_compiler.checks.rules.check_context import CheckContext
+from sar_compiler.checks.rules.check_context import CheckContext, is_misnamed
 from sar_compiler.nodes.binding.attributes import slip_in_note
 from sar_compiler.nodes.binding.main_tree import find_main_tree
 from sar_compiler.nodes.binding.tree_ids import is_node
@@ -110,7 +110,7 @@ def _tree_ids(forest: Forest, registry: Registry, guesses: Guesses) -> Iterator[
 
 
 def _nameless(tree: Element, tree_file: TreeFile) -> Iterator[Diagnostic]:
-    if len(tree_file.trees) > 1:
+    if len(tree_file.trees) > 1 and not is_misnamed(tree):
         message = f"this <{TREE_TAG}> has no ID, so nothing can name it"
         yield _finding(tree, "missing-tree-id", message, hint='write ID="..."')
 
@@ -130,7 +130,9 @@ def _unknown_attributes(element: Element, known: tuple[str, ...], guesses: Guess
         if not name.startswith("_") or slip_in_note(name, guesses) is not None:
             message = f"<{element.tag}> has no attribute '{name}'; it has {', '.join(known)}"
             span = element.name_span(name)
-            suggestion = nearest(name, known)
+            suggestion = (
+                "ID" if name == "name" and is_misnamed(element) and "ID" in known else nearest(name, known)
+            )
             yield Diagnostic("unknown-attribute", message, element.source, span, suggestion=suggestion)
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, closed
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.model import Element, TreeFile
+from sar_compiler.tree.showing import shortened, visible
 from sar_compiler.tree.source import Form, Source
 from sar_compiler.tree.yaml_writer import scalar
 
@@ -50,11 +51,17 @@ def _shape(written: str, suggestion: str) -> bool:
     return suggestion == f"'{written}'"
 
 
+def _stand_alone(_written: str, _suggestion: str) -> bool:
+    """Characters that XML has other signs for, where they can mean nothing but themselves."""
+    return True
+
+
 SAFE: Mapping[str, Callable[[str, str], bool]] = {
     "unknown-attribute": _attribute,
     "wrong-value": _value,
     "script-error": _script,
     "wrong-shape": _shape,
+    "loose-xml": _stand_alone,
 }
 """For each kind of finding of which some are mended: whether a text in a file may become what is suggested.
 
@@ -83,7 +90,10 @@ class Fix:
         finding = self.finding
         source, span = finding.source, finding.span
         place = f"{source.path}:{span.line}:{span.column}"
-        return f"{place}: fixed[{finding.code}]: {_written(finding)} -> {finding.suggestion}"
+        written, suggestion = (
+            visible(shortened(each)) for each in (_written(finding), finding.suggestion or "")
+        )
+        return f"{place}: fixed[{finding.code}]: {written} -> {suggestion}"
 
 
 def fixes(source: Source, tree_file: TreeFile | None, findings: Iterable[Diagnostic]) -> list[Fix]:
@@ -206,8 +216,8 @@ def _fix(finding: Diagnostic, values: _Values) -> Fix | None:
     """Return a finding's suggestion as it is written there; None if it cannot be without more ado."""
     start, end = _offsets(finding)
     text = finding.suggestion or ""
-    value = values.around(finding)
-    if value is None:  # a name, or what could not be read
+    value = values.around(finding) if finding.code != "loose-xml" else None
+    if value is None:  # a name, the text itself, or what could not be read
         return Fix(finding, start, end, text)
     source = finding.source
     escapes = _escapes_in(source, value)

@@ -21,6 +21,7 @@ from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.model import Element, TreeFile
 from sar_compiler.tree.source import Form
+from sar_compiler.tree.xml_recovery import readable
 
 _TEXT = "Character content other than whitespace"
 """libxml2's message about text between elements."""
@@ -76,7 +77,7 @@ def _as_xml(tree_file: TreeFile) -> tuple[str, Sequence[int]]:
 
         return one_tag_a_line(tree_file.root), [element.line for element in tree_file.root.iterate()]
     # libxml2 does not count a lone carriage return as the end of a line, expat does.
-    text = tree_file.source.text
+    text = readable(tree_file.source) if tree_file.findings else tree_file.source.text
     if "\r" in text:
         text = re.sub(r"\r\n?", "\n", text)
     return text, range(1, text.count("\n") + 2)

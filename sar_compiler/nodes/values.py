@@ -13,25 +13,33 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import timedelta
 from pathlib import Path
-from typing import Annotated, TypeGuard, TypeVar
+from typing import Annotated, TypeAlias, TypeGuard, TypeVar
 
 from sar_compiler.nodes.imports import Deferred
+from sar_compiler.nodes.numbers import (
+    DURATION,
+    HOW_LONG,
+    INTEGER,
+    LONGEST,
+    REAL,
+    WITH_UNIT,
+    meant_duration,
+    meant_number,
+    meant_plain_number,
+    meant_whole_number,
+    milliseconds_in,
+    number_hint,
+)
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.tokens import ScriptError
 
 T = TypeVar("T")
 
-# No number that a robot needs has more digits.
-_LONGEST_INTEGER = 100
 _INT64 = range(-(2**63), 2**63)
-_INTEGER = r"[+\-]?[0-9]+"
-_REAL = r"[+\-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+\-]?[0-9]+)?"
 # As std::from_chars reads them: in any case, and without a plus.
 _NO_DIGITS = r"-?([iI][nN][fF]([iI][nN][iI][tT][yY])?|[nN][aA][nN])"
 _NOT_BLANK = r"[\s\S]*\S[\s\S]*"
-_DURATION = r"([0-9]+(\.[0-9]*)?|\.[0-9]+)(ms|s|min)?"
-_SECONDS_PER_UNIT = {"ms": 0.001, "s": 1.0, "min": 60.0}
 _SEPARATOR = ";"
 JSON = "json:"
 """The prefix of a JSON text, for ports that take any value."""
@@ -95,6 +103,7 @@ class ValueType:
         example: The text of such a value.
         names_key: Whether it is the name of a key: `{goal}` is then equivalent to `goal`.
         keys_in: Returns the names of the keys in a value that is not itself a name; None if there are none.
+        unit: For a duration, the unit of its plain numbers: `ms` or `s`.
     """
 
     name: str
@@ -109,6 +118,7 @@ class ValueType:
     example: str = "0"
     names_key: bool = False
     keys_in: Callable[[object], Iterable[str]] | None = None
+    unit: str = ""
 
     def fit(self, value: object) -> object:
         """Convert a value on the blackboard to this type.
@@ -153,9 +163,9 @@ def literal_value(text: str) -> int | float | str:
         return text
     if re.fullmatch(_NO_DIGITS, text):
         return float(text)
-    if re.fullmatch(_INTEGER, text) and len(text) <= _LONGEST_INTEGER and int(text) in _INT64:
+    if re.fullmatch(INTEGER, text) and len(text) <= LONGEST and int(text) in _INT64:
         return int(text)
-    if re.fullmatch(_REAL, text) and math.isfinite(float(text)):
+    if re.fullmatch(REAL, text) and math.isfinite(float(text)):
         return float(text)
     return text
 
@@ -325,23 +335,29 @@ def _boolean(text: str) -> bool:
         raise ConversionError(message, nearest(text.strip(), ("true", "false"))) from None
 
 
-def whole_number(text: str) -> int:
+def whole_number(text: str, least: float = -math.inf, most: float = math.inf) -> int:
     """Return the whole number that a text represents.
+
+    Args:
+        text: The text.
+        least: The smallest number that may be suggested.
+        most: The largest one.
 
     Raises:
         ConversionError: If the text is invalid.
     """
-    if re.fullmatch(_INTEGER, text):
-        if len(text) > _LONGEST_INTEGER:
+    if re.fullmatch(INTEGER, text):
+        if len(text) > LONGEST:
             message = f"a whole number of {len(text)} digits is too large"
             raise ConversionError(message)
         return int(text)
-    message = f"'{text}' is not a whole number"
-    raise ConversionError(message, _leading(_INTEGER, text))
+    message, meant = f"'{text}' is not a whole number", meant_whole_number(text)
+    fits = meant is not None and least <= int(meant) <= most
+    raise ConversionError(message, meant if fits else None, number_hint(text))
 
 
 def _unsigned(text: str) -> int:
-    value = whole_number(text)
+    value = whole_number(text, 0, _LARGEST_UNSIGNED)
     if text.startswith("-") or value > _LARGEST_UNSIGNED:
         message = f"'{text}' is not {UNSIGNED.label}"
         raise ConversionError(message)
@@ -358,7 +374,7 @@ def at_least(least: int) -> ValueType:
         f"integer.from.{least}",
         label,
         functools.partial(_at_least, least, label),
-        pattern=_INTEGER,
+        pattern=INTEGER,
         python=int,
         cpp="int",
         least=least,
@@ -367,7 +383,7 @@ def at_least(least: int) -> ValueType:
 
 
 def _at_least(least: int, label: str, text: str) -> int:
-    value = whole_number(text)
+    value = whole_number(text, least)
     if value < least:
         message = f"'{text}' is not {label}"
         raise ConversionError(message, str(least))
@@ -392,9 +408,9 @@ def real_number(text: str) -> float:
     Raises:
         ConversionError: If the text is not a number, or it is too large for a float.
     """
-    if not re.fullmatch(_REAL, text):
+    if not re.fullmatch(REAL, text):
         message = f"'{text}' is not a number"
-        raise ConversionError(message, _leading(_REAL, text))
+        raise ConversionError(message, meant_number(text), number_hint(text))
     value = float(text)
     if not math.isfinite(value):
         message = f"'{text}' is too large for a number"
@@ -407,22 +423,52 @@ def _any_real(text: str) -> float:
 
 
 def _duration(text: str) -> timedelta:
-    match = re.fullmatch(_DURATION, text)
-    if not match:
-        message = f"'{text}' is not a duration (seconds, or a number with ms, s or min)"
-        raise ConversionError(message, _leading(_DURATION, text))
-    unit = match.group(3) or "s"
+    if not re.fullmatch(DURATION, text):
+        raise _no_duration(text, SECONDS.label, meant_plain_number(text), _duration)
     try:
-        return timedelta(seconds=float(text.removesuffix(match.group(3) or "")) * _SECONDS_PER_UNIT[unit])
+        return timedelta(seconds=_seconds(text))
     except OverflowError:
         message = f"'{text}' is too long for a duration"
         raise ConversionError(message) from None
 
 
-def _leading(pattern: str, text: str) -> str | None:
-    """Return the leading part of an invalid text that is a valid value ("12abc": 12)."""
-    match = re.match(pattern, text.strip())
-    return match.group(0) if match else None
+def _seconds(text: str) -> float:
+    if re.fullmatch(REAL, text):
+        return real_number(text)
+    milliseconds = milliseconds_in(text)
+    if milliseconds is None:
+        raise _no_duration(text, SECONDS.label, meant_number(text), _seconds)
+    return float(milliseconds / 1000)
+
+
+def _milliseconds(text: str) -> int:
+    if re.fullmatch(INTEGER, text):
+        return _unsigned(text)
+    milliseconds = milliseconds_in(text)
+    if milliseconds is None:
+        raise _no_duration(text, MILLISECONDS.label, meant_whole_number(text), _milliseconds)
+    if milliseconds % 1 or milliseconds > _LARGEST_UNSIGNED:
+        message = f"'{text}' is not a whole number of milliseconds from 0 to {_LARGEST_UNSIGNED}"
+        raise ConversionError(message)
+    return int(milliseconds)
+
+
+def _no_duration(
+    text: str, label: str, number: str | None, convert: Callable[[str], object]
+) -> ConversionError:
+    """Return the error of a text that is no duration, with the number that it means if it has no unit."""
+    label = label.removeprefix("a duration (").removesuffix(")")
+    message, hint = f"'{text}' is not a duration ({label})", number_hint(text)
+    ambiguous = hint is not None and "comma" in hint
+    suggestion = meant_duration(text) or number
+    if suggestion == text:
+        suggestion = None
+    if suggestion is not None:
+        try:
+            convert(suggestion)
+        except ConversionError:  # out of range
+            suggestion = None
+    return ConversionError(message, suggestion, hint if ambiguous else HOW_LONG)
 
 
 def _script(text: str) -> object:
@@ -539,13 +585,13 @@ _PLAIN: dict[type, ValueType] = {
     bool: ValueType(
         "boolean", "true or false", _boolean, choices=tuple(_BOOLS), python=bool, cpp="bool", example="true"
     ),
-    int: ValueType("integer", "a whole number", whole_number, pattern=_INTEGER, python=int, cpp="int"),
-    float: ValueType("number", "a number", real_number, pattern=_REAL, python=float, cpp="double"),
+    int: ValueType("integer", "a whole number", whole_number, pattern=INTEGER, python=int, cpp="int"),
+    float: ValueType("number", "a number", real_number, pattern=REAL, python=float, cpp="double"),
     str: ValueType("string", "a text", str, python=str, cpp=_CPP_TEXT),
     Path: ValueType("path", "a path", Path, python=Path, cpp=_CPP_TEXT),
     Script: ValueType("script", "a script", _script, python=Script, cpp=_CPP_TEXT),
     timedelta: ValueType(
-        "duration", "a duration", _duration, pattern=_DURATION, python=timedelta, cpp=_CPP_TEXT
+        "duration", "a duration", _duration, pattern=DURATION, python=timedelta, cpp="double", unit="s"
     ),
 }
 PLAIN = {value_type.name: value_type for value_type in _PLAIN.values()}
@@ -561,15 +607,43 @@ UNSIGNED = ValueType(
     most=_LARGEST_UNSIGNED,
 )
 """BehaviorTree.CPP's `unsigned`."""
-REAL = ValueType("real", "a number", _any_real, pattern=f"{_REAL}|{_NO_DIGITS}", python=float, cpp="double")
+REAL_NUMBER = ValueType(
+    "real", "a number", _any_real, pattern=f"{REAL}|{_NO_DIGITS}", python=float, cpp="double"
+)
 """The type of ports for real numbers, which may be `inf` or `nan` as in BehaviorTree.CPP; other attributes must be finite."""
+SECONDS = ValueType(
+    "seconds",
+    "a duration (seconds, or a number with ms, s or min)",
+    _seconds,
+    pattern=f"{REAL}|{WITH_UNIT}",
+    python=float,
+    cpp="double",
+    unit="s",
+)
+"""Durations of which a plain number is seconds."""
+MILLISECONDS = ValueType(
+    "milliseconds",
+    f"a duration (milliseconds from 0 to {_LARGEST_UNSIGNED}, or a number with ms, s or min)",
+    _milliseconds,
+    pattern=f"{UNSIGNED.pattern}|{WITH_UNIT}",
+    python=int,
+    cpp=UNSIGNED.cpp,
+    least=UNSIGNED.least,
+    most=UNSIGNED.most,
+    unit="ms",
+)
+"""Durations of which a plain number is milliseconds, as in BehaviorTree.CPP."""
+Seconds: TypeAlias = Annotated[float, SECONDS]
+"""The annotation of a leaf's parameter or port: seconds; in a file also a number with its unit, as `500ms`."""
+Milliseconds: TypeAlias = Annotated[int, MILLISECONDS]
+"""The same with whole milliseconds."""
 CONDITION = ValueType("condition", "a script", _condition, pattern=_NOT_BLANK, python=Script, cpp=_CPP_TEXT)
 """The scripts of pre- and post-conditions, which must not be empty."""
 ANYTHING = ValueType("anything", "a value", _anything)
 """The type of a port for any object; not a type for plain parameters."""
 AS_WRITTEN = ValueType("anything", "a value", str)
 """The type of a port for any object, for which a text in the file is a text whatever its prefix."""
-_OF_PORTS = {_PLAIN[float].name: REAL, list_of(_PLAIN[float]).name: list_of(REAL)}
+_OF_PORTS = {_PLAIN[float].name: REAL_NUMBER, list_of(_PLAIN[float]).name: list_of(REAL_NUMBER)}
 _CPP_TYPES = {
     "bool": _PLAIN[bool],
     "int": _PLAIN[int],
@@ -579,8 +653,8 @@ _CPP_TYPES = {
     "unsigned": UNSIGNED,
     "short": _PLAIN[int],
     "long": _PLAIN[int],
-    "double": REAL,
-    "float": REAL,
+    "double": REAL_NUMBER,
+    "float": REAL_NUMBER,
     _CPP_TEXT: _PLAIN[str],
     "string": _PLAIN[str],
 }

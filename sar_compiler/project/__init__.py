@@ -19,7 +19,7 @@ from sar_compiler.tree.content import as_written, read_bytes, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
 from sar_compiler.tree.forest import Forest, Read, TreeSet, load_forest
 from sar_compiler.tree.gathering import files_meant
-from sar_compiler.tree.model import TreeFile
+from sar_compiler.tree.model import FileBeginning, TreeFile
 from sar_compiler.tree.reading import read_tree_file
 from sar_compiler.tree.shipped import find_tree
 from sar_compiler.tree.source import Source
@@ -243,10 +243,12 @@ class LoadedTree:
         self._note = note
         self._forest: Forest | None = None
         self._malformed: tuple[Diagnostic, ...] = ()
+        self._beginning: FileBeginning | None = None
+        self._read = read
         try:
             self._forest = load_forest(path, read, project.include_path, project.tree_set)
         except TreeError as error:
-            self._malformed = error.findings
+            self._malformed, self._beginning = error.findings, error.beginning
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.path}>"
@@ -264,8 +266,10 @@ class LoadedTree:
 
     @property
     def tree_file(self) -> TreeFile | None:
-        """The content of the file itself; None if it is malformed."""
-        return self._forest.main if self._forest is not None else None
+        """The content of the file itself; if it is malformed, of its beginning, or None."""
+        if self._forest is not None:
+            return self._forest.main
+        return self._beginning.tree_file if self._beginning is not None else None
 
     @property
     def source(self) -> Source:
@@ -276,7 +280,7 @@ class LoadedTree:
     def findings(self) -> list[Diagnostic]:
         """The findings about the file and those that it includes, with the project's severities."""
         if self._forest is None:
-            return list(self._malformed)
+            return self._findings_before()
         project, decide = self.project, self.project.configuration.decide
         found = check(self._forest, project.registry, self._palettes, project.configuration.btcpp)
         return decide(first_of_each(decide(found)))
@@ -286,6 +290,23 @@ class LoadedTree:
         """The project's palettes, without what is one of the files itself."""
         own = {real_path(Path(each.source.path)) for each in self.forest.files}
         return tuple(each for each in self.project.palettes if real_path(Path(each.source.path)) not in own)
+
+    def _findings_before(self) -> list[Diagnostic]:
+        """Return the findings about a malformed file: where it is that, and what is wrong before."""
+        found, project = list(self._malformed), self.project
+        if self._beginning is not None:
+            from sar_compiler.checks.beginnings import check_beginning
+
+            beginning, own = self._beginning, real_path(self.path)
+
+            def read(path: Path) -> TreeFile:
+                return beginning.tree_file if real_path(path) == own else self._read(path)
+
+            forest = load_forest(self.path, read, project.include_path, project.tree_set)
+            found = [each for each in found if each.severity is Severity.ERROR]
+            cut = min(each.span for each in found)
+            found += check_beginning(beginning, cut, forest, project.registry, project.palettes)
+        return project.configuration.decide(sorted(found, key=lambda each: each.span))
 
     def check(self) -> list[Diagnostic]:
         """Return all findings about the palettes, the file, and the files that it includes.

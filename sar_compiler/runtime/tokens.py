@@ -34,6 +34,10 @@ _WORD_BEFORE = re.compile(r"[A-Za-z_@][A-Za-z0-9_]*$")
 
 # Quotation marks that stand for no text, with the ones that close them.
 _OTHER_QUOTES = {'"': '"', "`": "`", "\u201c": "\u201d", "\u2018": "\u2019"}
+# What other languages decide and repeat with.
+_STATEMENTS = frozenset(("if", "while", "for", "switch"))
+_CALLED = re.compile(r"\s*\(")
+_INSTEAD_OF_STATEMENTS = "decide with _skipIf or _while of the node, or choose a value: x ? a : b"
 _BOOLS = {"true": 1.0, "false": 0.0}
 _HINTS = {
     "%": "there is no remainder in scripts; let a leaf calculate it",
@@ -127,6 +131,9 @@ def _token(text: str, group: str, word: str, end: int) -> Token:
     if group == "sign":
         return Token(_SIGN, word, start, end)
     if group == "name":
+        if word in _STATEMENTS and _CALLED.match(text, end):
+            message = f"there is no '{word}' in a script"
+            raise ScriptError(message, start, end, hint=_INSTEAD_OF_STATEMENTS)
         return (
             Token(_LITERAL, word, start, end, _BOOLS[word])
             if word in _BOOLS
@@ -205,6 +212,12 @@ def _no_token(text: str, position: int) -> ScriptError:
     shown = character if character.isprintable() and character != " " else f"U+{ord(character):04X}"
     message = f"'{shown}' cannot stand in a script"
     advice = "write an ordinary space" if character.isspace() else _HINTS.get(character)
+    if (
+        character == ","
+        and text[position - 1 : position].isdigit()
+        and text[position + 1 : position + 2].isdigit()
+    ):
+        advice = f"a number has a point, as 1.5, and none between thousands; {advice}"
     return ScriptError(message, position, position + 1, hint=advice)
 
 

@@ -3,9 +3,14 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING
 
 from sar_compiler.errors import SarError
+from sar_compiler.tree.showing import shortened, visible
 from sar_compiler.tree.source import Source, Span
+
+if TYPE_CHECKING:
+    from sar_compiler.tree.model import FileBeginning
 
 WIDTH = 128
 """The width of a finding as text, where nothing says how wide it may be."""
@@ -48,10 +53,18 @@ class Diagnostic:
     hint: str | None = None
     severity: Severity = Severity.ERROR
 
+    def __post_init__(self) -> None:
+        # A value that is quoted may be as long as a file.
+        object.__setattr__(self, "message", shortened(self.message))
+        object.__setattr__(self, "hint", self.hint and shortened(self.hint))
+
     @property
     def advice(self) -> str:
         """The advice on what to write or do instead; empty if there is none."""
-        return f"did you mean '{self.suggestion}'?" if self.suggestion else self.hint or ""
+        if not self.suggestion:
+            return self.hint or ""
+        quote = next((mark for mark in "'\"`" if mark not in self.suggestion), "")
+        return f"did you mean {quote}{shortened(self.suggestion)}{quote}?"
 
     def render(self, width: int = WIDTH, paint: Callable[[str, str], str] = _plain) -> str:
         """Return the finding as text: place, message, the line itself with carets, the suggestion.
@@ -61,10 +74,10 @@ class Diagnostic:
             paint: Colours a text by what it is: `place`, `error`, `warning`, `info`, `margin`, `carets`, `advice`.
         """
         span, severity = self.span, self.severity.value
-        place = paint(f"{self.source.path}:{span.line}:{span.column}:", "place")
-        head = f"{place} {paint(f'{severity}[{self.code}]', severity)}: {self.message}"
+        place = paint(visible(f"{self.source.path}:{span.line}:{span.column}:"), "place")
+        head = f"{place} {paint(f'{severity}[{self.code}]', severity)}: {visible(self.message)}"
         line, most = self.source.line(span.line), max(width - _MARGIN, _LEAST)
-        advice = paint(self.advice, "advice")
+        advice = paint(visible(self.advice), "advice")
         empty = paint("      |", "margin")
         if not line.strip():
             return f"{head}\n{empty} {advice}" if advice else head
@@ -75,9 +88,11 @@ class Diagnostic:
         if len(line) > most:
             left = max(0, min(start - most // 2, len(line) - most))
             line, start, end = line[left : left + most], start - left, min(end - left, most)
+        before, marked = visible(line[:start]), visible(line[start:end])
+        line = f"{before}{marked}{visible(line[end:])}"
         # A tab stays a tab, so that the carets stand right at any tab width.
-        indent = "".join("\t" if character == "\t" else " " for character in line[:start])
-        carets = paint("^" * max(1, end - start), "carets")
+        indent = "".join("\t" if character == "\t" else " " for character in before)
+        carets = paint("^" * max(1, end - start, len(marked)), "carets")
         number = paint(f"{span.line:5} |", "margin")
         return f"{head}\n{number} {line}\n{empty} {indent}{carets} {advice}".rstrip()
 
@@ -87,10 +102,12 @@ class TreeError(SarError):
 
     Attributes:
         findings: Everything that is wrong with it.
+        beginning: What it says before the place where it goes wrong; None where that is not known.
     """
 
-    def __init__(self, findings: Iterable[Diagnostic]) -> None:
+    def __init__(self, findings: Iterable[Diagnostic], beginning: "FileBeginning | None" = None) -> None:
         self.findings = tuple(findings)
+        self.beginning = beginning
         super().__init__("\n".join(finding.render() for finding in self.findings))
 
 

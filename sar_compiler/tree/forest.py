@@ -327,12 +327,17 @@ class _Loader:
         written, beside = element.attributes["path"], []
         with suppress(OSError):
             if self.compared < MAX_NEIGHBOURS and not target.exists():
-                beside = [path.name for path in target.parent.iterdir() if path.suffix in FORMS]
+                others = (path for path in target.parent.iterdir() if path.suffix in FORMS)
+                beside = [path.name for path in others if path.name != target.name]
         self.compared += len(beside)
         import difflib
 
-        near = difflib.get_close_matches(target.name, sorted(beside), n=1)
-        return written.removesuffix(target.name) + near[0] if near and written.endswith(target.name) else None
+        # The ending, which many have, speaks for none of them.
+        stems = {Path(name).stem: name for name in sorted(beside, reverse=True)}
+        near = difflib.get_close_matches(target.stem, sorted(stems), n=1)
+        if not near or not written.endswith(target.name):
+            return None
+        return written.removesuffix(target.name) + stems[near[0]]
 
     def _target(self, element: Element, here: Path) -> Path | None:
         """Return the file that an include means, or None after a finding."""

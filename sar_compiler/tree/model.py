@@ -3,8 +3,12 @@
 import functools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
 
 from sar_compiler.tree.source import Source, Span
+
+if TYPE_CHECKING:
+    from sar_compiler.tree.diagnostic import Diagnostic
 
 ROOT_TAG = "root"
 TREE_TAG = "BehaviorTree"
@@ -115,11 +119,13 @@ class TreeFile:
         source: The file's text and name.
         root: Its outermost element.
         comments: The comments before (index 0) and behind it (index 1).
+        findings: What reading it has mended.
     """
 
     source: Source
     root: Element
     comments: tuple[Comment, ...] = field(default=(), repr=False, compare=False)
+    findings: "tuple[Diagnostic, ...]" = field(default=(), repr=False, compare=False)
 
     @functools.cached_property
     def trees(self) -> tuple[Element, ...]:
@@ -135,3 +141,29 @@ class TreeFile:
 def is_groot2_project(tree_file: TreeFile) -> bool:
     """Return whether a file is what Groot2 keeps of a project: the files in it, and models of their nodes."""
     return tree_file.source.path.endswith(".btproj") or PROJECT_ATTRIBUTE in tree_file.root.attributes
+
+
+class OpenTag(NamedTuple):
+    """Where an element begins.
+
+    Attributes:
+        line: The line, from 1.
+        column: The column, from 1.
+        tag: The element's tag.
+    """
+
+    line: int
+    column: int
+    tag: str
+
+
+class FileBeginning(NamedTuple):
+    """What a file says before the place where it goes wrong.
+
+    Attributes:
+        tree_file: The elements that begin before it.
+        unfinished: Those that do not end before it.
+    """
+
+    tree_file: TreeFile
+    unfinished: tuple[OpenTag, ...]

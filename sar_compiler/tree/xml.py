@@ -13,21 +13,21 @@ from sar_compiler.tree.comments import text_of_xml
 from sar_compiler.tree.content import MAX_DEPTH, source_of
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.gc_pause import gc_paused
-from sar_compiler.tree.model import MODEL_TAG, Comment, Element, TreeFile
+from sar_compiler.tree.model import MODEL_TAG, Comment, Element, FileBeginning, OpenTag, TreeFile
 from sar_compiler.tree.source import AttributePlaces, Form, Source, Span
+from sar_compiler.tree.xml_recovery import ATTRIBUTE, NAME, REFERENCE, Recovered, recover
 
 _DECLARED_ENCODING = re.compile(rb"""^<\?xml\b[^>]*?\bencoding\s*=\s*["']([A-Za-z0-9._\-]+)["']""")
-_NAME = re.compile(r"<[^\s/>]+")
-_ATTRIBUTE = re.compile(r"""\s*([^\s=/>]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)
 # What stands for one character of a value.
-_CHARACTER = re.compile(r"&[^;]*;|\r\n|.", re.DOTALL)
+_CHARACTER = re.compile(rf"{REFERENCE}|\r\n|.", re.DOTALL)
 
 
 def parse_xml(data: bytes | str, path: str = "<text>") -> TreeFile:
     """Read a tree file's content.
 
     Raises:
-        TreeError: If it is not well-formed XML, too large, too deep, or has a DOCTYPE.
+        TreeError: If it is not well-formed XML, too large, too deep, or has a DOCTYPE. Where it is not well-formed,
+            the error has the elements before that place.
     """
     declared = _DECLARED_ENCODING.match(data) if isinstance(data, bytes) else None
     encoding = declared.group(1).decode("ascii") if declared else None
@@ -41,7 +41,7 @@ class _XmlSpans:
 
     def tag(self, source: Source, element: Element) -> Span:
         start = source.offset(element.line, element.column)
-        name = _NAME.match(source.text, start)
+        name = NAME.match(source.text, start)
         return source.span(start, name.end() if name else start + 1)
 
     def attribute_name(self, source: Source, element: Element, name: str) -> Span:
@@ -70,9 +70,9 @@ class _XmlSpans:
         return source.attribute(element, name, self._attributes(source, element))
 
     def _attributes(self, source: Source, element: Element) -> Iterator[tuple[str, AttributePlaces]]:
-        tag = _NAME.match(source.text, source.offset(element.line, element.column))
+        tag = NAME.match(source.text, source.offset(element.line, element.column))
         offset = tag.end() if tag else 0
-        while match := _ATTRIBUTE.match(source.text, offset):
+        while match := ATTRIBUTE.match(source.text, offset):
             yield match[1], (*match.span(1), *match.span(3))
             offset = match.end()
 
@@ -89,8 +89,9 @@ _HINTS = {
 class _XmlReader:
     """One pass over a text; builds each element when its end comes, so that it can be frozen."""
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: Source, recovered: Recovered | None = None) -> None:
         self._source = source
+        self._recovered = recovered
         self._parser = parser = expat.ParserCreate(encoding="utf-8")
         parser.StartDoctypeDeclHandler = self._doctype
         parser.CommentHandler = self._comment
@@ -100,23 +101,44 @@ class _XmlReader:
         # What few elements have, by the number of elements around it.
         self._comments: dict[int, list[Comment]] = {}
         self._texts: dict[int, list[str]] = {}
-        parser.StartElementHandler, parser.EndElementHandler = self._handlers()
+        parser.StartElementHandler, self._end = self._handlers()
+        parser.EndElementHandler = self._end
 
     def read(self) -> TreeFile:
+        recovered = self._recovered
+        text = recovered.text if recovered is not None else self._source.text
         try:
             # A lone surrogate cannot be written as UTF-8; expat then says where the bad byte is.
-            with gc_paused(len(self._source.text)):
-                self._parser.Parse(self._source.text.encode("utf-8", "surrogatepass"), True)  # noqa: FBT003
+            with gc_paused(len(text)):
+                self._parser.Parse(text.encode("utf-8", "surrogatepass"), True)  # noqa: FBT003
         except expat.ExpatError as error:
-            raise TreeError([self._malformed(error)]) from None
-        return TreeFile(self._source, self._levels[0][0], tuple(self._comments.get(0, ())))
+            if recovered is None:
+                recovered = recover(self._source)
+                if recovered is not None:
+                    return _XmlReader(self._source, recovered).read()
+            findings = recovered.findings if recovered is not None else ()
+            raise TreeError([*findings, self._malformed(error)], self._beginning()) from None
+        return self._file()
+
+    def _file(self) -> TreeFile:
+        findings = self._recovered.findings if self._recovered is not None else ()
+        return TreeFile(self._source, self._levels[0][0], tuple(self._comments.get(0, ())), findings)
+
+    def _beginning(self) -> FileBeginning | None:
+        """Return what was read before the place where the file goes wrong; None if that is no element."""
+        unfinished = [OpenTag(line, column, tag) for tag, _, line, column in self._open]
+        for place in reversed(unfinished):
+            self._end(place.tag)
+        return FileBeginning(self._file(), tuple(unfinished)) if self._levels[0] else None
 
     def _handlers(self) -> tuple[Callable[[str, dict[str, str]], None], Callable[[str], None]]:
         """Return the handlers for start and end tags; closures, which are faster than methods."""
         parser, source, opened, levels = self._parser, self._source, self._open, self._levels
-        comments, texts = self._comments, self._texts
+        comments, texts, recovered = self._comments, self._texts, self._recovered
 
         def start(tag: str, attributes: dict[str, str]) -> None:
+            if recovered is not None:
+                attributes = {name: recovered.original(value) for name, value in attributes.items()}
             opened.append((tag, attributes, parser.CurrentLineNumber, parser.CurrentColumnNumber + 1))
             levels.append([])
             if tag == MODEL_TAG:
@@ -146,11 +168,13 @@ class _XmlReader:
         return "" if self._levels[-1] else text, tuple(self._comments.pop(depth, ()))
 
     def _data(self, text: str) -> None:
+        text = self._recovered.original(text) if self._recovered is not None else text
         self._texts.setdefault(len(self._open), []).append(text)
 
     def _comment(self, data: str) -> None:
         depth, start, siblings = len(self._open), self._here(), self._levels[-1]
-        text, written = text_of_xml(data), self._source.text
+        text = text_of_xml(self._recovered.original(data) if self._recovered is not None else data)
+        written = self._source.text
         # What is before it in its line.
         first, last = self._source.offset(self._parser.CurrentLineNumber, 1), start
         while last > first and written[last - 1].isspace():
@@ -193,7 +217,7 @@ class _XmlReader:
         if found is not None:
             message = f"not well-formed XML: {found.message}"
             span = self._source.span(found.start, found.end)
-            return Diagnostic("malformed-xml", message, self._source, span, found.suggestion)
+            return Diagnostic("malformed-xml", message, self._source, span, found.suggestion, found.hint)
         if words == expat.errors.XML_ERROR_TAG_MISMATCH and self._open:
             start -= len("</")  # expat speaks of the name behind it
             tag, _, opened, *_ = self._open[-1]

@@ -4,9 +4,14 @@ import re
 from dataclasses import dataclass
 from xml.parsers import expat
 
+from sar_compiler.tree.xml_recovery import ATTRIBUTE, NAME
+
 _AMPERSANDS = re.compile(r"(&+)[^&;<>\"'\s]*\Z")
 _ENTITY = re.compile(r"&([^#&;\s][^&;\s]*);")
 _BUILT_IN = frozenset(("amp", "lt", "gt", "apos", "quot"))
+_ATTRIBUTE_NAME = re.compile(r"[^\s=/>\"'<]+")
+_VALUELESS = re.compile(rf"\s+({_ATTRIBUTE_NAME.pattern})\s*")
+_OPENED = re.compile(rf"\s*{_ATTRIBUTE_NAME.pattern}\s*=\s*([\"'])")
 _OPEN_VALUE = re.compile(r"=\s*(\"[^\"<]*|'[^'<]*)\Z")
 
 
@@ -19,12 +24,14 @@ class XmlMistake:
         start: The offset of the first character that is.
         end: The offset after the last one.
         suggestion: What to write there.
+        hint: What to do, where there is no such text.
     """
 
     message: str
     start: int
     end: int
     suggestion: str | None = None
+    hint: str | None = None
 
 
 def mistake_at(text: str, place: int, words: str) -> XmlMistake | None:
@@ -35,6 +42,10 @@ def mistake_at(text: str, place: int, words: str) -> XmlMistake | None:
     """
     if words == expat.errors.XML_ERROR_UNDEFINED_ENTITY:
         return _undefined(text, place)
+    if words == expat.errors.XML_ERROR_DUPLICATE_ATTRIBUTE:
+        return _twice(text, place)
+    if words == expat.errors.XML_ERROR_UNCLOSED_TOKEN:
+        return _unclosed(text, place)
     if words != expat.errors.XML_ERROR_INVALID_TOKEN:
         return None
     if text.rfind("<!--", 0, place) > text.rfind("-->", 0, place):
@@ -61,12 +72,64 @@ def _in_tag(text: str, place: int) -> XmlMistake | None:
         return _in_value(text, place, tag + value.start(1))
     if before.rstrip().endswith("="):
         return XmlMistake("the value of an attribute must stand in quotes", place, place + 1)
+    if text.startswith("<!--", place):
+        hint = "put it before or behind the tag"
+        return XmlMistake("a comment cannot stand in a tag", place, place + len("<!--"), hint=hint)
+    return _in_attributes(text, tag, place)
+
+
+def _in_attributes(text: str, tag: int, place: int) -> XmlMistake | None:
+    """Return the mistake behind the last attribute that is complete."""
+    name = NAME.match(text, tag)
+    if name is None:
+        message = "a tag's name stands directly behind its <, and a < in a text is written &lt;"
+        return XmlMistake(message, tag, place + 1) if text.startswith("<", tag) else None
+    end = name.end()
+    while match := ATTRIBUTE.match(text, end, place):
+        end = match.end()
+    valueless = _VALUELESS.fullmatch(text, end, place)
+    if valueless is not None:
+        message, written = f"the attribute '{valueless[1]}' has no value", valueless[1]
+        return XmlMistake(message, *valueless.span(1), hint=f'write {written}="..."')
+    if text.startswith("<", place):
+        return XmlMistake("the tag that begins here has no >", tag, name.end())
+    if end == place and text[place - 1] in "\"'":
+        message = "a blank is missing before this, or a quotation mark too many stands before it"
+        return XmlMistake(message, place, place + 1)
     return None
+
+
+def _twice(text: str, place: int) -> XmlMistake | None:
+    name = _ATTRIBUTE_NAME.match(text, place)
+    if name is None:
+        return None
+    message = f"the attribute '{name[0]}' stands twice in this tag"
+    return XmlMistake(message, *name.span(), hint="delete one of the two")
+
+
+def _unclosed(text: str, place: int) -> XmlMistake | None:
+    """Return what has no end in the whole file."""
+    if text.startswith("<!--", place):
+        return XmlMistake(
+            "the comment that begins here has no -->", place, place + len("<!--"), hint="write --> behind it"
+        )
+    name = NAME.match(text, place)
+    if name is None:
+        return None
+    end = name.end()
+    while match := ATTRIBUTE.match(text, end):
+        end = match.end()
+    quote = _OPENED.match(text, end)
+    if quote is not None:
+        message = "the value that begins here has no closing quotation mark"
+        return XmlMistake(message, *quote.span(1))
+    return XmlMistake("the tag that begins here has no >", place, name.end())
 
 
 def _in_value(text: str, place: int, quote: int) -> XmlMistake:
     """Return the mistake of a < in a value: unescaped, or after a missing closing quote."""
-    if text[quote:place].rstrip().endswith((">", "/")):
+    value = text[quote:place].rstrip(" \t")
+    if value.rstrip().endswith((">", "/")) or value.endswith("\n") or text.startswith("</", place):
         return XmlMistake("the value that begins here has no closing quotation mark", quote, quote + 1)
     return XmlMistake("a < in a value is written &lt; in XML", place, place + 1, "&lt;")
 

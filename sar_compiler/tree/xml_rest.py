@@ -8,12 +8,14 @@ from xml.parsers import expat
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.model import TreeFile
 from sar_compiler.tree.source import Source
+from sar_compiler.tree.xml_recovery import readable
 
 
 def rest_of(tree_file: TreeFile) -> list[Diagnostic]:
     """Return a finding for each piece of text and each processing instruction that no element has."""
     with_text = {(element.line, element.column) for element in tree_file.root.iterate() if element.text}
-    return _Looker(tree_file.source, with_text).look()
+    text = readable(tree_file.source) if tree_file.findings else tree_file.source.text
+    return _Looker(tree_file.source, with_text).look(text)
 
 
 class _Looker:
@@ -31,8 +33,8 @@ class _Looker:
         parser.CharacterDataHandler = self._text
         parser.ProcessingInstructionHandler = self._instruction
 
-    def look(self) -> list[Diagnostic]:
-        self._parser.Parse(self._source.text.encode(), True)  # noqa: FBT003
+    def look(self, text: str) -> list[Diagnostic]:
+        self._parser.Parse(text.encode(), True)  # noqa: FBT003
         return self._findings
 
     def _place(self) -> tuple[int, int]:

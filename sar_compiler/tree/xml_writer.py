@@ -11,6 +11,7 @@ from html import unescape
 
 from sar_compiler.tree.model import Comment, Element, TreeFile
 from sar_compiler.tree.source import Form
+from sar_compiler.tree.xml_recovery import escaped
 
 WIDTH = 100
 _DECLARATION = '<?xml version="1.0" encoding="UTF-8"?>'
@@ -93,7 +94,7 @@ def _as_broken(element: Element, name: str, value: str) -> str | None:
     start, end = source.offset(span.line, span.column), source.offset(span.end_line, span.end_column)
     broken = re.sub(r"\r\n?", "\n", source.text[start:end]).replace('"', "&quot;").replace("\t", " ")
     # The element may have been given another value since it was read.
-    return broken if unescape(broken.replace("\n", " ")) == value else None
+    return escaped(broken) if unescape(broken.replace("\n", " ")) == value else None
 
 
 def _comment(comment: Comment, indent: str, *, after_blank_line: bool) -> Iterator[str]:

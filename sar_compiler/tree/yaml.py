@@ -11,8 +11,18 @@ import yaml
 
 from sar_compiler.tree.comments import text_of_yaml
 from sar_compiler.tree.content import MAX_DEPTH, source_of
-from sar_compiler.tree.diagnostic import TreeError
-from sar_compiler.tree.model import CHILDREN_KEY, MODEL_TAG, ROOT_TAG, TEXT_KEY, Comment, Element, TreeFile
+from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
+from sar_compiler.tree.model import (
+    CHILDREN_KEY,
+    MODEL_TAG,
+    ROOT_TAG,
+    TEXT_KEY,
+    Comment,
+    Element,
+    FileBeginning,
+    OpenTag,
+    TreeFile,
+)
 from sar_compiler.tree.source import Source
 from sar_compiler.tree.xml_names import is_name
 from sar_compiler.tree.yaml_events import Events
@@ -21,6 +31,9 @@ from sar_compiler.tree.yaml_spans import YamlSpans
 _EMPTY_HINT = "write root: with BTCPP_format: 4 and children: below it"
 # What no XML can say, not even by a reference.
 _UNSPEAKABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
+_OF_THE_ROOT = ("BTCPP_format", "main_tree_to_execute", CHILDREN_KEY)
+# Written behind a plain text, with nothing but one blank in between: few comments are.
+_CUT = re.compile(r" #[^\s#!][^\r\n]*")
 _HEADER_COMMENT = re.compile(r"[^\r\n#]*#([^\r\n]*)")
 _REFERENCE = re.compile(r"\{[^{}:,\s]+\}")
 
@@ -57,7 +70,11 @@ class _YamlReader:
     def __init__(self, source: Source, spans: YamlSpans) -> None:
         self._source = source
         self._spans = spans
-        self._events = Events(source)
+        self._events = Events(source, closing=True)
+        # Elements of which something is missing, or wrong.
+        self._unfinished: list[OpenTag] = []
+        # What may be meant so.
+        self._doubts: list[Diagnostic] = []
         self._report = self._events.report
         self._depth = 0
         self._models = 0
@@ -77,9 +94,14 @@ class _YamlReader:
             start, end = _place(events.next)
             message = "a second document begins here; a tree file is one"
             self._report("second-document", message, start, end, hint="put it in a file of its own")
-        if events.findings or root is None:
-            raise TreeError(sorted(events.findings, key=lambda found: (found.span.line, found.span.column)))
-        return TreeFile(self._source, root, (*before, *after))
+        tree_file = (
+            TreeFile(self._source, root, (*before, *after), tuple(self._doubts)) if root is not None else None
+        )
+        if events.findings or tree_file is None:
+            findings = sorted(events.findings, key=lambda found: (found.span.line, found.span.column))
+            read = FileBeginning(tree_file, tuple(self._unfinished)) if tree_file is not None else None
+            raise TreeError(findings, read)
+        return tree_file
 
     def _document(self) -> None:
         start: Any = self._events.take()
@@ -110,6 +132,8 @@ class _YamlReader:
             events.take()
             self._report("wrong-shape", "these braces are empty; a node has a tag", *_place(first))
             return None
+        if not self._depth and getattr(events.next, "value", None) in _OF_THE_ROOT:
+            return self._rootless()
         tag = self._key()
         element = self._tagged(tag, events.trailing) if tag is not None else None
         if tag is None:
@@ -118,6 +142,19 @@ class _YamlReader:
             self._stray_key(tag)
         events.take()
         return element
+
+    def _rootless(self) -> Element | None:
+        """Read the contents of a root that is not named itself."""
+        first, parts = self._events.next, _Parts()
+        message = f"a tree file begins with '{ROOT_TAG}:'; '{first.value}' stands below it"
+        hint = f"write '{ROOT_TAG}:' above, and indent all that follows"
+        self._report("wrong-root", message, *_place(first), hint=hint)
+        number = self._spans.begin(*_place(first))
+        self._depth += 1
+        self._content(parts)
+        self._depth -= 1
+        tag = yaml.ScalarEvent(None, None, (True, False), ROOT_TAG, first.start_mark, first.end_mark)
+        return self._element(tag, parts, number)
 
     def _bare(self, tag: Any) -> Element | None:
         """Make an element of a tag without contents."""
@@ -133,6 +170,7 @@ class _YamlReader:
 
     def _tagged(self, tag: Any, trailing: str | None) -> Element | None:
         events, parts = self._events, _Parts()
+        wrong = len(events.findings)
         number = self._spans.begin(*_place(tag))
         if trailing is not None:
             parts.comments.append(Comment(trailing, trailing=True))
@@ -161,7 +199,10 @@ class _YamlReader:
             if isinstance(content, yaml.ScalarEvent):
                 what = f"- {content.value}" if is_name(content.value) else "- "
                 hint = f"a node in it stands below '{CHILDREN_KEY}:', as '{what}'"
-            self._report("wrong-shape", message, _place(content)[0], end, hint=hint)
+            if not isinstance(content, yaml.AliasEvent):  # of which its own finding has told
+                self._report("wrong-shape", message, _place(content)[0], end, hint=hint)
+        if len(events.findings) > wrong or events.is_cut or isinstance(content, yaml.AliasEvent):
+            self._unfinished.append(OpenTag(*self._source.place(tag.start_mark.index), tag.value))
         return self._element(tag, parts, number)
 
     def _element(self, tag: Any, parts: _Parts, number: int) -> Element | None:
@@ -221,11 +262,27 @@ class _YamlReader:
         elif key.value != TEXT_KEY:
             parts.attributes[key.value] = value.value
             parts.places += (*_place(key), *_place(value))
+            if events.trailing is not None:
+                self._look_for_cut(key, value)
         elif self._models:
             parts.text = value.value.strip()
         else:
             message = f"'{TEXT_KEY}' stands only in the ports of a {MODEL_TAG}"
             self._report("wrong-shape", message, *_place(key), hint="write a comment instead")
+
+    def _look_for_cut(self, key: Any, value: Any) -> None:
+        """Report a plain text of which a # has perhaps cut off the rest."""
+        start, end = _place(value)
+        cut = _CUT.match(self._source.text, end) if not value.style and value.value[:1].isalpha() else None
+        if cut is None or cut[0].startswith(" #sar:"):
+            return
+        written = self._source.text[start : cut.end()].rstrip()
+        message = f"{key.value}: a # behind a blank begins a comment, so the text is '{value.value}'"
+        hint = f"write '{written}' in quotes; a comment stands behind '# '"
+        span = self._source.span(end + 1, cut.end())
+        self._doubts.append(
+            Diagnostic("cut-text", message, self._source, span, hint=hint, severity=Severity.WARNING)
+        )
 
     def _not_a_text(self, parts: _Parts, key: Any) -> None:
         """Report a list or a mapping in place of an attribute's value."""
@@ -240,7 +297,7 @@ class _YamlReader:
             return
         what = "a list" if isinstance(value, yaml.SequenceStartEvent) else "a mapping"
         message = f"'{key.value}' is an attribute, and its value is {what}, not a text"
-        hint = f"nodes stand under '{CHILDREN_KEY}'; a text that begins with {{ or [ stands in quotes"
+        hint = f"a node begins with '- ' under '{CHILDREN_KEY}'; a text that begins with {{ or [ stands in quotes"
         block = isinstance(value, yaml.SequenceStartEvent) and not value.flow_style
         meant = CHILDREN_KEY if block and CHILDREN_KEY not in parts.seen else None
         self._report("wrong-shape", message, *_place(key), suggestion=meant, hint=hint)

@@ -50,7 +50,7 @@ _WORDS = [
         (
             r"simple key|could not find expected ':'",
             "the ':' behind this key is missing",
-            "write key: value in one line",
+            "begin a node with '- ', write an attribute as name: value in one line",
         ),
         (
             r"',' or|\[|\{|flow",
@@ -80,7 +80,7 @@ def malformed(source: Source, error: yaml.YAMLError) -> Diagnostic:
         problem = f"{error.problem}"
         mark = error.problem_mark or error.context_mark
         start = min(mark.index, len(source.text)) if mark is not None else 0
-        if error.context_mark is not None and re.search(r"quoted|flow", error.context or ""):
+        if error.context_mark is not None and re.search(r"quoted|flow|simple key", error.context or ""):
             start = error.context_mark.index if "escape" not in problem else start
             problem = f"{problem} {error.context}" if "flow" in (error.context or "") else problem
     message, hint = _said(source.text[start : start + 1], problem)

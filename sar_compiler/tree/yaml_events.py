@@ -58,9 +58,18 @@ class Events:
         findings: What is wrong with the file so far; whoever reads the events adds to it.
         next: The event that comes next.
         trailing: What the comment says that shares the line of the event taken last; None if there is none.
+        is_cut: Whether the text goes wrong before its end.
+
+    Args:
+        source: The text.
+        closing: Whether a text that goes wrong ends there, with all that is open, instead of raising an error.
     """
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: Source, *, closing: bool = False) -> None:
+        self.is_cut = False
+        self._closing = closing
+        # For each collection that is open: the event that ends it, and whether the value of a key comes next.
+        self._open: list[tuple[Any, bool]] = []
         self.findings: list[Diagnostic] = []
         self.trailing: str | None = None
         self._source = source
@@ -80,7 +89,9 @@ class Events:
         self.take()
 
     def report(self, code: str, message: str, start: int, end: int, **advice: str | None) -> None:
-        """Note something that is wrong between two offsets."""
+        """Note something that is wrong between two offsets; nothing of what a text that was cut lacks."""
+        if self.is_cut:
+            return
         span = self._source.span(start, max(start + 1, end))
         self.findings.append(Diagnostic(code, message, self._source, span, **advice))  # type: ignore[arg-type]
 
@@ -95,9 +106,15 @@ class Events:
             self.next = event = next(self._stream, None)
         except yaml.YAMLError as error:
             self.findings.append(malformed(self._source, error))
-            raise TreeError(self.findings) from None
+            if not self._closing:
+                raise TreeError(self.findings) from None
+            self.is_cut = True
+            self._stream = self._ends(taken)
+            self.next = event = next(self._stream)
         self.trailing = None
         if event is not None:
+            if self._closing and not self.is_cut:
+                self._follow(event)
             if isinstance(event, yaml.CollectionStartEvent):
                 self._enter(event)
             elif isinstance(event, yaml.CollectionEndEvent):
@@ -107,6 +124,27 @@ class Events:
             if getattr(event, "anchor", None) is not None or getattr(event, "tag", None) is not None:
                 self._refuse_surprises(event)
         return taken
+
+    def _follow(self, event: Any) -> None:
+        if isinstance(event, yaml.CollectionEndEvent):
+            self._open.pop()
+        if isinstance(event, yaml.NodeEvent | yaml.CollectionEndEvent) and self._open:
+            end, is_value = self._open[-1]
+            if not isinstance(event, yaml.CollectionStartEvent):
+                self._open[-1] = end, not is_value
+        if isinstance(event, yaml.CollectionStartEvent):
+            is_mapping = isinstance(event, yaml.MappingStartEvent)
+            self._open.append((yaml.MappingEndEvent if is_mapping else yaml.SequenceEndEvent, False))
+
+    def _ends(self, last: Any) -> Iterator[Any]:
+        """Yield the events that end all that is open, behind the last one."""
+        mark = last.end_mark if last is not None else yaml.Mark("", 0, 0, 0, None, 0)
+        if self._open and self._open[-1] == (yaml.MappingEndEvent, True):
+            yield yaml.ScalarEvent(None, None, (True, False), "", mark, mark)
+        for end, _ in reversed(self._open):
+            yield end(mark, mark)
+        yield yaml.DocumentEndEvent(mark, mark)
+        yield yaml.StreamEndEvent(mark, mark)
 
     def skip(self) -> int:
         """Pass over the value that comes next, whatever it is; returns the offset of its end."""

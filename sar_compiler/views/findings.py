@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterable
 
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.showing import visible
 
 _COMMANDS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "notice"}
 # The characters that would end a message, and those that would end a property as well.
@@ -48,7 +49,7 @@ def _command(finding: Diagnostic) -> str:
         properties["endLine"] = span.end_line
     properties["title"] = finding.code
     listed = ",".join(f"{name}={_escaped(str(value), _IN_PROPERTIES)}" for name, value in properties.items())
-    message = f"{finding.message}\n{finding.advice}".rstrip()
+    message = "\n".join(map(visible, (finding.message, finding.advice))).rstrip()
     return f"::{_COMMANDS[finding.severity]} {listed}::{_escaped(message, _IN_MESSAGES)}"
 
 

@@ -43,7 +43,7 @@ MENDED = {
 LEFT = {
     "a tag": "<NavigateToZne/>",
     "a leaf's attribute that is only near": '<Retry num_failure="2"><NavigateToZone/></Retry>',
-    "a number with a unit": '<Timeout duration="60s"><NavigateToZone/></Timeout>',
+    "a number with a unit": '<Timeout duration="60 sec"><NavigateToZone/></Timeout>',
     "a reference": '<Sequence><DetectSurvivor/><NotifyBase detect_node="DetectSurvivr"/></Sequence>',
     "a word that binds differently": '<ScriptCondition code="not @a == 1"/>',
     "an operator that has two readings": '<Script code="@a =+ 1"/>',

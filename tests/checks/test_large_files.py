@@ -18,10 +18,23 @@ from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.xml_writer import write_xml
 from sar_compiler.tree.yaml import parse_yaml
 from sar_compiler.tree.yaml_writer import write_yaml
+from tests.trees import forest_of
 
 SIZE = 100
 MOST_GROWTH = 2.3
 """How many times as many calls twice the size may take; what grows with the square takes up to four times as many."""
+
+
+@pytest.mark.parametrize(
+    "value",
+    ["x" * 3_000_000, "{" * 3_000_000, "${" + "x" * 3_000_000, "1" * 3_000_000, "1 " * 1_000_000],
+    ids=["letters", "braces", "a key", "digits", "numbers"],
+)
+def test_a_value_as_long_as_a_file_is_told_in_a_few_words(value):
+    (finding,) = check(forest_of(document(f'<Sleep msec="{value}"/>')), default_registry())
+    assert finding.code == "wrong-value"
+    assert len(finding.message) < 1000
+    assert len(finding.render()) < 2000
 
 
 def sequence(nodes: Iterable[str], tag: str = "Sequence") -> str:

@@ -56,12 +56,35 @@ IN_A_TREE = {
         "true",
     ),
     "a number that is none": ('<Timeout duration="fast"><Running/></Timeout>', "wrong-value", 3, 20, None),
-    "a number with something left over": (
-        '<Timeout duration="30s"><Running/></Timeout>',
+    "a duration in words": (
+        '<Timeout duration="30 sec"><Running/></Timeout>',
         "wrong-value",
         3,
         20,
-        "30",
+        "30s",
+    ),
+    "a duration with a decimal comma": ('<Timer duration="1,5"/>', "wrong-value", 3, 18, "1.5"),
+    "a duration with a unit that is none": ('<Timer duration="2m"/>', "wrong-value", 3, 18, None),
+    "a duration where a number of times is meant": (
+        '<Retry num_failures="5s"><Success/></Retry>',
+        "wrong-value",
+        3,
+        22,
+        None,
+    ),
+    "a whole number with an exponent": (
+        '<Retry num_failures="1e3"><Success/></Retry>',
+        "wrong-value",
+        3,
+        22,
+        "1000",
+    ),
+    "a comma that means thousands or a fraction": (
+        '<Retry num_failures="1,000"><Success/></Retry>',
+        "wrong-value",
+        3,
+        22,
+        None,
     ),
     "a number of too many digits": (
         f'<Retry num_failures="{"9" * 5000}"><Success/></Retry>',
@@ -82,7 +105,7 @@ IN_A_TREE = {
         "wrong-value",
         3,
         22,
-        "2",
+        None,
     ),
     "a missing attribute": ("<Retry><Success/></Retry>", "missing-attribute", 3, 1, None),
     "a decorator without a child": ('<Inverter name="a"/>', "missing-child", 3, 1, None),
@@ -288,6 +311,10 @@ def test_what_is_said_names_what_can_be_written_instead(registry):
 
 
 CORRECT = {
+    "durations with their units": (
+        '<Sequence><Delay delay_msec="0.5s"><Timer duration="250ms"/></Delay><Sleep msec="2min"/>'
+        '<Timeout duration="1min"><Sleep msec="1500"/></Timeout><DetectSurvivor timeout_sec="500ms"/></Sequence>'
+    ),
     "lone carriage returns": "<Sequence>\r\t<Success/>\r\t<Failure/>\r</Sequence>",
     "a leaf with nothing but a comment in it": "<Success>\n<!-- why not -->\n</Success>",
     "names that are not tags": '<Success name="Is it fine? / yes!"/>',

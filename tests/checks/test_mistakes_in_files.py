@@ -47,7 +47,7 @@ IN_XML = {
     ),
     "a number with something left over": (
         '<Delay delay_msec="12abc"><Success/></Delay>',
-        ("wrong-value", 3, 20, "12"),
+        ("wrong-value", 3, 20, None),
     ),
     "too few children": (
         '<Switch2 variable="a" case_1="b" case_2="c"><Success/></Switch2>',

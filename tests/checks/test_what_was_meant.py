@@ -71,6 +71,32 @@ IN_A_TREE = {
         '<Parallel policy="SUCCESS_ON_ALL"><Sleep msec="500"/><NavigateToBase/></Parallel>',
         ("wrong-value", 3, 19, "SuccessOnAll"),
     ),
+    "a key that is written in the line above, without its braces": (
+        '<Sequence><Script code="pause := 5"/>\n<Sleep msec="pause"/></Sequence>',
+        ("wrong-value", 4, 14, "{pause}"),
+    ),
+    "a key that a node writes by its name, without braces": (
+        '<Sequence><SetBlackboard output_key="pause" value="5"/>\n<Sleep msec="pause"/></Sequence>',
+        ("wrong-value", 4, 14, "{pause}"),
+    ),
+    "a word that is no key": ('<Sleep msec="long"/>', ("wrong-value", 3, 14, None)),
+    "a key as shells write it": ('<Sleep msec="${pause}"/>', ("wrong-value", 3, 14, "{pause}")),
+    "a key in two pairs of braces": ('<Sleep msec="{{pause}}"/>', ("unwritten-key", 3, 14, "{pause}")),
+    "a key as shells write it in a script": (
+        '<ScriptCondition code="${pause}"/>',
+        ("script-error", 3, 24, None),
+    ),
+    "an if in a script": ('<Script code="if (@a == 1) { @b := 2 }"/>', ("script-error", 3, 15, None)),
+    "a loop in a script": ('<Script code="@a := 1; while (@a) @a = 0"/>', ("script-error", 3, 24, None)),
+    "a decimal comma in a script": ('<Script code="@b := 1,5"/>', ("script-error", 3, 22, None)),
+    "an include in a tree": (
+        '<Sequence><NavigateToBase/>\n<include path="a.xml"><Foo/></include></Sequence>',
+        ("unknown-node", 4, 1, None),
+    ),
+    "a model in a tree": (
+        '<Sequence><NavigateToBase/>\n<TreeNodesModel><Action ID="X"><input_port name="y"/></Action></TreeNodesModel></Sequence>',
+        ("unknown-node", 4, 1, None),
+    ),
     "a sharing of the blackboard of BehaviorTree.CPP 3": (
         '<SubTree ID="Main" __shared_blackboard="true"/>',
         ("unknown-attribute", 3, 20, "_autoremap"),
@@ -128,6 +154,28 @@ def test_a_key_that_is_given_by_a_misspelt_name_is_not_unread_as_well():
     assert found(text) == [("unused-argument", 3, 20, "time")]
 
 
+def test_a_tree_whose_name_stands_in_name_is_not_missing_as_well():
+    text = SUBTREE.format(main='<SubTree ID="Rest"/>', rest="<NavigateToBase/>").replace(
+        'ID="Rest">\n', 'name="Rest">\n'
+    )
+    assert [(code, suggestion) for code, _, _, suggestion in found(text)] == [("unknown-attribute", "ID")]
+
+
+def test_a_main_tree_whose_name_stands_in_name_is_not_missing_as_well():
+    text = SUBTREE.format(main='<SubTree ID="Rest"/>', rest="<NavigateToBase/>").replace(
+        'ID="Main">', 'name="Main">'
+    )
+    assert [(code, suggestion) for code, _, _, suggestion in found(text)] == [("unknown-attribute", "ID")]
+
+
+def test_a_text_for_an_output_of_a_subtree_is_told_where_it_stands():
+    main = '<SubTree ID="Rest"\nfound="yes"/>'
+    model = '<TreeNodesModel><SubTree ID="Rest"><output_port name="found"/></SubTree></TreeNodesModel>'
+    text = SUBTREE.format(main=main, rest='<Script code="found := 1"/>').replace("</root>", f"{model}</root>")
+    assert ("unwritten-key", 3, 8, "{yes}") in found(text)
+    assert not any(code == "unwritten-key" for code, *_ in found(text.replace('"yes"', '"{yes}"')))
+
+
 INCLUDING = (
     '<root BTCPP_format="4" main_tree_to_execute="Main">\n<include {include}/>\n'
     '<BehaviorTree ID="Main"><SubTree ID="Part"/></BehaviorTree></root>'
@@ -161,10 +209,11 @@ def test_trees_of_a_malformed_file_are_not_missing_as_well(tmp_path):
 
 
 def malformed(body):
-    with pytest.raises(TreeError) as caught:
-        parse_xml(f"<root>\n{body}\n</root>")
-    (finding,) = caught.value.findings
-    return finding.span.line, finding.span.column, finding.suggestion, finding.message.partition(": ")[2]
+    try:
+        (finding,) = parse_xml(f"<root>\n{body}\n</root>").findings
+    except TreeError as error:
+        (finding,) = error.findings
+    return finding.span.line, finding.span.column, finding.suggestion, finding.message
 
 
 MALFORMED = {

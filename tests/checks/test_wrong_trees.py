@@ -332,3 +332,13 @@ def test_a_delay_of_no_time_runs_for_a_tick_and_what_follows_that_is_reached():
 def test_a_branch_that_lacks_a_child_is_all_that_is_said_of_it_and_the_decorator_around_it():
     text = document("<Inverter>\n<WhileDoElse>\n<Ready/>\n</WhileDoElse>\n</Inverter>")
     assert found(text) == [("missing-child", 4, 1)]
+
+
+def test_two_nodes_of_one_name_are_told_apart_by_their_lines():
+    body = '<Sequence memory="false">\n<Look name="a"/>\n<Drive name="a"/>\n</Sequence>'
+    (finding,) = [
+        each for each in check(forest_of(document(body)), REGISTRY) if each.code == "endless-restart"
+    ]
+    assert finding.message.startswith(
+        "'a' (line 4) is started again in the next tick while 'a' (line 5) runs, and interrupts 'a' (line 5)"
+    )

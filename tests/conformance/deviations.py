@@ -173,6 +173,7 @@ def _constant_for_a_text(_: Case, difference: Difference) -> bool:
     match = _TYPES.search(difference.expected) if difference.what == "accepted" else None
     return match is not None and match.group(1) in _NUMBERS and match.group(2) == _TEXT
 
+
 def _text_by_root_key(_: Case, difference: Difference) -> bool:
     """Whether a text came first through a key of the main tree that subtrees are given."""
     match = _DECLARED.search(difference.expected) if difference.what == "accepted" else None

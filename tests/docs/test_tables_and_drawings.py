@@ -47,7 +47,10 @@ def test_the_readme_shows_the_findings_that_four_slips_bring():
     for right, wrong in (
         ("<DetectSurvivor/>", "<DetectSurvivr/>"),
         ('name="HandleDetection" memory="false"', 'name="HandleDetection" memory="flase"'),
-        ('<NotifyBase detect_node="DetectSurvivor"/>', '<NotifyBase detect_node="Patrol" timeout_sec="5s"/>'),
+        (
+            '<NotifyBase detect_node="DetectSurvivor"/>',
+            '<NotifyBase detect_node="Patrol" timeout_sec="1,5"/>',
+        ),
     ):
         assert text.count(right) == 1
         text = text.replace(right, wrong)

@@ -1,6 +1,7 @@
 """Trees rewritten for BehaviorTree.CPP 4 and Groot2."""
 
 import sys
+from datetime import timedelta
 from pathlib import Path
 
 import py_trees
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler import Kind, register
+from sar_compiler import Input, Kind, Seconds, register
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
 from sar_compiler.nodes.btcpp.to_btcpp import convert_to_btcpp, to_btcpp
 from sar_compiler.nodes.models.palette import is_built_in
@@ -60,6 +61,15 @@ class Wait(Behaviour):
         return Status.SUCCESS
 
 
+@register("Waits", kind=Kind.ACTION, outcomes={Status.SUCCESS})
+class Waits(Behaviour):
+    """Has durations of every kind."""
+
+    def __init__(self, name: str, patience: Input[Seconds], limit: timedelta) -> None:
+        super().__init__(name)
+        self.patience, self.limit = patience, limit
+
+
 REGISTRY = Registry(default_registry().specs())
 BUILT_IN = {tag for tag, specs in REGISTRY.by_tag().items() if is_built_in(specs)} | {"SubTree"}
 REGISTRY.add_module(leaves)
@@ -106,6 +116,11 @@ LEAF = '<Answer statuses="S"/>'
         (f'<Timeout duration="0">{LEAF}</Timeout>', f'<Timeout msec="1">{LEAF}</Timeout>'),
         ('<Timer duration="1.5"/>', '<Sleep msec="1500"/>'),
         ("<Timer/>", '<Sleep msec="5000"/>'),
+        (f'<Timeout duration="2min">{LEAF}</Timeout>', f'<Timeout msec="120000">{LEAF}</Timeout>'),
+        ('<Sleep msec="1.5s"/>', '<Sleep msec="1500"/>'),
+        ('<Action ID="Sleep" msec="1.5s"/>', '<Action ID="Sleep" msec="1500"/>'),
+        (f'<Delay delay_msec="{{pause}}">{LEAF}</Delay>', f'<Delay delay_msec="{{pause}}">{LEAF}</Delay>'),
+        ('<Waits patience="250ms" limit="2min"/>', '<Waits patience="0.25" limit="120"/>'),
         (f'<OneShot policy="ON_COMPLETION">{LEAF}</OneShot>', f'<RunOnce then_skip="false">{LEAF}</RunOnce>'),
         (
             '<Answer statuses="S" name="A" oneshot="ON_COMPLETION"/>',
@@ -222,14 +237,25 @@ def test_a_whole_number_that_needs_more_bits_than_there_are_in_cpp_is_told(body,
     assert told is None or found[0].message.startswith(told)
 
 
+def test_a_duration_with_a_unit_that_a_subtree_is_given_is_told():
+    text = """<root BTCPP_format="4" main_tree_to_execute="A"><BehaviorTree ID="A"><Sequence>
+<SubTree ID="B" pause="2min" note="2min"/>
+<SubTree ID="B" pause="2000" note="text"/></Sequence></BehaviorTree>
+<BehaviorTree ID="B"><Sequence><Sleep msec="{pause}"/><Script code="x := note"/></Sequence></BehaviorTree></root>"""
+    _, notes = to_btcpp(parse_xml(text, "a.xml"), REGISTRY)
+    assert [(note.code, note.span.line, note.hint) for note in notes] == [
+        ("no-counterpart", 2, "write 120000, for 2min")
+    ]
+
+
 @pytest.mark.parametrize(
     ("body", "suggestion"),
     [
         (f'<Sequence memory="flase">{LEAF}</Sequence>', "false"),
         (f'<ReactiveSequence memory="flase">{LEAF}</ReactiveSequence>', "false"),
-        (f'<Timeout duration="5s">{LEAF}</Timeout>', "5"),
-        ('<Timer duration="5s"/>', "5"),
-        (f'<Retry num_failures="2x">{LEAF}</Retry>', "2"),
+        (f'<Timeout duration="5 s">{LEAF}</Timeout>', "5s"),
+        ('<Timer duration="5 s"/>', "5s"),
+        (f'<Retry num_failures="2e0">{LEAF}</Retry>', "2"),
         (f'<OneShot policy="ON_COMPLETIO">{LEAF}</OneShot>', "ON_COMPLETION"),
         (
             '<Parallel policy="SuccessOnAll" synchronise="flase"><Answer statuses="S"/></Parallel>',

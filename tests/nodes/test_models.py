@@ -185,7 +185,7 @@ def test_a_model_that_says_what_the_registry_knows_is_none(model):
 
 
 DEFAULTS = {
-    "of an installed node": '<Action ID="Sleep"><input_port name="msec" default="{}"/></Action>',
+    "of an installed node": '<Decorator ID="Repeat"><input_port name="num_cycles" default="{}"/></Decorator>',
     "of a described node": '<Action ID="Do"><input_port name="x" type="int" default="{}"/></Action>',
 }
 

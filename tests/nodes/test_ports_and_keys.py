@@ -126,8 +126,8 @@ def test_a_literal_has_the_type_of_its_port(written, value):
 @pytest.mark.parametrize(
     ("written", "suggestion"),
     [
-        ('count="12abc"', "12"),
-        ('count="2.7"', "2"),
+        ('count="12abc"', None),
+        ('count="2.0"', "2"),
         ('number="fast"', None),
         ('number="+inf"', None),
         ('number="infi"', None),

@@ -10,7 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sar_compiler.nodes.values import ConversionError, blackboard_key, nearest, value_type_of
+from sar_compiler.nodes.values import (
+    ConversionError,
+    Milliseconds,
+    Seconds,
+    blackboard_key,
+    nearest,
+    type_of,
+    value_type_of,
+)
 
 
 class Colour(enum.Enum):
@@ -40,6 +48,12 @@ def convert(annotation, text):
         (timedelta, "2.5", timedelta(seconds=2.5)),
         (timedelta, "250ms", timedelta(milliseconds=250)),
         (timedelta, "2min", timedelta(minutes=2)),
+        (Seconds, "500ms", 0.5),
+        (Seconds, "2min", 120.0),
+        (Seconds, "1e-3", 0.001),
+        (Milliseconds, "500", 500),
+        (Milliseconds, "1.5s", 1500),
+        (Milliseconds, "2min", 120_000),
         (Colour, "GREEN", Colour.GREEN),
         (Literal["left", "right"], "left", "left"),
         (Optional[int], "3", 3),  # noqa: UP045 - the old spelling must work too
@@ -57,19 +71,53 @@ def test_a_text_becomes_a_value_of_the_annotated_type(annotation, text, value):
         (bool, "ture", "true"),
         (bool, "yes", None),
         (bool, "", None),
-        (int, "12abc", "12"),
-        (int, "2.7", "2"),
+        (int, "12abc", None),
+        (int, "2.7", None),
+        (int, "2.0", "2"),
+        (int, "1e3", "1000"),
+        (int, "1e-3", None),
+        (int, "1e999999999", None),
+        (int, "1,5", None),
+        (int, "1,000", None),
+        (int, "1,000,000", "1000000"),
+        (int, "0x10", "16"),
+        (int, "500ms", None),
         (int, " 3", "3"),
-        (int, "1_000", "1"),
+        (int, "1_000", "1000"),
         (int, "٣", None),
-        (float, "2,5", "2"),
+        (float, "2,5", "2.5"),
+        (float, "-0,125", "-0.125"),
+        (float, "2,500", None),
+        (float, "1,000,000.5", "1000000.5"),
+        (float, "5s", None),
+        (float, "50%", None),
         (float, "inf", None),
         (float, "nan", None),
         (float, "1e999", None),
-        (float, "0x10", "0"),
-        (timedelta, "5 hours", "5"),
+        (float, "0x10", "16"),
+        (timedelta, "5 hours", "300min"),
+        (timedelta, "2m", None),
         (timedelta, "-1", None),
-        (timedelta, "9e9", "9"),
+        (timedelta, "9e9", "9000000000"),
+        (timedelta, "9e80", None),
+        (timedelta, "+5", "5"),
+        (Milliseconds, "99999h", None),
+        (Seconds, "1,5", "1.5"),
+        (Seconds, "1,5s", "1.5s"),
+        (Seconds, "1,500", None),
+        (Seconds, "1,500ms", None),
+        (Seconds, "500 ms", "500ms"),
+        (Seconds, "5 Seconds", "5s"),
+        (Seconds, "1e3ms", "1000ms"),
+        (Seconds, "250us", "0.25ms"),
+        (Seconds, "-5s", None),
+        (Seconds, "5 m", None),
+        (Milliseconds, "1e3", "1000"),
+        (Milliseconds, "-1e3", None),
+        (Milliseconds, "1.5", None),
+        (Milliseconds, "0.5ms", None),
+        (Milliseconds, "99999min", None),
+        (Milliseconds, "3 sec", "3s"),
         (timedelta, "9" * 40, None),
         (Colour, "green", "GREEN"),
         (Colour, "BLUE", None),
@@ -81,6 +129,48 @@ def test_what_is_not_such_a_value_is_refused_with_the_nearest_one(annotation, te
         convert(annotation, text)
     assert caught.value.suggestion == suggestion
     assert text in caught.value.message
+
+
+_SPELLINGS = st.tuples(
+    st.from_regex(r"[+\-]?[0-9]{1,4}([.,_][0-9]{1,4}){0,2}(e[0-3])?", fullmatch=True),
+    st.sampled_from(["", "ms", " s", "sec", "Min", "h", "m", "abc"]),
+).map("".join)
+
+
+@given(_SPELLINGS, st.sampled_from([int, float, timedelta, Seconds, Milliseconds]))
+def test_what_is_suggested_for_a_number_is_accepted_and_keeps_its_digits(text, annotation):
+    try:
+        convert(annotation, text)
+    except ConversionError as error:
+        if error.suggestion is None:
+            return
+        convert(annotation, error.suggestion)
+        if not set(text) & set("eh"):
+            digits = [each for each in text if each.isdigit()]
+            kept = [each for each in error.suggestion if each.isdigit()]
+            assert "".join(kept).strip("0") == "".join(digits).strip("0")
+
+
+@pytest.mark.parametrize(
+    ("annotation", "text", "hint"),
+    [
+        (int, "1,000", "a comma may mean either: write 1000, or 1.000"),
+        (int, "500ms", "write the number alone: this attribute has no unit"),
+        (Seconds, "2m", "write a number with ms, s or min: 500ms, 1.5s, 2min"),
+    ],
+)
+def test_where_no_replacement_is_sure_to_mean_the_same_there_is_a_hint(annotation, text, hint):
+    with pytest.raises(ConversionError) as caught:
+        convert(annotation, text)
+    assert (caught.value.suggestion, caught.value.hint) == (None, hint)
+
+
+@pytest.mark.parametrize(
+    ("annotation", "value", "fitted"),
+    [(Seconds, "500ms", 0.5), (Seconds, 3, 3.0), (Milliseconds, "1.5s", 1500), (Milliseconds, 7.0, 7)],
+)
+def test_a_duration_on_the_blackboard_is_read_as_in_a_file(annotation, value, fitted):
+    assert type_of(annotation).fit(value) == fitted
 
 
 def test_a_list_may_be_of_members_of_an_enumeration():

@@ -45,3 +45,39 @@ def test_a_long_line_is_cut_around_the_finding():
     assert place.startswith("trees/mission.xml:1:407:")
     assert len(line) < 140
     assert line[carets.index("^") : carets.rindex("^") + 1] == "Sey"
+
+
+def test_what_a_terminal_would_obey_is_shown_as_its_code():
+    text = '<root><A b="\u202eab\u200bc"/>\t<Sey/></root>'
+    place, line, carets = rendered(text, "A@b", hint="\x1b[31mred").splitlines()
+    assert place.startswith("trees/mission.xml:1:13:")
+    assert line == '    1 | <root><A b="\\u202eab\\u200bc"/>\t<Sey/></root>'
+    assert carets == "      |             ^^^^^^^^^^^^^^^ \\x1b[31mred"
+    assert rendered(text, "Sey").splitlines()[2] == "      |                               \t ^^^"
+
+
+def test_in_a_message_it_is_shown_as_its_code_too_and_is_data_elsewhere():
+    source = parse_xml("<root/>", "a\x1b.xml").source
+    finding = Diagnostic("unknown-node", "no node is called '\x9b2J\ufeff'", source, source.span(0, 1))
+    assert finding.render().startswith(
+        "a\\x1b.xml:1:1: error[unknown-node]: no node is called '\\x9b2J\\ufeff'\n"
+    )
+    assert finding.message == "no node is called '\x9b2J\ufeff'"
+
+
+def test_a_very_long_value_is_cut_in_messages_and_advice():
+    source = parse_xml("<root/>").source
+    value = "x" * 100_000
+    message = f"a: '{value}' is not a number"
+    finding = Diagnostic("wrong-value", message, source, source.span(0, 1), suggestion=value, hint=value)
+    assert len(finding.message) < 500
+    assert finding.message.endswith("x' is not a number")
+    assert finding.suggestion == value
+    assert len(finding.render()) < 1500
+
+
+def test_a_suggestion_with_quotation_marks_stands_in_others():
+    assert rendered("<root><Sey/></root>", "Sey", suggestion="'two'").endswith("""did you mean "'two'"?""")
+    assert rendered("<root><Sey/></root>", "Sey", suggestion="""'a' "b\"""").endswith(
+        """did you mean `'a' "b"`?"""
+    )

@@ -314,6 +314,29 @@ def test_an_include_of_a_pipe_is_refused_without_waiting_for_a_writer():
     assert finding.message.endswith("pipe.xml: it is a pipe, not a file")
 
 
+@pytest.mark.parametrize(
+    ("there", "meant", "suggestion"),
+    [
+        ("parts.xml", "part.xml", "parts.xml"),
+        ("parts.xml", "parts.xlm", "parts.xml"),
+        ("parts.yaml", "parts.xml", "parts.yaml"),
+        ("43_switch_children.xml", "no_such_file.xml", None),
+        ("ab.xml", "cd.xml", None),
+    ],
+)
+def test_only_a_name_that_is_near_is_suggested_for_a_missing_file(there, meant, suggestion):
+    write(there, A)
+    write("main.xml", include(meant), B)
+    assert [finding.suggestion for finding in load().findings] == [suggestion]
+
+
+def test_a_folder_is_not_suggested_in_its_own_place():
+    Path("d.xml").mkdir()
+    write("main.xml", include("d.xml"), B)
+    (finding,) = load().findings
+    assert (finding.code, finding.suggestion) == ("unreadable-include", None)
+
+
 def test_names_for_missing_files_are_suggested_as_long_as_few_were_compared(monkeypatch):
     monkeypatch.setattr(forest, "MAX_NEIGHBOURS", 2)
     for name in ("arm.xml", "leg.xml"):

@@ -158,8 +158,9 @@ def test_what_only_yaml_has_is_a_finding_with_its_place(code):
         ("root:\n  children:\n  - - A\n", (3, 5), "write the node's tag; a list of nodes stands under its"),
         ("root:\n  a: 1\nb: 2\n", (3, 1), "a tree file has one key at its top; 'b' stands beside 'root'"),
         ("root:\n  a: [1]\n", (2, 3), "its value is a list, not a text"),
-        ("root:\n  a: {goal}\n", (2, 6), "did you mean ''{goal}''"),
+        ("root:\n  a: {goal}\n", (2, 6), "did you mean \"'{goal}'\"?"),
         ("root:\n  a: {b: c}\n", (2, 3), "its value is a mapping, not a text"),
+        ("root:\n  Sleep:\n    msec: 1\n", (2, 3), "a node begins with '- ' under 'children'"),
         ("root:\n  children: A\n", (2, 3), "'children' is a list of nodes"),
         ("root:\n  children:\n", (2, 3), "write the nodes, or delete the line"),
         ("root:\n  children:\n  - [A]\n", (3, 5), "a node stands here, and this is a list"),
@@ -188,6 +189,8 @@ def test_a_wrong_shape_is_a_finding_that_says_the_right_one(text, place, words):
         ("root:\n  a: - b\n", (2, 6), "a text that begins with '- ' stands in quotes"),
         ("root\n...\nx: y\n...\n", (3, 1), "continues after the end"),
         ("root: {, }\n", (1, 8), "something is missing here"),
+        ("root:\n  children:\n  - A\n  B\n", (4, 3), "begin a node with '- '"),
+        ("root:\n  children:\n  - A\n  B\n  - C\n", (4, 3), "begin a node with '- '"),
     ],
 )
 def test_what_is_not_yaml_is_a_finding_in_the_words_of_the_reader(text, place, words):
@@ -311,3 +314,66 @@ def test_whatever_comes_there_is_a_file_or_a_finding(data):
         parse_yaml(data)
     except TreeError as error:
         assert error.findings  # noqa: PT017 - either outcome is right
+
+
+def test_a_file_without_its_root_is_told_once_and_read_all_the_same():
+    text = "BTCPP_format: 4\nmain_tree_to_execute: A\nchildren:\n- BehaviorTree: {ID: A, children: [B]}\n"
+    assert findings_of(text) == [("wrong-root", 1, 1)]
+    assert "write 'root:' above, and indent all that follows" in said_of(text)
+    assert [each.tag for each in beginning_of(text).tree_file.root.iterate()] == ["root", "BehaviorTree", "B"]
+
+
+def test_an_alias_is_told_once_wherever_it_stands():
+    text = "root:\n  children:\n  - A: *a\n  - *b\n  - B: {x: *c}\n"
+    assert [code for code, *_ in findings_of(text)] == ["yaml-anchor"] * 3
+
+
+CUT_SHORT = {
+    "behind a quotation mark": "root:\n  a: 1\n  children:\n  - B: {c: 2}\n  - D:\n      e: 'x\n",
+    "behind a key": "root:\n  a: 1\n  children:\n  - B: {c: 2}\n  - D:\n      e: @x\n",
+    "behind a forgotten dash": "root:\n  a: 1\n  children:\n  - B: {c: 2}\n  - D\n  E\n",
+    "in brackets": "root:\n  a: 1\n  children:\n  - B: {c: 2}\n  - D: {f: [\n",
+}
+
+
+def beginning_of(text):
+    with pytest.raises(TreeError) as caught:
+        parse_yaml(text, "test.yaml")
+    return caught.value.beginning
+
+
+@pytest.mark.parametrize("name", CUT_SHORT)
+def test_what_stands_before_the_place_of_a_syntax_error_is_read(name):
+    beginning = beginning_of(CUT_SHORT[name])
+    root = beginning.tree_file.root
+    assert (root.attributes, root.children[0].attributes) == ({"a": "1"}, {"c": "2"})
+    assert (1, 1, "root") in beginning.unfinished
+    assert not any(tag == "B" for *_, tag in beginning.unfinished)
+    assert [code for code, *_ in findings_of(CUT_SHORT[name])] == ["malformed-yaml"]
+
+
+@given(st.text(st.sampled_from(list("ab:-#&*!|>'\"{}[], \n  ")), max_size=60))
+def test_whatever_is_written_below_a_root_is_read_or_refused_with_findings(text):
+    try:
+        said = parse_yaml(f"root:\n  {text}").root.tag
+    except TreeError as error:
+        said = str(error)
+    assert said
+
+
+@pytest.mark.parametrize(
+    ("value", "column"),
+    [
+        ("zone #3", 11),
+        ("zone  #3", None),
+        ("zone # three", None),
+        ("5 #3", None),
+        ("'zone #3'", None),
+        ("zone#3", None),
+    ],
+)
+def test_a_text_that_a_comment_seems_to_cut_is_told(value, column):
+    findings = parse_yaml(f"root:\n  a: {value}\n").findings
+    assert [(each.code, each.span.line, each.span.column) for each in findings] == (
+        [("cut-text", 2, column)] if column else []
+    )

@@ -15,7 +15,7 @@ from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.values import Guesses
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.model import SECTIONS, TreeFile
+from sar_compiler.tree.model import SECTIONS, Element, TreeFile
 from sar_compiler.tree.source import Span
 
 
@@ -48,10 +48,12 @@ class CheckContext:
 
     @functools.cached_property
     def is_whole(self) -> bool:
-        """Whether all trees are known: each include was read, and no other element may have been meant as a tree."""
+        """Whether all trees are known: each include was read, and nothing else may have been meant as a tree."""
         roots = (tree_file.root for tree_file in self.forest.files)
-        return not self.forest.findings and all(
-            child.tag in SECTIONS for root in roots for child in root.children
+        return (
+            not self.forest.findings
+            and all(child.tag in SECTIONS for root in roots for child in root.children)
+            and not any(is_misnamed(tree) for tree in self.forest.iterate())
         )
 
     @functools.cached_property
@@ -127,6 +129,11 @@ class CheckContext:
             index = bisect.bisect_right(of_file, (finding.span.line, finding.span.column), key=_place)
             if index:
                 yield of_file[index - 1]
+
+
+def is_misnamed(tree: Element) -> bool:
+    """Return whether a tree has a name where its ID should be."""
+    return "ID" not in tree.attributes and "name" in tree.attributes
 
 
 def _place(bound: BoundNode) -> tuple[int, int]:

@@ -99,6 +99,9 @@ def _unwritten_finding(use: EntryAccess, entry: EntryAccesses, near: str | None)
     if access.kind is AccessKind.CHANGE:
         message = f"{access.attribute}: nothing makes '{key}', and = and its like need a variable that exists"
         hint = f"write {key} := ... where it is to be made"
+    elif key.startswith("{") and key.endswith("}"):
+        message = f"{access.attribute}: braces within the braces are part of the name, and nothing ever writes '{key}'"
+        suggestion = key
     else:
         message = f"{access.attribute}: '{key}' is read here, and nothing ever writes it"
     return warning("unwritten-key", message, use.bound, use.access.span(), suggestion=suggestion, hint=hint)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import NamedTuple
 
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.binding.collector import file_of
 from sar_compiler.nodes.outcome_sets import ALL, ALLOWED, SURE, F, K, R, S, bits
 from sar_compiler.nodes.semantics import REMOVES, WRITES, Order
 from sar_compiler.nodes.spec import Kind, NodeSpec
@@ -41,6 +42,17 @@ class Found(NamedTuple):
             "" if self.leaf is self.place else f" in the tree '{self.place.element.attributes.get('ID')}'"
         )
         return f"'{self.leaf.name}'{inside}"
+
+    def name_beside(self, other: BoundNode) -> str:
+        """Return its name in a message that names another node as well."""
+        return self.name if self.leaf.name != other.name else name_beside(self.leaf, other)
+
+
+def name_beside(bound: BoundNode, other: BoundNode) -> str:
+    """Return a node's name in a message that names another one; with its line if both have the same name."""
+    if bound.name != other.name:
+        return f"'{bound.name}'"
+    return f"'{bound.name}' (line {bound.element.line}{file_of(bound.element, other.element)})"
 
 
 class PossibleOutcomes:

@@ -9,6 +9,7 @@ from sar_compiler.checks.rules.outcome_analysis import (
     acts,
     consequence,
     is_question,
+    name_beside,
 )
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.outcome_sets import F, R, S
@@ -34,12 +35,12 @@ def _sequence(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnost
             return  # the nodes after it are never reached
         found = outcomes.begun_again(child, outcomes.works)
         if found is not None and outcomes.known_to_return(child) & S:
-            yield _restarted(found, later, bound, f"while '{later.name}' runs")
+            yield _restarted(found, later, bound, f"while {name_beside(later, found.leaf)} runs")
             return
         found = outcomes.begun_again(child, outcomes.acts_at_once)
         if found is not None:
             message = (
-                f"{found.name} {consequence(found.leaf)} while '{later.name}' runs: "
+                f"{found.name_beside(later)} {consequence(found.leaf)} while {name_beside(later, found.leaf)} runs: "
                 f"'{bound.name}' looks at every child again"
             )
             yield warning("repeated-effect", message, found.place, hint=_remember(bound))
@@ -83,7 +84,8 @@ def _beginning(bound: BoundNode) -> BoundNode:
 
 def _restarted(found: Found, later: BoundNode, bound: BoundNode, when: str) -> Diagnostic:
     message = (
-        f"{found.name} is started again in the next tick {when}, and interrupts '{later.name}' before it can end: "
+        f"{found.name_beside(later)} is started again in the next tick {when}, and interrupts "
+        f"{name_beside(later, found.leaf)} before it can end: "
         f"'{bound.name}' looks at every child again"
     )
     return warning("endless-restart", message, found.place, hint=_remember(bound))

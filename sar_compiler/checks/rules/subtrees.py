@@ -7,6 +7,7 @@ from sar_compiler.checks.rules.key_accesses import KeyAccesses
 from sar_compiler.nodes.binding.attributes import underscored
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.nesting import trees_in
+from sar_compiler.nodes.spec import Direction
 from sar_compiler.nodes.values import listed
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
@@ -20,6 +21,7 @@ def check_subtrees(context: CheckContext) -> Iterator[Diagnostic]:
     for tree in context.trees:
         for use in tree.uses:
             yield from _unused_arguments(use, context, wanted)
+            yield from _texts_of_outputs(use, context)
 
 
 def _unused_trees(context: CheckContext) -> Iterator[Diagnostic]:
@@ -75,6 +77,18 @@ class _Wanted:
                 return None
             keys.update(inner)
         return frozenset(keys)
+
+
+def _texts_of_outputs(use: BoundNode, context: CheckContext) -> Iterator[Diagnostic]:
+    """Yield texts in place of the keys that a tree writes to, as its model says."""
+    model = context.bound.models.subtrees.get(use.element.attributes.get("ID", ""))
+    for port in model.ports.values() if model is not None else ():
+        text = use.element.attributes.get(port.name)
+        if text is not None and port.direction is Direction.OUTPUT and port.name in use.remapping.constants:
+            message = f"{port.name}: an output is written to the blackboard, and '{text}' is no key of it"
+            suggestion = f"{{{text}}}" if text.isidentifier() else None
+            span, hint = use.element.value_span(port.name), f'write {port.name}="{{key}}"'
+            yield warning("unwritten-key", message, use, span, suggestion, hint)
 
 
 def _unused_arguments(use: BoundNode, context: CheckContext, wanted: _Wanted) -> Iterator[Diagnostic]:

@@ -1,7 +1,7 @@
 """Binding of an element's attributes: values, blackboard keys, conditions."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any, Literal, TypeAlias
 
 from sar_compiler.nodes.binding.bound import BoundNode
@@ -54,15 +54,17 @@ KIND_TAGS = frozenset(kind.value for kind in Kind)
 """The tags of explicit forms."""
 _TEXTS = (str, None)
 """The types of attributes that take any text."""
+_NAME_OF_KEY = re.compile(r" *(?P<sign>\$?)(?P<open>[{(]?)(?P<name>@?[A-Za-z_]\w*)(?(open)[})]?) *", re.ASCII)
 _UNCLOSED = re.compile(r" *(?:\{([^{}\s]+)|([^{}\s]+)\}) *")
 
 
 class AttributeBinder:
     """Binds the attributes of one element after the other."""
 
-    def __init__(self, collector: Collector) -> None:
+    def __init__(self, collector: Collector, known_keys: Callable[[], Collection[str]] = tuple) -> None:
         self._collector = collector
         self._slips: dict[str, str | None] = {}
+        self._known_keys = known_keys
 
     def bind(self, bound: BoundNode, other_variants: Sequence[NodeSpec]) -> None:
         """Bind every attribute of a node, and report those that are missing."""
@@ -123,14 +125,24 @@ class AttributeBinder:
             self._collector.value(element, name, "wrong-value", message, suggestion=suggestion)
         return suggestion is not None
 
-    def convert(self, element: Element, name: str, value_type: ValueType) -> Any:
+    def convert(self, element: Element, name: str, value_type: ValueType, *, takes_keys: bool = False) -> Any:
         """Return an attribute's value, or None after a finding."""
         try:
             return value_type.convert(element.attributes[name])
         except ConversionError as error:
             code = "script-error" if value_type in (CONDITION, _SCRIPT_TYPE) else "wrong-value"
+            key = self._key_meant(element.attributes[name]) if takes_keys and not error.suggestion else None
+            if key is not None:
+                error = ConversionError(error.message, key)
             self._collector.wrong_value(element, name, error, code)
             return None
+
+    def _key_meant(self, text: str) -> str | None:
+        """Return the key in braces that was probably meant by a text that is no value."""
+        match = _NAME_OF_KEY.fullmatch(text)
+        if match is None or not (match["sign"] or match["name"] in self._known_keys()):
+            return None
+        return f"{{{match['name']}}}"
 
     def _name_of_key(self, element: Element, name: str, value_type: ValueType, key: str) -> None:
         """Report a key in braces that the node cannot use."""
@@ -157,7 +169,8 @@ class AttributeBinder:
         if parameter.direction is _OUTPUT:
             self._collector.text_of_output(bound.element, name, text)
             return
-        value = self.convert(bound.element, name, parameter.value_type)
+        takes_keys = name not in bound.spec.fixed and parameter.value_type.python is not Script
+        value = self.convert(bound.element, name, parameter.value_type, takes_keys=takes_keys)
         fixed = bound.spec.fixed.get(name)
         if None not in (value, fixed) and value != fixed:
             tag = bound.spec.tag

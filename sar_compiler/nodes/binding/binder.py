@@ -6,6 +6,7 @@ builds from its result.
 """
 
 import functools
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -25,7 +26,9 @@ from sar_compiler.nodes.values import Guesses, blackboard_key, listed
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.gc_pause import gc_paused
-from sar_compiler.tree.model import SUBTREE_TAG, TREE_TAG, Element, TreeFile
+from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, ROOT_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
+
+_KEYS = re.compile(r"\{(@?[A-Za-z_]\w*)\}|(?<![\w@])(@?[A-Za-z_]\w*)\s*:=", re.ASCII)
 
 _Words = tuple[Registry, Models, dict[str, list[NodeSpec]], dict[str, str | None]]
 """The nodes and models of a file, the meanings of the tags in it, and the tags meant by unknown ones."""
@@ -135,7 +138,7 @@ class Binder:
         self._models = models
         self._collector = collector
         self._guesses = collector.guesses
-        self._attributes = AttributeBinder(collector)
+        self._attributes = AttributeBinder(collector, lambda: self._keys)
         self._trees: dict[int, BoundTree] = {}
         self._waiting: list[BoundTree] = []
         self._level = 1
@@ -290,6 +293,11 @@ class Binder:
         near = self._meant_by(element, tag)
         if element.tag == TREE_TAG:
             self._collector.tag(element, "unknown-node", f"a <{TREE_TAG}> cannot stand inside another")
+        elif element.tag in (INCLUDE_TAG, MODEL_TAG):
+            hint = f"put it directly in <{ROOT_TAG}>"
+            message = f"<{element.tag}> cannot stand in a tree"
+            self._collector.tag(element, "unknown-node", message, hint=hint)
+            return None
         elif element.tag in KIND_TAGS and not element.attributes.get("ID"):
             self._without_id(element, f"<{element.tag}> does not say which node it is", "the node's name")
         else:
@@ -338,6 +346,20 @@ class Binder:
         spec = subtree() if today == SUBTREE_TAG else self._registry.get(today or "")
         former = spec is not None and tag in spec.former_tags and spec.semantics.counterpart.built_in
         return " any more: that is a name of BehaviorTree.CPP 3" if former else ""
+
+    @functools.cached_property
+    def _keys(self) -> frozenset[str]:
+        """The keys that the files name: in braces, and in scripts that make them."""
+        elements = [element for tree in self._forest.iterate() for element in tree.iterate()]
+        texts = (text for element in elements for text in element.attributes.values())
+        written = (name for text in texts for pair in _KEYS.findall(text) for name in pair)
+        named = (
+            element.attributes.get(attribute, "")
+            for element in elements
+            for spec in self._meanings.get(element.tag, ())
+            for attribute in spec.semantics.keys
+        )
+        return frozenset(filter(None, (*written, *named)))
 
     @functools.cached_property
     def _tags(self) -> list[str]:

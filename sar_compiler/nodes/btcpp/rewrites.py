@@ -7,7 +7,7 @@ from typing import TypeVar
 
 from sar_compiler.nodes.binding.attributes import ONESHOT_TYPE
 from sar_compiler.nodes.btcpp.notes import Notes
-from sar_compiler.nodes.values import ConversionError, blackboard_key, type_of
+from sar_compiler.nodes.values import SECONDS, ConversionError, ValueType, blackboard_key, type_of
 from sar_compiler.tree.model import Element
 
 T = TypeVar("T")
@@ -38,12 +38,14 @@ class Draft:
     kept: bool = False
     children: list[Element] = field(default_factory=list)
 
-    def literal(self, name: str, wanted: type[T], notes: Notes) -> T | None:
+    def literal(
+        self, name: str, wanted: type[T], notes: Notes, value_type: ValueType | None = None
+    ) -> T | None:
         """Return the value of an attribute; None, with a note, if the node must be kept as it is."""
         text = self.attributes[name]
         try:
             if blackboard_key(text, name) is None:
-                value = type_of(wanted).convert(text)
+                value = (value_type or type_of(wanted)).convert(text)
                 assert isinstance(value, wanted)  # noqa: S101 - of a type known here
                 return value
             message = f"{name}: '{text}' is known when the robot starts, and must be known now"
@@ -160,7 +162,7 @@ def _milliseconds(draft: Draft, other: str, least: int, notes: Notes) -> bool:
         notes.no_counterpart_of_value(draft.element, "duration", message, hint)
         draft.kept = True
         return False
-    seconds = draft.literal("duration", float, notes)
+    seconds = draft.literal("duration", float, notes, SECONDS)
     if seconds is None:
         return False
     _replace(draft, "duration", other, str(max(round(seconds * 1000.0), least)))

@@ -15,6 +15,7 @@ from sar_compiler.nodes.btcpp.rewrites import NO_ONESHOT, Draft, Rewrite
 from sar_compiler.nodes.btcpp.versions import NAMES, NEWEST, VERSIONS, Version
 from sar_compiler.nodes.models.models import Model, read_models, yielding
 from sar_compiler.nodes.models.palette import described_by_use, description, is_built_in
+from sar_compiler.nodes.numbers import milliseconds_in, plain_duration
 from sar_compiler.nodes.registry import Registry, subtree
 from sar_compiler.nodes.spec import Kind, NodeSpec, Role
 from sar_compiler.nodes.values import ConversionError, blackboard_key, items_of, whole_number
@@ -93,6 +94,7 @@ class _Conversion:
         self._btcpp = btcpp
         self._used: dict[str, _Usage] = {}
         self._models: dict[str, Model] = {}
+        self._units: dict[str, str] = {}
         self.notes = Notes()
 
     def root(self, tree_file: TreeFile, palettes: Iterable[TreeFile]) -> Element:
@@ -100,9 +102,9 @@ class _Conversion:
         own = read_models([tree_file], Collector()).nodes
         self._registry = yielding(self._registry, read_models([*palettes, tree_file], Collector()))
         root = tree_file.root
-        own = read_models([tree_file], Collector()).nodes
         others = read_models(palettes, Collector()).nodes
         self._models = {**others, **own}
+        self._units = self._units_of_keys(tree_file)
         children = [self._section(child) for child in root.children]
         for tree in tree_file.trees:
             self._tree_id(tree)
@@ -146,10 +148,7 @@ class _Conversion:
             yield self._node(child, parent)
 
     def _node(self, element: Element, parent: str) -> Element:
-        if element.tag == SUBTREE_TAG:
-            draft = Draft(element, SUBTREE_TAG, dict(element.attributes), explicit=False, kept=True)
-        else:
-            draft = self._draft(element)
+        draft = self._subtree(element) if element.tag == SUBTREE_TAG else self._draft(element)
         policy = self._oneshot(draft)
         name = draft.attributes.get("name") or draft.attributes.get("ID") or draft.tag
         for rewrite in dict.fromkeys(self._rewrites(draft.tag)):
@@ -176,7 +175,39 @@ class _Conversion:
         attributes = dict(element.attributes)
         explicit = element.tag in _KIND_TAGS and "ID" in attributes
         tag = attributes.pop("ID") if explicit else element.tag
+        for name, unit in self._durations(tag).items():
+            if name in attributes:
+                attributes[name] = plain_duration(attributes[name], unit)
         return Draft(element, tag, attributes, explicit)
+
+    def _durations(self, tag: str) -> dict[str, str]:
+        """Return the unit of the plain numbers of each attribute of a tag that is a duration."""
+        attributes = (each for spec in self._registry.variants(tag) for each in spec.attributes)
+        return {
+            each.name: each.value_type.unit for each in attributes if each.value_type and each.value_type.unit
+        }
+
+    def _units_of_keys(self, tree_file: TreeFile) -> dict[str, str]:
+        """Return the keys that attributes read as durations, with the unit of their plain numbers."""
+        units: dict[str, str] = {}
+        for element in tree_file.root.iterate():
+            tag = element.attributes.get("ID", "") if element.tag in _KIND_TAGS else element.tag
+            for name, unit in self._durations(tag).items():
+                key = blackboard_key(element.attributes.get(name, ""), name)
+                if key is not None:
+                    units[key] = unit
+        return units
+
+    def _subtree(self, element: Element) -> Draft:
+        """Note the durations that a subtree is given with a unit: there, they are texts."""
+        for name, text in element.attributes.items():
+            if name in self._units and milliseconds_in(text) is not None:
+                message = (
+                    f"{name}: BehaviorTree.CPP knows no units, and would read '{text}' as another number"
+                )
+                hint = f"write {plain_duration(text, self._units[name])}, for {text}"
+                self.notes.no_counterpart_of_value(element, name, message, hint)
+        return Draft(element, SUBTREE_TAG, dict(element.attributes), explicit=False, kept=True)
 
     def _oneshot(self, draft: Draft) -> str | None:
         if ONESHOT not in draft.attributes:

@@ -16,7 +16,7 @@ from sar_compiler.nodes.language.py_trees_nodes import Keys, made_by, since_2_4
 from sar_compiler.nodes.outcome_sets import F, K, Number, R, S
 from sar_compiler.nodes.semantics import NO_HINT, WRITES, AccessKind, Counterpart, KeyRole, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role, Signature, Skipping, Skips
-from sar_compiler.nodes.values import CONDITION, UNSIGNED, type_of
+from sar_compiler.nodes.values import CONDITION, MILLISECONDS, SECONDS, type_of
 from sar_compiler.runtime import decorators as own
 from sar_compiler.runtime import entries, loops, repetition, script_nodes, timers
 from sar_compiler.runtime.blackboard import Scope
@@ -240,9 +240,9 @@ BEHAVIORTREE_CPP = [
         "Delay",
         timers.Delay,
         Semantics(outcome_sets.adding(R), steady=True),
-        signature=Signature(types={"delay_msec": UNSIGNED}),
+        signature=Signature(types={"delay_msec": MILLISECONDS}),
     ),
-    _own("Timeout", timers.Timeout, _limit(within), signature=Signature(types={"msec": UNSIGNED})),
+    _own("Timeout", timers.Timeout, _limit(within), signature=Signature(types={"msec": MILLISECONDS})),
     _own(
         "Precondition",
         script_nodes.Precondition,
@@ -288,6 +288,7 @@ PY_TREES = [
         Kind.DECORATOR,
         _ALL,
         semantics=_limit(duration),
+        signature=Signature(types={"duration": SECONDS}),
         skipping=Skipping(advice='msec="..."'),
         variant=True,
     ),

@@ -24,7 +24,7 @@ from sar_compiler.nodes.language.node_rules import NO_ANSWER, report_no_answer
 from sar_compiler.nodes.language.py_trees_nodes import Keys, made_by, since_2_4
 from sar_compiler.nodes.semantics import REMOVES, WRITES, AccessKind, Counterpart, KeyRole, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Signature
-from sar_compiler.nodes.values import AS_WRITTEN, CONDITION, UNSIGNED, ValueType
+from sar_compiler.nodes.values import AS_WRITTEN, CONDITION, MILLISECONDS, SECONDS, ValueType
 from sar_compiler.runtime import entries, script_nodes, timers
 from sar_compiler.runtime.blackboard import Scope
 from sar_compiler.runtime.ports import InOut, Input
@@ -329,7 +329,7 @@ BEHAVIORTREE_CPP = [
     ),
     _own("UnsetBlackboard", entries.UnsetBlackboard, _SUCCESS, effects=REMOVES, keys={"key": _REMOVED}),
     _own("WasEntryUpdated", entries.WasEntryUpdated, _SUCCESS, _FAILURE, keys={"entry": _PEEKS_BY_NAME}),
-    _own("Sleep", timers.Sleep, _SUCCESS, _RUNNING, msec=UNSIGNED),
+    _own("Sleep", timers.Sleep, _SUCCESS, _RUNNING, msec=MILLISECONDS),
 ]
 
 PY_TREES = [
@@ -368,6 +368,7 @@ PY_TREES = [
         Kind.ACTION,
         frozenset({_SUCCESS, _RUNNING}),
         semantics=Semantics(counterpart=Counterpart(rewrite=rewrites.timer)),
+        signature=Signature(types={"duration": SECONDS}),
     ),
     made_by(
         "BlackboardToStatus",

@@ -10,6 +10,7 @@ from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, Pose, ZoneManager
 from sar_compiler.nodes.register import register
 from sar_compiler.nodes.spec import Kind, Use
+from sar_compiler.nodes.values import Seconds
 from sar_compiler.ros.leaves.action_leaf import ActionLeaf
 from sar_compiler.ros.leaves.goal import SUCCEEDED
 from sar_compiler.runtime.answers import Answer
@@ -41,9 +42,9 @@ class NavigateTo(ActionLeaf):
         *,
         record: MissionRecord | None = None,
         action: str = "navigate_to_pose",
-        server_timeout_sec: float = 10.0,
-        acceptance_timeout_sec: float = 5.0,
-        feedback_timeout_sec: float = 10.0,
+        server_timeout_sec: Seconds = 10.0,
+        acceptance_timeout_sec: Seconds = 5.0,
+        feedback_timeout_sec: Seconds = 10.0,
     ) -> None:
         super().__init__(name)
         self.action_name = action

@@ -10,6 +10,7 @@ from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports, Su
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.nodes.register import register
 from sar_compiler.nodes.spec import Kind, Use
+from sar_compiler.nodes.values import Seconds
 from sar_compiler.ros.leaves.leaf import RosLeaf
 from sar_compiler.runtime.answers import Answer
 
@@ -95,8 +96,8 @@ class DeliverReports(ReportLeaf):
         *,
         record: MissionRecord | None = None,
         service: str = "report_survivor",
-        server_timeout_sec: float = 10.0,
-        timeout_sec: float = 5.0,
+        server_timeout_sec: Seconds = 10.0,
+        timeout_sec: Seconds = 5.0,
     ) -> None:
         super().__init__(name, record, service, server_timeout_sec, timeout_sec)
         self._kept = kept_reports

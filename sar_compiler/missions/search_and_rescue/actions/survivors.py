@@ -11,6 +11,7 @@ from sar_compiler.missions.search_and_rescue.static_transforms import StaticTran
 from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, ZoneManager
 from sar_compiler.nodes.register import register
 from sar_compiler.nodes.spec import Kind, Use
+from sar_compiler.nodes.values import Seconds
 from sar_compiler.ros.leaves.leaf import RosLeaf
 from sar_compiler.ros.leaves.service_leaf import ServiceLeaf
 from sar_compiler.runtime.answers import Answer
@@ -58,8 +59,8 @@ class DetectSurvivor(ServiceLeaf):
         *,
         record: MissionRecord | None = None,
         service: str = "detect_survivor",
-        server_timeout_sec: float = 10.0,
-        timeout_sec: float = 5.0,
+        server_timeout_sec: Seconds = 10.0,
+        timeout_sec: Seconds = 5.0,
     ) -> None:
         super().__init__(name)
         self.service_name = service
@@ -220,8 +221,8 @@ class NotifyBase(ReportLeaf):
         *,
         record: MissionRecord | None = None,
         service: str = "report_survivor",
-        server_timeout_sec: float = 10.0,
-        timeout_sec: float = 5.0,
+        server_timeout_sec: Seconds = 10.0,
+        timeout_sec: Seconds = 5.0,
     ) -> None:
         super().__init__(name, record, service, server_timeout_sec, timeout_sec)
         self._detect_node = detect_node

@@ -1,0 +1,209 @@
+"""Files that BehaviorTree.CPP's reader takes although they are not XML, and beginnings of files that nobody's does."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sar_compiler.tree.conversion import convert
+from sar_compiler.tree.diagnostic import Severity, TreeError
+from sar_compiler.tree.model import OpenTag
+from sar_compiler.tree.source import Form
+from sar_compiler.tree.xml import parse_xml
+from sar_compiler.tree.xml_recovery import recover
+from sar_compiler.tree.xml_writer import write_xml
+from tests.fuzz.bounds import at_most
+from tests.tree.strategies import tree_files
+
+
+def cut(source, span):
+    return source.text[source.offset(span.line, span.column) : source.offset(span.end_line, span.end_column)]
+
+
+# Each: what stands in a value; what it says; what is told, as what is there and what to write there.
+RAW = {
+    "an and": ("a && b", "a && b", [("&&", "&amp;&amp;")]),
+    "a less-than": ("a < b", "a < b", [("<", "&lt;")]),
+    "both, beside what is well written": (
+        "a &lt; b && c < d",
+        "a < b && c < d",
+        [("&&", "&amp;&amp;"), ("<", "&lt;")],
+    ),
+    "an ampersand before a semicolon": ("a & b; c", "a & b; c", [("&", "&amp;")]),
+    "an ampersand before a reference": ("&&amp;", "&&", [("&", "&amp;")]),
+    "an entity of HTML": ("a&nbsp;b", "a&nbsp;b", [("&nbsp;", None)]),
+    "a reference without its semicolon": ("a &lt b", "a &lt b", [("&", "&amp;")]),
+    "tags": ("<b/> <c>", "<b/> <c>", [("<", "&lt;"), ("<", "&lt;")]),
+    "a line break in it": ("a &&\n b", "a &&  b", [("&&", "&amp;&amp;")]),
+    "what stand-ins are taken from": ("\ue000\ue001 & \ue002", "\ue000\ue001 & \ue002", [("&", "&amp;")]),
+}
+
+
+@pytest.mark.parametrize("name", RAW)
+def test_characters_that_stand_for_themselves_are_recovered_and_told_at_their_place(name):
+    written, said, told = RAW[name]
+    tree_file = parse_xml(f'<root>\n  <A é="1" b="{written}" c="2"/>\n  <B d=\'3\'/>\n</root>')
+    first, second = tree_file.root.children
+    assert first.attributes == {"é": "1", "b": said, "c": "2"}
+    assert cut(tree_file.source, first.value_span("b")) == written
+    assert cut(tree_file.source, first.value_span("c")) == "2"
+    assert (second.line, second.column) == (3 + written.count("\n"), 3)
+    assert {(each.code, each.severity) for each in tree_file.findings} == {("loose-xml", Severity.WARNING)}
+    assert [(cut(tree_file.source, each.span), each.suggestion) for each in tree_file.findings] == told
+
+
+def test_a_place_in_a_recovered_value_is_that_of_the_text():
+    element = parse_xml('<root a="x && y; &lt; z"/>').root
+    value = element.attributes["a"]
+    assert cut(element.source, element.within_value("a", value.index("z"), len(value))) == "z"
+    assert cut(element.source, element.within_value("a", value.index("&"), value.index("&") + 2)) == "&&"
+
+
+def test_a_comment_with_two_dashes_is_recovered():
+    tree_file = parse_xml("<root><!-- a -- b ---><A/></root>")
+    assert [comment.text for comment in tree_file.root.comments] == ["a -- b -"]
+    assert [(each.span.column, each.suggestion) for each in tree_file.findings] == [(14, "- -"), (19, "- ")]
+
+
+def test_a_comment_in_a_comment_is_told_where_it_begins():
+    tree_file = parse_xml("<root><!-- a <A/>\n<!-- b --></root>")
+    (finding,) = tree_file.findings
+    assert (finding.message, finding.span.line) == ("a comment begins in another one", 2)
+    assert tree_file.root.children == ()
+
+
+def test_a_text_of_a_model_is_recovered():
+    text = '<root><TreeNodesModel><A ID="B"><input_port name="x">this & that</input_port></A></TreeNodesModel></root>'
+    assert [each.text for each in parse_xml(text).root.iterate()][-1] == "this & that"
+
+
+def test_a_recovered_file_is_written_as_xml():
+    text = '<root a="x &&&lt; y" b="a <\n  b &amp;&amp; c &quot;"/>'
+    written = convert(parse_xml(text), Form.XML).text
+    assert parse_xml(written).findings == ()
+    assert parse_xml(written).root == parse_xml(text).root
+    assert 'b="a &lt;\n  b &amp;&amp; c &quot;"' in written
+
+
+@given(tree_files())
+def test_there_is_nothing_to_recover_in_what_is_well_formed(tree_file):
+    read = parse_xml(write_xml(tree_file))
+    assert read.findings == ()
+    assert recover(read.source) is None
+
+
+STRICT = {"&": "&amp;", "<": "&lt;", "&&": "&amp;&amp;"}
+
+
+@given(st.lists(st.sampled_from([*STRICT, "&amp;", "&lt;", "&#65;", "a", "b;", "é", "\n", '"']), max_size=8))
+def test_a_value_with_raw_characters_says_what_it_says_with_escaped_ones(parts):
+    loose, strict = " ".join(parts), " ".join(STRICT.get(each, each) for each in parts)
+    head, tail = "<root><A/>\n<B a='", "' b='1'/><C/></root>"
+    read, meant = parse_xml(head + loose + tail), parse_xml(head + strict + tail)
+    assert read.root == meant.root
+    assert bool(read.findings) == (loose != strict)
+    value, last = read.root.children[1], read.root.children[2]
+    assert cut(read.source, value.value_span("a")) == loose
+    assert read.source.text.startswith("<C/>", read.source.offset(last.line, last.column))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '<root a="' + "&" * 1_000_000 + '"/>',
+        '<root a="' + "& < &lt;" * 400_000 + '"/>',
+        "<root>" + '<A b="&&"/>' * 3000 + "</root>",
+        "<root>" + "&#1" * 1_000_000 + "</root>",
+        "<root><!--" + "--" * 1_000_000 + "></root>",
+    ],
+    ids=["one value", "many stretches", "many elements", "half references", "a comment"],
+)
+def test_a_large_file_full_of_raw_characters_takes_work_in_proportion(text):
+    with at_most(calls=400_000):
+        tree_file = parse_xml(text)
+    assert 0 < len(tree_file.findings) <= 1000
+
+
+@pytest.mark.parametrize("end", ["", "<A b", "<A b='", "<!--", "<![CDATA[", "<A " + "b " * 300_000, "</A>"])
+def test_a_large_file_that_cannot_be_recovered_takes_work_in_proportion(end):
+    with at_most(calls=400_000), pytest.raises(TreeError) as caught:
+        parse_xml('<root><A b="' + "&" * 1_000_000 + '"/>' + end)
+    assert [each.code for each in caught.value.findings][-1] == "malformed-xml"
+
+
+def test_entities_are_not_expanded_in_a_file_that_is_recovered():
+    bomb = '<!DOCTYPE r [<!ENTITY a "xxxxxxxxxx">]><r v="&a;&&"/>'
+    with pytest.raises(TreeError) as caught:
+        parse_xml(bomb)
+    assert [each.code for each in caught.value.findings] == ["doctype"]
+
+
+# Each: what follows <A b="1"/> and a line break; then column, message and advice.
+WORDS = {
+    "an attribute without a value": ("<B c/>", 4, "the attribute 'c' has no value", 'write c="..."'),
+    "one before others": ("<B c d='1'/>", 4, "the attribute 'c' has no value", 'write c="..."'),
+    "a comment in a tag": (
+        "<B <!-- c --> d='1'/>",
+        4,
+        "a comment cannot stand in a tag",
+        "put it before or behind",
+    ),
+    "a comment without an end": (
+        "<!-- c <B/>",
+        1,
+        "the comment that begins here has no -->",
+        "write --> behind it",
+    ),
+    "an attribute that stands twice": (
+        "<B c='1' d='2' c='3'/>",
+        16,
+        "the attribute 'c' stands twice in this tag",
+        "delete one of the two",
+    ),
+    "a tag without an end": ("<B c='1'", 1, "the tag that begins here has no >", ""),
+    "a tag in a tag": ("<B c='1' <C/>", 1, "the tag that begins here has no >", ""),
+    "a value without an end": ("<B c='1", 6, "the value that begins here has no closing quotation mark", ""),
+    "a value without an end before a tag": (
+        "<B c='1></B>",
+        6,
+        "the value that begins here has no closing quotation mark",
+        "",
+    ),
+    "attributes without a blank between": ("<B c='1'd='2'/>", 9, "a blank is missing before this", ""),
+    "a blank behind the sign": ("< B/>", 1, "a tag's name stands directly behind its <", ""),
+}
+
+
+@pytest.mark.parametrize("name", WORDS)
+def test_what_is_not_well_formed_is_said_in_the_reader_s_words(name):
+    written, column, message, advice = WORDS[name]
+    with pytest.raises(TreeError) as caught:
+        parse_xml(f'<root>\n<A b="1"/>\n{written}\n</root>')
+    (finding,) = caught.value.findings
+    assert (finding.span.line, finding.span.column) == (3, column)
+    assert message in finding.message
+    assert finding.advice.startswith(advice)
+    beginning = caught.value.beginning
+    assert beginning is not None
+    assert [each.tag for each in beginning.tree_file.root.iterate()] == ["root", "A"]
+    assert beginning.unfinished == (OpenTag(1, 1, "root"),)
+
+
+def test_a_raw_character_before_the_place_of_another_mistake_is_told_as_well():
+    with pytest.raises(TreeError) as caught:
+        parse_xml('<root>\n<A b="&&"/>\n<B c="<" d="&" e/>\n</root>')
+    assert [(each.code, each.span.line, each.span.column) for each in caught.value.findings] == [
+        ("loose-xml", 2, 7),
+        ("loose-xml", 3, 13),
+        ("malformed-xml", 3, 7),
+    ]
+
+
+@given(st.text(st.sampled_from(list("<>&;/=\"' -!abr\n#[]")), max_size=60))
+def test_whatever_is_written_is_read_or_refused_with_findings_in_the_text(text):
+    try:
+        findings = parse_xml(f"<root>{text}</root>").findings
+    except TreeError as error:
+        findings = error.findings
+        assert findings
+    for each in findings:
+        assert each.render()
