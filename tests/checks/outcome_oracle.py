@@ -5,7 +5,7 @@ import random
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from py_trees.behaviour import Behaviour
+from py_trees.behaviours import Dummy
 
 from sar_compiler.checks.rules.check_context import CheckContext
 from sar_compiler.checks.verify.properties import without_properties
@@ -37,10 +37,10 @@ def _leaf_tag(outcomes: Sequence[str]) -> str:
 
 def _leaf(outcomes: Sequence[str]) -> NodeSpec:
     def init(self, name: str) -> None:
-        Behaviour.__init__(self, name)
+        Dummy.__init__(self, name)
 
     tag = _leaf_tag(outcomes)
-    return NodeSpec(tag, type(tag, (Behaviour,), {"__init__": init}), Kind.ACTION, frozenset(outcomes))
+    return NodeSpec(tag, type(tag, (Dummy,), {"__init__": init}), Kind.ACTION, frozenset(outcomes))
 
 
 REGISTRY = Registry([*default_registry().specs(), *map(_leaf, SUBSETS)])

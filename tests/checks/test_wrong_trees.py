@@ -2,6 +2,7 @@
 
 import pytest
 from py_trees.behaviour import Behaviour
+from py_trees.behaviours import Dummy
 from py_trees.composites import Composite
 
 from sar_compiler import Kind, register
@@ -17,9 +18,9 @@ def leaf(tag, outcomes, kind=Kind.ACTION, effects="", uses=()):
     """Register a leaf of which nothing matters but what it declares."""
 
     def init(self, name: str) -> None:
-        Behaviour.__init__(self, name)
+        Dummy.__init__(self, name)
 
-    cls = type(tag, (Behaviour,), {"__init__": init})
+    cls = type(tag, (Dummy,), {"__init__": init})
     return NodeSpec(tag, cls, kind, frozenset(outcomes), effects, uses)
 
 
