@@ -2,6 +2,7 @@
 
 import pytest
 from py_trees.behaviour import Behaviour
+from py_trees.common import Status
 from py_trees.composites import Composite
 
 from sar_compiler import Kind, register
@@ -19,7 +20,7 @@ def leaf(tag, outcomes, kind=Kind.ACTION, effects="", uses=()):
     def init(self, name: str) -> None:
         Behaviour.__init__(self, name)
 
-    cls = type(tag, (Behaviour,), {"__init__": init})
+    cls = type(tag, (Behaviour,), {"__init__": init, "update": lambda _: Status.SUCCESS})
     return NodeSpec(tag, cls, kind, frozenset(outcomes), effects, uses)
 
 
