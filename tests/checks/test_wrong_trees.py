@@ -3,7 +3,7 @@
 import pytest
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
-from py_trees.composites import Composite
+from py_trees.composites import Sequence
 
 from sar_compiler import Kind, register
 from sar_compiler.checks import check
@@ -295,7 +295,7 @@ def test_what_is_tried_after_what_is_skipped_is_ticked():
 
 def test_a_control_of_somebody_s_own_that_says_it_is_a_sequence_is_looked_at_as_one():
     @register("Steps", kind=Kind.CONTROL, semantics=Semantics.sequence(reactive=True))
-    class Steps(Composite):
+    class Steps(Sequence):
         """Ticks its children one after the other.
 
         Args:
@@ -304,7 +304,7 @@ def test_a_control_of_somebody_s_own_that_says_it_is_a_sequence_is_looked_at_as_
         """
 
         def __init__(self, name: str, children: list[Behaviour]) -> None:
-            super().__init__(name, children)
+            super().__init__(name, memory=False, children=children)
 
     registry = Registry([*REGISTRY.specs(), getattr(Steps, MARK)])
     body = '<Steps name="S">\n<Ready/>\n<Fallback><Failure/><Failure name="other"/></Fallback>\n<Look/>\n</Steps>'
