@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable
 
 from sar_compiler.checks.document import check_document
 from sar_compiler.checks.rules.check_context import CheckContext
+from sar_compiler.checks.rules.classes import check_classes
 from sar_compiler.checks.rules.keys import check_keys
 from sar_compiler.checks.rules.names import check_names
 from sar_compiler.checks.rules.needless import check_needless
@@ -48,6 +49,7 @@ MOST = 1000
 RULES: tuple[Callable[[CheckContext], Iterable[Diagnostic]], ...] = (
     check_document,
     check_meaning,
+    check_classes,
     check_reactive,
     check_reach,
     check_needless,

@@ -1,8 +1,10 @@
 """Reading of `facts:` and `answers:`, the assumptions about the world in files beside a tree."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
+from sar_compiler.checks.conditions import unknown_in
 from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.typed_values import report_script, word
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree
@@ -14,6 +16,7 @@ from sar_compiler.nodes.values import nearest
 from sar_compiler.runtime.answers import STATUSES, Answer, Fact
 from sar_compiler.runtime.expressions import name_uses
 from sar_compiler.runtime.script import parse
+from sar_compiler.runtime.tokens import ScriptError
 
 _KINDS: Mapping[type, str] = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
 
@@ -100,6 +103,29 @@ def _read_answers(document: Document, value: Value, words: LeafWords) -> dict[st
         options = [_answer(document, item, [words.spec(leaf) for leaf in leaves]) for item in inner.listed]
         said[key.text or ""] = tuple(dict.fromkeys(option for option in options if option is not None))
     return said
+
+
+def check_answers(document: Document, value: Value | None, words: LeafWords) -> None:
+    """Report names in what leaves are said to answer that nothing has, once all that is assumed of the tree is known.
+
+    Args:
+        document: The file.
+        value: The value of its `answers:`, if it has any.
+        words: The words for the tree, simulated with all that is assumed of it.
+    """
+    items = [item for _, inner in (value.entries if value else None) or () for item in inner.listed]
+    for item in items:
+        for part in [
+            item.mapping[name] for name in ("when", "then") if item.entries and name in item.mapping
+        ]:
+            text = part.text or ""
+            if placeholders(text):
+                continue  # filled for each leaf
+            with suppress(ScriptError):  # reported already
+                for slip in unknown_in(parse(text), words.names):
+                    document.report(
+                        part, "unknown-fact", slip.message, slip.place, suggestion=slip.suggestion
+                    )
 
 
 def _answer(document: Document, value: Value, specs: Sequence[NodeSpec]) -> Answer | None:

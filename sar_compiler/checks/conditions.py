@@ -9,6 +9,7 @@ from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.nodes.values import nearest
 from sar_compiler.runtime.blackboard import ROOT_SIGN
 from sar_compiler.runtime.expressions import Access, Script, name_uses
+from sar_compiler.runtime.script import parse
 
 
 class Names(NamedTuple):
@@ -51,13 +52,33 @@ def names_of(simulated: SimulatedTree) -> Names:
     effects = (
         entry.name
         for leaf in simulated.leaves
-        for entry in leaf.entries(a.then for a in leaf.answers if a.then)
+        for entry in leaf.entries(f"{name} := 0" for a in leaf.answers if a.then for name in _made_by(a.then))
     )
     for name in (*top.scope.board.names(), *effects):
         key = name.removeprefix(prefix)
         if name != key and "/" not in key:
             keys.append(key)
     return Names(tuple(dict.fromkeys([*simulated.fact_values(), *keys])), table.is_open)
+
+
+def _made_by(effect: str) -> Iterator[str]:
+    """Yield the names that a script makes, if they are not there."""
+    return (use.name for use in name_uses(parse(effect)) if use.access is Access.CREATE)
+
+
+def unknown_in(script: Script, names: Names, own: Collection[str] = ()) -> Iterator[Slip]:
+    """Yield the names in a script that nothing has, but for those that it makes.
+
+    Args:
+        script: The script.
+        names: What there is in the tree.
+        own: Further names.
+    """
+    known = [*names.known, *own]
+    for use in name_uses(script) if not names.is_open else ():
+        if use.access is not Access.CREATE and use.name.removeprefix(ROOT_SIGN) not in known:
+            message = f"'{use.name}' is neither a fact nor a key of this tree; there is {', '.join(known) or 'none'}"
+            yield Slip(message, (use.start, use.end), suggestion=nearest(use.name, known))
 
 
 def slips(script: Script, names: Names, own: Collection[str], later: Collection[str] = ()) -> Iterator[Slip]:
@@ -69,7 +90,7 @@ def slips(script: Script, names: Names, own: Collection[str], later: Collection[
         own: The names of what is known of the run itself.
         later: The names of what will be known when a tick is over.
     """
-    known = [*names.known, *own]
+    usable = True
     for use in name_uses(script):
         place = (use.start, use.end)
         if use.access is not Access.READ:
@@ -78,6 +99,8 @@ def slips(script: Script, names: Names, own: Collection[str], later: Collection[
         elif use.name in later:
             message = f"'{use.name}' is known only when a tick is over; an event comes before that"
             yield Slip(message, place, hint="end and at_end can use it")
-        elif use.name.removeprefix(ROOT_SIGN) not in known and not names.is_open:
-            message = f"'{use.name}' is neither a fact nor a key of this tree; there is {', '.join(known) or 'none'}"
-            yield Slip(message, place, suggestion=nearest(use.name, known))
+        else:
+            continue
+        usable = False
+    if usable:
+        yield from unknown_in(script, names, own)

@@ -79,13 +79,13 @@ class Origins(Mapping[UUID, Origin]):
         return len(self._in_order)
 
 
-# By the roots of compiled trees, for whoever has only a behaviour that has failed.
-_of_trees: "weakref.WeakKeyDictionary[Behaviour, Origins]" = weakref.WeakKeyDictionary()
+# By the roots of compiled trees, for whoever has only a behaviour that has failed. Both are others' to keep.
+_of_trees: "weakref.WeakKeyDictionary[Behaviour, weakref.ref[Origins]]" = weakref.WeakKeyDictionary()
 
 
 def remember(root: Behaviour, origins: Origins) -> None:
-    """Keep the origins of a compiled tree for as long as there is its root."""
-    _of_trees[root] = origins
+    """Have the origins of a compiled tree found by its behaviours, for as long as there is the tree."""
+    _of_trees[root] = weakref.ref(origins)
 
 
 def place_of(behaviour: Behaviour) -> str | None:
@@ -94,8 +94,9 @@ def place_of(behaviour: Behaviour) -> str | None:
     each: Behaviour | None = behaviour
     while each is not None:
         around.append(each)
-        if each in _of_trees:
-            places = (_of_trees[each].place(inner.id) for inner in around)
+        origins = _of_trees[each]() if each in _of_trees else None
+        if origins is not None:
+            places = (origins.place(inner.id) for inner in around)
             return next((place for place in places if place is not None), None)
         each = each.parent
     return None

@@ -32,8 +32,7 @@ def parameters_of(spec: NodeSpec) -> Mapping[str, Parameter]:
     """Return the parameters of a node's constructor or factory by attribute name, in their order.
 
     Raises:
-        RegistrationError: If one cannot be written in a tree file, if the answers use unknown ones, or if the class is
-            abstract.
+        RegistrationError: If one cannot be written in a tree file, or the answers use unknown ones.
     """
     made_by: Callable[..., Any] = spec.signature.factory or spec.cls.__init__  # type: ignore[misc]
     try:
@@ -50,7 +49,6 @@ def parameters_of(spec: NodeSpec) -> Mapping[str, Parameter]:
     parameters = {parameter.name: parameter for parameter in found}
     _complain_unless_structured(spec, parameters)
     _complain_unless_answerable(spec, parameters)
-    _complain_unless_whole(spec)
     return parameters
 
 
@@ -101,14 +99,6 @@ def _parameter(spec: NodeSpec, parameter: inspect.Parameter, annotation: object,
         "of such, or a port such as Input[float]) nor a leaf class nor marked with @mission_context"
     )
     raise RegistrationError(message)
-
-
-def _complain_unless_whole(spec: NodeSpec) -> None:
-    absent = getattr(spec.cls, "__abstractmethods__", None) if spec.signature.factory is None else None
-    if absent:
-        missing = " and ".join(f"{name}()" for name in sorted(absent))
-        message = f"<{spec.tag}>: {_name_of(spec)} is abstract: write {missing} in it, or register a class that has it"
-        raise RegistrationError(message)
 
 
 def _complain_unless_structured(spec: NodeSpec, parameters: Mapping[str, Parameter]) -> None:

@@ -62,6 +62,7 @@ class RecordedSpec(NodeSpec):
     """
 
     is_only_described = False
+    absent_methods = ()
     registered_by: str
 
     @functools.cached_property

@@ -306,6 +306,12 @@ class NodeSpec:
         """The import paths of its class and of those that it derives from."""
         return frozenset(map(path_of, self.cls.__mro__)) if self.cls is not None else frozenset()
 
+    @functools.cached_property
+    def absent_methods(self) -> tuple[str, ...]:
+        """The methods that its class leaves to others: nothing can be made of an abstract class."""
+        absent = getattr(self.cls, "__abstractmethods__", ()) if self.signature.factory is None else ()
+        return tuple(sorted(absent))
+
     @property
     def is_only_described(self) -> bool:
         """Whether no class is known, only a model of the node."""

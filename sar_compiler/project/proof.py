@@ -5,7 +5,14 @@ from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.checks.assumptions import StartValues, raise_disputes, read_assumptions, start_assumptions
+from sar_compiler.checks.assumptions import (
+    StartValues,
+    check_answers,
+    raise_disputes,
+    read_assumptions,
+    start_assumptions,
+)
+from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.verify import PropertyFile, Verification, read_property_file
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.documents.located import Document
@@ -43,6 +50,8 @@ def verified(
             assumed |= _of_the_user(facts, compile_simulated(binding, parameters, assumed))
         simulated = compile_simulated(binding, parameters, assumed)
         raise_disputes(simulated)
+        if file is not None:
+            check_answers(file.document, file.answers, LeafWords(simulated))
         tags = {spec.tag for spec in tree.project.registry if spec.kind.is_leaf}
         return search(simulated, file, tags)
 

@@ -2,6 +2,7 @@
 
 import pytest
 from py_trees.behaviour import Behaviour
+from py_trees.common import Status
 
 from sar_compiler import Kind
 from sar_compiler.checks import check
@@ -13,25 +14,30 @@ from sar_compiler.tree.diagnostic import Severity
 from tests.trees import document, forest_of
 
 
-class Say(Behaviour):
+class Leaf(Behaviour):
+    def update(self) -> Status:
+        return Status.SUCCESS
+
+
+class Say(Leaf):
     def __init__(self, name: str, text: Input[str]) -> None:
         super().__init__(name)
         self.text = text
 
 
-class Find(Behaviour):
+class Find(Leaf):
     def __init__(self, name: str, at: Output[str]) -> None:
         super().__init__(name)
         self.at = at
 
 
-class Count(Behaviour):
+class Count(Leaf):
     def __init__(self, name: str, times: InOut[int]) -> None:
         super().__init__(name)
         self.times = times
 
 
-class Meddle(Behaviour):
+class Meddle(Leaf):
     def __init__(self, name: str, scope: Scope) -> None:
         super().__init__(name)
         self.scope = scope

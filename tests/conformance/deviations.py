@@ -89,7 +89,6 @@ _FRONT = re.compile(r"'-?(?:[0-9]|\.[0-9])[^']*' is not a (?:whole )?number")
 _TYPES = re.compile(r"initially created with type \[([^]]*)\] and, later type \[([^]]*)\]")
 _NO_VARIABLE = re.compile(r"there is no variable '(\w+)'")
 _DECLARED = re.compile(r"Previously declared type \[([^]]*)\], current type \[([^]]*)\]")
-_OF_ANY_TYPE = re.compile(r"<(Show|SetBlackboard|WasEntryUpdated|SkipUnlessUpdated|WaitValueUpdate|Loop)")
 _TEXT, _ANY = "std::string", "BT::Any"
 _NUMBERS = {"int", "unsigned int", "long", "unsigned long", "double", "bool"}
 # The ports of BehaviorTree.CPP, and of the leaves of the traces, that have no default.
@@ -188,7 +187,7 @@ def _set_over_another(_: Case, difference: Difference) -> bool:
 
 def _of_two_types(case: Case, _: Difference, refusal: Refusal) -> bool:
     text_given = any(isinstance(value, str) for value in case.get("bb", {}).values())
-    return refusal.code == "key-of-two-types" and (text_given or _OF_ANY_TYPE.search(case["xml"]) is not None)
+    return refusal.code == "key-of-two-types" and text_given
 
 
 def _loop_over_another(_: Case, difference: Difference) -> bool:
@@ -299,7 +298,7 @@ _REFUSALS: tuple[tuple[str, RefusalRule], ...] = (
     ("a node without a port that it needs is refused here; there it fails when it is ticked", _port_missing),
     ("of a text that begins with a number, the rest is dropped there", _front_of_literal),
     ("a number of a script that is too large is 0 there", _too_large),
-    ("ports of two types go together there if one for any type, or a text, comes first", _of_two_types),
+    ("ports of two types go together there if the key was given a text before", _of_two_types),
 )
 
 _RULES: tuple[tuple[str, Rule], ...] = (

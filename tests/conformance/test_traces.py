@@ -226,7 +226,8 @@ def test_a_refusal_is_not_explained_by_what_another_node_raised(tree, exception)
 
 
 def test_two_refusals_are_explained_each_by_its_own_reason():
-    reason = raised(ONE_CHILD.format("", TWO_TYPES), f"Exception in node 'IfThenElse::3' [IfThenElse]: {WHY}")
+    exception = f"Exception in node 'IfThenElse::3' [IfThenElse]: {WHY}"
+    reason = raised(ONE_CHILD.format("", TWO_TYPES), exception, bb={"k": "a text"})
     assert reason is not None
     assert "refused before" in reason
     assert "ports of two types" in reason

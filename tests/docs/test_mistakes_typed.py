@@ -71,6 +71,8 @@ LACKING = {
     "the simulator is not complete (…)": "scipy",
 }
 NOT_SHIPPED = "no file '…' is shipped in …"
+NO_MIDDLEWARE = "RMW_IMPLEMENTATION is '…', which is not installed; there is …"
+BROKEN_ENGINE = "--engine py_trees_ros: it is here, and cannot be loaded: …"
 NO_ENGINE = "--engine py_trees_ros: it is not installed here (…)"
 
 
@@ -88,7 +90,7 @@ def test_every_mistake_of_usage_that_is_explained_is_typed():
 
 
 def test_every_hindrance_to_installing_that_is_explained_is_met():
-    assert explained(INSTALLING) == {*MAKE, *LACKING, NOT_SHIPPED, NO_ENGINE}
+    assert explained(INSTALLING) == {*MAKE, *LACKING, NOT_SHIPPED, NO_MIDDLEWARE, NO_ENGINE, BROKEN_ENGINE}
 
 
 def said(*words, env=None, expected=2):
@@ -170,6 +172,19 @@ def test_an_installation_without_a_shipped_file_is_named_as_the_page_says(tmp_pa
         "from sar_compiler.cli.run import main; sys.exit(main())"
     )
     assert_read(NOT_SHIPPED, said(sys.executable, "-c", run))
+
+
+@pytest.mark.ros
+def test_a_middleware_that_is_not_installed_is_named_as_the_page_says():
+    assert_read(NO_MIDDLEWARE, said(BIN / "sar-run", env={"RMW_IMPLEMENTATION": "rmw_nowhere_cpp"}))
+
+
+@pytest.mark.ros
+def test_an_engine_that_cannot_be_loaded_is_named_as_the_page_says(tmp_path):
+    (tmp_path / "py_trees_ros").mkdir()
+    (tmp_path / "py_trees_ros" / "trees.py").write_text("import nowhere\n", encoding="utf-8")
+    command = (BIN / "sar-run", "--engine", "py_trees_ros")
+    assert_read(BROKEN_ENGINE, said(*command, env={"PYTHONPATH": str(tmp_path)}))
 
 
 @pytest.mark.ros

@@ -54,6 +54,9 @@ class GrabSample(Behaviour):
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
+
+    def update(self) -> Status:
+        return Status.SUCCESS
 '''
 
 

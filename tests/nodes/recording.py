@@ -46,9 +46,14 @@ class _Recording:
         self.path(spec.maker)
         for each in spec.cls.__mro__ if spec.cls is not None else ():
             self.path(each)
-        read = {
-            name: self.encoded(getattr(spec, name)) for name in ("doc", "fixed", "parameters", "ancestry")
-        }
+        names = [
+            "doc",
+            "fixed",
+            "parameters",
+            "ancestry",
+            *(["absent_methods"] if spec.absent_methods else []),
+        ]
+        read = {name: self.encoded(getattr(spec, name)) for name in names}
         return {**self._fields(spec, "tag", "cls", "variant", "former_tags", "signature"), **read}
 
     def path(self, thing: Any) -> str:

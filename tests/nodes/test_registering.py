@@ -157,19 +157,6 @@ def test_an_argument_of_another_type_is_refused_with_what_to_write(arguments, wo
     assert str(caught.value) == words
 
 
-def test_an_abstract_class_is_refused_where_its_tag_is_used():
-    class Half(Behaviour):
-        """Has no update."""
-
-    class Whole(Half):
-        update = Still.update
-
-    registry = Registry([NodeSpec(cls.__name__, cls, Kind.ACTION) for cls in (Half, Whole)])
-    assert registry["Whole"].parameters
-    with pytest.raises(RegistrationError, match=r"^<Half>: .*Half is abstract: write update\(\) in it"):
-        registry.variants("Half")
-
-
 def test_arguments_of_any_name_are_no_attributes():
     class Leaf(Still):
         def __init__(self, name: str, *args: int, **kwargs: int) -> None: ...

@@ -4,7 +4,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from sar_compiler.checks.assumptions import StartValues, raise_disputes, read_assumptions, start_assumptions
+from sar_compiler.checks.assumptions import (
+    StartValues,
+    check_answers,
+    raise_disputes,
+    read_assumptions,
+    start_assumptions,
+)
 from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.simulate.expecting import read_expectations
 from sar_compiler.checks.simulate.run_variables import OWN
@@ -116,6 +122,7 @@ def understand(document: Document, stage: Stage) -> Play:
         for message in simulated.disputes.values():
             document.report(facts or document.root, "missing-value", message)
     words = LeafWords(simulated)
+    check_answers(document, answers, words)
     path = document.source.path
     scenario = Scenario(
         name=(parts["name"].text if "name" in parts else None) or Path(path).stem,

@@ -165,7 +165,8 @@ def _scope(around: Scope, name: str, bound: BoundNode) -> Scope:
 def report_shared_keys(top: Instance, collector: Collector) -> None:
     """Report keys shared by ports of different types, in a tree with its subtrees expanded.
 
-    The port that comes first in it, its subtrees in place, gives the key its type, as in BehaviorTree.CPP.
+    The port that comes first in it, its subtrees in place, gives the key its type, as in BehaviorTree.CPP; one that takes
+    anything, or a text, leaves it open.
     """
     first: dict[tuple[Scope, str], tuple[BoundNode, Parameter]] = {}
     for inner, given, bound, parameter in _numbers_read_as_texts(top):
@@ -174,11 +175,11 @@ def report_shared_keys(top: Instance, collector: Collector) -> None:
         for name, key in bound.keys.items():
             parameter = bound.spec.parameters[name]
             python = _python_type(parameter)
-            if parameter.direction is None or python is None:
+            if parameter.direction is None:
                 continue
             entry = instance.scope.owner(key)
             other, known = first.setdefault(entry, (bound, parameter))
-            if known is not parameter and not _agree(known, parameter):
+            if known is not parameter and python is not None and not _agree(known, parameter):
                 _report_types(bound, parameter, key, (other, known), collector)
 
 
@@ -211,8 +212,8 @@ def _report_number(
 
 
 def _agree(first: Parameter, second: Parameter) -> bool:
-    """Return whether two ports can share a key: a text fits all, since every type can be read from one."""
-    return _python_type(first) in (_python_type(second), str)
+    """Return whether a port can share the key of the first one; from a text every type can be read."""
+    return _python_type(first) in (_python_type(second), str, None)
 
 
 def _python_type(parameter: Parameter) -> type | None:

@@ -119,6 +119,20 @@ MISTAKES = {
         63,
         "zones_left",
     ),
+    "a misspelt fact in an answer": (
+        'facts: {power: 3}\nanswers: {AdvanceZone: {status: SUCCESS, when: "powr > 0", then: "power -= 1"}}',
+        "unknown-fact",
+        2,
+        49,
+        "power",
+    ),
+    "a misspelt fact that an answer changes": (
+        'facts: {power: 3}\nanswers: {AdvanceZone: {status: SUCCESS, when: "power > 0", then: "powr -= 1"}}',
+        "unknown-fact",
+        2,
+        68,
+        "power",
+    ),
     "a misspelt fact at the end of a run": ('until: "zones_lft == 0"', "unknown-fact", 1, 9, "zones_left"),
     "an end that gives a fact a value": ('until: "zones_left = 0"', "wrong-condition", 1, 9, None),
     "a condition that is none": (

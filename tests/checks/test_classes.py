@@ -1,0 +1,50 @@
+"""Classes of which nothing can be made are found without making one."""
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from sar_compiler import ActionLeaf
+from sar_compiler.checks.rules.check_context import CheckContext
+from sar_compiler.checks.rules.classes import check_classes
+from sar_compiler.nodes.registry import Registry, default_registry
+from sar_compiler.nodes.spec import Kind, NodeSpec
+from tests.nodes.recording import recording_of
+from tests.trees import errors, forest
+
+
+class Half(Behaviour):
+    """Has no update."""
+
+
+class Whole(Half):
+    def update(self) -> Status:
+        return Status.SUCCESS
+
+
+class Drive(ActionLeaf):
+    """Does not say what it wants."""
+
+
+REGISTRY = Registry(
+    [*default_registry().specs(), *(NodeSpec(cls.__name__, cls, Kind.ACTION) for cls in (Half, Whole, Drive))]
+)
+
+
+def test_the_first_node_of_an_abstract_class_is_a_finding_that_names_the_missing_method():
+    found = errors(forest("<Sequence>\n<Whole/>\n<Half/>\n<Half/>\n</Sequence>"), REGISTRY)
+    assert [(f.code, f.span.line, f.span.column) for f in found] == [("constructor-failed", 5, 1)]
+    assert found[0].message == f"<Half> cannot be made: its class {__name__}.Half has no update()"
+
+
+def test_a_leaf_on_a_base_of_this_project_is_told_all_that_the_base_leaves_to_it():
+    (finding,) = check_classes(CheckContext(forest("<Drive/>"), REGISTRY))
+    assert finding.message.endswith("has no goal()")
+
+
+def test_a_record_says_that_its_class_is_abstract():
+    assert recording_of(REGISTRY["Half"])["absent_methods"] == ["update"]
+    assert "absent_methods" not in recording_of(REGISTRY["Whole"])
+
+
+def test_no_shipped_node_is_abstract():
+    assert [spec.tag for spec in default_registry() if spec.absent_methods] == []
