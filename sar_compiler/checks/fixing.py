@@ -54,6 +54,7 @@ SAFE: Mapping[str, Callable[[str, str], bool]] = {
     "unknown-attribute": _attribute,
     "wrong-value": _value,
     "script-error": _script,
+    "btcpp-version": _script,
     "wrong-shape": _shape,
 }
 """For each kind of finding of which some are mended: whether a text in a file may become what is suggested.

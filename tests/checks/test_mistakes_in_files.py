@@ -171,6 +171,16 @@ def test_a_name_of_an_older_version_is_said_to_be_one():
     )
 
 
+@pytest.mark.parametrize("place", ["root", "include", "BehaviorTree"])
+def test_an_attribute_that_nobody_reads_is_a_warning(place, tmp_path):
+    (tmp_path / "parts.xml").write_text(PARTS["xml"].format(body="<Success/>"))
+    (tmp_path / "main.xml").write_text(
+        MAIN.format(form="xml").replace(f"<{place}", f'<{place} colour="red"', 1)
+    )
+    (finding,) = check(load_forest(tmp_path / "main.xml", read_tree_file), default_registry())
+    assert (finding.code, finding.severity) == ("ignored-attribute", Severity.WARNING)
+
+
 MAIN = (
     '<root BTCPP_format="4" main_tree_to_execute="Main">\n<include path="parts.{form}"/>\n'
     '<BehaviorTree ID="Main"><SubTree ID="Part"/></BehaviorTree>\n</root>\n'

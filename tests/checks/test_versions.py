@@ -51,6 +51,17 @@ CASES = {
         {"4.9", "4.10"},
         (3, 41),
     ),
+    "a text in double quotation marks": (
+        MAIN.format("<ScriptCondition code=\"&quot;a&quot; == 'a'\"/>") + "</root>",
+        {"4.9", "4.10"},
+        (2, 48),
+    ),
+    "a sum that begins with a difference": (
+        MAIN.format('<ScriptCondition code="1 - 2 + 3 == 2 != (1 - 2) + 3 != 1 + 2 - 3 != 1 - 2 * 3"/>')
+        + "</root>",
+        {"4.8"},
+        (2, 50),
+    ),
     "a node of a newer version": (
         MAIN.format("<TryCatch><NavigateToZone/><NavigateToBase/></TryCatch>") + "</root>",
         {"4.8"},

@@ -185,16 +185,14 @@ def _ports(element: Element, kind: Kind | None, collector: Collector) -> dict[st
 
 
 def _port(element: Element, kind: Kind | None, collector: Collector) -> Port | None:
-    direction = _DIRECTIONS.get(element.tag)
+    direction, name = _DIRECTIONS.get(element.tag), element.attributes.get("name")
     if direction is None:
         message = f"<{element.tag}> is no port; a model has {', '.join(_DIRECTIONS)}"
         near = collector.guesses.nearest(element.tag, _DIRECTIONS)
         collector.slip_in_model(element, None, message, suggestion=near, hint=_DIRECTIONS_HINT)
-        if (
-            kind is None
-        ):  # the models of subtrees are read by BehaviorTree.CPP, which passes over such an element
+        # BehaviorTree.CPP reads the models of subtrees, and passes over such an element.
+        if kind is None or not name:
             return None
-    attributes, name = element.attributes, element.attributes.get("name")
     if not name:
         _report_nameless(element, f"<{element.tag}> has no name", "name", kind, collector)
         return None
@@ -204,9 +202,8 @@ def _port(element: Element, kind: Kind | None, collector: Collector) -> Port | N
         _report(element, "name", f"a port cannot be called '{name}': {why}", kind, collector)
         return None
     # Of one that is neither, anything may be meant.
-    return Port(
-        element, name, direction or Direction.INOUT, attributes.get("type", ""), attributes.get("default")
-    )
+    attributes, direction = element.attributes, direction or Direction.INOUT
+    return Port(element, name, direction, attributes.get("type", ""), attributes.get("default"))
 
 
 def _report_nameless(
