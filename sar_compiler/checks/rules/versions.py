@@ -8,6 +8,7 @@ from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.tree_ids import fault_of
 from sar_compiler.nodes.btcpp.versions import NAMES, QUOTES, SUMS, VERSIONS
+from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.runtime.expressions import Expression, Literal, Operation, Script, children
 from sar_compiler.tree.diagnostic import Diagnostic
 
@@ -32,11 +33,19 @@ def check_versions(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def _scripts(context: CheckContext) -> Iterator[tuple[BoundNode, str, Script]]:
+    scripted = {id(spec) for spec in context.bound.specs if _has_script(spec)}
     for tree in context.trees:
-        for bound in tree.nodes:
+        for bound in tree.nodes if scripted or tree.wrappers else ():
+            if not bound.conditions and id(bound.spec) not in scripted:
+                continue
             for attribute, script in (*bound.conditions.items(), *bound.values.items()):
                 if isinstance(script, Script):
                     yield bound, attribute, script
+
+
+def _has_script(spec: NodeSpec) -> bool:
+    types = (parameter.value_type for parameter in spec.parameters.values())
+    return any(value_type is not None and value_type.python is Script for value_type in types)
 
 
 def _parts(script: Script) -> Iterator[Expression]:
