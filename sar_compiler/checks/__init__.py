@@ -69,8 +69,20 @@ def check_palettes(palettes: Palettes, registry: Registry) -> list[Diagnostic]:
     return collector.findings
 
 
-def _is_no_error(finding: Diagnostic) -> bool:
-    return finding.severity is not Severity.ERROR
+def _is_error(finding: Diagnostic) -> bool:
+    return finding.severity is Severity.ERROR
+
+
+def _first(findings: Iterable[Diagnostic]) -> Iterable[Diagnostic]:
+    """Yield the first errors and the first others: no number of warnings hides an error."""
+    left = {True: MOST, False: MOST}
+    for finding in findings:
+        is_error = _is_error(finding)
+        if left[is_error]:
+            left[is_error] -= 1
+            yield finding
+        elif is_error:
+            return
 
 
 def check(
@@ -93,8 +105,8 @@ def check(
     context = CheckContext(forest, registry, palettes, btcpp)
     is_all = True
     for rule in RULES:
-        found = list(itertools.islice(rule(context), MOST))
-        is_all = is_all and (len(found) < MOST or all(map(_is_no_error, found)))
+        found = list(_first(rule(context)))
+        is_all = is_all and sum(map(_is_error, found)) < MOST
         findings += found
     from sar_compiler.checks.schema_validation import check_schema
 

@@ -114,10 +114,11 @@ def _unknown_attributes(element: Element, known: tuple[str, ...], guesses: Guess
         if name in known or name.startswith(("xmlns", "xsi:")):
             continue
         message = f"<{element.tag}> has no attribute '{name}'; it has {', '.join(known)}"
-        span, near = element.name_span(name), guesses.nearest(name, known)
-        if near is not None or (name.startswith("_") and slip_in_note(name, guesses) is not None):
+        span, is_note = element.name_span(name), name.startswith("_")
+        near = None if is_note else guesses.nearest(name, known)
+        if near is not None or (is_note and slip_in_note(name, guesses) is not None):
             yield Diagnostic("unknown-attribute", message, element.source, span, suggestion=near)
-        elif not name.startswith("_"):
+        elif not is_note:
             hint = "BehaviorTree.CPP passes over it as well; delete it, or begin it with _"
             severity = Severity.WARNING
             yield Diagnostic("ignored-attribute", message, element.source, span, hint=hint, severity=severity)
