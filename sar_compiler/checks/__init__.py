@@ -19,7 +19,7 @@ from sar_compiler.checks.rules.reactive import check_reactive
 from sar_compiler.checks.rules.scripts import check_scripts
 from sar_compiler.checks.rules.subtrees import check_subtrees
 from sar_compiler.checks.rules.texts import check_texts
-from sar_compiler.checks.rules.versions import check_versions
+from sar_compiler.checks.rules.version_differences import check_versions
 from sar_compiler.checks.suppressions import without_suppressed
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.btcpp.versions import NEWEST, Version

@@ -1,6 +1,6 @@
 """Collection of findings while a tree is bound."""
 
-from sar_compiler.nodes.btcpp.versions import NEWEST, OLDEST, Change, Version
+from sar_compiler.nodes.btcpp.versions import NEWEST, OLDEST, Version, VersionChange
 from sar_compiler.nodes.values import ConversionError, Guesses
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.model import Element
@@ -40,7 +40,7 @@ class Collector:
 
     def refused_since(
         self,
-        change: Change,
+        change: VersionChange,
         element: Element,
         span: Span,
         message: str,
