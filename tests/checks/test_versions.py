@@ -114,8 +114,8 @@ def project(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "tree.xml").write_text(ids("my tree"), encoding="utf-8")
 
-    def write(settings):
-        (tmp_path / "sar.toml").write_text(settings, encoding="utf-8")
+    def write(settings, name="sar.toml"):
+        (tmp_path / name).write_text(settings, encoding="utf-8")
 
     return write
 
@@ -129,6 +129,11 @@ def test_a_projects_configuration_says_the_version(project, capsys):
     assert main(["validate", "--strict", "tree.xml"]) == 0
     assert capsys.readouterr().out == "tree.xml: no findings\n"
     assert main(["convert", "--to", "btcpp", "tree.xml"]) == 0
+
+
+def test_pyproject_toml_says_it_in_its_own_table(project):
+    project('[tool.sar.language]\nbtcpp = "4.9"\n', "pyproject.toml")
+    assert load("tree.xml").project.configuration.btcpp == VERSIONS["4.9"]
 
 
 @pytest.mark.parametrize("written", ['"4.7"', "4.8", '"4"'])
