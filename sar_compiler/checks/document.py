@@ -127,13 +127,17 @@ def _unknown_attributes(element: Element, known: tuple[str, ...], guesses: Guess
         # Editors find the schema by the attributes of these namespaces.
         if name in known or name.startswith(("xmlns", "xsi:")):
             continue
-        if not name.startswith("_") or slip_in_note(name, guesses) is not None:
-            message = f"<{element.tag}> has no attribute '{name}'; it has {', '.join(known)}"
-            span = element.name_span(name)
-            suggestion = (
-                "ID" if name == "name" and is_misnamed(element) and "ID" in known else nearest(name, known)
-            )
-            yield Diagnostic("unknown-attribute", message, element.source, span, suggestion=suggestion)
+        message = f"<{element.tag}> has no attribute '{name}'; it has {', '.join(known)}"
+        span, is_note = element.name_span(name), name.startswith("_")
+        near = None if is_note else guesses.nearest(name, known)
+        if name == "name" and is_misnamed(element) and "ID" in known:
+            near = "ID"
+        if near is not None or (is_note and slip_in_note(name, guesses) is not None):
+            yield Diagnostic("unknown-attribute", message, element.source, span, suggestion=near)
+        elif not is_note:
+            hint = "BehaviorTree.CPP passes over it as well; delete it, or begin it with _"
+            severity = Severity.WARNING
+            yield Diagnostic("ignored-attribute", message, element.source, span, hint=hint, severity=severity)
 
 
 def _finding(element: Element, code: str, message: str, **more: str | None) -> Diagnostic:

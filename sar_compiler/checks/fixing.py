@@ -60,6 +60,7 @@ SAFE: Mapping[str, Callable[[str, str], bool]] = {
     "unknown-attribute": _attribute,
     "wrong-value": _value,
     "script-error": _script,
+    "btcpp-version": _script,
     "wrong-shape": _shape,
     "loose-xml": _stand_alone,
 }

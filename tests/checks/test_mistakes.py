@@ -341,6 +341,7 @@ def test_nothing_is_said_of_a_correct_tree(name, registry):
         '<root BTCPP_format="4"><BehaviorTree><Success/></BehaviorTree></root>',
         f'<root BTCPP_format="4" xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xsi:noNamespaceSchemaLocation="a.xsd">{TREE}</root>',
         f'<root BTCPP_format="4">{TREE}<TreeNodesModel><Action ID="X"><input_port name="y"/></Action></TreeNodesModel></root>',
+        f'<?xml version="2.0"?>\n<root BTCPP_format="4">{TREE}</root>',
         f'<?xml version="1.0" encoding="ISO-8859-1"?><root BTCPP_format="4">{TREE}</root>',
     ],
 )

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from sar_compiler.checks import check
+from sar_compiler.checks import MOST, check
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.tree.diagnostic import Severity, TreeError
 from sar_compiler.tree.forest import Forest, load_forest
@@ -169,6 +169,26 @@ def test_a_name_of_an_older_version_is_said_to_be_one():
     assert (
         finding.message == "no node is called 'SequenceStar' any more: that is a name of BehaviorTree.CPP 3"
     )
+
+
+@pytest.mark.parametrize("place", ["root", "include", "BehaviorTree"])
+def test_an_attribute_that_nobody_reads_is_a_warning(place, tmp_path):
+    (tmp_path / "parts.xml").write_text(PARTS["xml"].format(body="<Success/>"))
+    (tmp_path / "main.xml").write_text(
+        MAIN.format(form="xml").replace(f"<{place}", f'<{place} colour="red"', 1)
+    )
+    (finding,) = check(load_forest(tmp_path / "main.xml", read_tree_file), default_registry())
+    assert (finding.code, finding.severity) == ("ignored-attribute", Severity.WARNING)
+
+
+def test_no_number_of_warnings_hides_an_error():
+    noted = "".join(
+        f'<BehaviorTree ID="T{n}" colour="red"><Success/></BehaviorTree>' for n in range(MOST + 1)
+    )
+    text = f'<root BTCPP_format="4" main_tree_to_execute="Missing">{noted}</root>'
+    found = [f.code for f in check(forest_of(text), default_registry()) if f.code != "unused-tree"]
+    assert sorted(set(found)) == ["ignored-attribute", "missing-main-tree"]
+    assert found.count("ignored-attribute") == MOST
 
 
 MAIN = (

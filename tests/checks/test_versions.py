@@ -51,6 +51,17 @@ CASES = {
         {"4.9", "4.10"},
         (3, 41),
     ),
+    "a text in double quotation marks": (
+        MAIN.format("<ScriptCondition code=\"&quot;a&quot; == 'a'\"/>") + "</root>",
+        {"4.9", "4.10"},
+        (2, 48),
+    ),
+    "a sum that begins with a difference": (
+        MAIN.format('<ScriptCondition code="1 - 2 + 3 == 2 != (1 - 2) + 3 != 1 + 2 - 3 != 1 - 2 * 3"/>')
+        + "</root>",
+        {"4.8"},
+        (2, 50),
+    ),
     "a node of a newer version": (
         MAIN.format("<TryCatch><NavigateToZone/><NavigateToBase/></TryCatch>") + "</root>",
         {"4.8"},
@@ -103,8 +114,8 @@ def project(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "tree.xml").write_text(ids("my tree"), encoding="utf-8")
 
-    def write(settings):
-        (tmp_path / "sar.toml").write_text(settings, encoding="utf-8")
+    def write(settings, name="sar.toml"):
+        (tmp_path / name).write_text(settings, encoding="utf-8")
 
     return write
 
@@ -118,6 +129,11 @@ def test_a_projects_configuration_says_the_version(project, capsys):
     assert main(["validate", "--strict", "tree.xml"]) == 0
     assert capsys.readouterr().out == "tree.xml: no findings\n"
     assert main(["convert", "--to", "btcpp", "tree.xml"]) == 0
+
+
+def test_pyproject_toml_says_it_in_its_own_table(project):
+    project('[tool.sar.language]\nbtcpp = "4.9"\n', "pyproject.toml")
+    assert load("tree.xml").project.configuration.btcpp == VERSIONS["4.9"]
 
 
 @pytest.mark.parametrize("written", ['"4.7"', "4.8", '"4"'])

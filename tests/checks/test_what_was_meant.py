@@ -255,7 +255,7 @@ NOTED = (
 
 
 @pytest.mark.parametrize(
-    "note", [*NOTES, "_hidden", "_note", "_x", "_position", "_größe", "_skip_list", "_on"]
+    "note", [*NOTES, "_hidden", "_id", "_note", "_x", "_position", "_größe", "_skip_list", "_on"]
 )
 def test_a_note_of_an_editor_is_taken_wherever_it_writes_it(note):
     assert found(NOTED.format(f'{note}="1"')) == []

@@ -313,6 +313,12 @@ def test_what_behaviortree_cpp_or_a_class_has_stays_what_it_is(tag):
     assert ("model-mismatch", 2) in [(f.code, f.span.line) for f in check(forest_of(text), REGISTRY)]
 
 
+def test_the_explicit_form_of_a_condition_that_nobody_declares_is_not_the_decorator_of_py_trees():
+    assert found(document('<Condition ID="Condition" name="c"/>')) == [("unknown-node", "test.xml", 3, None)]
+    assert found(document('<Decorator ID="Condition" status="SUCCESS"><Success/></Decorator>')) == []
+    assert found(document('<Condition status="SUCCESS"><Success/></Condition>')) == []
+
+
 def test_an_explicit_form_names_its_node_also_where_one_is_called_as_the_kind():
     assert found(document("<Action/>"), palette('<Action ID="Action"/>')) == [
         ("missing-attribute", "test.xml", 3, None)

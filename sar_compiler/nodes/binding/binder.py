@@ -230,8 +230,8 @@ class Binder:
         variants = self._meanings.get(tag)
         if variants is None:
             variants = self._meanings[tag] = self._variants(tag)
-        if tag in KIND_TAGS and "ID" not in element.attributes and tag not in self._registry:
-            variants = []  # a node that is called so is only meant by its ID
+        if tag in KIND_TAGS and not self._is_meant(element, tag, variants):
+            variants = []
         if not variants:
             return self._unknown(element, tag)
         spec = variants[0] if len(variants) == 1 else _best(variants, element, self._guesses)
@@ -246,6 +246,14 @@ class Binder:
         if spec.rule is not None:
             spec.rule(bound, self._collector)
         return bound
+
+    def _is_meant(self, element: Element, tag: str, variants: Sequence[NodeSpec]) -> bool:
+        """Return whether a node that is called as a kind is meant: one of the registry by its tag, any other by its ID."""
+        if "ID" not in element.attributes:
+            return tag in self._registry
+        return element.tag != tag or any(
+            each.kind.value == tag or each.is_only_described for each in variants
+        )
 
     def _variants(self, tag: str) -> list[NodeSpec]:
         variants = self._registry.variants(tag)
@@ -291,6 +299,8 @@ class Binder:
         """Report an unknown tag, and continue with the one that was probably meant."""
         self._current.unknown_names.add(element.attributes.get("name", tag))
         near = self._meant_by(element, tag)
+        if near == tag:  # py_trees' decorator, by its tag; not what the explicit form of a condition names
+            near = None
         if element.tag == TREE_TAG:
             self._collector.tag(element, "unknown-node", f"a <{TREE_TAG}> cannot stand inside another")
         elif element.tag in (INCLUDE_TAG, MODEL_TAG):

@@ -137,7 +137,7 @@ class Binding:
 
     Attributes:
         main: The tree to execute.
-        findings: The errors; the tree can be compiled only if there are none.
+        findings: What was found; the tree can be compiled only if there is no error.
     """
 
     main: BoundTree

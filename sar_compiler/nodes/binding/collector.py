@@ -1,6 +1,6 @@
 """Collection of findings while a tree is bound."""
 
-from sar_compiler.nodes.btcpp.versions import NEWEST, Change, Version
+from sar_compiler.nodes.btcpp.versions import NEWEST, OLDEST, Version, VersionChange
 from sar_compiler.nodes.values import ConversionError, Guesses
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.model import Element
@@ -38,11 +38,21 @@ class Collector:
         """Report a finding about the value of an attribute."""
         self.at(element, element.value_span(attribute), code, message, **advice)
 
-    def refused_since(self, change: Change, element: Element, span: Span, message: str, hint: str) -> None:
+    def refused_since(
+        self,
+        change: VersionChange,
+        element: Element,
+        span: Span,
+        message: str,
+        hint: str,
+        suggestion: str | None = None,
+    ) -> None:
         """Report what BehaviorTree.CPP refuses since a version, if the trees are for that or a later one."""
         if self.btcpp >= change.since:
             message += f"; BehaviorTree.CPP refuses that since {change.release}"
-            self.at(element, span, "btcpp-version", message, hint=hint, severity=Severity.WARNING)
+            hint += f', or say that the trees are for an older one: [language] btcpp = "{OLDEST}"'
+            advice = {"suggestion": suggestion, "hint": hint, "severity": Severity.WARNING}
+            self.at(element, span, "btcpp-version", message, **advice)
 
     def slip_in_model(
         self, element: Element, attribute: str | None, message: str, **advice: str | None

@@ -19,10 +19,10 @@ class Version(NamedTuple):
 
 VERSIONS = {str(version): version for version in (Version(4, 8), Version(4, 9), Version(4, 10))}
 """The known versions; 4.8 stands for 4.8.0 to 4.8.3, since 4.8.4 judges names as 4.9 does."""
-NEWEST = max(VERSIONS.values())
+OLDEST, NEWEST = min(VERSIONS.values()), max(VERSIONS.values())
 
 
-class Change(NamedTuple):
+class VersionChange(NamedTuple):
     """Something that BehaviorTree.CPP does otherwise since a version.
 
     Attributes:
@@ -34,7 +34,11 @@ class Change(NamedTuple):
     release: str
 
 
-NAMES = Change(Version(4, 9), "4.8.4")
+NAMES = VersionChange(Version(4, 9), "4.8.4")
 """IDs of trees and compact tags with blanks and some other characters, the ID Root, and two subtrees of one name are refused."""
-NUMBERS = Change(Version(4, 9), "4.9.1")
+QUOTES = VersionChange(Version(4, 9), "4.9.0")
+"""Texts of scripts in double quotation marks are refused."""
+SUMS = VersionChange(Version(4, 9), "4.9.0")
+"""Sums of scripts are worked out from the left; before, `a - b + c` was `a - (b + c)`."""
+NUMBERS = VersionChange(Version(4, 9), "4.9.1")
 """A constant that is given to a subtree and looks like a number is one; before, it was a text."""

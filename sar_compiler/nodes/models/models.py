@@ -163,9 +163,8 @@ def _model(element: Element, collector: Collector) -> Model | None:
         return None
     tag = element.attributes.get("ID")
     if not tag:
-        _report_nameless(
-            element, f"this <{element.tag}> describes nothing: it has no ID", "ID", kind, collector
-        )
+        message = f"this <{element.tag}> describes nothing: it has no ID"
+        _report(element, None, message, kind, collector, 'write ID="..."')
         return None
     if kind is not None and tag in _TAGS:
         message = f"a node cannot be called '{tag}': it has a meaning already"
@@ -185,18 +184,16 @@ def _ports(element: Element, kind: Kind | None, collector: Collector) -> dict[st
 
 
 def _port(element: Element, kind: Kind | None, collector: Collector) -> Port | None:
-    direction = _DIRECTIONS.get(element.tag)
+    direction, name = _DIRECTIONS.get(element.tag), element.attributes.get("name")
     if direction is None:
         message = f"<{element.tag}> is no port; a model has {', '.join(_DIRECTIONS)}"
         near = collector.guesses.nearest(element.tag, _DIRECTIONS)
         collector.slip_in_model(element, None, message, suggestion=near, hint=_DIRECTIONS_HINT)
-        if (
-            kind is None
-        ):  # the models of subtrees are read by BehaviorTree.CPP, which passes over such an element
+        # BehaviorTree.CPP reads the models of subtrees, and passes over such an element.
+        if kind is None or not name:
             return None
-    attributes, name = element.attributes, element.attributes.get("name")
     if not name:
-        _report_nameless(element, f"<{element.tag}> has no name", "name", kind, collector)
+        _report(element, None, f"<{element.tag}> has no name", kind, collector, 'write name="..."')
         return None
     taken = name in (*_NAMES, *CONDITIONS)
     if taken or not _can_be_tag(name):
@@ -204,27 +201,25 @@ def _port(element: Element, kind: Kind | None, collector: Collector) -> Port | N
         _report(element, "name", f"a port cannot be called '{name}': {why}", kind, collector)
         return None
     # Of one that is neither, anything may be meant.
-    return Port(
-        element, name, direction or Direction.INOUT, attributes.get("type", ""), attributes.get("default")
-    )
+    attributes, direction = element.attributes, direction or Direction.INOUT
+    return Port(element, name, direction, attributes.get("type", ""), attributes.get("default"))
 
 
-def _report_nameless(
-    element: Element, message: str, attribute: str, kind: Kind | None, collector: Collector
+def _report(
+    element: Element,
+    attribute: str | None,
+    message: str,
+    kind: Kind | None,
+    collector: Collector,
+    hint: str | None = None,
 ) -> None:
-    hint = f'write {attribute}="..."'
-    if kind is None:
+    """Report a wrong attribute, or a missing one: an error in the model of a subtree, which BehaviorTree.CPP reads."""
+    if kind is not None:
+        collector.slip_in_model(element, attribute, message, hint=hint)
+    elif attribute is None:
         collector.tag(element, "missing-attribute", message, hint=hint)
     else:
-        collector.slip_in_model(element, None, message, hint=hint)
-
-
-def _report(element: Element, attribute: str, message: str, kind: Kind | None, collector: Collector) -> None:
-    """Report a wrong value: in the model of a subtree, BehaviorTree.CPP refuses it as well."""
-    if kind is None:
-        collector.value(element, attribute, "wrong-value", message)
-    else:
-        collector.slip_in_model(element, attribute, message)
+        collector.value(element, attribute, "wrong-value", message, hint=hint)
 
 
 def _parameter(port: Port) -> Parameter:
