@@ -103,6 +103,8 @@ class _Validation:
                 if not files:
                     self._tell(f"there is no tree file in {name}")
                 self._found_in_folders.update(files)
+                # Whoever names a folder means all that is in it.
+                self.arguments.include_path.append(Path(name))
                 yield from files
             else:
                 yield find_tree(name)
