@@ -179,6 +179,14 @@ def test_a_comment_in_the_other_file_allows_what_is_found_there():
     assert check(load("main.xml", set_of("more.xml")), default_registry()) == []
 
 
+def test_a_comment_is_not_unneeded_while_another_file_uses_the_tree():
+    allow = "<!-- sar: allow needless-node: for later -->"
+    write("more.xml", f"{allow}\n{B}")
+    write("main.xml", using("Main", "B"))
+    assert warnings(load("more.xml", set_of("more.xml"))) == [("unneeded-allow", 2)]
+    assert warnings(load("more.xml", set_of("more.xml", "main.xml"))) == []
+
+
 def described(*ports):
     listed = "".join(f'<input_port name="{port}"/>' for port in ports)
     return f'<TreeNodesModel><Action ID="Grip">{listed}</Action></TreeNodesModel>'

@@ -30,7 +30,7 @@ _KIND_TAGS = frozenset(kind.value for kind in Kind)
 _FORMER_ATTRIBUTES = {"__autoremap": "_autoremap", "__shared_blackboard": "_autoremap"}
 """The names of a `SubTree`'s attributes in BehaviorTree.CPP 3."""
 
-_Words = tuple[Models, dict[str, list[NodeSpec]], dict[str, str | None]]
+_Vocabulary = tuple[Models, dict[str, list[NodeSpec]], dict[str, str | None]]
 """The models of a file, the meanings of the tags in it, and the tags meant by unknown ones."""
 
 
@@ -137,7 +137,7 @@ class Binder:
         self._meant: dict[str, str | None] = {}
         self._home: Forest | None = None
         # The file itself is None.
-        self._words: dict[Forest | None, _Words] = {None: (models, self._meanings, self._meant)}
+        self._words: dict[Forest | None, _Vocabulary] = {None: (models, self._meanings, self._meant)}
 
     @property
     def trees(self) -> Iterable[BoundTree]:
@@ -160,7 +160,7 @@ class Binder:
             for name, model in models.subtrees.items()
         }
 
-    def _words_of(self, home: Forest | None) -> _Words:
+    def _words_of(self, home: Forest | None) -> _Vocabulary:
         if home not in self._words:
             files = home.files if home is not None else ()
             self._words[home] = read_models([*self._palettes, *files], Collector()), {}, {}
