@@ -96,7 +96,7 @@ class _Validation:
 
         try:
             if name == _STDIN:
-                self._stdin = sys.stdin.buffer.read() if self._stdin is None else self._stdin
+                self._stdin = _standard_input() if self._stdin is None else self._stdin
                 yield _STDIN_NAME
             elif name and Path(name).is_dir():
                 files = tree_files_in(Path(name))
@@ -228,6 +228,21 @@ class _Validation:
         for fix in chosen:
             print(fix.describe(), file=output)
         return bool(chosen)
+
+
+def _standard_input() -> bytes:
+    """Return what stands on standard input, at most one byte more than a tree file may have.
+
+    Raises:
+        UnreadableFileError: If it is closed.
+    """
+    from sar_compiler.tree.content import MAX_BYTES
+    from sar_compiler.tree.diagnostic import UnreadableFileError
+
+    if sys.stdin is None:
+        message = "cannot read standard input: it is closed"
+        raise UnreadableFileError(message)
+    return sys.stdin.buffer.read(MAX_BYTES + 1)
 
 
 def _count(number: int, what: str) -> str:

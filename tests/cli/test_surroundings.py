@@ -81,6 +81,11 @@ def test_where_nobody_can_be_told_the_status_tells():
     assert typed("sar-compile validate tree.xml > /dev/full 2>&1")[0] == 2
 
 
+def test_a_closed_standard_input_is_told():
+    told = "sar-compile: cannot read standard input: it is closed\n"
+    assert typed("sar-compile validate - <&-") == (2, told)
+
+
 def test_what_has_no_such_character_is_shown():
     assert typed("sar-compile validate tree.xml > out.txt", **ASCII) == (0, "")
 
