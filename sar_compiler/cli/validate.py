@@ -113,7 +113,9 @@ class _Validation:
 
     def _tell(self, why: str) -> None:
         self.unreadable += 1
-        print(f"sar-compile: {why}", file=sys.stderr)
+        if why not in self._said:
+            self._said.add(why)
+            print(f"sar-compile: {why}", file=sys.stderr)
 
     def _new_workspace(self) -> "Workspace":
         # A file by itself is no set.
@@ -152,14 +154,15 @@ class _Validation:
                 self._tell(str(error))
                 continue
             except TreeError as error:
+                self._checked += 1
                 self._report(error.findings)
                 continue
+            self._checked += 1
             try:
                 self._report(tree.project.findings)
             except TreeError as error:
                 self._report(error.findings)
                 continue
-            self._checked += 1
             self._report(tree.findings)
             self._count_fixable(tree)
             if self.arguments.format == _TEXT and not tree.findings and path not in self._found_in_folders:
