@@ -5,6 +5,7 @@ import errno
 import os
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 
 from sar_compiler.errors import SarError
 
@@ -38,13 +39,13 @@ def run(command: Callable[[], int], prog: str) -> int:
         from sar_compiler.tree.diagnostic import TreeError
 
         # A finding begins with its place, which editors and terminals make a link of.
-        print(error if isinstance(error, TreeError) else f"{prog}: {error}", file=sys.stderr)
+        _say(str(error) if isinstance(error, TreeError) else f"{prog}: {error}")
         return USAGE
     except ImportError as error:
         message = _not_installed(error)
         if message is None:
             raise
-        print(f"{prog}: {message}", file=sys.stderr)
+        _say(f"{prog}: {message}")
         return USAGE
     except BrokenPipeError:
         # The reader has closed the pipe (`| head`); the rest of the buffer is discarded.
@@ -55,7 +56,7 @@ def run(command: Callable[[], int], prog: str) -> int:
         if reason is None:
             raise
         discard_output()
-        print(f"{prog}: standard output cannot be written: {reason}", file=sys.stderr)
+        _say(f"{prog}: standard output cannot be written: {reason}")
         return USAGE
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -63,6 +64,8 @@ def run(command: Callable[[], int], prog: str) -> int:
 
 def _done(command: Callable[[], int]) -> int:
     """Run a command, and write out what it has printed."""
+    if sys.stderr is None:  # `print` would take standard output for it
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115 - to the end of the process
     if sys.stdout is None:
         message = "standard output is closed"
         raise SarError(message)
@@ -70,6 +73,11 @@ def _done(command: Callable[[], int]) -> int:
         return command()
     finally:
         sys.stdout.flush()  # while what goes wrong can still be told
+
+
+def _say(text: str) -> None:
+    with suppress(OSError):  # nobody can be told
+        print(text, file=sys.stderr)
 
 
 def discard_output() -> None:

@@ -14,7 +14,7 @@ from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.model import Comment, Element, TreeFile
 from sar_compiler.tree.source import Form, Span
 
-_MARK = "sar:"
+_MARK, _UNNEEDED = "sar:", "unneeded-allow"
 _ALLOW = r"sar:\s*allow\s+([^:]*[^:\s])\s*(?::.*)?"
 _PLACES = {
     Form.XML: r"(?m:(?:<!--|^)[ \t]*(sar:[^\r\n]*?)[ \t]*(?=-->|\r|\n))",
@@ -56,9 +56,14 @@ def without_suppressed(forest: Forest, findings: Iterable[Diagnostic]) -> list[D
             continue
         suppressions = list(_suppressions(tree_file))
         kept = _silenced(tree_file, suppressions, kept)
-        for suppression in suppressions if number < len(forest.files) else ():
+        if number < len(forest.files):
             # While there are errors, some rules are not asked.
-            kept += _wrong(suppression, guesses, unneeded=whole)
+            wrong = [each for one in suppressions for each in _wrong(one, guesses, unneeded=whole)]
+            unneeded = any(each.code == _UNNEEDED for each in wrong)
+            if unneeded and any(map(forest.is_used_elsewhere, forest.trees)):
+                # It may be needed where another file uses the tree.
+                wrong = [each for each in wrong if each.code != _UNNEEDED]
+            kept += wrong
     return kept
 
 

@@ -97,13 +97,15 @@ class _Validation:
 
         try:
             if name == _STDIN:
-                self._stdin = sys.stdin.buffer.read() if self._stdin is None else self._stdin
+                self._stdin = _standard_input() if self._stdin is None else self._stdin
                 yield _STDIN_NAME
             elif name and Path(name).is_dir():
                 files = tree_files_in(Path(name))
                 if not files:
                     self._tell(f"there is no tree file in {name}")
                 self._found_in_folders.update(files)
+                # Whoever names a folder means all that is in it.
+                self.arguments.include_path.append(Path(name))
                 yield from files
             else:
                 yield find_tree(name)
@@ -112,7 +114,9 @@ class _Validation:
 
     def _tell(self, why: str) -> None:
         self.unreadable += 1
-        print(f"sar-compile: {why}", file=sys.stderr)
+        if why not in self._said:
+            self._said.add(why)
+            print(f"sar-compile: {why}", file=sys.stderr)
 
     def _new_workspace(self) -> "Workspace":
         # A file by itself is no set.
@@ -152,8 +156,10 @@ class _Validation:
                 self._tell(str(error))
                 continue
             except TreeError as error:
+                self._checked += 1
                 self._report(error.findings)
                 continue
+            self._checked += 1
             try:
                 # A palette that is among the files is spoken of as such.
                 palettes = tree.project.findings
@@ -163,7 +169,6 @@ class _Validation:
             except TreeError as error:
                 self._report(error.findings)
                 continue
-            self._checked += 1
             self._report(tree.findings)
             self._count_fixable(tree)
             if self.arguments.format == _TEXT and not tree.findings and path not in self._found_in_folders:
@@ -232,6 +237,21 @@ class _Validation:
         for fix in chosen:
             print(fix.describe(), file=output)
         return bool(chosen)
+
+
+def _standard_input() -> bytes:
+    """Return what stands on standard input, at most one byte more than a tree file may have.
+
+    Raises:
+        UnreadableFileError: If it is closed.
+    """
+    from sar_compiler.tree.content import MAX_BYTES
+    from sar_compiler.tree.diagnostic import UnreadableFileError
+
+    if sys.stdin is None:
+        message = "cannot read standard input: it is closed"
+        raise UnreadableFileError(message)
+    return sys.stdin.buffer.read(MAX_BYTES + 1)
 
 
 def _count(number: int, what: str) -> str:

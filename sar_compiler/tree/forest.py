@@ -67,6 +67,11 @@ class Forest:
         """The files of the set that trees come from, with what these include."""
         return tuple({id(file): file for home in self.homes.values() for file in home.files}.values())
 
+    @functools.cached_property
+    def place(self) -> Path:
+        """The path of the file, with links followed."""
+        return real_path(Path(self.main.source.path))
+
     def iterate(self) -> Iterator[Element]:
         """Yield every `BehaviorTree` element."""
         for tree_file in self.files:
@@ -76,15 +81,15 @@ class Forest:
         """Return the tree that an element names; None if there is none."""
         return self.targets.get(id(reference)) or self.trees.get(tree_id)
 
-    @property
+    @functools.cached_property
     def known_ids(self) -> list[str]:
         """The IDs of all trees that can be named."""
         ids = dict.fromkeys(self.trees)
-        return [*ids, *(each for each in (self.tree_set.ids if self.tree_set else ()) if each not in ids)]
+        return list(ids | dict.fromkeys(self.tree_set.ids if self.tree_set else ()))
 
     def is_used_elsewhere(self, tree_id: str) -> bool:
         """Return whether another file of the set uses a tree of this ID without having one."""
-        return self.tree_set is not None and self.tree_set.is_used(tree_id, self.main)
+        return self.tree_set is not None and self.tree_set.is_used(tree_id, self.place)
 
     def main_tree(self, tree_id: str | None = None) -> Element | None:
         """Return the tree to execute: the one asked for, the one the main file names, or its only one.
@@ -148,7 +153,7 @@ class TreeSet:
         What is wrong with malformed files is then in `findings`, why others cannot be read in `unreadable`.
         """
         forests: dict[Path, Forest] = {}
-        for path in self._paths():
+        for path in tuple(self._paths()):
             place = real_path(path)
             if place not in forests:
                 try:
@@ -160,11 +165,16 @@ class TreeSet:
         return forests
 
     @functools.cached_property
-    def _by_id(self) -> Mapping[str, list[Path]]:
-        by_id: dict[str, list[Path]] = {}
+    def _by_id(self) -> Mapping[str, Mapping[tuple[str, int], tuple[Path, Forest]]]:
+        """The files that have a tree, by its ID and its place; of those that include it, the file itself if it is there."""
+        by_id: dict[str, dict[tuple[str, int], tuple[Path, Forest]]] = {}
         for path, forest in self.forests.items():
-            for tree_id in forest.trees:
-                by_id.setdefault(tree_id, []).append(path)
+            for tree_id, tree in forest.trees.items():
+                places = by_id.setdefault(tree_id, {})
+                if tree.source is forest.main.source:
+                    places[tree.source.path, tree.line] = path, forest
+                else:
+                    places.setdefault((tree.source.path, tree.line), (path, forest))
         return by_id
 
     @property
@@ -173,24 +183,22 @@ class TreeSet:
         return self._by_id
 
     @functools.cached_property
-    def _users(self) -> Mapping[str, list[str]]:
+    def _users(self) -> Mapping[str, list[Path]]:
         """The files that use trees which they do not have, by the trees' IDs."""
-        users: dict[str, list[str]] = {}
-        for forest in self.forests.values():
+        users: dict[str, list[Path]] = {}
+        for path, forest in self.forests.items():
             wanted = {each.attributes["ID"] for tree in forest.main.trees for each in self.references(tree)}
             for tree_id in wanted - forest.trees.keys():
-                users.setdefault(tree_id, []).append(forest.main.source.path)
+                users.setdefault(tree_id, []).append(path)
         return users
 
-    def is_used(self, tree_id: str, by_other_than: TreeFile) -> bool:
-        """Return whether a file uses a tree of this ID without having one."""
-        own = real_path(Path(by_other_than.source.path))
-        return any(real_path(Path(path)) != own for path in self._users.get(tree_id, ()))
+    def is_used(self, tree_id: str, by_other_than: Path) -> bool:
+        """Return whether another file uses a tree of this ID without having one."""
+        return any(path != by_other_than for path in self._users.get(tree_id, ()))
 
-    def having(self, tree_id: str) -> list[tuple[Path, Forest]]:
-        """Return the files that have a tree of an ID, those that do not just include it first."""
-        found = [(path, self.forests[path]) for path in self._by_id.get(tree_id, ())]
-        return sorted(found, key=lambda each: each[1].trees[tree_id].source is not each[1].main.source)
+    def having(self, tree_id: str) -> Iterable[tuple[Path, Forest]]:
+        """Return the files that have a tree of an ID, with their paths."""
+        return self._by_id.get(tree_id, {}).values()
 
     def references(self, tree: Element) -> tuple[Element, ...]:
         """Return the elements in a tree of the set that name trees."""
@@ -209,7 +217,6 @@ class _Search:
     def __init__(self, forest: Forest, tree_set: TreeSet) -> None:
         self.forest = forest
         self.tree_set = tree_set
-        self.place = real_path(Path(forest.main.source.path))
         self.findings = list(forest.findings)
         self.targets: dict[int, Element] = {}
         self.clashes: list[Diagnostic] = []
@@ -243,7 +250,7 @@ class _Search:
     def _find(self, reference: Element, attribute: str, home: Forest) -> None:
         """Resolve a reference that is in a tree of one of the forests."""
         tree_id = reference.attributes[attribute]
-        having = [(self.place, home)] if tree_id in home.trees else self._having(tree_id, reference)
+        having = [(self.forest.place, home)] if tree_id in home.trees else self._having(tree_id, reference)
         if not having:
             # It may be in one of those.
             self.findings += self.tree_set.findings
@@ -267,9 +274,9 @@ class _Search:
 
     def _having(self, tree_id: str, reference: Element) -> list[tuple[Path, Forest]]:
         """Return the files that have a tree; only those beside the file of the reference, if there are any."""
-        having = [each for each in self.tree_set.having(tree_id) if each[0] != self.place]
+        having = [each for each in self.tree_set.having(tree_id) if each[0] != self.forest.place]
         if tree_id in self.forest.trees:
-            having.insert(0, (self.place, self.forest))
+            having.insert(0, (self.forest.place, self.forest))
         here = real_path(Path(reference.source.path)).parent
         return [each for each in having if each[0].parent == here] or having
 

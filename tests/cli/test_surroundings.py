@@ -72,6 +72,20 @@ def test_a_character_that_standard_output_cannot_show_is_told(command):
     assert error.endswith("'; choose a UTF-8 locale, or set PYTHONUTF8=1\n")
 
 
+def test_a_closed_standard_error_sends_nothing_to_standard_output():
+    assert typed("sar-compile validate wrong.xml 2>&- > out.txt") == (1, "")
+    assert "in 1 file" not in Path("out.txt").read_text(encoding="utf-8")
+
+
+def test_where_nobody_can_be_told_the_status_tells():
+    assert typed("sar-compile validate tree.xml > /dev/full 2>&1")[0] == 2
+
+
+def test_a_closed_standard_input_is_told():
+    told = "sar-compile: cannot read standard input: it is closed\n"
+    assert typed("sar-compile validate - <&-") == (2, told)
+
+
 def test_what_has_no_such_character_is_shown():
     assert typed("sar-compile validate tree.xml > out.txt", **ASCII) == (0, "")
 

@@ -48,6 +48,14 @@ def test_the_files_of_a_folder_are_checked_and_counted_and_correct_ones_are_not_
     assert "no findings" not in out
 
 
+def test_files_of_a_folder_may_include_each_other(capsys):
+    write("ws/home.xml", document("<NavigateToBase/>", "Home"))
+    text = document('<SubTree ID="Home"/>').replace("<Beh", '<include path="../home.xml"/><Beh')
+    write("ws/deep/main.xml", text.replace("<root", '<root main_tree_to_execute="Main"'))
+    assert run(capsys, "ws") == (0, "", "no findings in 2 files\n")
+    assert "error[include-outside]" in run(capsys, "ws/deep")[1]
+
+
 def test_a_folder_without_findings_is_counted(capsys):
     write("ws/a.xml", CORRECT)
     write("ws/b.xml", CORRECT)

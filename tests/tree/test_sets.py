@@ -179,6 +179,14 @@ def test_a_comment_in_the_other_file_allows_what_is_found_there():
     assert check(load("main.xml", set_of("more.xml")), default_registry()) == []
 
 
+def test_a_comment_is_not_unneeded_while_another_file_uses_the_tree():
+    allow = "<!-- sar: allow needless-node: for later -->"
+    write("more.xml", f"{allow}\n{B}")
+    write("main.xml", using("Main", "B"))
+    assert warnings(load("more.xml", set_of("more.xml"))) == [("unneeded-allow", 2)]
+    assert warnings(load("more.xml", set_of("more.xml", "main.xml"))) == []
+
+
 def described(*ports):
     listed = "".join(f'<input_port name="{port}"/>' for port in ports)
     return f'<TreeNodesModel><Action ID="Grip">{listed}</Action></TreeNodesModel>'
@@ -275,3 +283,13 @@ def test_effort_grows_as_the_set_does(monkeypatch):
 
     small, large = effort(10), effort(20)
     assert 0 < large <= 2 * small
+
+
+def test_a_file_that_others_of_the_set_include_is_one():
+    write("main.xml", using("Main", "B", "C"))
+    write("b.xml", using("B", "C"))
+    write("c.xml", C)
+    write("a.xml", '<include path="c.xml"/>', '<include path="b.xml"/>', A)
+    forest = load("main.xml", set_of("a.xml", "b.xml", "c.xml"))
+    assert (meant(forest), errors(forest)) == ({"B": ("b.xml", 2), "C": ("c.xml", 2)}, [])
+    assert sorted(each.source.path for each in forest.others) == ["b.xml", "c.xml"]

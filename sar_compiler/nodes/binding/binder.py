@@ -30,7 +30,7 @@ from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, ROOT_TAG, SUBTREE_TA
 
 _KEYS = re.compile(r"\{(@?[A-Za-z_]\w*)\}|(?<![\w@])(@?[A-Za-z_]\w*)\s*:=", re.ASCII)
 
-_Words = tuple[Registry, Models, dict[str, list[NodeSpec]], dict[str, str | None]]
+_Vocabulary = tuple[Registry, Models, dict[str, list[NodeSpec]], dict[str, str | None]]
 """The nodes and models of a file, the meanings of the tags in it, and the tags meant by unknown ones."""
 
 
@@ -146,7 +146,7 @@ class Binder:
         self._meant: dict[str, str | None] = {}
         self._home: Forest | None = None
         # The file itself is None.
-        self._words: dict[Forest | None, _Words] = {
+        self._words: dict[Forest | None, _Vocabulary] = {
             None: (self._registry, models, self._meanings, self._meant)
         }
 
@@ -174,7 +174,7 @@ class Binder:
             for name, model in models.subtrees.items()
         }
 
-    def _words_of(self, home: Forest | None) -> _Words:
+    def _words_of(self, home: Forest | None) -> _Vocabulary:
         if home not in self._words:
             files = home.files if home is not None else ()
             models = read_models([*self._palettes, *files], Collector())
