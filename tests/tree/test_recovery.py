@@ -34,6 +34,11 @@ RAW = {
     "a reference without its semicolon": ("a &lt b", "a &lt b", [("&", "&amp;")]),
     "tags": ("<b/> <c>", "<b/> <c>", [("<", "&lt;"), ("<", "&lt;")]),
     "a line break in it": ("a &&\n b", "a &&  b", [("&&", "&amp;&amp;")]),
+    "a reference to what stand-ins are taken from": (
+        "&#xE000;&#57345; & &#x0E002;",
+        "\ue000\ue001 & \ue002",
+        [("&", "&amp;")],
+    ),
     "what stand-ins are taken from": ("\ue000\ue001 & \ue002", "\ue000\ue001 & \ue002", [("&", "&amp;")]),
 }
 
