@@ -591,7 +591,7 @@ _PLAIN: dict[type, ValueType] = {
     Path: ValueType("path", "a path", Path, python=Path, cpp=_CPP_TEXT),
     Script: ValueType("script", "a script", _script, python=Script, cpp=_CPP_TEXT),
     timedelta: ValueType(
-        "duration", "a duration", _duration, pattern=DURATION, python=timedelta, cpp="double", unit="s"
+        "duration", "a duration", _duration, pattern=DURATION, python=timedelta, cpp=_CPP_TEXT, unit="s"
     ),
 }
 PLAIN = {value_type.name: value_type for value_type in _PLAIN.values()}

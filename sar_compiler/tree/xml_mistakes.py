@@ -7,6 +7,8 @@ from xml.parsers import expat
 from sar_compiler.tree.xml_recovery import ATTRIBUTE, NAME
 
 _AMPERSANDS = re.compile(r"(&+)[^&;<>\"'\s]*\Z")
+_NEAR = 200
+"""How far before a place an ampersand is looked for."""
 _ENTITY = re.compile(r"&([^#&;\s][^&;\s]*);")
 _BUILT_IN = frozenset(("amp", "lt", "gt", "apos", "quot"))
 _ATTRIBUTE_NAME = re.compile(r"[^\s=/>\"'<]+")
@@ -40,14 +42,19 @@ def mistake_at(text: str, place: int, words: str) -> XmlMistake | None:
     Returns:
         None if expat's words are all there is to say.
     """
-    if words == expat.errors.XML_ERROR_UNDEFINED_ENTITY:
-        return _undefined(text, place)
-    if words == expat.errors.XML_ERROR_DUPLICATE_ATTRIBUTE:
-        return _twice(text, place)
-    if words == expat.errors.XML_ERROR_UNCLOSED_TOKEN:
-        return _unclosed(text, place)
-    if words != expat.errors.XML_ERROR_INVALID_TOKEN:
-        return None
+    by_words = {
+        expat.errors.XML_ERROR_UNDEFINED_ENTITY: _undefined,
+        expat.errors.XML_ERROR_DUPLICATE_ATTRIBUTE: _twice,
+        expat.errors.XML_ERROR_UNCLOSED_TOKEN: _unclosed,
+        expat.errors.XML_ERROR_INVALID_TOKEN: _invalid,
+    }
+    return by_words[words](text, place) if words in by_words else None
+
+
+def _invalid(text: str, place: int) -> XmlMistake | None:
+    if place < len(text) and text[place] < " " and not text[place].isspace():
+        message = f"the character U+{ord(text[place]):04X} cannot stand in XML"
+        return XmlMistake(message, place, place + 1, hint="delete it")
     if text.rfind("<!--", 0, place) > text.rfind("-->", 0, place):
         return _in_comment(text, place)
     return _in_tag(text, place)
@@ -61,9 +68,10 @@ def _in_comment(text: str, place: int) -> XmlMistake:
 def _in_tag(text: str, place: int) -> XmlMistake | None:
     tag = max(text.rfind("<", 0, place), 0)
     before = text[tag:place]
-    ampersands = _AMPERSANDS.search(before)
+    near = max(tag, place - _NEAR)
+    ampersands = _AMPERSANDS.search(text[near:place])
     if ampersands is not None:
-        start = tag + ampersands.start()
+        start = near + ampersands.start()
         end = start + len(ampersands[1])
         end += text[end : end + 1] == "&"
         return XmlMistake("an & is written &amp; in XML", start, end, "&amp;" * (end - start))

@@ -6,6 +6,7 @@ the text, every line and column stays, and what was read gets its characters bac
 
 import itertools
 import re
+import sys
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -21,6 +22,7 @@ ATTRIBUTE = re.compile(r"""\s*([^\s=/>]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)
 _TAG_END = re.compile(r"\s*/?>")
 _LONE = re.compile(rf"(?!{REFERENCE})&")
 _RAW = re.compile(rf"(?:{_LONE.pattern})+|<")
+_NUMBERED = re.compile(r"&#(?:x0*([0-9a-fA-F]{1,6})|0*([0-9]{1,7}));")
 _NAMED = re.compile(r"&[^\W\d][\w.\-]*;")
 _DASHES = re.compile(r"-{2,}|-\Z")
 _PRIVATE = (range(0xE000, 0xF900), range(0xF0000, 0xFFFFE))
@@ -87,6 +89,11 @@ def _replacement(raw: str) -> str:
 def _stand_ins(text: str) -> dict[int, str] | None:
     """Return a character that the text does not have for each that is replaced; None if it has too many."""
     used = set(text)
+    codes = (
+        int(hexadecimal, 16) if hexadecimal else int(decimal)
+        for hexadecimal, decimal in _NUMBERED.findall(text)
+    )
+    used.update(chr(code) for code in codes if code <= sys.maxunicode)
     free = itertools.islice(
         (chr(each) for each in itertools.chain(*_PRIVATE) if chr(each) not in used), len(_STANDING_ALONE)
     )

@@ -259,6 +259,8 @@ class _YamlReader:
         elif value.style == '"' and (unspeakable := _UNSPEAKABLE.search(value.value)):
             message = f"{key.value}: a tree file cannot have the character U+{ord(unspeakable.group()):04X}"
             self._report("wrong-character", message, *_place(value), hint="delete it")
+        elif value.tag is not None:
+            pass  # of which its own finding has told
         elif key.value != TEXT_KEY:
             parts.attributes[key.value] = value.value
             parts.places += (*_place(key), *_place(value))

@@ -6,6 +6,7 @@ would make of `no`, `12:30` or `1e3` is never asked.
 
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -68,8 +69,6 @@ class Events:
     def __init__(self, source: Source, *, closing: bool = False) -> None:
         self.is_cut = False
         self._closing = closing
-        # For each collection that is open: the event that ends it, and whether the value of a key comes next.
-        self._open: list[tuple[Any, bool]] = []
         self.findings: list[Diagnostic] = []
         self.trailing: str | None = None
         self._source = source
@@ -109,12 +108,10 @@ class Events:
             if not self._closing:
                 raise TreeError(self.findings) from None
             self.is_cut = True
-            self._stream = self._ends(taken)
+            self._stream = self._ends()
             self.next = event = next(self._stream)
         self.trailing = None
         if event is not None:
-            if self._closing and not self.is_cut:
-                self._follow(event)
             if isinstance(event, yaml.CollectionStartEvent):
                 self._enter(event)
             elif isinstance(event, yaml.CollectionEndEvent):
@@ -125,23 +122,25 @@ class Events:
                 self._refuse_surprises(event)
         return taken
 
-    def _follow(self, event: Any) -> None:
-        if isinstance(event, yaml.CollectionEndEvent):
-            self._open.pop()
-        if isinstance(event, yaml.NodeEvent | yaml.CollectionEndEvent) and self._open:
-            end, is_value = self._open[-1]
-            if not isinstance(event, yaml.CollectionStartEvent):
-                self._open[-1] = end, not is_value
-        if isinstance(event, yaml.CollectionStartEvent):
-            is_mapping = isinstance(event, yaml.MappingStartEvent)
-            self._open.append((yaml.MappingEndEvent if is_mapping else yaml.SequenceEndEvent, False))
-
-    def _ends(self, last: Any) -> Iterator[Any]:
-        """Yield the events that end all that is open, behind the last one."""
-        mark = last.end_mark if last is not None else yaml.Mark("", 0, 0, 0, None, 0)
-        if self._open and self._open[-1] == (yaml.MappingEndEvent, True):
+    def _ends(self) -> Iterator[Any]:
+        """Yield the events that end all that is open where the text goes wrong."""
+        # For each collection that is open: the event that ends it, and whether the value of a key comes next.
+        opened: list[tuple[Any, bool]] = []
+        mark: Any = yaml.Mark("", 0, 0, 0, None, 0)
+        with suppress(yaml.YAMLError):
+            for event in yaml.parse(self._source.text, Loader=_LOADER):
+                mark = event.end_mark
+                if isinstance(event, yaml.CollectionEndEvent):
+                    opened.pop()
+                if isinstance(event, yaml.CollectionStartEvent):
+                    is_mapping = isinstance(event, yaml.MappingStartEvent)
+                    opened.append((yaml.MappingEndEvent if is_mapping else yaml.SequenceEndEvent, False))
+                elif opened and isinstance(event, yaml.NodeEvent | yaml.CollectionEndEvent):
+                    end, is_value = opened[-1]
+                    opened[-1] = end, not is_value
+        if opened and opened[-1] == (yaml.MappingEndEvent, True):
             yield yaml.ScalarEvent(None, None, (True, False), "", mark, mark)
-        for end, _ in reversed(self._open):
+        for end, _ in reversed(opened):
             yield end(mark, mark)
         yield yaml.DocumentEndEvent(mark, mark)
         yield yaml.StreamEndEvent(mark, mark)

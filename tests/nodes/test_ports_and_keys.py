@@ -13,7 +13,7 @@ from py_trees.common import Status
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Kind, NodeSpec
-from sar_compiler.nodes.values import ConversionError, literal_value, value_type_of
+from sar_compiler.nodes.values import ConversionError, Milliseconds, Seconds, literal_value, value_type_of
 from sar_compiler.runtime.ports import InOut, Input, Output, PortError
 from tests.trees import document, errors, forest, forest_of
 
@@ -41,6 +41,8 @@ class Read(Leaf):
         numbers: Input[list[int]] | None = None,
         reals: Input[list[float]] | None = None,
         wait: Input[timedelta] | None = None,
+        patience: Input[Seconds] | None = None,
+        pause: Input[Milliseconds] | None = None,
         thing: Input[object] | None = None,
     ) -> None:
         super().__init__(name)
@@ -53,6 +55,8 @@ class Read(Leaf):
             "numbers": numbers,
             "reals": reals,
             "wait": wait,
+            "patience": patience,
+            "pause": pause,
             "thing": thing,
         }
 
@@ -112,6 +116,10 @@ def found(body):
         ('numbers="1;2;3"', [1, 2, 3]),
         ('numbers=""', []),
         ('wait="500ms"', timedelta(seconds=0.5)),
+        ('patience="500ms"', 0.5),
+        ('patience="2"', 2.0),
+        ('pause="1.5s"', 1500),
+        ('pause="2"', 2),
         ('thing="plain"', "plain"),
         ("""thing='json:{"x": [1, 2.5, null]}'""", {"x": [1, 2.5, None]}),
     ],
@@ -199,6 +207,10 @@ def test_a_key_that_nobody_has_written_is_an_error_that_names_it_or_the_default_
         ("numbers", [1, 2], [1, 2]),
         ("wait", 2.5, timedelta(seconds=2.5)),
         ("wait", "1min", timedelta(minutes=1)),
+        ("patience", "2min", 120.0),
+        ("patience", 2, 2.0),
+        ("pause", "2min", 120_000),
+        ("pause", 2.0, 2),
         ("thing", None, None),
     ],
 )
@@ -225,6 +237,9 @@ def test_what_a_key_holds_is_converted_when_it_is_read(port, held, value):
         ("numbers", "1;x"),
         ("numbers", {1}),
         ("wait", "soon"),
+        ("patience", "2m"),
+        ("pause", 0.5),
+        ("pause", -1),
         ("text", [1]),
     ],
 )

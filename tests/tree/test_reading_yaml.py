@@ -328,6 +328,10 @@ def test_an_alias_is_told_once_wherever_it_stands():
     assert [code for code, *_ in findings_of(text)] == ["yaml-anchor"] * 3
 
 
+def test_a_value_with_a_tag_says_nothing():
+    assert beginning_of("root:\n  a: !x y\n  b: 1\n").tree_file.root.attributes == {"b": "1"}
+
+
 CUT_SHORT = {
     "behind a quotation mark": "root:\n  a: 1\n  children:\n  - B: {c: 2}\n  - D:\n      e: 'x\n",
     "behind a key": "root:\n  a: 1\n  children:\n  - B: {c: 2}\n  - D:\n      e: @x\n",

@@ -34,6 +34,11 @@ RAW = {
     "a reference without its semicolon": ("a &lt b", "a &lt b", [("&", "&amp;")]),
     "tags": ("<b/> <c>", "<b/> <c>", [("<", "&lt;"), ("<", "&lt;")]),
     "a line break in it": ("a &&\n b", "a &&  b", [("&&", "&amp;&amp;")]),
+    "a reference to what stand-ins are taken from": (
+        "&#xE000;&#57345; & &#x0E002;",
+        "\ue000\ue001 & \ue002",
+        [("&", "&amp;")],
+    ),
     "what stand-ins are taken from": ("\ue000\ue001 & \ue002", "\ue000\ue001 & \ue002", [("&", "&amp;")]),
 }
 
@@ -123,7 +128,19 @@ def test_a_large_file_full_of_raw_characters_takes_work_in_proportion(text):
     assert 0 < len(tree_file.findings) <= 1000
 
 
-@pytest.mark.parametrize("end", ["", "<A b", "<A b='", "<!--", "<![CDATA[", "<A " + "b " * 300_000, "</A>"])
+@pytest.mark.parametrize(
+    "end",
+    [
+        "",
+        "<A b",
+        "<A b='",
+        "<!--",
+        "<![CDATA[",
+        "<A " + "b " * 300_000,
+        "</A>",
+        "<A b='" + "&" * 1_000_000 + "' c/>",
+    ],
+)
 def test_a_large_file_that_cannot_be_recovered_takes_work_in_proportion(end):
     with at_most(calls=400_000), pytest.raises(TreeError) as caught:
         parse_xml('<root><A b="' + "&" * 1_000_000 + '"/>' + end)
@@ -159,6 +176,7 @@ WORDS = {
         "the attribute 'c' stands twice in this tag",
         "delete one of the two",
     ),
+    "a character of terminals": ("<B c='\x1b'/>", 7, "the character U+001B cannot stand in XML", "delete it"),
     "a tag without an end": ("<B c='1'", 1, "the tag that begins here has no >", ""),
     "a tag in a tag": ("<B c='1' <C/>", 1, "the tag that begins here has no >", ""),
     "a value without an end": ("<B c='1", 6, "the value that begins here has no closing quotation mark", ""),
