@@ -9,6 +9,7 @@ from xml.etree import ElementTree as ET
 # Modules whose rosdep key has another name.
 KEYS = {
     "PIL": "python3-pil",
+    "argcomplete": "python3-argcomplete",
     "jsonschema": "python3-jsonschema",
     "lxml": "python3-lxml",
     "numpy": "python3-numpy",
