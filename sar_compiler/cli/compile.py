@@ -103,7 +103,7 @@ def _add_model_alone(parser: argparse.ArgumentParser) -> None:
 def _show(arguments: argparse.Namespace) -> int:
     from sar_compiler.tree.diagnostic import TreeError
     from sar_compiler.views.outline import outline
-    from sar_compiler.views.text import ascii_tree, unicode_tree
+    from sar_compiler.views.text import ascii_tree, unicode_tree, with_tags
 
     try:
         # `validate` warns of the doubtful cases.
@@ -115,7 +115,7 @@ def _show(arguments: argparse.Namespace) -> int:
         print(json.dumps(outline(tree), indent=2, ensure_ascii=False))
     else:
         draw = ascii_tree if arguments.format == "ascii" else unicode_tree
-        print(draw(tree.root), end="")
+        print(with_tags(draw(tree.root), tree), end="")
     return OK
 
 

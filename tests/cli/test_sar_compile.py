@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.cli.compile import main
+from sar_compiler.testing import compiled
+from sar_compiler.views.text import unicode_tree, with_tags
 from tests.trees import document
 
 SHIPPED = "trees/search_and_rescue.xml"
@@ -271,6 +273,33 @@ def test_a_package_without_leaves_points_at_its_module_that_has_some(capsys):
     status, _, err = run(capsys, "nodes", "--nodes", "examples.decorators")
     assert status == 2
     assert err.endswith("registers no node; did you mean 'examples.decorators.leaves'?\n")
+
+
+def test_a_drawing_says_the_tag_of_a_leaf_or_a_decorator_that_is_called_otherwise(capsys, tmp_path):
+    path = tmp_path / "named.xml"
+    path.write_text(
+        '<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><Sequence name="All">'
+        '<RunOnce name="Once"><NavigateToBase name="Home" oneshot="ON_COMPLETION"/></RunOnce>'
+        '<ZonesRemaining name="ZonesRemaining?"/><SubTree ID="Rest"/><SubTree ID="Rest" name="Again"/>'
+        '</Sequence></BehaviorTree><BehaviorTree ID="Rest"><AlwaysSuccess/></BehaviorTree></root>'
+    )
+    assert run(capsys, "show", str(path))[1].splitlines() == [
+        "{-} All",
+        "    -^- Once  <RunOnce>",
+        "        -^- HomeOneShot",
+        "            --> Home  <NavigateToBase>",
+        "    --> ZonesRemaining?",
+        "    -^- Rest  <SubTree>",
+        "        --> AlwaysSuccess",
+        '    -^- Again  <SubTree ID="Rest">',
+        "        --> AlwaysSuccess",
+    ]
+
+
+def test_a_drawing_with_a_name_of_several_lines_is_left_as_it_is():
+    tree = compiled("search_and_rescue")
+    tree.root.name = "two\nlines"
+    assert with_tags(unicode_tree(tree.root), tree) == unicode_tree(tree.root)
 
 
 def test_schema_prints_the_committed_schema(capsys):
