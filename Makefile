@@ -141,7 +141,7 @@ $(VENV)/.kernel: $(KERNEL) $(VENV)/.packages
 	@touch $@
 
 # Builds the interface packages: $(call colcon,FOLDER,OPTIONS) installs them into FOLDER. A build folder from another environment would only confuse CMake.
-colcon = rm -rf build/interfaces && \
+colcon = rm -rf build/interfaces && COLCON_LOG_LEVEL=error \
 	  PATH="$(abspath $(BIN)):$$PATH" AMENT_PREFIX_PATH="$(abspath $(VENV))" CMAKE_PREFIX_PATH="$(abspath $(VENV))" \
 	  $(BIN)/colcon --log-base build/log build --build-base build/interfaces --base-paths interfaces pip_interfaces \
 	  --install-base "$(abspath $(1))" $(2) --event-handlers console_direct- \

@@ -21,6 +21,8 @@ _SIMULATOR = ("numpy", "scipy", "PIL")
 _CLUSTER = ("dask", "distributed")
 _ROS = ("rclpy", "rpyutils", "ament_index_python")
 _ROS_ENDINGS = ("_msgs", "_srvs", "_interfaces")
+# What no index has: wheels of them are made in a checkout.
+_INTERFACES = ("nav2_msgs", "sar_interfaces", "tf2_msgs")
 
 
 def run(command: Callable[[], int], prog: str) -> int:
@@ -61,6 +63,12 @@ def _not_installed(error: ImportError) -> str | None:
         )
     if module in _CLUSTER:
         return f"dask.distributed is not here ({error}); pip install 'sar_compiler[sweep]' brings it"
+    if module in _INTERFACES and "rclpy" in sys.modules:
+        return (
+            f"ROS 2 is here, but not the interface package '{module}' ({error}). On a robot, source the workspace, and "
+            "Nav2; without one, `make wheels` in a checkout builds it for `pip install --find-links dist "
+            "'sar_compiler[interfaces]'`"
+        )
     if module in _ROS or module.endswith(_ROS_ENDINGS):
         return (
             f"ROS 2 is not here ({error}). On a robot, source its installation and workspace; without one, "
