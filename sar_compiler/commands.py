@@ -77,6 +77,16 @@ def _not_installed(error: ImportError) -> str | None:
     return None
 
 
+def _meant(message: str) -> str:
+    """Return what argparse's message about a choice that there is not leaves out."""
+    import difflib
+    import re
+
+    chosen = re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message)
+    near = difflib.get_close_matches(chosen[1], re.findall(r"[\w-]+", chosen[2]), n=1) if chosen else []
+    return f"; did you mean '{near[0]}'?" if near else ""
+
+
 class CommandParser(argparse.ArgumentParser):
     """An argument parser that accepts no abbreviated options, and completes them for a shell."""
 
@@ -88,6 +98,14 @@ class CommandParser(argparse.ArgumentParser):
         if "_ARGCOMPLETE" in os.environ:
             self.complete()
         return super().parse_args(args, namespace)
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong with a command line, and what was probably meant, and exit."""
+        if message.endswith("are required: COMMAND"):
+            self.print_help(sys.stderr)
+        else:
+            self.print_usage(sys.stderr)
+        self.exit(USAGE, f"{self.prog}: error: {message}{_meant(message)}\n")
 
     def complete(self) -> NoReturn:
         """Answer the shell that asks for completions."""

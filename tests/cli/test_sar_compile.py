@@ -113,6 +113,22 @@ def test_wrong_usage_has_status_2(capsys, arguments):
     assert "usage: sar-compile" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("arguments", "meant"),
+    [(["valdate", SHIPPED], "validate"), (["validate", SHIPPED, "--format", "jsn"], "json")],
+)
+def test_a_misspelt_word_of_the_command_line_is_told_what_was_meant(capsys, arguments, meant):
+    with pytest.raises(SystemExit):
+        main(arguments)
+    assert capsys.readouterr().err.endswith(f"; did you mean '{meant}'?\n")
+
+
+def test_without_a_command_all_are_listed(capsys):
+    with pytest.raises(SystemExit):
+        main([])
+    assert "Say everything that is wrong with tree files." in capsys.readouterr().err
+
+
 def test_show_draws_the_compiled_tree(capsys):
     status, out, _ = run(capsys, "show", SHIPPED)
     assert status == 0
