@@ -31,8 +31,9 @@ def data_files() -> "list[tuple[str, list[str]]]":
 
 
 def description() -> str:
-    """Return the README for an index of packages, where a link into the repository would lead nowhere."""
-    return re.sub(r"\[([^][]+)\]\((?!https?:)[^)]*\)", r"\1", Path("README.md").read_text(encoding="utf-8"))
+    """Return the README for an index of packages, where a link or a picture of the repository would lead nowhere."""
+    text = re.sub(r"!\[.*?\]\(.*?\)\n*", "", Path("README.md").read_text(encoding="utf-8"))
+    return re.sub(r"\[([^][]+)\]\((?!https?:)[^)]*\)", r"\1", text)
 
 
 KERNEL = Path("sar_compiler/runtime/kernel")

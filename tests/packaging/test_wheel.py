@@ -47,6 +47,7 @@ def test_what_an_index_shows_of_it_has_no_link_that_leads_nowhere(installed):
     targets = re.findall(r"\]\(([^)]+)\)", text)
     assert targets
     assert [each for each in targets if not each.startswith("https://")] == []
+    assert "![" not in text
 
 
 def test_the_records_of_the_shipped_nodes_are_in_the_package(installed):
