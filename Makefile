@@ -161,7 +161,7 @@ wheels: env
 	$(SAY) "the package with its compiled kernel (about a minute)"
 	@$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
 	@rm -rf build/lib build/bdist.*
-	@$(BIN)/python -m zipfile -l dist/sar_compiler-*.whl | grep -q __mypyc || { echo "make: the kernel is not compiled in $$(echo dist/sar_compiler-*.whl)"; exit 1; }
+	@$(BIN)/python -c 'import sys, zipfile; sys.exit("__mypyc" not in str(zipfile.ZipFile(sys.argv[1]).namelist()))' dist/sar_compiler-*.whl || { echo "make: the kernel is not compiled in $$(echo dist/sar_compiler-*.whl)"; exit 1; }
 	$(SAY) "the interface packages (half a minute)"
 	@$(call colcon,build/wheels,)
 	@$(BIN)/python pip_interfaces/wheels.py build/wheels dist
