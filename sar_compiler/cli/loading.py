@@ -18,6 +18,13 @@ FILE_HELP = "a tree file, or the name of a shipped tree"
 
 def add_project_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that extend a project's configuration, besides `--nodes`."""
+    add_model(parser)
+    add_include_path(parser)
+    add_trust(parser)
+
+
+def add_model(parser: argparse.ArgumentParser) -> None:
+    """Add `--model`."""
     parser.add_argument(
         "--model",
         action="append",
@@ -26,8 +33,6 @@ def add_project_options(parser: argparse.ArgumentParser) -> None:
         metavar="NODES.xml",
         help="a palette: a file whose TreeNodesModel describes nodes that are not installed; may be repeated",
     )
-    add_include_path(parser)
-    add_trust(parser)
 
 
 def add_nodes(parser: argparse.ArgumentParser) -> None:

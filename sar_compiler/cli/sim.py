@@ -44,7 +44,7 @@ def _command(argv: Sequence[str]) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = Parser("sar-sim", "The simulated world, apart from the mission.")
     add_version(parser)
-    commands = parser.add_subparsers(dest="command", required=True)
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     text = "Run the world and the stand-in for Nav2 until stopped."
     live = commands.add_parser(
         "run",

@@ -4,6 +4,8 @@ import os
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, TextIO
 
+from sar_compiler.commands import columns
+
 if TYPE_CHECKING:
     from sar_compiler.tree.diagnostic import Diagnostic
 
@@ -17,21 +19,6 @@ _SGR = {
     "advice": "32",
 }
 """The parts of a text that are coloured, with the numbers by which terminals know the colours."""
-
-
-def columns_asked_for() -> int:
-    """Return the width that the environment asks for (`COLUMNS`); 0 if it asks for none."""
-    text = os.environ.get("COLUMNS", "")
-    return int(text) if text.isdecimal() else 0
-
-
-def columns(stream: TextIO) -> int:
-    """Return the width of the terminal that a stream is shown on; 0 for a file or a pipe."""
-    try:
-        width = os.get_terminal_size(stream.fileno()).columns
-    except (AttributeError, ValueError, OSError):
-        return 0
-    return columns_asked_for() or width
 
 
 def has_colours(stream: TextIO) -> bool:

@@ -1,12 +1,11 @@
 """A server as a command: a node that is spun until it is stopped."""
 
-import argparse
 import faulthandler
 import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from sar_compiler.commands import OK, run
+from sar_compiler.commands import OK, CommandParser, add_version, run
 from sar_compiler.ros.arguments import init_arguments, node_arguments, split_arguments
 from sar_compiler.ros.middleware import require_middleware
 from sar_compiler.ros.signals import StopSignals
@@ -40,12 +39,13 @@ def serve(make_node: NodeFactory, prog: str, description: str, argv: Sequence[st
     """
     # Before anything that takes time, so that Ctrl-C ends the command in order from its first moment.
     signals = StopSignals()
-    parser = argparse.ArgumentParser(
-        prog=prog,
-        description=description,
+    parser = CommandParser(
+        prog,
+        description,
         epilog="What follows --ros-args is ROS's: -p name:=value, -r from:=to, --params-file FILE. "
         "Ctrl-C or SIGTERM end it, with status 0.",
     )
+    add_version(parser)
     split = split_arguments(sys.argv[1:] if argv is None else argv)
     parser.parse_args(split.own)
     try:

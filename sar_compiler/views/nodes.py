@@ -27,7 +27,7 @@ def nodes_as_json(specs: Sequence[NodeSpec]) -> str:
 
 
 def _in_full(spec: NodeSpec) -> str:
-    lines = [f"<{spec.tag}>  {spec.kind.value.lower()}", "", spec.doc, ""]
+    lines = [f"<{spec.tag}>  {spec.kind.value.lower()}", "", *([spec.doc, ""] if spec.doc else [])]
     lines += _answers(spec)
     if spec.effects:
         lines.append(f"effects: {spec.effects}")

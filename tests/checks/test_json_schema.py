@@ -10,6 +10,7 @@ from hypothesis import given
 
 from sar_compiler.checks import RULES, check
 from sar_compiler.checks.rules.check_context import CheckContext
+from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.nodes.schemas.json_schema import json_schema
 from sar_compiler.tree.conversion import convert
@@ -142,3 +143,12 @@ def test_the_schema_refuses_nothing_that_the_rules_let_pass(element):
     if not [finding for rule in RULES for finding in rule(CheckContext(forest, default_registry()))]:
         assert errors(as_yaml(document(written(element)))) == []
         assert check(forest, default_registry()) == []
+
+
+def test_an_editor_shows_what_a_bare_tag_means_and_what_any_node_may_have():
+    bare = SCHEMA["$defs"]["node"]["then"]
+    assert dict(zip(bare["enum"], bare["enumDescriptions"], strict=True))["Sleep"] == "Waits, then succeeds."
+    common = SCHEMA["$defs"]["<Sleep>"]["properties"]
+    for name in (ONESHOT, *CONDITIONS):
+        assert common[name] == {"$ref": f"#/$defs/{name}"}
+        assert SCHEMA["$defs"][name]["description"]

@@ -5,6 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from lxml import etree
 
 from sar_compiler.cli.compile import main
 from tests.trees import document
@@ -83,3 +84,51 @@ def test_a_palette_that_is_not_there_is_said_once(capsys, tree):
     status, out, err = run(capsys, "validate", "--model", "nowhere.xml", tree, tree)
     assert (status, out) == (2, "")
     assert err == "sar-compile: cannot read nowhere.xml: No such file or directory\n"
+
+
+DESCRIBED = """\
+<root><TreeNodesModel>
+  <Action ID="FollowPath"><input_port name="path">The way to follow.</input_port></Action>
+  <Decorator ID="RateController"><input_port name="hz" type="double"/></Decorator>
+</TreeNodesModel></root>
+"""
+
+
+def test_an_editor_completes_by_the_xml_schema_what_a_palette_describes(capsys, palette):
+    status, out, err = run(capsys, "schema", "--model", palette(DESCRIBED))
+    assert (status, err) == (0, "")
+    schema = etree.XMLSchema(etree.fromstring(out.encode()))
+    right, wrong = (
+        etree.fromstring(document(f'<RateController hz="{hz}"><FollowPath path="{{p}}"/></RateController>'))
+        for hz in ("10", "often")
+    )
+    assert schema.validate(right)
+    assert not schema.validate(wrong)
+    assert "<xs:documentation>Input. The way to follow.</xs:documentation>" in out
+
+
+def test_an_editor_completes_by_the_json_schema_what_several_palettes_describe(capsys, palette, tmp_path):
+    other = tmp_path / "other.xml"
+    other.write_text(RIGHT)
+    status, out, _ = run(
+        capsys, "schema", "--format", "json", "--model", palette(DESCRIBED), "--model", str(other)
+    )
+    schema = json.loads(out)
+    assert status == 0
+    assert {"Fly", "FollowPath", "RateController"} <= {*schema["$defs"]["node"]["else"]["properties"]}
+    assert schema["$defs"]["<FollowPath>"]["properties"]["path"]["description"] == "Input. The way to follow."
+
+
+def test_what_a_palette_describes_is_among_what_can_be_written(capsys, palette):
+    assert (
+        "path: input; a value. optional. The way to follow."
+        in (run(capsys, "nodes", "FollowPath", "--model", palette(DESCRIBED))[1])
+    )
+
+
+@pytest.mark.parametrize("command", ["schema", "nodes"])
+@pytest.mark.parametrize(("text", "code"), [(WRONG, "model-mismatch"), ("<root><", "malformed-xml")])
+def test_a_palette_with_a_mistake_gives_no_list(capsys, palette, command, text, code):
+    status, out, err = run(capsys, command, "--model", palette(text))
+    assert (status, out) == (1, "")
+    assert f"error[{code}]" in err

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.cli.compile import main
+from sar_compiler.testing import compiled
+from sar_compiler.views.text import unicode_tree, with_tags
 from tests.trees import document
 
 SHIPPED = "trees/search_and_rescue.xml"
@@ -114,6 +116,22 @@ def test_wrong_usage_has_status_2(capsys, arguments):
         main(arguments)
     assert caught.value.code == 2
     assert "usage: sar-compile" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "meant"),
+    [(["valdate", SHIPPED], "validate"), (["validate", SHIPPED, "--format", "jsn"], "json")],
+)
+def test_a_misspelt_word_of_the_command_line_is_told_what_was_meant(capsys, arguments, meant):
+    with pytest.raises(SystemExit):
+        main(arguments)
+    assert capsys.readouterr().err.endswith(f"; did you mean '{meant}'?\n")
+
+
+def test_without_a_command_all_are_listed(capsys):
+    with pytest.raises(SystemExit):
+        main([])
+    assert "Say everything that is wrong with tree files." in capsys.readouterr().err
 
 
 def test_show_draws_the_compiled_tree(capsys):
@@ -300,6 +318,33 @@ def test_a_package_without_leaves_points_at_its_module_that_has_some(capsys):
     status, _, err = run(capsys, "nodes", "--nodes", "examples.decorators")
     assert status == 2
     assert err.endswith("registers no node; did you mean 'examples.decorators.leaves'?\n")
+
+
+def test_a_drawing_says_the_tag_of_a_leaf_or_a_decorator_that_is_called_otherwise(capsys, tmp_path):
+    path = tmp_path / "named.xml"
+    path.write_text(
+        '<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><Sequence name="All">'
+        '<RunOnce name="Once"><NavigateToBase name="Home" oneshot="ON_COMPLETION"/></RunOnce>'
+        '<ZonesRemaining name="ZonesRemaining?"/><SubTree ID="Rest"/><SubTree ID="Rest" name="Again"/>'
+        '</Sequence></BehaviorTree><BehaviorTree ID="Rest"><AlwaysSuccess/></BehaviorTree></root>'
+    )
+    assert run(capsys, "show", str(path))[1].splitlines() == [
+        "{-} All",
+        "    -^- Once  <RunOnce>",
+        "        -^- HomeOneShot",
+        "            --> Home  <NavigateToBase>",
+        "    --> ZonesRemaining?",
+        "    -^- Rest  <SubTree>",
+        "        --> AlwaysSuccess",
+        '    -^- Again  <SubTree ID="Rest">',
+        "        --> AlwaysSuccess",
+    ]
+
+
+def test_a_drawing_with_a_name_of_several_lines_is_left_as_it_is():
+    tree = compiled("search_and_rescue")
+    tree.root.name = "two\nlines"
+    assert with_tags(unicode_tree(tree.root), tree) == unicode_tree(tree.root)
 
 
 def test_schema_prints_the_committed_schema(capsys):

@@ -54,9 +54,8 @@ SERVERS = [("missions.survivor_servers:detect",), ("missions.survivor_servers:re
 
 WITHOUT_ROS = [
     *(("rclpy", command) for command in (*SIMULATING, *SERVERS)),
-    *(pytest.param("sar_interfaces", command, marks=pytest.mark.ros) for command in SERVERS),
-    pytest.param("nav2_msgs", SIMULATING[0], marks=pytest.mark.ros),
 ]
+WITHOUT_INTERFACES = [*(("sar_interfaces", command) for command in SERVERS), ("nav2_msgs", SIMULATING[0])]
 
 
 @pytest.mark.parametrize(("library", "command"), WITHOUT_ROS)
@@ -65,6 +64,15 @@ def test_without_ros_a_command_says_where_ros_comes_from(library, command):
     assert (status, "Traceback" in said) == (2, False), said
     assert "ROS 2 is not here (" in said
     assert library in said
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize(("library", "command"), WITHOUT_INTERFACES)
+def test_an_interface_package_that_is_missing_beside_ros_is_named_with_who_has_it(library, command):
+    status, said = run_without(library, *command)
+    assert (status, "Traceback" in said) == (2, False), said
+    assert f"ROS 2 is here, but not the interface package '{library}' (" in said
+    assert "--find-links dist 'sar_compiler[interfaces]'" in said
 
 
 def test_a_library_that_is_nobodys_to_install_is_a_failure_of_the_project():

@@ -68,6 +68,7 @@ MAKE = {
 }
 LACKING = {
     "ROS 2 is not here (…). On a robot, source its installation and workspace": "rclpy",
+    "ROS 2 is here, but not the interface package '…'": "nav2_msgs",
     "the simulator is not complete (…)": "scipy",
 }
 NOT_SHIPPED = "no file '…' is shipped in …"

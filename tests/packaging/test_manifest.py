@@ -9,6 +9,7 @@ from xml.etree import ElementTree as ET
 # Modules whose rosdep key has another name.
 KEYS = {
     "PIL": "python3-pil",
+    "argcomplete": "python3-argcomplete",
     "jsonschema": "python3-jsonschema",
     "lxml": "python3-lxml",
     "numpy": "python3-numpy",
@@ -61,3 +62,12 @@ def test_whatever_the_launch_files_start_is_a_dependency():
     depended = {entry.text for entry in manifest().iter("exec_depend")}
     assert started
     assert sorted(started - depended) == []
+
+
+def test_the_changelog_has_a_section_for_what_is_not_released():
+    text = Path("CHANGELOG.md").read_text(encoding="utf-8")
+    sections = re.findall(r"^## \[(.+?)\](?: - (\d{4}-\d{2}-\d{2}))?$", text, re.MULTILINE)
+    assert sections[0] == ("Unreleased", "")
+    assert all(date for _, date in sections[1:]), "every released version has its date"
+    kinds = {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
+    assert set(re.findall(r"^### (.+)$", text, re.MULTILINE)) <= kinds

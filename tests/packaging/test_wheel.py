@@ -1,6 +1,7 @@
 """The package installed with pip into an environment of its own."""
 
 import os
+import re
 import subprocess
 import sys
 import sysconfig
@@ -36,6 +37,17 @@ def installed(tmp_path_factory):
 def test_every_shipped_file_is_in_the_environment(installed):
     repository, environment = installed
     assert files_below(environment / "share" / "sar_compiler") == files_below(repository)
+
+
+def test_what_an_index_shows_of_it_has_no_link_that_leads_nowhere(installed):
+    _, environment = installed
+    (metadata,) = environment.rglob("sar_compiler-*.dist-info/METADATA")
+    text = metadata.read_text(encoding="utf-8")
+    assert "Description-Content-Type: text/markdown" in text
+    targets = re.findall(r"\]\(([^)]+)\)", text)
+    assert targets
+    assert [each for each in targets if not each.startswith("https://")] == []
+    assert "![" not in text
 
 
 def test_the_records_of_the_shipped_nodes_are_in_the_package(installed):

@@ -120,7 +120,7 @@ def test_a_second_simulation_is_refused_and_the_first_named(client: Client) -> N
         (["run", "--robot", "robot1:0.5"], "expected NAME, NAME:X,Y or NAME:X,Y,YAW (metres and radians"),
         (["run", "--robot", "robot1:0,north"], "'north' is not a finite number"),
         (["fly"], "invalid choice: 'fly'"),
-        ([], "required: command"),
+        ([], "required: COMMAND"),
     ],
 )
 def test_wrong_usage_is_named(arguments: list[str], problem: str, capsys: pytest.CaptureFixture[str]) -> None:

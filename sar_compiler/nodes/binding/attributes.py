@@ -21,18 +21,21 @@ from sar_compiler.tree.model import SUBTREE_TAG, Element
 
 ONESHOT = "oneshot"
 """The attribute that any node may have: wraps it in a OneShot with the policy it names."""
-
-CONDITIONS = (
-    "_failureIf",
-    "_successIf",
-    "_skipIf",
-    "_while",
-    "_onSuccess",
-    "_onFailure",
-    "_onHalted",
-    "_post",
+ONESHOT_HELP = (
+    "Lets the node finish once; from then on it repeats its answer. Being interrupted is not finishing."
 )
-"""The attributes that any node may have: scripts that are run before and after it."""
+
+CONDITIONS = {
+    "_failureIf": "A condition: where it is true when the node would start, the node fails instead.",
+    "_successIf": "A condition: where it is true when the node would start, the node succeeds instead.",
+    "_skipIf": "A condition: where it is true when the node would start, its parent passes it over.",
+    "_while": "A condition: where it is not true, the node is passed over, and interrupted if it is running.",
+    "_onSuccess": "A script that is run when the node has succeeded.",
+    "_onFailure": "A script that is run when the node has failed.",
+    "_onHalted": "A script that is run when the node is interrupted.",
+    "_post": "A script that is run when the node has ended, and when it is interrupted.",
+}
+"""The attributes that any node may have, scripts that are run before and after it, with their descriptions."""
 
 AUTOREMAP = "_autoremap"
 """The attribute of a `SubTree` that remaps every key to that of the same name around it."""

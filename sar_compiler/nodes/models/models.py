@@ -231,4 +231,5 @@ def _parameter(port: Port) -> Parameter:
         default=port.default,
         value_type=value_type,
         direction=port.direction,
+        doc=port.element.text,
     )

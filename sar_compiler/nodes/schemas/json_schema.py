@@ -5,10 +5,10 @@ Editors complete with it and other tools validate with it. A node is a mapping w
 message "is not valid under any of the given schemas".
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
-from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, ONESHOT_TYPE
+from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, ONESHOT_HELP, ONESHOT_TYPE
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.schemas.written import attributes_by_name, value_types
 from sar_compiler.nodes.spec import CHILD_COUNTS, Kind, NodeSpec, Parameter, Role
@@ -33,7 +33,14 @@ _NAME: Schema = {"type": ["string", "number", "boolean"], "minLength": 1}
 _SCALAR: Schema = {"type": ["string", "number", "boolean"]}
 _NOTES: Schema = {"patternProperties": {"^_": _SCALAR}}
 """What editors keep in attributes that begin with `_`."""
-_CONDITION = {"$ref": f"#/$defs/{CONDITION.name} value"}
+_COMMON: dict[str, Schema] = {
+    ONESHOT: {"enum": list(ONESHOT_TYPE.choices), "description": ONESHOT_HELP},
+    **{
+        name: {"$ref": f"#/$defs/{CONDITION.name} value", "description": text}
+        for name, text in CONDITIONS.items()
+    },
+}
+"""The attributes that any node may have."""
 
 
 def json_schema(registry: Registry) -> Schema:
@@ -49,7 +56,8 @@ def json_schema(registry: Registry) -> Schema:
             "section": _section(),
             "tree": _with_children({"ID": _NAME}, _nodes(1, 1)),
             **{f"{value_type.name} value": _value(value_type) for value_type in value_types(tags)},
-            "node": _node([*tags, SUBTREE_TAG, *_KINDS]),
+            **_COMMON,
+            "node": _node(tags),
             "model": {"type": ["object", "null"]},
             SUBTREE_TAG: _explicit_form(0, 0),
             # py_trees' Condition is the explicit form of others as well; its ID decides which.
@@ -83,14 +91,16 @@ def _section() -> Schema:
     }
 
 
-def _node(tags: list[str]) -> Schema:
+def _node(specs: Mapping[str, list[NodeSpec]]) -> Schema:
     """A mapping with one key, the tag; or the bare tag of a node with neither attributes nor children."""
-    tags = list(dict.fromkeys(tags))
+    tags = list(dict.fromkeys([*specs, SUBTREE_TAG, *_KINDS]))
     targets = {tag: {"$ref": f"#/$defs/{_definition(tag)}"} for tag in tags}
+    # No word of JSON schemas, but editors show them for a bare tag.
+    described = [specs[tag][0].doc if tag in specs else "" for tag in tags]
     return {
         "type": ["object", "string"],
         "if": {"type": "string"},
-        "then": {"enum": tags},
+        "then": {"enum": tags, "enumDescriptions": described},
         "else": {
             "properties": targets,
             "additionalProperties": False,
@@ -129,10 +139,7 @@ def _tag(specs: list[NodeSpec]) -> Schema:
         if len(choices) == len(specs)
         and all(_must_be_written(spec, parameter) for spec, parameter in choices)
     ]
-    attributes |= {
-        ONESHOT: {"enum": list(ONESHOT_TYPE.choices)},
-        **dict.fromkeys(CONDITIONS, _CONDITION),
-    }
+    attributes |= {name: {"$ref": f"#/$defs/{name}"} for name in _COMMON}
     if kind.is_leaf:
         schema = {**_mapping({**attributes, CHILDREN_KEY: _nodes(0, 0)}, required), **_NOTES}
         if not required:  # a bare tag or an empty value has no attributes

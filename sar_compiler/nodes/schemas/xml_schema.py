@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Iterable
 
-from sar_compiler.nodes.binding.attributes import CONDITIONS, NOTES, ONESHOT, ONESHOT_TYPE
+from sar_compiler.nodes.binding.attributes import CONDITIONS, NOTES, ONESHOT, ONESHOT_HELP, ONESHOT_TYPE
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.schemas.written import attributes_by_name, value_types
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role
@@ -126,10 +126,15 @@ def _group(tags: Iterable[str]) -> list[str]:
 
 
 def _common() -> list[str]:
-    attributes = [f'    <xs:attribute name="{name}" type="{CONDITION.name}.value"/>' for name in CONDITIONS]
-    attributes.append(_NOTES)
-    oneshot = f'    <xs:attribute name="{ONESHOT}" type="{ONESHOT}.value"/>'
-    return ['  <xs:attributeGroup name="common">', oneshot, *attributes, "  </xs:attributeGroup>"]
+    described = [
+        (ONESHOT, ONESHOT, ONESHOT_HELP),
+        *((name, CONDITION.name, text) for name, text in CONDITIONS.items()),
+    ]
+    lines = [_NOTES]
+    for name, value_type, text in described:
+        lines.append(f'    <xs:attribute name="{name}" type="{value_type}.value">')
+        lines += [*_documentation(text, "      "), "    </xs:attribute>"]
+    return ['  <xs:attributeGroup name="common">', *lines, "  </xs:attributeGroup>"]
 
 
 def _node_type(tag: str, specs: list[NodeSpec]) -> list[str]:

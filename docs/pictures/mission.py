@@ -1,0 +1,82 @@
+"""Draw the picture of the README: `python docs/pictures/mission.py`, where ROS 2 is, writes `mission.svg` beside it.
+
+A mission runs in the simulator; its world, the way that the robot has gone and where it has waited become an animated picture.
+"""
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import rclpy
+from nav_msgs.msg import Odometry
+
+from sar_compiler.sim.world_file import find_world
+
+WORLD = "disaster_zone"
+SURVIVORS = {"survivor_1": (-2.5, 3.2), "survivor_2": (4.1, -2.5)}
+SPEED = 5
+"""Simulated seconds in a second, in the simulator and in the picture."""
+STEP_SEC = 0.5
+"""A point of the way for so many simulated seconds."""
+
+
+def driven() -> list[tuple[float, float, float]]:
+    """Run the mission; return the robot's way: simulated seconds, and metres in the frame `map`."""
+    rclpy.init()
+    node = rclpy.create_node("picture")
+    way: list[tuple[float, float, float]] = []
+
+    def moved(odometry: Odometry) -> None:
+        stamp, at = odometry.header.stamp, odometry.pose.pose.position
+        seconds = stamp.sec + stamp.nanosec * 1e-9
+        if not way or seconds >= way[-1][0] + STEP_SEC:
+            way.append((seconds, at.x, at.y))
+
+    node.create_subscription(Odometry, "odometry/filtered", moved, 10)
+    command = [Path(sys.executable).with_name("sar-run"), "--sim", WORLD, "--speed", str(SPEED)]
+    with subprocess.Popen(command) as mission:  # noqa: S603 - our own command
+        while mission.poll() is None:
+            rclpy.spin_once(node, timeout_sec=0.1)
+    return way
+
+
+def picture(way: list[tuple[float, float, float]]) -> str:
+    """Return the world and the way in it as SVG."""
+    world = find_world(WORLD)
+    start, end = way[0][0], way[-1][0]
+    points = " ".join(f"{x:.2f},{y:.2f}" for _, x, y in way)
+    times = ";".join(f"{(seconds - start) / (end - start):.4f}" for seconds, _, _ in way)
+    values = ";".join(f"{x:.2f} {y:.2f}" for _, x, y in way)
+    shapes = [
+        f'<rect x="{-box.size_x / 2}" y="{-box.size_y / 2}" width="{box.size_x}" height="{box.size_y}" '
+        f'transform="translate({box.x} {box.y}) rotate({math.degrees(box.yaw):.1f})"/>'
+        for box in world.boxes
+    ]
+    shapes += [f'<circle cx="{each.x}" cy="{each.y}" r="{each.radius}"/>' for each in world.cylinders]
+    zones = [f'<circle cx="{x}" cy="{y}" r="0.45"/>' for x, y in world.zones.values()]
+    found = [f'<circle cx="{x}" cy="{y}" r="0.13"/>' for x, y in SURVIVORS.values()]
+    below = {name: (x, 0.75 - y) for name, (x, y) in {**world.zones, "base": (0.0, 0.0)}.items()}
+    above = {name: (x, -0.25 - y) for name, (x, y) in SURVIVORS.items()}
+    names = [f'<text x="{x:.2f}" y="{y:.2f}">{name}</text>' for name, (x, y) in {**below, **above}.items()]
+    return f"""\
+<svg xmlns="http://www.w3.org/2000/svg" viewBox="-6.3 -5.3 12.6 10.6" width="630" height="530">
+<!-- Made by docs/pictures/mission.py; do not edit. -->
+<rect x="-6.3" y="-5.3" width="12.6" height="10.6" fill="#fafaf7"/>
+<g transform="scale(1 -1)">
+<g fill="#cfe3f5">{"".join(zones)}</g>
+<g fill="#4a4a4a">{"".join(shapes)}</g>
+<polyline points="{points}" fill="none" stroke="#e0a030" stroke-width="0.05"/>
+<g fill="#c03030">{"".join(found)}</g>
+<circle r="{world.robot_radius}" fill="#2060a0">
+<animateTransform attributeName="transform" type="translate" dur="{(end - start) / SPEED:.1f}s" repeatCount="indefinite"
+ keyTimes="{times}" values="{values}"/>
+</circle>
+</g>
+<g font-family="sans-serif" font-size="0.3" text-anchor="middle" fill="#333333">{"".join(names)}</g>
+</svg>
+"""
+
+
+if __name__ == "__main__":
+    Path(__file__).with_suffix(".svg").write_text(picture(driven()), encoding="utf-8")

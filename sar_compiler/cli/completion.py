@@ -1,0 +1,117 @@
+"""Completion in shells: `sar-compile completion`, and what the values of arguments can be.
+
+Neither this nor argcomplete is imported unless a shell asks (`CommandParser.complete`).
+"""
+
+import argparse
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from importlib.metadata import distribution
+from pathlib import Path
+from typing import Any
+
+from argcomplete.completers import DirectoriesCompleter, FilesCompleter
+from argcomplete.shell_integration import shellcode
+
+from sar_compiler.cli.arguments import OK
+from sar_compiler.resources import shipped_root
+
+SHELLS = ("bash", "zsh", "fish")
+
+_tree_files = FilesCompleter(("xml", "yaml", "yml"))
+_yaml_files = FilesCompleter(("yaml", "yml"))
+
+
+def add_completion(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `completion`."""
+    parser.add_argument("shell", choices=SHELLS, help="the shell that is to read it")
+    parser.epilog = 'In its start-up file, for instance ~/.bashrc: eval "$(sar-compile completion bash)"'
+    parser.set_defaults(run=print_code)
+
+
+def print_code(arguments: argparse.Namespace) -> int:
+    """Print the code for a shell, and return the exit status."""
+    scripts = distribution("sar_compiler").entry_points.select(group="console_scripts")
+    print(shellcode(sorted(scripts.names), shell=arguments.shell))
+    return OK
+
+
+def add_completers(parser: argparse.ArgumentParser) -> None:
+    """Say of every argument of a parser, and of those of its subcommands, what its values can be."""
+    for action in parser._actions:  # noqa: SLF001 - argparse has no other way to them
+        if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001
+            for command in action.choices.values():
+                add_completers(command)
+        elif action.choices is None and action.nargs != 0:
+            # argcomplete looks for the attribute; where there is none, it offers files.
+            action.completer = COMPLETERS.get(action.dest, _nothing)  # type: ignore[attr-defined]
+
+
+def _nothing(**_: Any) -> tuple[str, ...]:
+    return ()
+
+
+def _shipped(folder: str, suffix: str) -> Iterator[str]:
+    return (path.stem for path in (shipped_root() / folder).glob(f"*{suffix}"))
+
+
+def _trees(prefix: str, **_: Any) -> list[str]:
+    return [*_shipped("trees", ".xml"), *_tree_files(prefix)]
+
+
+def _worlds(prefix: str, **_: Any) -> list[str]:
+    return [*_shipped("worlds", ".yaml"), *_yaml_files(prefix)]
+
+
+def _trees_or_ids(
+    prefix: str, action: argparse.Action, parsed_args: argparse.Namespace, **_: Any
+) -> Iterable[str]:
+    """Return tree files, or the IDs of the trees in the file that is named already."""
+    if action.metavar != "ID":
+        return _trees(prefix)
+    from sar_compiler.tree.forest import load_forest
+    from sar_compiler.tree.reading import read_tree_file
+    from sar_compiler.tree.shipped import find_tree
+
+    return load_forest(find_tree(parsed_args.file), read_tree_file, parsed_args.include_path).trees
+
+
+def _tags(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
+    from sar_compiler.nodes.registry import load_registry
+
+    return [spec.tag for spec in load_registry(parsed_args.nodes).specs()]
+
+
+def _codes(**_: Any) -> Mapping[str, str]:
+    from sar_compiler.checks.kinds import KINDS
+
+    return {code: kind.summary for code, kind in KINDS.items()}
+
+
+def _missions(**_: Any) -> Iterable[str]:
+    from sar_compiler.missions.choosing import load_missions
+
+    return load_missions()
+
+
+def _modules(prefix: str, **_: Any) -> Iterator[str]:
+    """Yield the modules and packages of the current folder, one level below what is written."""
+    folder = Path(*prefix.split(".")[:-1])
+    for path in folder.glob("*"):
+        if path.stem.isidentifier() and (path.suffix == ".py" or any(path.glob("*.py"))):
+            yield ".".join((*folder.parts, path.stem))
+
+
+COMPLETERS: Mapping[str, Callable[..., Iterable[str]]] = {
+    **dict.fromkeys(("file", "files", "old", "new", "against"), _trees),
+    **dict.fromkeys(("params", "properties", "scenario"), _yaml_files),
+    **dict.fromkeys(("output", "export"), FilesCompleter()),
+    **dict.fromkeys(("sim", "world"), _worlds),
+    "code": _codes,
+    "include_path": DirectoriesCompleter(),
+    "mission": _missions,
+    "model": FilesCompleter(("xml",)),
+    "nodes": _modules,
+    "tag": _tags,
+    "tree": _trees_or_ids,
+}
+"""What completes the values of an argument, by its name in the parsed arguments; of others there is nothing to offer."""

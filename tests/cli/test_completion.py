@@ -1,0 +1,140 @@
+"""What every command has: completion in shells, as the Tab key asks for it, and its version."""
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+from importlib.metadata import entry_points, version
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.cli import compile as sar_compile
+from sar_compiler.cli import run as sar_run
+from sar_compiler.cli import sim as sar_sim
+from sar_compiler.cli.completion import COMPLETERS, SHELLS
+
+TREE = """\
+<root BTCPP_format="4">
+  <BehaviorTree ID="Morning"><AlwaysSuccess/></BehaviorTree>
+  <BehaviorTree ID="Evening"><AlwaysSuccess/></BehaviorTree>
+</root>
+"""
+LEAVES = """\
+from py_trees.behaviour import Behaviour
+from sar_compiler import Kind, register
+
+@register("WaterPlants", kind=Kind.ACTION)
+class WaterPlants(Behaviour):
+    '''Water them.'''
+"""
+# What each shell does when Tab is pressed at the end of a line, $1, with what would show the choices printing them.
+ASKED = {
+    "bash": 'COMP_LINE=$1 COMP_POINT=${#1} COMP_TYPE=9; _python_argcomplete "${1%% *}"; printf "%s\\n" "${COMPREPLY[@]}"',
+    "zsh": 'compdef() { } 2>/dev/null; eval "$CODE"; _describe() { print -l -- "${(@P)2}" }; '
+    "words=(${(z)1}) BUFFER=$1 CURSOR=${#1}; _python_argcomplete",
+    "fish": "complete -C $argv[1]",
+}
+# Words, numbers and names that nobody can know.
+NOTHING_TO_OFFER = {
+    "at_least", "confidence", "count", "dask", "fault", "faults", "half_width", "jobs", "max_states", "param", "robot",
+    "runs", "seed", "set", "speed", "ticks", "until", "unusual",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("completion")
+    made.joinpath("garden.xml").write_text(TREE)
+    made.joinpath("leaves.py").write_text(LEAVES)
+    made.joinpath("notes.txt").write_text("")
+    return made
+
+
+def choices(shell, line, folder):
+    """Return what a shell offers at the end of a line, without blanks and descriptions."""
+    if not shutil.which(shell):
+        pytest.skip(f"{shell} is not installed")
+    printed = subprocess.run(
+        [Path(sys.executable).with_name("sar-compile"), "completion", shell],
+        capture_output=True, text=True, check=True,
+    ).stdout  # fmt: skip
+    script = ASKED[shell] if shell == "zsh" else f"{printed}\n{ASKED[shell]}"
+    plain = {"bash": ["--norc", "-c", script, "bash"], "zsh": ["-f", "-c", script, "zsh"]}
+    command = [shell, *plain.get(shell, ["--no-config", "-c", script]), line]
+    environment = {
+        **os.environ,
+        "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
+        "CODE": printed,
+    }
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=folder, env=environment)
+    return {each.partition("\t")[0].partition(":")[0].strip() for each in done.stdout.splitlines()} - {""}
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_a_shell_completes_commands_options_and_names(shell, folder):
+    assert choices(shell, "sar-compile va", folder) == {"validate"}
+    assert {"--strict", "--fix"} <= choices(shell, "sar-compile validate --", folder)
+    assert choices(shell, "sar-run search", folder) == {"search_and_rescue", "search_and_rescue_resilient"}
+
+
+@pytest.mark.parametrize(
+    ("line", "offered"),
+    [
+        ("sar-compile show --format ", {"unicode", "ascii", "json"}),
+        ("sar-compile validate gar", {"garden.xml"}),
+        ("sar-compile validate no", set()),
+        ("sar-compile show garden.xml --tree ", {"Morning", "Evening"}),
+        ("sar-compile nodes NavigateToZ", {"NavigateToZone"}),
+        ("sar-compile nodes --nodes lea", {"leaves"}),
+        ("sar-compile nodes --nodes leaves Wat", {"WaterPlants"}),
+        ("sar-compile explain unknown-n", {"unknown-node"}),
+        ("sar-run --sim dis", {"disaster_zone"}),
+        ("sar-run --mission sea", {"search_and_rescue"}),
+        ("sar-sim ma", {"map"}),
+        ("sar-sim map em", {"empty"}),
+        ("sar-detect-survivor-server --v", {"--version"}),
+        ("sar-run --ros-args --sp", set()),
+    ],
+)
+def test_the_values_of_arguments_are_completed(line, offered, folder):
+    assert choices("bash", line, folder) == offered
+
+
+@pytest.mark.parametrize(
+    "command", [each.name for each in entry_points(group="console_scripts") if each.name.startswith("sar-")]
+)
+def test_every_command_shows_its_version(command):
+    path = Path(sys.executable).with_name(command)
+    shown = subprocess.run([path, "--version"], capture_output=True, text=True, check=True).stdout
+    assert shown.startswith(f"{command} {version('sar_compiler')} (Python ")
+
+
+def test_a_file_that_cannot_be_read_is_completed_without_a_word(folder):
+    assert choices("bash", "sar-compile show missing.xml --tree ", folder) == set()
+
+
+def arguments_of(parser):
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for command in action.choices.values():
+                yield from arguments_of(command)
+        elif action.choices is None and action.nargs != 0:
+            yield action.dest
+
+
+def test_every_argument_with_a_value_is_completed_or_left_to_the_user():
+    parsers = sar_compile._parser(), sar_run._parser(), sar_sim._parser()
+    assert {name for parser in parsers for name in arguments_of(parser)} == {*COMPLETERS, *NOTHING_TO_OFFER}
+
+
+def test_nobody_imports_what_completes_without_asking():
+    program = (
+        "import sys; from sar_compiler.cli.compile import main; main(['explain', 'unknown-node']); "
+        "sys.exit(any('complet' in name for name in sys.modules))"
+    )
+    assert (
+        subprocess.run([sys.executable, "-c", program], stdout=subprocess.DEVNULL, check=False).returncode
+        == 0
+    )
