@@ -6,11 +6,13 @@ from sar_compiler.checks.verify.monitors import Rules
 from sar_compiler.checks.verify.state import Prepared, StateValues
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.choices import Choices
+from sar_compiler.runtime.kernel.foreign_nodes import ForeignObjects
 from sar_compiler.runtime.kernel.forking import FEW, ForkingTicker
 from sar_compiler.runtime.kernel.stub_nodes import ChosenTimes, LeafNodes
-from sar_compiler.runtime.kernel.table import flatten
+from sar_compiler.runtime.kernel.table import flatten, is_foreign
 from sar_compiler.runtime.kernel.tick_steps import TickSteps
 from sar_compiler.runtime.kernel.trail import Trail
+from sar_compiler.runtime.object_memory import ObjectMemory
 from sar_compiler.runtime.stub_leaf import Event
 
 
@@ -53,16 +55,20 @@ class TreeStepper:
         self._alphabet = prepared.alphabet
         choices = Choices()
         self._trail = trail = Trail(rules.guarded, rules.monitors.heard, rules.monitors.after)
-        leaves = LeafNodes(prepared.simulated.facts.board, prepared.alphabet.numbers, choices, trail)
-        self.flat = flatten(prepared.simulated.root, leaves.node_of)
+        simulated = prepared.simulated
+        behaviours = list(simulated.root.iterate())
+        objects = ForeignObjects(ObjectMemory(filter(is_foreign, behaviours), behaviours))
+        leaves = LeafNodes(simulated.facts.board, prepared.alphabet.numbers, choices, trail, objects)
+        self.flat = flatten(simulated.root, leaves.node_of)
+        objects.call_through(self.flat.nodes)
         self.ran = leaves.ran
         first = self.flat.ticker(ChosenTimes(choices, trail))
         self.ticker = ForkingTicker(
             first.cells, first.values, first.times, prepared.entries, choices, trail, few
         )
         judged_by = [prepared.entries.place_of(entry.name) for entry in rules.entries]
-        self.steps = TickSteps(self.flat, self.ticker, rules.judge, judged_by, forgets=forgets)
-        self.states = StateValues(prepared.simulated, self.steps)
+        self.steps = TickSteps(self.flat, self.ticker, rules.judge, judged_by, objects, forgets=forgets)
+        self.states = StateValues(simulated, self.steps)
 
     def played(self) -> PlayedTick:
         """Return what happened in the last step."""

@@ -1,0 +1,244 @@
+"""Controls and decorators of a user's classes in a tree whose states are put back: they are ticked by their own methods."""
+
+from collections.abc import Iterator
+from typing import Any, Final
+
+from py_trees.common import Status
+
+from sar_compiler.errors import UndecidableError
+from sar_compiler.runtime.kernel.cells import INVALID, SKIPPED, STATUSES, number_of
+from sar_compiler.runtime.kernel.choices import UnsteadyError
+from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
+
+_INVALID: Final[Any] = Status.INVALID
+
+
+class ForeignObjects:
+    """The behaviours of a tree that are ticked by their own methods, which the nodes below them are called by.
+
+    While one of them is ticked or stopped, the statuses of all behaviours are what the cells say; what it does to these, and
+    what it remembers itself, is taken over into cells afterwards.
+
+    Args:
+        memory: Takes what these behaviours remember, and puts it back.
+    """
+
+    def __init__(self, memory: Any) -> None:
+        self.memory = memory
+        self.kept = -1
+        self._nodes: list[TreeNode] = []
+        self._controls: list[Any] = []
+        self._children: list[tuple[Any, list[Any]]] = []
+        self._ticker: Ticker | None = None
+        self._depth = 0
+        self._failure: UndecidableError | None = None
+        # What the behaviours remember at the moment, as it is in a cell; None while that is not known.
+        self._held: Any = None
+
+    def add(self, part: Part) -> None:
+        """Add one of them, all below it being there already."""
+        if self.kept < 0:
+            self._held = (self.memory.taken(), ())
+            self.kept = part.value(self._held)
+        self._children.append((part.behaviour, list(part.behaviour.children)))
+        below = part.children[:]
+        while below:
+            node = below.pop()
+            # It may look at how any of them has ended.
+            node.heeds_end = True
+            below.extend(node.children)
+
+    def call_through(self, nodes: list[TreeNode]) -> None:
+        """Have the nodes below these behaviours ticked and stopped where their behaviours are asked to.
+
+        Args:
+            nodes: All nodes of the tree.
+        """
+        self._nodes = nodes
+        for node in nodes:
+            if isinstance(node, ForeignParentNode):
+                self._call_below(node)
+
+    def _call_below(self, around: TreeNode) -> None:
+        below = around.children[:]
+        while below:
+            node = below.pop()
+            behaviour = node.behaviour
+            called = _Called(self, node)
+            behaviour.tick, behaviour.stop = called.tick, called.stop
+            if hasattr(behaviour, "current_child") and not isinstance(node, ForeignParentNode):
+                self._controls.append(behaviour)
+            if not isinstance(node, ForeignParentNode):
+                below.extend(node.children)
+
+    def unsteady(self, first: Any, second: Any) -> str:
+        """Return what to say of a tick that was played twice in the same state, and did not do the same.
+
+        Args:
+            first: What was kept after it at first.
+            second: What was kept after it then.
+        """
+        where = self.memory.difference(first[0], second[0])
+        classes = ", ".join(sorted({type(behaviour).__qualname__ for behaviour, _ in self._children}))
+        what = where or f"something in {classes}"
+        return (
+            f"the tree does not do the same in the same state: {what}, when the same tick was played twice; what a class does must "
+            "follow from its attributes and from what it ticks: no time but that of a parameter 'clock: Clock', no chance, nothing "
+            "that is kept in the class or in its module"
+        )
+
+    def open(self, ticker: Ticker) -> None:
+        """Give the behaviours what the cells say, before one of them is ticked or stopped."""
+        if not self._depth:
+            self._ticker, self._failure = ticker, None
+            kept = ticker.values[self.kept]
+            if kept is not self._held:
+                self.memory.put_back(kept[0])
+                for index, control in enumerate(self._controls):
+                    control.current_child = kept[1][index] if kept[1] else None
+            self._held = None
+        self._depth += 1
+        self.show()
+
+    def close(self) -> None:
+        """Take over what one of them did."""
+        self._depth -= 1
+
+    def take(self) -> None:
+        """Take over what one of them did, into the cells.
+
+        Raises:
+            UndecidableError: If that cannot be done, or if it has kept such an error to itself.
+        """
+        ticker = self._ticker
+        assert ticker is not None  # noqa: S101 - one of them was opened
+        if self._failure is not None:
+            raise self._failure
+        self.take_statuses()
+        for behaviour, children in self._children:
+            if behaviour.children != children:
+                message = (
+                    f"'{behaviour.name}' has other children than it had when it was made: what stands in a tree must remain "
+                    "there, or its runs cannot be gone through"
+                )
+                raise UnsteadyError(message)
+        if not self._depth:
+            current = tuple([control.current_child for control in self._controls])
+            is_at_rest = all(child is None for child in current)
+            self._held = ticker.values[self.kept] = (self.memory.taken(), () if is_at_rest else current)
+
+    def take_statuses(self) -> None:
+        """Take over the statuses; a node whose status was changed forgets where it was."""
+        ticker = self._ticker
+        assert ticker is not None  # noqa: S101 - one of them was opened
+        cells = ticker.cells
+        changed = [
+            node for node in self._nodes if node.behaviour.status is not STATUSES[cells[node.at]]
+        ]
+        for node in changed:
+            cells[node.at] = number_of(node.behaviour.status)
+        for node in changed:
+            node.forget(ticker)
+
+    def show(self) -> None:
+        """Give the behaviours the statuses that the cells say."""
+        assert self._ticker is not None  # noqa: S101 - one of them was opened
+        cells = self._ticker.cells
+        for node in self._nodes:
+            status: Any = STATUSES[cells[node.at]]
+            if node.behaviour.status is not status:
+                node.behaviour.status = status
+
+    def run(self, node: TreeNode) -> None:
+        """Tick a node below one of them."""
+        self.take_statuses()
+        ticker = self._ticker
+        assert ticker is not None  # noqa: S101 - one of them was opened
+        try:
+            outcome = ticker.run(node)
+        except UndecidableError as error:
+            self._failure = error
+            raise
+        if node.is_skippable:
+            node.behaviour.skipped = outcome == SKIPPED
+        self.show()
+
+    def stop(self, node: TreeNode, status: Any) -> None:
+        """Stop a node below one of them."""
+        self.take_statuses()
+        ticker = self._ticker
+        assert ticker is not None  # noqa: S101 - one of them was opened
+        try:
+            if status is _INVALID:
+                node.stop(ticker)
+            else:
+                ticker.cells[node.at] = number_of(status)
+                node.forget(ticker)
+        except UndecidableError as error:
+            self._failure = error
+            raise
+        self.show()
+
+
+class _Called:
+    """The methods of a behaviour below one that is ticked by its own.
+
+    Args:
+        objects: Calls the node.
+        node: The node of the behaviour.
+    """
+
+    def __init__(self, objects: ForeignObjects, node: TreeNode) -> None:
+        self._objects = objects
+        self._node = node
+
+    def tick(self) -> Iterator[Any]:
+        """Tick the node; then yield its behaviour."""
+        self._objects.run(self._node)
+        yield self._node.behaviour
+
+    def stop(self, new_status: Any = _INVALID) -> None:
+        """Stop the node."""
+        self._objects.stop(self._node, new_status)
+
+
+class ForeignParentNode(TreeNode):
+    """A control or decorator that is ticked by its own methods, over nodes of the tree.
+
+    Args:
+        part: What it is built of.
+        objects: What such nodes of a tree share.
+    """
+
+    def __init__(self, part: Part, objects: ForeignObjects) -> None:
+        super().__init__(part)
+        self.heeds_end = True
+        self._objects = objects
+        objects.add(part)
+
+    def begin(self, ticker: Ticker) -> int:
+        """Tick the behaviour."""
+        objects, behaviour = self._objects, self.behaviour
+        objects.open(ticker)
+        try:
+            for _ in type(behaviour).tick(behaviour):
+                pass
+        finally:
+            objects.close()
+        objects.take()
+        status = ticker.cells[self.at]
+        return SKIPPED if status == INVALID or getattr(behaviour, "skipped", False) else status
+
+    def stop_first(self, ticker: Ticker) -> list[TreeNode]:
+        """Stop the behaviour, which stops those below it."""
+        objects, behaviour = self._objects, self.behaviour
+        objects.open(ticker)
+        try:
+            type(behaviour).stop(behaviour, _INVALID)
+        finally:
+            objects.close()
+        objects.take()
+        return []
+
+    def stop_last(self, ticker: Ticker) -> None:
+        """Do nothing more: it has stopped."""
