@@ -169,7 +169,9 @@ class ForeignObjects:
         ticker = self._ticker
         assert ticker is not None  # noqa: S101 - one of them was opened
         try:
-            if status is _INVALID:
+            if isinstance(node, ForeignParentNode):
+                node.halt(ticker, status)
+            elif status is _INVALID:
                 node.stop(ticker)
             else:
                 ticker.cells[node.at] = number_of(status)
@@ -198,8 +200,12 @@ class _Called:
         yield self._node.behaviour
 
     def stop(self, new_status: Any = _INVALID) -> None:
-        """Stop the node."""
-        self._objects.stop(self._node, new_status)
+        """Stop the node; one that is ticked by its own methods may stop itself in the middle of these."""
+        node = self._node
+        if isinstance(node, ForeignParentNode) and node.is_open:
+            node.own_stop(new_status)
+        else:
+            self._objects.stop(node, new_status)
 
 
 class ForeignParentNode(TreeNode):
@@ -208,37 +214,56 @@ class ForeignParentNode(TreeNode):
     Args:
         part: What it is built of.
         objects: What such nodes of a tree share.
+
+    Attributes:
+        is_open: Whether it is being ticked or stopped.
     """
 
     def __init__(self, part: Part, objects: ForeignObjects) -> None:
         super().__init__(part)
         self.heeds_end = True
+        self.is_open = False
         self._objects = objects
         objects.add(part)
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the behaviour."""
-        objects, behaviour = self._objects, self.behaviour
-        objects.open(ticker)
+        behaviour = self.behaviour
+        self._open(ticker)
         try:
             for _ in type(behaviour).tick(behaviour):
                 pass
         finally:
-            objects.close()
-        objects.take()
+            self._close()
+        self._objects.take()
         status = ticker.cells[self.at]
         return SKIPPED if status == INVALID or getattr(behaviour, "skipped", False) else status
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
         """Stop the behaviour, which stops those below it."""
-        objects, behaviour = self._objects, self.behaviour
-        objects.open(ticker)
-        try:
-            type(behaviour).stop(behaviour, _INVALID)
-        finally:
-            objects.close()
-        objects.take()
+        self.halt(ticker, _INVALID)
         return []
 
     def stop_last(self, ticker: Ticker) -> None:
         """Do nothing more: it has stopped."""
+
+    def halt(self, ticker: Ticker, status: Any) -> None:
+        """Stop the behaviour with a status."""
+        self._open(ticker)
+        try:
+            self.own_stop(status)
+        finally:
+            self._close()
+        self._objects.take()
+
+    def own_stop(self, status: Any) -> None:
+        """Call the behaviour's own method."""
+        type(self.behaviour).stop(self.behaviour, status)
+
+    def _open(self, ticker: Ticker) -> None:
+        self._objects.open(ticker)
+        self.is_open = True
+
+    def _close(self) -> None:
+        self.is_open = False
+        self._objects.close()
