@@ -1,0 +1,140 @@
+"""Controls and decorators as a user may write them: py_trees classes with a `tick`, or an `update`, of their own."""
+
+from collections.abc import Iterator
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+from py_trees.composites import Composite
+from py_trees.decorators import Decorator
+
+from sar_compiler import Kind, Output, Semantics, register
+
+
+class Own(Composite):
+    """Ticks its children by a rule of its own, and brings them all to rest at its end."""
+
+    def __init__(self, name: str, children: list[Behaviour]) -> None:
+        super().__init__(name, children)
+        self.index = 0
+
+    def finish(self, status: Status) -> None:
+        self.status = status
+        if status is not Status.RUNNING:
+            self.index = 0
+            for child in self.children:
+                child.stop(Status.INVALID)
+
+    def stop(self, new_status: Status = Status.INVALID) -> None:
+        super().stop(new_status)
+        self.index = 0
+
+
+@register("OwnSequence", kind=Kind.CONTROL, semantics=Semantics.sequence())
+class OwnSequence(Own):
+    """Ticks its children in order until one does not succeed."""
+
+    going_on = Status.SUCCESS
+
+    def tick(self) -> Iterator[Behaviour]:
+        while self.index < len(self.children):
+            child = self.children[self.index]
+            yield from child.tick()
+            if child.status != self.going_on:
+                self.finish(child.status)
+                yield self
+                return
+            self.index += 1
+        self.finish(self.going_on)
+        yield self
+
+
+@register("OwnFallback", kind=Kind.CONTROL, semantics=Semantics.selector())
+class OwnFallback(OwnSequence):
+    """Ticks its children in order until one does not fail."""
+
+    going_on = Status.FAILURE
+
+
+@register("OwnReactiveFallback", kind=Kind.CONTROL, semantics=Semantics.selector(reactive=True))
+class OwnReactiveFallback(Own):
+    """Begins with its first child in every tick."""
+
+    def tick(self) -> Iterator[Behaviour]:
+        for number, child in enumerate(self.children):
+            yield from child.tick()
+            if child.status != Status.FAILURE:
+                for other in self.children[number + 1 :]:
+                    if other.status == Status.RUNNING:
+                        other.stop(Status.INVALID)
+                self.finish(child.status)
+                yield self
+                return
+        self.finish(Status.FAILURE)
+        yield self
+
+
+@register("OwnRecovery", kind=Kind.CONTROL)
+class OwnRecovery(Own):
+    """Ticks its first child; when that has failed, the second one, and then the first one again.
+
+    Args:
+        retries: How often it is tried again.
+    """
+
+    def __init__(self, name: str, children: list[Behaviour], retries: int = 1) -> None:
+        super().__init__(name, children)
+        self.retries = retries
+        self.tried = 0
+
+    def tick(self) -> Iterator[Behaviour]:
+        if self.status != Status.RUNNING:
+            self.tried = 0
+        while True:
+            child = self.children[self.index]
+            yield from child.tick()
+            if child.status == Status.RUNNING:
+                self.finish(Status.RUNNING)
+                break
+            if child.status == Status.SUCCESS and self.index:
+                self.index, self.tried = 0, self.tried + 1
+                self.children[1].stop(Status.INVALID)
+            elif child.status == Status.FAILURE and not self.index and self.tried < self.retries:
+                self.index = 1
+                self.children[0].stop(Status.INVALID)
+            else:
+                self.finish(child.status)
+                break
+        yield self
+
+
+@register("OwnInverter", kind=Kind.DECORATOR)
+class OwnInverter(Decorator):
+    """Turns its child's success into a failure, and the other way round."""
+
+    def __init__(self, name: str, child: Behaviour) -> None:
+        super().__init__(name, child)
+
+    def update(self) -> Status:
+        turned = {Status.SUCCESS: Status.FAILURE, Status.FAILURE: Status.SUCCESS}
+        return turned.get(self.decorated.status, self.decorated.status)
+
+
+@register("OwnCount", kind=Kind.DECORATOR)
+class OwnCount(OwnInverter):
+    """Fails from a number of ticks on.
+
+    Args:
+        most: How many of its ticks may succeed.
+    """
+
+    def __init__(self, name: str, child: Behaviour, most: int = 3) -> None:
+        super().__init__(name, child)
+        self.most = most
+        self.seen: list[str] = []
+
+    def update(self) -> Status:
+        self.seen.append(self.decorated.status.name)
+        return Status.FAILURE if len(self.seen) > self.most else self.decorated.status
+
+    def terminate(self, new_status: Status) -> None:
+        self.seen.clear()
