@@ -5,7 +5,7 @@ import math
 import re
 import types
 from collections import deque
-from collections.abc import Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from datetime import date, time, timedelta, tzinfo
 from decimal import Decimal
 from enum import Enum
@@ -25,9 +25,10 @@ from sar_compiler.runtime.clock import ManualClock, WallClock
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.frozen import PLAIN
 from sar_compiler.runtime.ports import Input, Output
+from sar_compiler.runtime.possible_time import PossibleTime
 
 # What comes first in a taken value: how it is put back.
-_SAME, _FLOAT, _AGAIN, _FIXED, _ITEMS, _DICT, _FUNCTION, _METHOD, _KEPT, _MADE = range(10)
+_SAME, _FLOAT, _AGAIN, _FIXED, _ITEMS, _DICT, _FUNCTION, _METHOD, _KEPT, _MADE, _TIME = range(11)
 
 _COMMON: Final = frozenset(vars(Success(""))) - {"feedback_message"} | {"place", "skipped", "stop", "tick"}
 """The attributes that every behaviour has, and what is in cells: who it is, its place in the tree, its status."""
@@ -71,11 +72,15 @@ class ObjectMemory:
     Args:
         behaviours: The behaviours.
         tree: All behaviours of the tree.
+
+    Attributes:
+        dated: Those that remembered a moment of the tick in hand when that was taken last.
     """
 
     def __init__(self, behaviours: Iterable[Behaviour], tree: Iterable[Behaviour]) -> None:
         self._behaviours = tuple(behaviours)
         self._tree = frozenset(tree)
+        self.dated: list[Behaviour] = []
         # py_trees' blackboard is the process's, and part of what they remember if one of them looks at it.
         self._looks = any(behaviour.blackboards for behaviour in self._behaviours)
 
@@ -86,8 +91,18 @@ class ObjectMemory:
             UnkeepableError: If something of it can neither be copied nor compared; names the attribute and the class.
         """
         taking = _Taking(self._tree)
-        shared = tuple(sorted(Blackboard.storage.items())) if self._looks else ()
-        return tuple(taking.attributes(each) for each in self._behaviours), taking.of(shared)
+        self.dated = []
+        attributes = []
+        for behaviour in self._behaviours:
+            taking.is_dated = False
+            attributes.append(taking.attributes(behaviour))
+            if taking.is_dated:
+                self.dated.append(behaviour)
+        taking.is_dated = False
+        shared = taking.of(tuple(sorted(Blackboard.storage.items())) if self._looks else ())
+        if taking.is_dated:
+            self.dated = list(self._behaviours)
+        return tuple(attributes), shared
 
     def put_back(self, taken: Any) -> None:
         """Have them remember what was taken."""
@@ -129,9 +144,13 @@ class _Taking:
 
     Args:
         tree: The behaviours of the tree.
+
+    Attributes:
+        is_dated: Whether there was a moment of the tick in hand in it.
     """
 
     def __init__(self, tree: frozenset[Behaviour]) -> None:
+        self.is_dated = False
         self._tree = tree
         self._numbers: dict[int, int] = {}
         # As long as these live, no other object has the identity of one of them.
@@ -157,7 +176,17 @@ class _Taking:
 
     def of(self, value: Any) -> Hashable:
         """Return a value so that it can be compared and put back."""
-        kind = type(value)
+        unchangeable = self._unchangeable(type(value), value)
+        if unchangeable is not None:
+            return unchangeable
+        number = self._numbers.setdefault(id(value), len(self._met))
+        if number < len(self._met):
+            return _AGAIN, number
+        self._met.append(value)
+        return self._changeable(type(value), value, number)
+
+    def _unchangeable(self, kind: Any, value: Any) -> Hashable | None:
+        """Return a value that cannot be changed; None if it can be, as far as is known."""
         if kind in PLAIN or isinstance(value, _IMMUTABLE):
             return _SAME, kind, value
         if kind is float:
@@ -166,30 +195,33 @@ class _Taking:
             return _FIXED, kind, kind(map(self.of, value))
         if isinstance(value, _ELSEWHERE) or (isinstance(value, Behaviour) and value in self._tree):
             return _KEPT, Identity(value), None
-        if kind is types.MethodType:
-            return _METHOD, Identity(value.__func__), self.of(value.__self__)
-        number = self._numbers.setdefault(id(value), len(self._met))
-        if number < len(self._met):
-            return _AGAIN, number
-        self._met.append(value)
-        return self._changeable(kind, value, number)
+        if isinstance(value, PossibleTime):
+            self.is_dated |= value.grow_old()
+            return _TIME, kind, value.asker, value.shift
+        return None
 
     def _changeable(self, kind: type, value: Any, number: int) -> Hashable:
         """Return a value that may be changed, and that is met for the first time."""
         if kind in {list, deque, set}:
-            items = map(self.of, value)
-            return _ITEMS, number, kind, frozenset(items) if kind is set else tuple(items), getattr(value, "maxlen", None)
+            items = (frozenset if kind is set else tuple)(map(self.of, value))
+            return _ITEMS, number, kind, items, getattr(value, "maxlen", None)
         if kind is dict:
             return _DICT, number, tuple((self.of(key), self.of(held)) for key, held in value.items())
         if kind is types.FunctionType:
             cells = value.__closure__ or ()
             return _FUNCTION, number, Identity(value), tuple(self.of(cell.cell_contents) for cell in cells)
+        if kind is types.MethodType:
+            return _METHOD, Identity(value.__func__), self.of(value.__self__)
         if isinstance(value, Behaviour):
             # It is in no tree, so nobody else remembers its status.
-            return _KEPT, Identity(value), (number, value.status, self.attributes(value))
+            status = ("status", self.of(value.status))
+            return _KEPT, Identity(value), (number, (*self.attributes(value), status))
+        return self._made(value, number)
+
+    def _made(self, value: Any, number: int) -> Hashable:
+        """Return any other object as it would be copied: what makes it, of what, and what it is given then."""
         if isinstance(value, Output):
-            return _KEPT, Identity(value), (number, None, (("value", self.of(value.value)),))
-        # As it would be copied: what makes it, of what, and what it is given then.
+            return _KEPT, Identity(value), (number, (("value", self.of(value.value)),))
         recipe = value.__reduce_ex__(4)
         if isinstance(recipe, str):
             return _KEPT, Identity(value), None
@@ -236,7 +268,8 @@ class _PuttingBack:
         return kind(map(self.value, items))
 
     def _items(self, number: int, kind: Any, items: Iterable[Any], most: int | None) -> Any:
-        made = self._made[number] = deque(maxlen=most) if kind is deque else kind()
+        made: Any = deque(maxlen=most) if kind is deque else kind()
+        self._made[number] = made
         (made.update if kind is set else made.extend)(map(self.value, items))
         return made
 
@@ -252,21 +285,22 @@ class _PuttingBack:
             cell.cell_contents = self.value(held)
         return function.value
 
+    def _time(self, kind: Any, asker: Any, shift: float) -> Any:
+        return kind(asker, shift)
+
     def _method(self, function: Identity, owner: Any) -> Any:
         return types.MethodType(function.value, self.value(owner))
 
     def _kept(self, kept: Identity, remembered: Any) -> Any:
         if remembered is not None:
-            number, status, attributes = remembered
+            number, attributes = remembered
             self._made[number] = kept.value
-            if status is not None:
-                kept.value.status = status
-                self.attributes(kept.value, attributes)
-            else:
-                vars(kept.value).update({name: self.value(value) for name, value in attributes})
+            vars(kept.value).update({name: self.value(value) for name, value in attributes})
         return kept.value
 
-    def _make(self, number: int, make: Identity, arguments: Any, fields: Any, items: Any, entries: Any) -> Any:
+    def _make(
+        self, number: int, make: Identity, arguments: Any, fields: Any, items: Any, entries: Any
+    ) -> Any:
         made = self._made[number] = make.value(*self.value(arguments))
         state = self.value(fields)
         if state is not None:
@@ -278,7 +312,7 @@ class _PuttingBack:
         return made
 
 
-_WAYS = {
+_WAYS: dict[int, Callable[..., Any]] = {
     _SAME: _PuttingBack._same,
     _FLOAT: _PuttingBack._float,
     _AGAIN: _PuttingBack._again,
@@ -289,6 +323,7 @@ _WAYS = {
     _METHOD: _PuttingBack._method,
     _KEPT: _PuttingBack._kept,
     _MADE: _PuttingBack._make,
+    _TIME: _PuttingBack._time,
 }
 
 

@@ -1,9 +1,12 @@
 """The ticks of a simulated tree, from any state that it can be in."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sar_compiler.checks.verify.monitors import Rules
 from sar_compiler.checks.verify.state import Prepared, StateValues
+from sar_compiler.errors import UndecidableError
+from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.choices import Choices
 from sar_compiler.runtime.kernel.foreign_nodes import ForeignObjects
@@ -13,7 +16,8 @@ from sar_compiler.runtime.kernel.table import flatten, is_foreign
 from sar_compiler.runtime.kernel.tick_steps import TickSteps
 from sar_compiler.runtime.kernel.trail import Trail
 from sar_compiler.runtime.object_memory import ObjectMemory
-from sar_compiler.runtime.stub_leaf import Event
+from sar_compiler.runtime.possible_time import PossibleClock
+from sar_compiler.runtime.stub_leaf import Event, StubLeaf
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,14 @@ class PlayedTick:
     events: tuple[Event, ...]
     root: str
     values: dict[str, object]
+
+
+class _Unasked:
+    """Refuses to answer for a leaf that is asked otherwise than by its tick, whose answers are gone through."""
+
+    def choose(self, leaf: StubLeaf, options: Sequence[Answer]) -> Answer:  # noqa: ARG002 - as the protocol has it
+        message = f"'{leaf.name}' is asked for its answer by update(); a class that has children asks them by tick()"
+        raise UndecidableError(message)
 
 
 class TreeStepper:
@@ -57,7 +69,9 @@ class TreeStepper:
         self._trail = trail = Trail(rules.guarded, rules.monitors.heard, rules.monitors.after)
         simulated = prepared.simulated
         behaviours = list(simulated.root.iterate())
-        objects = ForeignObjects(ObjectMemory(filter(is_foreign, behaviours), behaviours))
+        objects = ForeignObjects(ObjectMemory(filter(is_foreign, behaviours), behaviours), choices, trail)
+        PossibleClock.of(simulated.clock, objects)
+        simulated.policy = _Unasked()
         leaves = LeafNodes(simulated.facts.board, prepared.alphabet.numbers, choices, trail, objects)
         self.flat = flatten(simulated.root, leaves.node_of)
         objects.call_through(self.flat.nodes)

@@ -7,7 +7,8 @@ from py_trees.common import Status
 
 from sar_compiler.errors import UndecidableError
 from sar_compiler.runtime.kernel.cells import INVALID, SKIPPED, STATUSES, number_of
-from sar_compiler.runtime.kernel.choices import UnsteadyError
+from sar_compiler.runtime.kernel.choices import Choices, UnsteadyError
+from sar_compiler.runtime.kernel.trail import Trail
 from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
 
 _INVALID: Final[Any] = Status.INVALID
@@ -21,16 +22,21 @@ class ForeignObjects:
 
     Args:
         memory: Takes what these behaviours remember, and puts it back.
+        choices: Decide whether a time is up that one of them looks at.
+        trail: Is told what is waited for.
     """
 
-    def __init__(self, memory: Any) -> None:
+    def __init__(self, memory: Any, choices: Choices, trail: Trail) -> None:
         self.memory = memory
+        self._choices = choices
+        self._trail = trail
+        self._opened: list[int] = []
         self.kept = -1
         self._nodes: list[TreeNode] = []
+        self._indexes: dict[Any, int] = {}
         self._controls: list[Any] = []
         self._children: list[tuple[Any, list[Any]]] = []
         self._ticker: Ticker | None = None
-        self._depth = 0
         self._failure: UndecidableError | None = None
         # What the behaviours remember at the moment, as it is in a cell; None while that is not known.
         self._held: Any = None
@@ -57,6 +63,7 @@ class ForeignObjects:
         self._nodes = nodes
         for node in nodes:
             if isinstance(node, ForeignParentNode):
+                self._indexes[node.behaviour] = node.index
                 self._call_below(node)
 
     def _call_below(self, around: TreeNode) -> None:
@@ -87,22 +94,44 @@ class ForeignObjects:
             "that is kept in the class or in its module"
         )
 
-    def open(self, ticker: Ticker) -> None:
+    def look(self, has_begun: bool | None) -> bool:
+        """Choose whether a time is up that the behaviour in hand looks at.
+
+        Args:
+            has_begun: Whether it has begun in an earlier tick, so that it is up one day; None if that is not known.
+        """
+        is_up = self._choices.pick(2) == 1
+        if has_begun is not None and self._opened:
+            bit = self._trail.bit(self._opened[-1])
+            if has_begun and not is_up:
+                self._trail.going_on |= bit
+            else:
+                self._trail.changed |= bit
+        return is_up
+
+    def whose(self) -> str:
+        """Return which behaviour is in hand, in words."""
+        if not self._opened:
+            return "a node"
+        behaviour = self._nodes[self._opened[-1]].behaviour
+        return f"'{behaviour.name}' ({type(behaviour).__module__}.{type(behaviour).__qualname__})"
+
+    def open(self, ticker: Ticker, index: int) -> None:
         """Give the behaviours what the cells say, before one of them is ticked or stopped."""
-        if not self._depth:
+        if not self._opened:
             self._ticker, self._failure = ticker, None
             kept = ticker.values[self.kept]
             if kept is not self._held:
                 self.memory.put_back(kept[0])
-                for index, control in enumerate(self._controls):
-                    control.current_child = kept[1][index] if kept[1] else None
+                for place, control in enumerate(self._controls):
+                    control.current_child = kept[1][place] if kept[1] else None
             self._held = None
-        self._depth += 1
+        self._opened.append(index)
         self.show()
 
     def close(self) -> None:
-        """Take over what one of them did."""
-        self._depth -= 1
+        """Leave the one that was opened last."""
+        self._opened.pop()
 
     def take(self) -> None:
         """Take over what one of them did, into the cells.
@@ -122,19 +151,20 @@ class ForeignObjects:
                     "there, or its runs cannot be gone through"
                 )
                 raise UnsteadyError(message)
-        if not self._depth:
+        if not self._opened:
             current = tuple([control.current_child for control in self._controls])
             is_at_rest = all(child is None for child in current)
             self._held = ticker.values[self.kept] = (self.memory.taken(), () if is_at_rest else current)
+            for behaviour in self.memory.dated:
+                # Who looks at a time that begins anew in every tick waits for ever.
+                self._trail.changed |= self._trail.bit(self._indexes[behaviour])
 
     def take_statuses(self) -> None:
         """Take over the statuses; a node whose status was changed forgets where it was."""
         ticker = self._ticker
         assert ticker is not None  # noqa: S101 - one of them was opened
         cells = ticker.cells
-        changed = [
-            node for node in self._nodes if node.behaviour.status is not STATUSES[cells[node.at]]
-        ]
+        changed = [node for node in self._nodes if node.behaviour.status is not STATUSES[cells[node.at]]]
         for node in changed:
             cells[node.at] = number_of(node.behaviour.status)
         for node in changed:
@@ -261,7 +291,7 @@ class ForeignParentNode(TreeNode):
         type(self.behaviour).stop(self.behaviour, status)
 
     def _open(self, ticker: Ticker) -> None:
-        self._objects.open(ticker)
+        self._objects.open(ticker, self.index)
         self.is_open = True
 
     def _close(self) -> None:

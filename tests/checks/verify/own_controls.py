@@ -1,5 +1,8 @@
 """Controls and decorators as a user may write them: py_trees classes with a `tick`, or an `update`, of their own."""
 
+import random
+import threading
+import time
 from collections.abc import Iterator
 
 from py_trees.behaviour import Behaviour
@@ -7,7 +10,7 @@ from py_trees.common import Status
 from py_trees.composites import Composite
 from py_trees.decorators import Decorator
 
-from sar_compiler import Kind, Output, Semantics, register
+from sar_compiler import Clock, Kind, Semantics, register
 
 
 class Own(Composite):
@@ -138,3 +141,126 @@ class OwnCount(OwnInverter):
 
     def terminate(self, new_status: Status) -> None:
         self.seen.clear()
+
+
+@register("OwnTimeout", kind=Kind.DECORATOR)
+class OwnTimeout(OwnInverter):
+    """Fails when its child has run for too long.
+
+    Args:
+        seconds: For how long it may.
+        clock: Measures that.
+    """
+
+    def __init__(self, name: str, child: Behaviour, clock: Clock, seconds: float = 5.0) -> None:
+        super().__init__(name, child)
+        self.clock = clock
+        self.seconds = seconds
+        self.started = 0.0
+
+    def initialise(self) -> None:
+        self.started = self.clock.now()
+
+    def update(self) -> Status:
+        if self.decorated.status == Status.RUNNING and self.clock.now() - self.started >= self.seconds:
+            return Status.FAILURE
+        return self.decorated.status
+
+
+@register("OwnDebounce", kind=Kind.DECORATOR)
+class OwnDebounce(OwnTimeout):
+    """Succeeds when its child has done the same for some time, which begins anew in every tick: never, that is."""
+
+    def update(self) -> Status:
+        left = self.started + self.seconds - self.clock.now()
+        self.started = self.clock.now()
+        return Status.SUCCESS if left <= 0 else Status.RUNNING
+
+
+@register("OwnThread", kind=Kind.DECORATOR)
+class OwnThread(OwnInverter):
+    """Has somebody else work for it."""
+
+    def __init__(self, name: str, child: Behaviour) -> None:
+        super().__init__(name, child)
+        self.worker = threading.Thread(target=print)
+
+
+@register("OwnChance", kind=Kind.DECORATOR)
+class OwnChance(OwnInverter):
+    """Leaves to chance what it answers."""
+
+    def update(self) -> Status:
+        self.drawn = random.random()  # noqa: S311 - any will do
+        return Status.SUCCESS if self.drawn > 0.5 else Status.FAILURE
+
+
+@register("OwnStopwatch", kind=Kind.DECORATOR)
+class OwnStopwatch(OwnInverter):
+    """Measures the machine's time."""
+
+    def initialise(self) -> None:
+        self.began = time.perf_counter()
+
+
+@register("OwnTally", kind=Kind.DECORATOR)
+class OwnTally(OwnInverter):
+    """Counts what all of its kind do."""
+
+    ticks = 0
+
+    def update(self) -> Status:
+        OwnTally.ticks += 1
+        return (Status.SUCCESS, Status.FAILURE)[OwnTally.ticks % 2]
+
+
+@register("OwnOrphanage", kind=Kind.CONTROL)
+class OwnOrphanage(OwnSequence):
+    """Leaves its last child in its second tick."""
+
+    def tick(self) -> Iterator[Behaviour]:
+        yield from super().tick()
+        if len(self.children) > 1:
+            self.remove_child(self.children[-1])
+
+
+@register("OwnCatch", kind=Kind.CONTROL)
+class OwnCatch(OwnSequence):
+    """Fails whatever its children raise."""
+
+    def tick(self) -> Iterator[Behaviour]:
+        try:
+            yield from super().tick()
+        except Exception:  # noqa: BLE001 - any
+            self.finish(Status.FAILURE)
+            yield self
+
+
+@register("OwnShortcut", kind=Kind.DECORATOR)
+class OwnShortcut(OwnInverter):
+    """Has its child's answer without a tick."""
+
+    def update(self) -> Status:
+        return self.decorated.update()
+
+
+@register("OwnHours", kind=Kind.DECORATOR)
+class OwnHours(OwnTimeout):
+    """Answers by how many whole hours it is."""
+
+    def update(self) -> Status:
+        return Status.SUCCESS if self.clock.now() // 3600 else Status.FAILURE
+
+
+@register("OwnSharing", kind=Kind.DECORATOR)
+class OwnSharing(OwnInverter):
+    """Counts in two attributes that are one object."""
+
+    def __init__(self, name: str, child: Behaviour) -> None:
+        super().__init__(name, child)
+        self.first = self.second = [0]
+
+    def update(self) -> Status:
+        self.first[0] = (self.first[0] + 1) % 3
+        assert self.first == self.second
+        return self.decorated.status

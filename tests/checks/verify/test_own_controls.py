@@ -5,14 +5,15 @@ import random
 
 import pytest
 
-from sar_compiler.nodes.registry import load_registry
-from sar_compiler.compiler import bind_main
 from sar_compiler.checks.verify import verify
-from sar_compiler.checks.verify.verdicts import EVERY_LEAF
+from sar_compiler.checks.verify.verdicts import AN_END, EVERY_LEAF, NO_ERROR, NO_LIVELOCK
+from sar_compiler.compiler import bind_main
+from sar_compiler.errors import UndecidableError
+from sar_compiler.nodes.registry import load_registry
 from sar_compiler.runtime.kernel.table import STOCK
 from sar_compiler.tree.diagnostic import TreeError
 from tests.checks.verify.random_trees import random_tree
-from tests.checks.verify.stage import TAGS, bound, simulated_tree
+from tests.checks.verify.stage import BROKEN, PROVED, TAGS, bound, simulated_tree
 from tests.checks.verify.test_same_as_py_trees import Explored
 from tests.trees import forest
 
@@ -92,3 +93,74 @@ def test_a_recovery_has_the_answers_of_the_nodes_that_it_stands_for(first, secon
     for each in (expected, found):
         del each[EVERY_LEAF]  # there are other leaves in them
     assert found == expected
+
+
+def verified(body):
+    return verify(simulated_tree(bind_main(forest(body), REGISTRY)), None, TAGS, _MOST_STATES)
+
+
+def outcomes(body):
+    return {verdict.question: verdict.outcome for verdict in verified(body).verdicts}
+
+
+@pytest.mark.parametrize(
+    "child", ["<A/>", "<Running/>", "<Fallback><P/><A/></Fallback>", "<Timeout msec='9'><A/></Timeout>"]
+)
+@pytest.mark.parametrize(
+    "around", ["{}", "<Sequence>{}<A/></Sequence>", "<Fallback>{}<B/></Fallback>", "<Inverter>{}</Inverter>"]
+)
+def test_a_time_out_of_ones_own_on_the_missions_clock_has_the_answers_of_the_librarys(child, around):
+    own, known = (
+        around.format(f"<{tag}>{child}</{tag.split()[0]}>") for tag in ("OwnTimeout", 'Timeout msec="5000"')
+    )
+    assert outcomes(own) == outcomes(known)
+
+
+def test_a_time_that_begins_anew_in_every_tick_is_never_up():
+    assert outcomes("<OwnDebounce><P/></OwnDebounce>")[NO_LIVELOCK] is BROKEN
+
+
+def test_a_time_that_is_up_at_once_is_never_waited_for():
+    assert outcomes('<OwnTimeout seconds="0"><Sequence><A/><B/></Sequence></OwnTimeout>') == {
+        NO_ERROR: PROVED, EVERY_LEAF: PROVED, AN_END: PROVED, NO_LIVELOCK: PROVED,
+    }  # fmt: skip
+
+
+def test_what_an_object_counts_is_part_of_the_state():
+    assert verified("<OwnCount><A/></OwnCount>").proved
+    endless = "<KeepRunningUntilFailure>{}</KeepRunningUntilFailure>"
+    assert verified(endless.format("<OwnCount><AlwaysSuccess/></OwnCount>")).states == 2
+    shared = verified(endless.format("<OwnSharing><AlwaysSuccess/></OwnSharing>"))
+    assert shared.states == 4
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        (
+            "<OwnThread><A/></OwnThread>",
+            ["OwnThread", "whose attribute 'worker' is a Thread", "_thread.lock"],
+        ),
+        ("<OwnChance><Fallback><P/><A/></Fallback></OwnChance>", ["the attribute 'drawn' of 'OwnChance'"]),
+        ("<OwnStopwatch><A/></OwnStopwatch>", ["the attribute 'began' of 'OwnStopwatch'", "clock: Clock"]),
+        ("<OwnTally><A/></OwnTally>", ["does not do the same", "OwnTally"]),
+        ("<OwnOrphanage><A/><B/></OwnOrphanage>", ["'OwnOrphanage' has other children"]),
+        (
+            "<OwnCatch><OwnStopwatch><A/></OwnStopwatch></OwnCatch>",
+            ["the attribute 'began' of 'OwnStopwatch'"],
+        ),
+        ("<OwnShortcut><A/></OwnShortcut>", ["'A' is asked for its answer by update()"]),
+        ("<OwnHours><A/></OwnHours>", ["'OwnHours'", "needs the time as a number"]),
+    ],
+)
+def test_what_cannot_be_gone_through_is_said_with_the_class_and_the_attribute(body, words):
+    with pytest.raises(UndecidableError) as caught:
+        verified(body)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_what_a_control_catches_of_its_children_is_no_error():
+    body = '<Script code="y := x"/>'
+    assert outcomes(f"<OwnSequence>{body}</OwnSequence>")[NO_ERROR] is BROKEN
+    assert outcomes(f"<OwnCatch>{body}</OwnCatch>")[NO_ERROR] is PROVED
