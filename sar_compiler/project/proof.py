@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.checks.assumptions import StartValues, raise_disputes, read_assumptions, start_assumptions
+from sar_compiler.checks.stand_ins import take_controls
 from sar_compiler.checks.verify import PropertyFile, Verification, read_property_file
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.documents.located import Document
@@ -34,6 +35,9 @@ def verified(
     parameters = {**start.parameters, **({} if file is None else file.parameters)}
     # The findings about the file are raised when all of them are known.
     with contextlib.nullcontext() if file is None else file.document.findings_first():
+        if file is not None and file.controls is not None:
+            files = (*tree.project.palettes, *tree.forest.files)
+            take_controls(file.document, file.controls, binding, tree.project.registry, files)
         simulated = compile_simulated(binding, parameters)
         assumed = start_assumptions(start, simulated)
         if file is not None:

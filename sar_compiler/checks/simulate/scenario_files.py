@@ -9,6 +9,7 @@ from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.simulate.expecting import read_expectations
 from sar_compiler.checks.simulate.scenario import MAX_TICKS, PERIOD_SEC, Scenario
 from sar_compiler.checks.simulate.steps import read_scripts
+from sar_compiler.checks.stand_ins import take_controls
 from sar_compiler.checks.typed_values import parameters, script, seconds, word
 from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
@@ -47,6 +48,13 @@ class Stage:
         self._tree_id = tree_id
         self.start = start
         self._bindings: dict[str | None, Binding] = {}
+
+    def with_controls(self, document: Document, controls: Value, tree_id: str | None) -> Binding:
+        """Return a tree of the file with what a scenario says of its controls and decorators; raises as `binding`."""
+        binding = bind_main(self.forest, self._registry, tree_id or self._tree_id, self._palettes)
+        files = (*self._palettes, *self.forest.files)
+        take_controls(document, controls, binding, self._registry, files)
+        return binding
 
     def binding(self, tree_id: str | None = None) -> Binding:
         """Return a tree of the file, bound.
@@ -104,7 +112,7 @@ def understand(document: Document, stage: Stage) -> Play:
     """
     parts = document.hold("scenario").mapping
     with document.findings_first():
-        binding = _binding(document, parts.get("tree"), stage)
+        binding = _binding(document, parts.get("tree"), parts.get("controls"), stage)
         start = stage.start(binding)
         facts, answers = parts.get("facts"), parts.get("answers")
         simulated = _simulated(
@@ -129,10 +137,9 @@ def understand(document: Document, stage: Stage) -> Play:
     return Play(simulated, scenario)
 
 
-def _binding(document: Document, tree: Value | None, stage: Stage) -> Binding:
-    if tree is None:
-        return stage.binding()
-    return stage.binding(word(document, tree, stage.forest.trees, "the tree"))
+def _binding(document: Document, tree: Value | None, controls: Value | None, stage: Stage) -> Binding:
+    tree_id = None if tree is None else word(document, tree, stage.forest.trees, "the tree")
+    return stage.binding(tree_id) if controls is None else stage.with_controls(document, controls, tree_id)
 
 
 def _simulated(
