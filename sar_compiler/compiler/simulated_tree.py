@@ -4,7 +4,7 @@ Controls, decorators and the leaves of the language itself are made for real, on
 other leaf, installed or only described, is a `StubLeaf`: an outcome policy chooses among its possible answers.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,6 +20,7 @@ from sar_compiler.nodes.answers import NOBODY, SELF, Identifiers, filled, filled
 from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.instances import Instance
+from sar_compiler.nodes.binding.skips import SkipAnalysis, report_misread
 from sar_compiler.nodes.language import leaves as language
 from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter
 from sar_compiler.runtime.answers import Answer, Fact
@@ -185,6 +186,14 @@ class SimulationBuilder(Builder):
         self, binding: Binding, arguments: Arguments, collector: Collector, assumptions: Assumptions
     ) -> None:
         super().__init__(binding, arguments, collector)
+        said = [
+            key for key, answers in assumptions.answers.items() if any(a.status == "SKIPPED" for a in answers)
+        ]
+        skipped = [node for node in binding.nodes() if is_answered(node.spec) and _may_name(said, node)]
+        if skipped:
+            # A class that takes this for an interruption is not told by the tree alone.
+            self._skipping = SkipAnalysis(binding.trees(), skipped)
+            report_misread(binding.trees(), collector, skipped)
         self.facts = Scope(Board("facts"))
         self.disputes: dict[str, str] = {}
         self.outputs: dict[str, str] = {}
@@ -303,6 +312,11 @@ def fits(key: str, path: Sequence[str], tag: str) -> int:
         return 0
     outer = iter(path[:-1])
     return 3 if all(part in outer for part in around) else 0
+
+
+def _may_name(keys: Iterable[str], bound: BoundNode) -> bool:
+    """Return whether one of some keys names a node in one of its places."""
+    return any(key.rpartition("/")[2] in (bound.name, bound.spec.tag) for key in keys)
 
 
 def answers_for(

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.checks.assumptions import StartValues, raise_disputes, read_assumptions, start_assumptions
-from sar_compiler.checks.stand_ins import take_controls
+from sar_compiler.checks.described_controls import take_controls
 from sar_compiler.checks.verify import PropertyFile, Verification, read_property_file
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.documents.located import Document

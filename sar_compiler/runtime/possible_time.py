@@ -146,9 +146,9 @@ class Moment(PossibleTime):
             return self._shifted(other, -1)
         shift = self.shift - other.shift
         if self.number == other.number:
-            return Span(self.asker, shift, 0, None) if self.number == _EARLIER else shift
+            return Elapsed(self.asker, shift, 0, None) if self.number == _EARLIER else shift
         sign, began = (1, other) if self.number > other.number else (-1, self)
-        return Span(self.asker, shift, sign, began.number == _EARLIER)
+        return Elapsed(self.asker, shift, sign, began.number == _EARLIER)
 
     def __rsub__(self, _other: Any) -> NoReturn:
         self._unknown()
@@ -166,7 +166,7 @@ class Moment(PossibleTime):
         return Moment(self.asker, self.shift + sign * seconds, self.number)
 
 
-class Span(PossibleTime):
+class Elapsed(PossibleTime):
     """The time between two moments: a time that has passed, with a sign, and a number of seconds.
 
     Args:
@@ -186,21 +186,21 @@ class Span(PossibleTime):
         self.sign, self.is_old = 0, None
         return False
 
-    def __add__(self, other: "Span | float") -> "Span":
-        if isinstance(other, Span):
-            return Span(self.asker, self.shift + other.shift)
-        return Span(self.asker, self.shift + other, self.sign, self.is_old)
+    def __add__(self, other: "Elapsed | float") -> "Elapsed":
+        if isinstance(other, Elapsed):
+            return Elapsed(self.asker, self.shift + other.shift)
+        return Elapsed(self.asker, self.shift + other, self.sign, self.is_old)
 
     __radd__ = __add__
 
-    def __sub__(self, other: "Span | float") -> "Span":
+    def __sub__(self, other: "Elapsed | float") -> "Elapsed":
         return self + -other
 
-    def __rsub__(self, other: float) -> "Span":
+    def __rsub__(self, other: float) -> "Elapsed":
         return -self + other
 
-    def __neg__(self) -> "Span":
-        return Span(self.asker, -self.shift, -self.sign, self.is_old)
+    def __neg__(self) -> "Elapsed":
+        return Elapsed(self.asker, -self.shift, -self.sign, self.is_old)
 
     def less(self, other: Any, *, or_equal: bool) -> bool:
         """Return whether it is less than a number of seconds."""

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sar_compiler.checks.assumptions import StartValues, raise_disputes, read_assumptions, start_assumptions
+from sar_compiler.checks.described_controls import take_controls
 from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.simulate.expecting import read_expectations
 from sar_compiler.checks.simulate.scenario import MAX_TICKS, PERIOD_SEC, Scenario
 from sar_compiler.checks.simulate.steps import read_scripts
-from sar_compiler.checks.stand_ins import take_controls
 from sar_compiler.checks.typed_values import parameters, script, seconds, word
 from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
