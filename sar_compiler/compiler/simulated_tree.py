@@ -16,6 +16,7 @@ from sar_compiler.compiler.building import Builder
 from sar_compiler.compiler.constructor_arguments import Arguments
 from sar_compiler.compiler.origins import Construction
 from sar_compiler.compiler.stand_ins import OnlyDescribedError, described
+from sar_compiler.errors import SarError
 from sar_compiler.nodes.answers import NOBODY, SELF, Identifiers, filled, filled_text, number_text
 from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.binding.collector import Collector
@@ -27,6 +28,7 @@ from sar_compiler.runtime.answers import Answer, Fact
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Scope
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.context import preview_of
+from sar_compiler.runtime.leaf_protocol import NoStatusError
 from sar_compiler.runtime.stub_leaf import Event, FactVariables, OutcomePolicy, StubLeaf
 from sar_compiler.runtime.variables import UnknownVariableError
 
@@ -99,7 +101,14 @@ class SimulatedTree:
         for leaf in self.leaves:
             leaf.policy = policy
 
-    def advice_on(self, error: BaseException) -> str:
+    def told(self, error: BaseException) -> str:
+        """Return an exception of a tick in words, with what is known to help."""
+        if isinstance(error, NoStatusError):
+            return f"'{error.behaviour.name}' ({type(error.behaviour).__name__}) failed: {error}"
+        kind = "" if isinstance(error, SarError) else f"{type(error).__name__}: "
+        return f"{kind}{error}{self._advice_on(error)}"
+
+    def _advice_on(self, error: BaseException) -> str:
         """Return advice on an exception of a tick, as the end of a sentence; empty if there is none."""
         cause: BaseException | None = error
         while cause is not None:

@@ -30,7 +30,13 @@ from sar_compiler.runtime.possible_time import PossibleTime
 # What comes first in a taken value: how it is put back.
 _SAME, _FLOAT, _AGAIN, _FIXED, _ITEMS, _DICT, _FUNCTION, _METHOD, _KEPT, _MADE, _TIME = range(11)
 
-_COMMON: Final = frozenset(vars(Success(""))) - {"feedback_message"} | {"place", "skipped", "stop", "tick"}
+_COMMON: Final = frozenset(vars(Success(""))) - {"feedback_message"} | {
+    "place",
+    "skipped",
+    "stop",
+    "tick",
+    "update",
+}
 """The attributes that every behaviour has, and what is in cells: who it is, its place in the tree, its status."""
 _IMMUTABLE = (
     Enum, UUID, date, time, timedelta, tzinfo, PurePath, Decimal, Fraction, complex, range, re.Pattern, type,

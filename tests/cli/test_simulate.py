@@ -202,6 +202,15 @@ def test_nodes_that_are_only_described_are_not_played_and_have_status_1(capsys, 
     assert "1 of 2 scenarios hold." in out
 
 
+def test_a_decorator_of_ones_own_that_answers_with_no_status_is_told_as_in_a_real_run(capsys, tmp_path):
+    path = tmp_path / "tree.xml"
+    path.write_text(document("<OwnForgetful><AdvanceZone/></OwnForgetful>"), encoding="utf-8")
+    status, out, err = run(capsys, path, "--nodes", "tests.checks.verify.own_controls")
+    assert (status, err) == (1, "")
+    said = "'OwnForgetful' (OwnForgetful) failed: update() returned None, which is no status; return Status.SUCCESS"
+    assert f"tick 1 could not be finished: {said}" in out
+
+
 def test_json_is_for_scripts(capsys):
     status, out, _ = run(capsys, TREE, "--scenario", SCENARIOS, "--format", "json", "--coverage")
     data = json.loads(out)

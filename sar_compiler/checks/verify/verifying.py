@@ -52,7 +52,7 @@ def verify(
     jobs = jobs if threading.active_count() == 1 else 1
     with contextlib.closing(SearchProcesses(stepper, jobs)) as helpers:
         graph = explore(stepper.steps, max_states, report, properties.names, helpers)
-    questions = Questions(graph, Retracing(stepper, graph), simulated.advice_on)
+    questions = Questions(graph, Retracing(stepper, graph), simulated.told)
     verdicts = (
         questions.no_error(),
         questions.every_leaf([node for node in stepper.flat.nodes if not node.children], stepper.ran),

@@ -8,6 +8,7 @@ from py_trees.common import Status
 from sar_compiler.errors import UndecidableError
 from sar_compiler.runtime.kernel.cells import INVALID, SKIPPED, STATUSES, number_of
 from sar_compiler.runtime.kernel.choices import Choices, UnsteadyError
+from sar_compiler.runtime.kernel.leaf_nodes import StrictUpdate
 from sar_compiler.runtime.kernel.trail import Trail
 from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
 
@@ -47,6 +48,7 @@ class ForeignObjects:
             self._held = (self.memory.taken(), ())
             self.kept = part.value(self._held)
         self._children.append((part.behaviour, list(part.behaviour.children)))
+        part.behaviour.update = StrictUpdate(part.behaviour)
         below = part.children[:]
         while below:
             node = below.pop()

@@ -264,3 +264,29 @@ class OwnSharing(OwnInverter):
         self.first[0] = (self.first[0] + 1) % 3
         assert self.first == self.second
         return self.decorated.status
+
+
+def wrong_number(_bound: object, children: list[int], _sure: bool) -> int:
+    return children[7]
+
+
+def no_number(*_: object) -> None:
+    """Return what is no outcome set."""
+
+
+@register("OwnSlip", kind=Kind.CONTROL, semantics=Semantics(wrong_number))  # type: ignore[arg-type]
+class OwnSlip(OwnSequence):
+    """Is described by a function that has a mistake."""
+
+
+@register("OwnGap", kind=Kind.CONTROL, semantics=Semantics(no_number))  # type: ignore[arg-type]
+class OwnGap(OwnSequence):
+    """Is described by a function that returns nothing."""
+
+
+@register("OwnForgetful", kind=Kind.DECORATOR)
+class OwnForgetful(OwnInverter):
+    """Answers with no status."""
+
+    def update(self) -> Status:
+        return None  # type: ignore[return-value]

@@ -164,3 +164,19 @@ def test_what_a_control_catches_of_its_children_is_no_error():
     body = '<Script code="y := x"/>'
     assert outcomes(f"<OwnSequence>{body}</OwnSequence>")[NO_ERROR] is BROKEN
     assert outcomes(f"<OwnCatch>{body}</OwnCatch>")[NO_ERROR] is PROVED
+
+
+def test_a_decorator_that_answers_with_no_status_is_an_error_that_names_it():
+    found = next(
+        each for each in verified("<OwnForgetful><A/></OwnForgetful>").verdicts if each.question == NO_ERROR
+    )
+    assert found.outcome is BROKEN
+    assert found.reason.startswith(
+        "'OwnForgetful' (OwnForgetful) failed: update() returned None, which is no status"
+    )
+
+
+def test_a_verification_is_shown_in_one_line():
+    assert repr(verified("<Sequence><A/><AlwaysFailure/><B/></Sequence>")) == (
+        "<Verification: 3 proved, 1 does not hold; 3 states>"
+    )
