@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from sar_compiler.checks.verify.claims import claims_of
 from sar_compiler.checks.verify.monitors import Rules
 from sar_compiler.checks.verify.state import Prepared, StateValues
 from sar_compiler.errors import UndecidableError
@@ -61,6 +62,8 @@ class TreeStepper:
         steps: Its steps.
         states: Tells what is in its states.
         ran: The indexes of the leaves that were ticked so far.
+        claims: What the records of the user's classes say of his controls and decorators.
+        objects: These controls and decorators.
     """
 
     def __init__(self, prepared: Prepared, rules: Rules, *, forgets: bool = True, few: int = FEW) -> None:
@@ -69,7 +72,10 @@ class TreeStepper:
         self._trail = trail = Trail(rules.guarded, rules.monitors.heard, rules.monitors.after)
         simulated = prepared.simulated
         behaviours = list(simulated.root.iterate())
-        objects = ForeignObjects(ObjectMemory(filter(is_foreign, behaviours), behaviours), choices, trail)
+        foreign = list(filter(is_foreign, behaviours))
+        self.claims = claims_of(foreign, simulated.compiled)
+        memory = ObjectMemory(foreign, behaviours)
+        self.objects = objects = ForeignObjects(memory, choices, trail, self.claims, rules.count)
         PossibleClock.of(simulated.clock, objects)
         simulated.policy = _Unasked()
         leaves = LeafNodes(simulated.facts.board, prepared.alphabet.numbers, choices, trail, objects)

@@ -83,6 +83,7 @@ NO_ERROR = "no tick raises an error"
 EVERY_LEAF = "every leaf can run"
 AN_END = "an end can be reached from everywhere"
 NO_LIVELOCK = "every run ends"
+OWN_RECORDS = "classes of your own do what their records say"
 
 
 class Questions:
@@ -128,6 +129,18 @@ class Questions:
             yield self._unbroken(NO_LIVELOCK)
         else:
             yield _broken(NO_LIVELOCK, "this run goes on for ever", self._round(found.circling))
+
+    def own_records(self, rule: int, wrong: str) -> Verdict:
+        """Return the verdict on whether the user's controls and decorators do what their records say.
+
+        Args:
+            rule: The number of that property.
+            wrong: What was done first that a record excludes, in words.
+        """
+        breach = self._graph.breaches.get(rule)
+        if breach is None:
+            return self._unbroken(OWN_RECORDS)
+        return _broken(OWN_RECORDS, wrong, self._retracing.breach(breach))
 
     def properties(self, properties: Properties) -> Iterator[Verdict]:
         """Yield a verdict for each property."""

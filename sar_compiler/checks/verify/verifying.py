@@ -11,7 +11,7 @@ from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.state_space import StateSpace
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.checks.verify.traces import Retracing
-from sar_compiler.checks.verify.verdicts import Questions, Verification
+from sar_compiler.checks.verify.verdicts import OWN_RECORDS, Questions, Verification
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.runtime.kernel.graph import Graph
 from sar_compiler.runtime.kernel.searching import Report, explore, keep_quiet
@@ -51,13 +51,15 @@ def verify(
     # A copy of a process with threads may wait for ever for what one of them held.
     jobs = jobs if threading.active_count() == 1 else 1
     with contextlib.closing(SearchProcesses(stepper, jobs)) as helpers:
-        graph = explore(stepper.steps, max_states, report, properties.names, helpers)
+        names = (*properties.names, OWN_RECORDS)
+        graph = explore(stepper.steps, max_states, report, names, helpers)
     questions = Questions(graph, Retracing(stepper, graph), simulated.told)
     verdicts = (
         questions.no_error(),
         questions.every_leaf([node for node in stepper.flat.nodes if not node.children], stepper.ran),
         *(questions.endings() if properties.has_end else ()),
         *questions.properties(properties),
+        *([questions.own_records(len(properties.names), stepper.objects.wrong)] if stepper.claims else ()),
     )
     growing = () if graph.complete else stepper.states.growing(graph.keys)
     return Verification(

@@ -1,18 +1,31 @@
 """Controls and decorators of a user's classes in a tree whose states are put back: they are ticked by their own methods."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from py_trees.common import Status
 
 from sar_compiler.errors import UndecidableError
-from sar_compiler.runtime.kernel.cells import INVALID, SKIPPED, STATUSES, number_of
+from sar_compiler.runtime.kernel.cells import INVALID, SKIPPED, STATUSES, WORDS, number_of
 from sar_compiler.runtime.kernel.choices import Choices, UnsteadyError
 from sar_compiler.runtime.kernel.leaf_nodes import StrictUpdate
 from sar_compiler.runtime.kernel.trail import Trail
 from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
 
 _INVALID: Final[Any] = Status.INVALID
+
+
+class Claim:
+    """What the record of a class says of its objects.
+
+    Args:
+        outcomes: The outcomes that a tick can have, as bits by their numbers.
+        goes_on: The outcome after which the next child is ticked, where children are ticked in order; 0 for no such.
+    """
+
+    def __init__(self, outcomes: int, goes_on: int = 0) -> None:
+        self.outcomes = outcomes
+        self.goes_on = goes_on
 
 
 class ForeignObjects:
@@ -24,10 +37,20 @@ class ForeignObjects:
     Args:
         memory: Takes what these behaviours remember, and puts it back.
         choices: Decide whether a time is up that one of them looks at.
-        trail: Is told what is waited for.
+        trail: Is told what is waited for, and that a claim is wrong.
+        claims: What is claimed of them.
+        rule: The number of the property that all claims are right.
+
+    Attributes:
+        wrong: What was done first that a claim excludes, in words; empty if nothing was.
     """
 
-    def __init__(self, memory: Any, choices: Choices, trail: Trail) -> None:
+    def __init__(
+        self, memory: Any, choices: Choices, trail: Trail, claims: Mapping[Any, Claim], rule: int
+    ) -> None:
+        self.wrong = ""
+        self._claims = claims
+        self._rule = rule
         self.memory = memory
         self._choices = choices
         self._trail = trail
@@ -181,9 +204,38 @@ class ForeignObjects:
             if node.behaviour.status is not status:
                 node.behaviour.status = status
 
+    def check_order(self, node: TreeNode) -> None:
+        """See whether the behaviour in hand may tick a child now."""
+        around = self._nodes[self._opened[-1]]
+        claim = self._claims.get(around.behaviour)
+        place = around.children.index(node) if node in around.children else 0
+        if claim is None or not claim.goes_on or not place:
+            return
+        before = around.children[place - 1]
+        outcome = (
+            SKIPPED if getattr(before.behaviour, "skipped", False) else number_of(before.behaviour.status)
+        )
+        if outcome not in (claim.goes_on, SKIPPED, INVALID):
+            what = f"ticked '{node.behaviour.name}' although '{before.behaviour.name}' had come to {WORDS[outcome]}"
+            self._deny(f"{what}; its record has it go on only after {WORDS[claim.goes_on]}")
+
+    def check_outcome(self, outcome: int) -> None:
+        """See whether the behaviour in hand may have an outcome."""
+        claim = self._claims.get(self._nodes[self._opened[-1]].behaviour)
+        if claim is not None and not claim.outcomes >> outcome & 1:
+            listed = ", ".join([word for number, word in enumerate(WORDS) if claim.outcomes >> number & 1])
+            self._deny(f"came to {WORDS[outcome]}; by its record it comes to {listed or 'nothing'} here")
+
+    def _deny(self, what: str) -> None:
+        """Note that the behaviour in hand did what its record excludes."""
+        self._trail.broken |= 1 << self._rule
+        if not self.wrong:
+            self.wrong = f"{self.whose()} {what}: mend its outcomes or semantics, which checks rely on"
+
     def run(self, node: TreeNode) -> None:
         """Tick a node below one of them."""
         self.take_statuses()
+        self.check_order(node)
         ticker = self._ticker
         assert ticker is not None  # noqa: S101 - one of them was opened
         try:
@@ -265,11 +317,14 @@ class ForeignParentNode(TreeNode):
         try:
             for _ in type(behaviour).tick(behaviour):
                 pass
+            outcome = number_of(behaviour.status)
+            if outcome == INVALID or getattr(behaviour, "skipped", False):
+                outcome = SKIPPED
+            self._objects.check_outcome(outcome)
         finally:
             self._close()
         self._objects.take()
-        status = ticker.cells[self.at]
-        return SKIPPED if status == INVALID or getattr(behaviour, "skipped", False) else status
+        return outcome
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
         """Stop the behaviour, which stops those below it."""

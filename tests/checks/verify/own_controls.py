@@ -290,3 +290,13 @@ class OwnForgetful(OwnInverter):
 
     def update(self) -> Status:
         return None  # type: ignore[return-value]
+
+
+@register("OwnLiar", kind=Kind.CONTROL, semantics=Semantics.sequence())
+class OwnLiar(OwnFallback):
+    """Is registered as a sequence, and is none."""
+
+
+@register("OwnBoast", kind=Kind.DECORATOR, outcomes={Status.SUCCESS})
+class OwnBoast(OwnInverter):
+    """Is registered to succeed always."""

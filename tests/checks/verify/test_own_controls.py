@@ -1,12 +1,11 @@
 """Controls and decorators of a user's classes are ticked by their own methods, and what they remember is part of the state."""
 
-import contextlib
 import random
 
 import pytest
 
 from sar_compiler.checks.verify import verify
-from sar_compiler.checks.verify.verdicts import AN_END, EVERY_LEAF, NO_ERROR, NO_LIVELOCK
+from sar_compiler.checks.verify.verdicts import AN_END, EVERY_LEAF, NO_ERROR, NO_LIVELOCK, OWN_RECORDS
 from sar_compiler.compiler import bind_main
 from sar_compiler.errors import UndecidableError
 from sar_compiler.nodes.registry import load_registry
@@ -77,9 +76,13 @@ def test_a_control_of_ones_own_has_the_answers_of_the_one_that_it_copies(seed):
     copies = body
     for tag in TWINS:
         copies = copies.replace(f"<{tag}", f"<Own{tag}").replace(f"</{tag}>", f"</Own{tag}>")
-    with contextlib.suppress(TreeError):  # of the trees in which a child can be skipped
+    try:
         found = answers(copies)
-        assert found == answers(body)
+    except TreeError:
+        pytest.skip("a child of this tree can be skipped")
+    # Nothing is claimed where none of the copies stands.
+    assert found.pop(OWN_RECORDS, (PROVED, None)) == (PROVED, None)
+    assert found == answers(body)
 
 
 PARTS = ("<X/>", "<Y/>", "<P/>", "<Inverter><P/></Inverter>", "<Fallback><X/><P/></Fallback>")
@@ -180,3 +183,33 @@ def test_a_verification_is_shown_in_one_line():
     assert repr(verified("<Sequence><A/><AlwaysFailure/><B/></Sequence>")) == (
         "<Verification: 3 proved, 1 does not hold; 3 states>"
     )
+
+
+@pytest.mark.parametrize(
+    ("body", "did", "ticks"),
+    [
+        (
+            "<OwnLiar><A/><B/></OwnLiar>",
+            (
+                "'OwnLiar' (tests.checks.verify.own_controls.OwnLiar) ticked 'B' although 'A' had come to FAILURE; its record "
+                "has it go on only after SUCCESS: mend its outcomes or semantics"
+            ),
+            1,
+        ),
+        (
+            "<Sequence><A/><OwnBoast><P/></OwnBoast></Sequence>",
+            "'OwnBoast' (tests.checks.verify.own_controls.OwnBoast) came to FAILURE; by its record it comes to SUCCESS here",
+            1,
+        ),
+    ],
+)
+def test_a_class_that_does_what_its_record_excludes_is_named_with_a_run(body, did, ticks):
+    verdict = verified(body).verdicts[-1]
+    assert (verdict.question, verdict.outcome) == (OWN_RECORDS, BROKEN)
+    assert verdict.reason.startswith(did)
+    assert len(verdict.trace.ticks) == ticks
+
+
+def test_of_a_class_that_says_nothing_of_itself_nothing_is_asked():
+    assert OWN_RECORDS not in outcomes("<OwnInverter><A/></OwnInverter>")
+    assert outcomes("<OwnSequence><A/><B/></OwnSequence>")[OWN_RECORDS] is PROVED
