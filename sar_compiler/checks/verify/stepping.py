@@ -88,7 +88,7 @@ class TreeStepper:
         )
         judged_by = [prepared.entries.place_of(entry.name) for entry in rules.entries]
         self.steps = TickSteps(self.flat, self.ticker, rules.judge, judged_by, objects, forgets=forgets)
-        self.states = StateValues(simulated, self.steps)
+        self.states = StateValues(simulated, self.steps, lambda: objects.values(self.ticker))
 
     def played(self) -> PlayedTick:
         """Return what happened in the last step."""

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
+from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from sar_compiler.errors import UndecidableError
@@ -58,7 +59,8 @@ class ForeignObjects:
         self.kept = -1
         self._nodes: list[TreeNode] = []
         self._indexes: dict[Any, int] = {}
-        self._controls: list[Any] = []
+        # What behaviours below them show of themselves besides their statuses, which they may look at.
+        self._shown: list[tuple[Any, str, Any]] = []
         self._children: list[tuple[Any, list[Any]]] = []
         self._ticker: Ticker | None = None
         self._failure: UndecidableError | None = None
@@ -72,12 +74,8 @@ class ForeignObjects:
             self.kept = part.value(self._held)
         self._children.append((part.behaviour, list(part.behaviour.children)))
         part.behaviour.update = StrictUpdate(part.behaviour)
-        below = part.children[:]
-        while below:
-            node = below.pop()
-            # It may look at how any of them has ended.
-            node.heeds_end = True
-            below.extend(node.children)
+        for child in part.children:
+            _heed(child)
 
     def call_through(self, nodes: list[TreeNode]) -> None:
         """Have the nodes below these behaviours ticked and stopped where their behaviours are asked to.
@@ -86,10 +84,19 @@ class ForeignObjects:
             nodes: All nodes of the tree.
         """
         self._nodes = nodes
+        others = {node.behaviour: node for node in nodes}
         for node in nodes:
             if isinstance(node, ForeignParentNode):
                 self._indexes[node.behaviour] = node.index
                 self._call_below(node)
+                for value in vars(node.behaviour).values():
+                    # A node that it refers to, wherever that stands.
+                    if (
+                        isinstance(value, Behaviour)
+                        and value in others
+                        and value is not node.behaviour.parent
+                    ):
+                        _heed(others[value])
 
     def _call_below(self, around: TreeNode) -> None:
         below = around.children[:]
@@ -98,10 +105,21 @@ class ForeignObjects:
             behaviour = node.behaviour
             called = _Called(self, node)
             behaviour.tick, behaviour.stop = called.tick, called.stop
-            if hasattr(behaviour, "current_child") and not isinstance(node, ForeignParentNode):
-                self._controls.append(behaviour)
+            if node.is_skippable:
+                self._shown.append((behaviour, "skipped", False))
             if not isinstance(node, ForeignParentNode):
+                if hasattr(behaviour, "current_child"):
+                    self._shown.append((behaviour, "current_child", None))
                 below.extend(node.children)
+
+    def values(self, ticker: Ticker) -> dict[str, Any]:
+        """Return what they remember in the state that the cells have, by the names of the behaviour and the attribute."""
+        if self.kept < 0:
+            return {}
+        self.memory.put_back(ticker.values[self.kept][0])
+        self._held = None
+        values: dict[str, Any] = self.memory.values()
+        return values
 
     def unsteady(self, first: Any, second: Any) -> str:
         """Return what to say of a tick that was played twice in the same state, and did not do the same.
@@ -148,8 +166,8 @@ class ForeignObjects:
             kept = ticker.values[self.kept]
             if kept is not self._held:
                 self.memory.put_back(kept[0])
-                for place, control in enumerate(self._controls):
-                    control.current_child = kept[1][place] if kept[1] else None
+                for place, (behaviour, name, first) in enumerate(self._shown):
+                    setattr(behaviour, name, kept[1][place] if kept[1] else first)
             self._held = None
         self._opened.append(index)
         self.show()
@@ -177,9 +195,9 @@ class ForeignObjects:
                 )
                 raise UnsteadyError(message)
         if not self._opened:
-            current = tuple([control.current_child for control in self._controls])
-            is_at_rest = all(child is None for child in current)
-            self._held = ticker.values[self.kept] = (self.memory.taken(), () if is_at_rest else current)
+            shown = tuple([getattr(behaviour, name) for behaviour, name, _ in self._shown])
+            is_as_first = shown == tuple([first for _, _, first in self._shown])
+            self._held = ticker.values[self.kept] = (self.memory.taken(), () if is_as_first else shown)
             for behaviour in self.memory.dated:
                 # Who looks at a time that begins anew in every tick waits for ever.
                 self._trail.changed |= self._trail.bit(self._indexes[behaviour])
@@ -264,6 +282,15 @@ class ForeignObjects:
             self._failure = error
             raise
         self.show()
+
+
+def _heed(node: TreeNode) -> None:
+    """Have it matter how a node, and those below it, have ended: somebody may look at that."""
+    below = [node]
+    while below:
+        node = below.pop()
+        node.heeds_end = True
+        below.extend(node.children)
 
 
 class _Called:

@@ -300,3 +300,27 @@ class OwnLiar(OwnFallback):
 @register("OwnBoast", kind=Kind.DECORATOR, outcomes={Status.SUCCESS})
 class OwnBoast(OwnInverter):
     """Is registered to succeed always."""
+
+
+@register("OwnEndless", kind=Kind.DECORATOR)
+class OwnEndless(OwnInverter):
+    """Counts its ticks for ever."""
+
+    ticks = 0
+
+    def update(self) -> Status:
+        self.ticks += 1
+        return self.decorated.status
+
+
+@register("OwnMemory", kind=Kind.CONTROL)
+class OwnMemory(OwnSequence):
+    """Answers by what its children show of their last tick."""
+
+    def tick(self) -> Iterator[Behaviour]:
+        first = self.children[0]
+        skipped, tip = getattr(first, "skipped", False), first.tip()
+        yield from (node for node in super().tick() if node is not self)
+        if skipped or (tip is not None and tip.name == "B"):
+            self.finish(Status.FAILURE)
+        yield self

@@ -1,6 +1,7 @@
 """Controls and decorators of a user's classes are ticked by their own methods, and what they remember is part of the state."""
 
 import random
+import re
 
 import pytest
 
@@ -13,7 +14,7 @@ from sar_compiler.runtime.kernel.table import STOCK
 from sar_compiler.tree.diagnostic import TreeError
 from tests.checks.verify.random_trees import random_tree
 from tests.checks.verify.stage import BROKEN, PROVED, TAGS, bound, simulated_tree
-from tests.checks.verify.test_same_as_py_trees import Explored
+from tests.checks.verify.test_same_as_py_trees import TICKS, Explored, tick_sequences
 from tests.trees import forest
 
 REGISTRY = load_registry(["tests.checks.verify.leaves", "tests.checks.verify.own_controls"])
@@ -69,20 +70,50 @@ def answers(body):
 TWINS = ("Sequence", "Fallback", "ReactiveFallback")
 
 
+def copied(body):
+    """Return a tree with copies of some controls in their place."""
+    for tag in TWINS:
+        body = re.sub(rf"(</?){tag}\b", rf"\1Own{tag}", body)
+    return body
+
+
 @pytest.mark.unmeasured
 @pytest.mark.parametrize("seed", range(400, 480))
 def test_a_control_of_ones_own_has_the_answers_of_the_one_that_it_copies(seed):
     body = random_tree(seed)
-    copies = body
-    for tag in TWINS:
-        copies = copies.replace(f"<{tag}", f"<Own{tag}").replace(f"</{tag}>", f"</Own{tag}>")
     try:
-        found = answers(copies)
+        found = answers(copied(body))
     except TreeError:
         pytest.skip("a child of this tree can be skipped")
     # Nothing is claimed where none of the copies stands.
     assert found.pop(OWN_RECORDS, (PROVED, None)) == (PROVED, None)
     assert found == answers(body)
+
+
+WITH_MEMORY = [
+    "<OwnMemory><Fallback><A/><B/></Fallback><P/></OwnMemory>",
+    "<OwnMemory><OwnFallback><A/><B/></OwnFallback><P/></OwnMemory>",
+    "<Fallback><OwnMemory><Fallback><P/><B/></Fallback><P/></OwnMemory><OwnCount><B/></OwnCount></Fallback>",
+    "<OwnRecovery><Sequence><P/><A/></Sequence><OwnInverter><P/></OwnInverter></OwnRecovery>",
+    "<ReactiveSequence><P/><OwnRecovery><A/><OwnCount most='1'><B/></OwnCount></OwnRecovery></ReactiveSequence>",
+    "<Sequence><OwnSharing><A/></OwnSharing><OwnSharing><P/></OwnSharing></Sequence>",
+    "<OwnSequence><OwnFallback><P/><A/></OwnFallback><OwnCount most='2'><B/></OwnCount></OwnSequence>",
+    "<OwnCatch><Sequence><A/><Script code='y := x'/></Sequence></OwnCatch>",
+    "<OwnMemory><StatusQueue queue='SUCCESS;FAILURE' eventually='RUNNING'/><P/></OwnMemory>",
+]
+
+
+@pytest.mark.parametrize("body", [*WITH_MEMORY, *map(copied, map(random_tree, range(500, 530)))])
+def test_every_state_that_py_trees_comes_to_with_ones_own_classes_is_found_and_no_other(body):
+    try:
+        binding = bind_main(forest(body), REGISTRY)
+    except TreeError:
+        pytest.skip("a child of this tree can be skipped")
+    reached = set(tick_sequences(binding))
+    explored = Explored(simulated_tree(binding), 50_000)
+    graph = explored.graph
+    near = [number for number in range(len(graph.keys)) if graph.distance(number) <= TICKS]
+    assert {explored.looked_at(number) for number in near} == reached
 
 
 PARTS = ("<X/>", "<Y/>", "<P/>", "<Inverter><P/></Inverter>", "<Fallback><X/><P/></Fallback>")
@@ -177,6 +208,12 @@ def test_a_decorator_that_answers_with_no_status_is_an_error_that_names_it():
     assert found.reason.startswith(
         "'OwnForgetful' (OwnForgetful) failed: update() returned None, which is no status"
     )
+
+
+def test_an_attribute_that_grows_without_end_is_named():
+    endless = verified("<OwnEndless><KeepRunningUntilFailure><A/></KeepRunningUntilFailure></OwnEndless>")
+    assert not endless.complete
+    assert endless.growing[0][0] == "OwnEndless.ticks"
 
 
 def test_a_verification_is_shown_in_one_line():
