@@ -115,7 +115,7 @@ _FUNCTIONS = ("possible", "gates", "rounds", "limit_sec")
 """The functions in a `Semantics`, which checks call."""
 
 
-class _Guarded:
+class _UsersFunction:
     """A user's function in a `Semantics`: what it raises, or returns in place of an outcome set, is said with its class."""
 
     def __init__(self, whose: str, name: str, function: Callable[..., Any]) -> None:
@@ -146,7 +146,7 @@ def _guarded(tag: str, cls: type[Any], semantics: Semantics) -> Semantics:
         home = getattr(getattr(function, "func", function), "__module__", None)
         if function is not None and not str(home).startswith("sar_compiler.nodes."):
             whose = f"<{tag}>: the function '{name}' in the semantics of {cls.__module__}.{cls.__qualname__}"
-            guarded[name] = _Guarded(whose, name, function)
+            guarded[name] = _UsersFunction(whose, name, function)
     return dataclasses.replace(semantics, **guarded) if guarded else semantics
 
 

@@ -5,7 +5,7 @@ import math
 import re
 import types
 from collections import deque
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from datetime import date, time, timedelta, tzinfo
 from decimal import Decimal
 from enum import Enum
@@ -24,6 +24,7 @@ from sar_compiler.runtime.blackboard import Board, Entry, Scope
 from sar_compiler.runtime.clock import ManualClock, WallClock
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.frozen import PLAIN
+from sar_compiler.runtime.pausing import Called, held_by
 from sar_compiler.runtime.ports import Input, Output
 from sar_compiler.runtime.possible_time import PossibleTime
 
@@ -44,7 +45,7 @@ _IMMUTABLE = (
 )  # fmt: skip
 # What these hold is part of the state by itself, or makes no difference.
 _ELSEWHERE = (
-    Board, Client, Enums, Entry, Input, Logger, ManualClock, Scope, WallClock, logging.Logger,
+    Board, Called, Client, Enums, Entry, Input, Logger, ManualClock, Scope, WallClock, logging.Logger,
 )  # fmt: skip
 
 
@@ -105,10 +106,34 @@ class ObjectMemory:
             if taking.is_dated:
                 self.dated.append(behaviour)
         taking.is_dated = False
-        shared = taking.of(tuple(sorted(Blackboard.storage.items())) if self._looks else ())
+        shared = self._shared(taking)
         if taking.is_dated:
             self.dated = list(self._behaviours)
         return tuple(attributes), shared
+
+    def _shared(self, taking: "_Taking") -> Hashable:
+        return taking.of(tuple(sorted(Blackboard.storage.items())) if self._looks else ())
+
+    def snapshot(self, generator: object) -> Hashable | None:
+        """Return all that a tick in the middle of a behaviour's own `tick` depends on; None if that cannot be said.
+
+        Args:
+            generator: The `tick`, which pauses.
+        """
+        try:
+            taken, moments = self._snapshot(generator, {})
+            if moments:
+                # Which of two moments is the later one makes a difference, and not how many there were.
+                order = {number: place for place, number in enumerate(sorted(moments))}
+                taken, _ = self._snapshot(generator, order)
+        except Exception:  # noqa: BLE001 - whatever stands in the way of a copy
+            return None
+        return taken
+
+    def _snapshot(self, generator: object, order: Mapping[int, int]) -> tuple[Hashable, set[int]]:
+        taking = _Taking(self._tree, order)
+        own = tuple(taking.attributes(each) for each in self._behaviours)
+        return (own, self._shared(taking), taking.of(generator)), taking.moments
 
     def put_back(self, taken: Any) -> None:
         """Have them remember what was taken."""
@@ -150,13 +175,18 @@ class _Taking:
 
     Args:
         tree: The behaviours of the tree.
+        order: The places of moments by their numbers. With this, what is taken cannot be put back, generators can be taken, and
+            nothing grows old.
 
     Attributes:
         is_dated: Whether there was a moment of the tick in hand in it.
+        moments: The numbers of the moments in it.
     """
 
-    def __init__(self, tree: frozenset[Behaviour]) -> None:
+    def __init__(self, tree: frozenset[Behaviour], order: Mapping[int, int] | None = None) -> None:
         self.is_dated = False
+        self.moments: set[int] = set()
+        self._order = order
         self._tree = tree
         self._numbers: dict[int, int] = {}
         # As long as these live, no other object has the identity of one of them.
@@ -201,10 +231,15 @@ class _Taking:
             return _FIXED, kind, kind(map(self.of, value))
         if isinstance(value, _ELSEWHERE) or (isinstance(value, Behaviour) and value in self._tree):
             return _KEPT, Identity(value), None
-        if isinstance(value, PossibleTime):
-            self.is_dated |= value.grow_old()
-            return _TIME, kind, value.asker, value.shift
-        return None
+        return self._time(kind, value) if isinstance(value, PossibleTime) else None
+
+    def _time(self, kind: type, value: PossibleTime) -> Hashable:
+        if self._order is not None:
+            if value.number is not None:
+                self.moments.add(value.number)
+            return _TIME, kind, value.asker, value.shift, value.known, self._order.get(value.number or 0)
+        self.is_dated |= value.grow_old()
+        return _TIME, kind, value.asker, value.shift
 
     def _changeable(self, kind: type, value: Any, number: int) -> Hashable:
         """Return a value that may be changed, and that is met for the first time."""
@@ -226,6 +261,11 @@ class _Taking:
 
     def _made(self, value: Any, number: int) -> Hashable:
         """Return any other object as it would be copied: what makes it, of what, and what it is given then."""
+        if self._order is not None and isinstance(value, types.GeneratorType):
+            code, place, names, inside = held_by(value)
+            return Identity(code), place, names, tuple([self.of(each) for each in inside])
+        if self._order is not None and isinstance(value, types.CellType):
+            return number, self.of(value.cell_contents)
         if isinstance(value, Output):
             return _KEPT, Identity(value), (number, (("value", self.of(value.value)),))
         recipe = value.__reduce_ex__(4)

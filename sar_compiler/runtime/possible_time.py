@@ -5,6 +5,7 @@ compared, and a comparison has every result that it can have, one after the othe
 """
 
 import math
+from collections.abc import Hashable
 from typing import Any, Final, NoReturn, Protocol
 
 from sar_compiler.errors import UndecidableError
@@ -80,6 +81,11 @@ class PossibleTime:
         """Be what is left of it once it is stored; return whether it is a moment of this tick."""
         raise NotImplementedError
 
+    number: int | None = None
+    """The greater, the later, for moments; the same for all of earlier ticks."""
+    known: Hashable = None
+    """What is known of it besides."""
+
     def less(self, other: Any, *, or_equal: bool) -> bool:
         """Return whether it is less than something else, or perhaps equal."""
         raise NotImplementedError
@@ -129,7 +135,7 @@ class Moment(PossibleTime):
 
     def __init__(self, asker: Asker, shift: float, number: int = _EARLIER) -> None:
         super().__init__(asker, shift)
-        self.number = number
+        self.number: int = number
 
     def grow_old(self) -> bool:
         """Be a moment of an earlier tick from now on; return whether it was one of this tick."""
@@ -180,10 +186,12 @@ class Elapsed(PossibleTime):
         super().__init__(asker, shift)
         self.sign = sign
         self.is_old = is_old
+        self.known = sign, is_old
 
     def grow_old(self) -> bool:
         """Be a time of which nothing is known: unlike a moment's, that which has passed since does not grow."""
         self.sign, self.is_old = 0, None
+        self.known = 0, None
         return False
 
     def __add__(self, other: "Elapsed | float") -> "Elapsed":

@@ -84,7 +84,7 @@ class TreeStepper:
         self.ran = leaves.ran
         first = self.flat.ticker(ChosenTimes(choices, trail))
         self.ticker = ForkingTicker(
-            first.cells, first.values, first.times, prepared.entries, choices, trail, few
+            first.cells, first.values, first.times, prepared.entries, choices, trail, few, objects
         )
         judged_by = [prepared.entries.place_of(entry.name) for entry in rules.entries]
         self.steps = TickSteps(self.flat, self.ticker, rules.judge, judged_by, objects, forgets=forgets)

@@ -1,6 +1,7 @@
 """Controls and decorators of a user's classes in a tree whose states are put back: they are ticked by their own methods."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from functools import partial
 from typing import Any, Final
 
 from py_trees.behaviour import Behaviour
@@ -12,6 +13,7 @@ from sar_compiler.runtime.kernel.choices import Choices, UnsteadyError
 from sar_compiler.runtime.kernel.leaf_nodes import StrictUpdate
 from sar_compiler.runtime.kernel.trail import Trail
 from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
+from sar_compiler.runtime.pausing import PAUSE, Called
 
 _INVALID: Final[Any] = Status.INVALID
 
@@ -56,6 +58,14 @@ class ForeignObjects:
         self._choices = choices
         self._trail = trail
         self._opened: list[int] = []
+        # For each that is open, what it depended on when it paused last; None if it has not.
+        self._pauses: list[Any] = []
+        self._is_paused = False
+        # The pauses of the tick in hand and of the one played before: how deep they were, and after how many choices.
+        self._log: list[tuple[int, int]] = []
+        self._log_before: list[tuple[int, int]] = []
+        self._turn = -1
+        self._is_merging = False
         self.kept = -1
         self._nodes: list[TreeNode] = []
         self._indexes: dict[Any, int] = {}
@@ -103,7 +113,7 @@ class ForeignObjects:
         while below:
             node = below.pop()
             behaviour = node.behaviour
-            called = _Called(self, node)
+            called = Called(behaviour, partial(self.run, node), partial(self.halt, node), self.fail)
             behaviour.tick, behaviour.stop = called.tick, called.stop
             if node.is_skippable:
                 self._shown.append((behaviour, "skipped", False))
@@ -144,6 +154,9 @@ class ForeignObjects:
             has_begun: Whether it has begun in an earlier tick, so that it is up one day; None if that is not known.
         """
         is_up = self._choices.pick(2) == 1
+        if self._pauses:
+            # What it has seen then may be in a variable.
+            self._pauses[-1] = None
         if has_begun is not None and self._opened:
             bit = self._trail.bit(self._opened[-1])
             if has_begun and not is_up:
@@ -170,11 +183,49 @@ class ForeignObjects:
                     setattr(behaviour, name, kept[1][place] if kept[1] else first)
             self._held = None
         self._opened.append(index)
+        self._pauses.append(None)
         self.show()
 
     def close(self) -> None:
         """Leave the one that was opened last."""
         self._opened.pop()
+        self._pauses.pop()
+
+    def pause(self, generator: Any) -> None:
+        """Note all that the behaviour in hand depends on, which pauses before it ticks a child."""
+        self._is_paused = True
+        place, depth = len(self._log), len(self._opened)
+        self._log.append((depth, self._choices.asked))
+        if self._is_merging and not self._is_passed(place, depth):
+            self._pauses[-1] = self.memory.snapshot(generator)
+        else:
+            self._pauses[-1] = None
+
+    def _is_passed(self, place: int, depth: int) -> bool:
+        """Return whether a pause comes before everything that was not played before."""
+        before = self._log_before
+        for index in range(place + 1, len(before)):
+            if before[index][0] <= depth:
+                return before[index][1] <= self._turn
+        return False
+
+    def begin_play(self, *, is_merging: bool) -> None:
+        """Begin to play a tick, or the rest of one.
+
+        Args:
+            is_merging: Whether anybody will ask what goes on in it.
+        """
+        self._log_before, self._log = self._log, []
+        self._turn = self._choices.turn
+        self._is_merging = is_merging
+
+    def now(self) -> Any:
+        """Return all that goes on in the behaviours that are ticked at the moment; None if that cannot be said."""
+        if None in self._pauses:
+            return None
+        remembered = self.memory.snapshot(None)
+        shown = tuple([getattr(behaviour, name) for behaviour, name, _ in self._shown])
+        return None if remembered is None else (tuple(self._pauses), remembered, shown)
 
     def take(self) -> None:
         """Take over what one of them did, into the cells.
@@ -254,6 +305,10 @@ class ForeignObjects:
         """Tick a node below one of them."""
         self.take_statuses()
         self.check_order(node)
+        if not self._is_paused:
+            # Nobody has seen the pause, so what goes on around the child is not known.
+            self._pauses[-1] = None
+        self._is_paused = False
         ticker = self._ticker
         assert ticker is not None  # noqa: S101 - one of them was opened
         try:
@@ -265,8 +320,16 @@ class ForeignObjects:
             node.behaviour.skipped = outcome == SKIPPED
         self.show()
 
-    def stop(self, node: TreeNode, status: Any) -> None:
-        """Stop a node below one of them."""
+    def fail(self, error: UndecidableError) -> None:
+        """Note what went wrong where nothing can be raised."""
+        if self._opened:
+            self._failure = error
+
+    def halt(self, node: TreeNode, status: Any) -> None:
+        """Stop a node below one of them; one that is ticked by its own methods may stop itself in the middle of these."""
+        if isinstance(node, ForeignParentNode) and node.is_open:
+            node.own_stop(status)
+            return
         self.take_statuses()
         ticker = self._ticker
         assert ticker is not None  # noqa: S101 - one of them was opened
@@ -293,32 +356,6 @@ def _heed(node: TreeNode) -> None:
         below.extend(node.children)
 
 
-class _Called:
-    """The methods of a behaviour below one that is ticked by its own.
-
-    Args:
-        objects: Calls the node.
-        node: The node of the behaviour.
-    """
-
-    def __init__(self, objects: ForeignObjects, node: TreeNode) -> None:
-        self._objects = objects
-        self._node = node
-
-    def tick(self) -> Iterator[Any]:
-        """Tick the node; then yield its behaviour."""
-        self._objects.run(self._node)
-        yield self._node.behaviour
-
-    def stop(self, new_status: Any = _INVALID) -> None:
-        """Stop the node; one that is ticked by its own methods may stop itself in the middle of these."""
-        node = self._node
-        if isinstance(node, ForeignParentNode) and node.is_open:
-            node.own_stop(new_status)
-        else:
-            self._objects.stop(node, new_status)
-
-
 class ForeignParentNode(TreeNode):
     """A control or decorator that is ticked by its own methods, over nodes of the tree.
 
@@ -342,8 +379,10 @@ class ForeignParentNode(TreeNode):
         behaviour = self.behaviour
         self._open(ticker)
         try:
-            for _ in type(behaviour).tick(behaviour):
-                pass
+            tick = type(behaviour).tick(behaviour)
+            for each in tick:
+                if each is PAUSE:
+                    self._objects.pause(tick)
             outcome = number_of(behaviour.status)
             if outcome == INVALID or getattr(behaviour, "skipped", False):
                 outcome = SKIPPED

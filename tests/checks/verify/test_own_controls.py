@@ -14,6 +14,7 @@ from sar_compiler.runtime.kernel.table import STOCK
 from sar_compiler.tree.diagnostic import TreeError
 from tests.checks.verify.random_trees import random_tree
 from tests.checks.verify.stage import BROKEN, PROVED, TAGS, bound, simulated_tree
+from tests.checks.verify.test_forking import NEVER, PROPERTIES, graph_of
 from tests.checks.verify.test_same_as_py_trees import TICKS, Explored, tick_sequences
 from tests.trees import forest
 
@@ -114,6 +115,31 @@ def test_every_state_that_py_trees_comes_to_with_ones_own_classes_is_found_and_n
     graph = explored.graph
     near = [number for number in range(len(graph.keys)) if graph.distance(number) <= TICKS]
     assert {explored.looked_at(number) for number in near} == reached
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        *WITH_MEMORY,
+        *map(copied, map(random_tree, range(600, 640))),
+        "<OwnRecovery retries='2'><Fallback><A/><A/></Fallback><Sequence><A/><A/><OwnCount most='2'><A/></OwnCount></Sequence></OwnRecovery>",
+        "<OwnTwice><Fallback><A/><P/></Fallback><A/></OwnTwice>",
+        "<OwnSequence><OwnTimeout><OwnFallback><A/><A/></OwnFallback></OwnTimeout><OwnTwice><A/><OwnFallback><P/><B/></OwnFallback></OwnTwice></OwnSequence>",
+    ],
+)
+def test_where_ticks_meet_in_the_middle_of_ones_own_methods_nothing_is_lost(body):
+    try:
+        binding = bind_main(forest(body), REGISTRY)
+    except TreeError:
+        pytest.skip("a child of this tree can be skipped")
+    assert graph_of(binding, 0, PROPERTIES) == graph_of(binding, NEVER, PROPERTIES)
+
+
+def test_a_recovery_that_is_tried_often_does_not_multiply_what_its_leaves_answer():
+    parts = "<Sequence><A/><B/><C/></Sequence><Fallback><A/><B/><C/></Fallback>"
+    found = verified(f'<OwnRecovery retries="6">{parts}</OwnRecovery>')
+    assert found.proved
+    assert found.complete
 
 
 PARTS = ("<X/>", "<Y/>", "<P/>", "<Inverter><P/></Inverter>", "<Fallback><X/><P/></Fallback>")
