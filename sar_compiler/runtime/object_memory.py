@@ -122,7 +122,7 @@ class ObjectMemory:
         """
         try:
             taken, moments = self._snapshot(generator, {})
-            if moments:
+            if len(moments) > 1:
                 # Which of two moments is the later one makes a difference, and not how many there were.
                 order = {number: place for place, number in enumerate(sorted(moments))}
                 taken, _ = self._snapshot(generator, order)
@@ -180,7 +180,7 @@ class _Taking:
 
     Attributes:
         is_dated: Whether there was a moment of the tick in hand in it.
-        moments: The numbers of the moments in it.
+        moments: The numbers of the moments of the tick in hand in it.
     """
 
     def __init__(self, tree: frozenset[Behaviour], order: Mapping[int, int] | None = None) -> None:
@@ -235,9 +235,10 @@ class _Taking:
 
     def _time(self, kind: type, value: PossibleTime) -> Hashable:
         if self._order is not None:
-            if value.number is not None:
+            if value.number:
                 self.moments.add(value.number)
-            return _TIME, kind, value.asker, value.shift, value.known, self._order.get(value.number or 0)
+            place = bool(value.number), self._order.get(value.number or 0)
+            return _TIME, kind, value.asker, value.shift, value.known, place
         self.is_dated |= value.grow_old()
         return _TIME, kind, value.asker, value.shift
 
