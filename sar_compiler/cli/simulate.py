@@ -81,9 +81,9 @@ def simulate_file(arguments: argparse.Namespace) -> int:
     coverage = Coverage()
     played = [_play(path, stage, coverage, arguments) for path in scenario_files(arguments.scenario)]
     _print(played, coverage, arguments)
-    if any(each.run is None for each in played):
+    if any(each.run is None and not each.is_undecided for each in played):
         return USAGE
-    return FINDINGS if any(each.failures for each in played) else OK
+    return FINDINGS if any(each.failures or each.is_undecided for each in played) else OK
 
 
 def scenario_files(paths: "list[Path]") -> "list[Path | None]":
@@ -112,14 +112,17 @@ def _play(
     from sar_compiler.checks.simulate.judging import failures
     from sar_compiler.checks.simulate.running import ScenarioPlayer
     from sar_compiler.checks.simulate.scenario_files import read_scenario
+    from sar_compiler.compiler.stand_ins import OnlyDescribedError
     from sar_compiler.tree.diagnostic import TreeError
     from sar_compiler.views.junit import PlayedScenario
 
     try:
         play = stage.play() if path is None else read_scenario(path, stage)
     except SarError as error:
-        print(error if isinstance(error, TreeError) else f"sar-compile: {error}", file=sys.stderr)
-        return PlayedScenario(str(path or arguments.file), problem=str(error))
+        undecided = isinstance(error, OnlyDescribedError)
+        is_told = undecided or isinstance(error, TreeError)
+        print(error if is_told else f"sar-compile: {error}", file=sys.stderr)
+        return PlayedScenario(str(path or arguments.file), problem=str(error), is_undecided=undecided)
     unknown = _slip(arguments.until, play.simulated) if arguments.until else None
     if unknown is not None:
         print(f"sar-compile: {unknown}", file=sys.stderr)
@@ -175,9 +178,6 @@ def _print(played: "list[PlayedScenario]", coverage: "Coverage", arguments: argp
     if arguments.format == "junit":
         print(junit(arguments.file, played), end="")
         return
-    runs = [each.run for each in played if each.run is not None]
-    for note in dict.fromkeys(note for run in runs for note in run.simulated.notes):
-        print(note.render(), file=sys.stderr)
     for each in played:
         if each.run is not None:
             print(f"{trace(each.run)}{verdict(each.run, each.failures)}\n")

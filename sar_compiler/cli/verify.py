@@ -81,6 +81,7 @@ def verify_file(arguments: argparse.Namespace) -> int:
         Ctrl-C. With another tree: 0 if no answer is worse than the one for that, 1 if one is.
     """
     from sar_compiler.checks.verify import UndecidableError
+    from sar_compiler.compiler.stand_ins import OnlyDescribedError
     from sar_compiler.tree.diagnostic import TreeError
 
     if arguments.against is not None and arguments.export is not None:
@@ -96,6 +97,9 @@ def verify_file(arguments: argparse.Namespace) -> int:
         if done:
             print(f"sar-compile: {files[1]} cannot be verified like this", file=sys.stderr)
         return USAGE
+    except OnlyDescribedError as error:
+        print(error, file=sys.stderr)
+        return FINDINGS
     except UndecidableError as error:
         whose = f"{files[len(done)]}: " if len(files) > 1 else ""
         print(f"sar-compile: {whose}nothing can be decided: {error}", file=sys.stderr)

@@ -4,7 +4,7 @@ Controls, decorators and the leaves of the language itself are made for real, on
 other leaf, installed or only described, is a `StubLeaf`: an outcome policy chooses among its possible answers.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,20 +15,22 @@ from sar_compiler.compiler import CompiledTree, compile_with
 from sar_compiler.compiler.building import Builder
 from sar_compiler.compiler.constructor_arguments import Arguments
 from sar_compiler.compiler.origins import Construction
+from sar_compiler.compiler.stand_ins import OnlyDescribedError, described
+from sar_compiler.errors import SarError
 from sar_compiler.nodes.answers import NOBODY, SELF, Identifiers, filled, filled_text, number_text
 from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.instances import Instance
+from sar_compiler.nodes.binding.skips import SkipAnalysis, report_misread
 from sar_compiler.nodes.language import leaves as language
-from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter
-from sar_compiler.runtime import controls, decorators
+from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter
 from sar_compiler.runtime.answers import Answer, Fact
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Scope
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.context import preview_of
+from sar_compiler.runtime.leaf_protocol import NoStatusError
 from sar_compiler.runtime.stub_leaf import Event, FactVariables, OutcomePolicy, StubLeaf
 from sar_compiler.runtime.variables import UnknownVariableError
-from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.model import SUBTREE_TAG
 
 # A leaf of the language that answers by chance would make every run another one.
@@ -67,7 +69,6 @@ class SimulatedTree:
         facts: The facts.
         leaves: Its stub leaves, in the order of the tree.
         clock: What its durations are measured with, seconds.
-        notes: What is not as in a real run.
         disputes: The facts that leaves start with different values and no file has settled, with what to say of
             them; the first leaf's value counts.
         outputs: The leaves that would write a key in a real run, by the key as it is written in the file.
@@ -77,7 +78,6 @@ class SimulatedTree:
     facts: Scope
     leaves: tuple[StubLeaf, ...]
     clock: ManualClock
-    notes: tuple[Diagnostic, ...] = ()
     disputes: Mapping[str, str] = field(default_factory=dict)
     outputs: Mapping[str, str] = field(default_factory=dict)
     events: list[Event] = field(default_factory=list, init=False)
@@ -102,7 +102,14 @@ class SimulatedTree:
         for leaf in self.leaves:
             leaf.policy = policy
 
-    def advice_on(self, error: BaseException) -> str:
+    def told(self, error: BaseException) -> str:
+        """Return an exception of a tick in words, with what is known to help."""
+        if isinstance(error, NoStatusError):
+            return f"'{error.behaviour.name}' ({type(error.behaviour).__name__}) failed: {error}"
+        kind = "" if isinstance(error, SarError) else f"{type(error).__name__}: "
+        return f"{kind}{error}{self._advice_on(error)}"
+
+    def _advice_on(self, error: BaseException) -> str:
         """Return advice on an exception of a tick, as the end of a sentence; empty if there is none."""
         cause: BaseException | None = error
         while cause is not None:
@@ -135,15 +142,18 @@ def compile_simulated(
 
     Raises:
         TreeError: If the tree cannot be compiled; carries the findings.
+        OnlyDescribedError: If only a model describes one of its controls or decorators, so that nobody knows what it does.
     """
+    unknown = described(binding)
+    if unknown:
+        raise OnlyDescribedError(unknown)
     collector, clock = Collector(), ManualClock()
     arguments = SimulationArguments({Clock: clock}, parameters, collector)
     builder = SimulationBuilder(binding, arguments, collector, assumptions or Assumptions())
     compiled = compile_with(binding, builder, parameters, collector)
     builder.start_facts()
     leaves = tuple(each for each in compiled.root.iterate() if isinstance(each, StubLeaf))
-    notes = tuple(dict.fromkeys(builder.notes))
-    return SimulatedTree(compiled, builder.facts, leaves, clock, notes, builder.disputes, builder.outputs)
+    return SimulatedTree(compiled, builder.facts, leaves, clock, builder.disputes, builder.outputs)
 
 
 class SimulationArguments(Arguments):
@@ -152,18 +162,13 @@ class SimulationArguments(Arguments):
     parameter_advice = "give it a value: --params FILE, or parameters: {{{name}: ...}} in the scenario or the file of properties"
 
     def of(self, instance: Instance, bound: BoundNode) -> dict[str, Any]:
-        """Return the arguments of a node, by its parameters' names.
-
-        What stands for a leaf that answers is given its ports, what stands for a control or decorator that is
-        only described nothing but its name.
-        """
-        answered = is_answered(bound.spec)
-        if not answered and bound.spec.cls is not None:
+        """Return the arguments of a node, by its parameters' names; what stands for a leaf that answers has its ports."""
+        if not is_answered(bound.spec):
             return super().of(instance, bound)
         ports: dict[str, Any] = {}
         for parameter in bound.spec.ports:
             self._port(instance, bound, parameter, ports)
-        return ports if answered else {"name": bound.name}
+        return ports
 
     def _handed_over(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:
         target = parameter.target
@@ -183,7 +188,6 @@ class SimulationBuilder(Builder):
 
     Attributes:
         facts: The facts.
-        notes: What is not as in a real run.
         disputes: The facts that leaves start with different values.
         outputs: The leaves that would write a key in a real run.
     """
@@ -192,8 +196,15 @@ class SimulationBuilder(Builder):
         self, binding: Binding, arguments: Arguments, collector: Collector, assumptions: Assumptions
     ) -> None:
         super().__init__(binding, arguments, collector)
+        said = [
+            key for key, answers in assumptions.answers.items() if any(a.status == "SKIPPED" for a in answers)
+        ]
+        skipped = [node for node in binding.nodes() if is_answered(node.spec) and _may_name(said, node)]
+        if skipped:
+            # A class that takes this for an interruption is not told by the tree alone.
+            self._skipping = SkipAnalysis(binding.trees(), skipped)
+            report_misread(binding.trees(), collector, skipped)
         self.facts = Scope(Board("facts"))
-        self.notes: list[Diagnostic] = []
         self.disputes: dict[str, str] = {}
         self.outputs: dict[str, str] = {}
         self._assumptions = assumptions
@@ -225,23 +236,9 @@ class SimulationBuilder(Builder):
         }
 
     def only_described(self, bound: BoundNode) -> None:
-        """Note the substitute of a control or a decorator that only a model describes."""
+        """Report a subtree that is in no file; what else is only described here is a leaf, which answers."""
         if bound.element.tag == SUBTREE_TAG:
             super().only_described(bound)
-        elif not bound.spec.kind.is_leaf:
-            what = "a Sequence with memory" if bound.spec.kind is Kind.CONTROL else "its child alone"
-            message = f"<{bound.spec.tag}> is only described by a model; {what} stands for it here"
-            element = bound.element
-            span = element.tag_span()
-            self.notes.append(
-                Diagnostic("only-described", message, element.source, span, severity=Severity.INFO)
-            )
-
-    def _maker(self, bound: BoundNode) -> Callable[..., Any]:
-        """Return the constructor of a node; the substitute of one that is only described handles skipped children."""
-        if bound.spec.cls is not None:
-            return super()._maker(bound)
-        return _sequence if bound.spec.kind is Kind.CONTROL else decorators.SubTree
 
     def start_facts(self) -> None:
         """Write the facts that the leaves have named, and those that are assumed, once all leaves are made."""
@@ -329,13 +326,14 @@ def fits(key: str, path: Sequence[str], tag: str) -> int:
     return 3 if all(part in outer for part in around) else 0
 
 
+def _may_name(keys: Iterable[str], bound: BoundNode) -> bool:
+    """Return whether one of some keys names a node in one of its places."""
+    return any(key.rpartition("/")[2] in (bound.name, bound.spec.tag) for key in keys)
+
+
 def answers_for(
     assumed: Mapping[str, tuple[Answer, ...]], path: Sequence[str], spec: NodeSpec
 ) -> tuple[Answer, ...]:
     """Return what a leaf can answer: what is assumed of it, else what it says of itself."""
     best = max(assumed, key=lambda key: fits(key, path, spec.tag), default="")
     return assumed[best] if best in assumed and fits(best, path, spec.tag) else spec.answers
-
-
-def _sequence(name: str, children: list[Behaviour]) -> Behaviour:
-    return controls.Sequence(name, memory=True, children=children)

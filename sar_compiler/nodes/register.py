@@ -1,5 +1,6 @@
 """Registration of a class for a tag."""
 
+import dataclasses
 import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeVar
@@ -9,6 +10,7 @@ from py_trees.common import Status
 
 from sar_compiler.nodes.answers import is_fact_name
 from sar_compiler.nodes.constructors import RegistrationError
+from sar_compiler.nodes.outcome_sets import ALL
 from sar_compiler.nodes.semantics import Semantics
 from sar_compiler.nodes.spec import MARK, Kind, NodeSpec, Use
 from sar_compiler.runtime.answers import STATUSES, Answer, Fact
@@ -76,7 +78,7 @@ def register(  # noqa: PLR0913 - all that there is to say of a node
 
     def mark(cls: C) -> C:
         _require_behaviour(tag, cls)
-        means = semantics or Semantics()
+        means = _guarded(tag, cls, semantics or Semantics())
         spec = NodeSpec(tag, cls, kind, names, effects, needs, said, known, read, written, means)
         setattr(cls, MARK, spec)
         return cls
@@ -107,6 +109,45 @@ def _require_semantics(tag: str, semantics: object) -> None:
     if not isinstance(semantics, (Semantics, type(None))):
         message = f"<{tag}>: semantics is {_shown(semantics)}; write Semantics.sequence() or the like"
         raise RegistrationError(message)
+
+
+_FUNCTIONS = ("possible", "gates", "rounds", "limit_sec")
+"""The functions in a `Semantics`, which checks call."""
+
+
+class _UsersFunction:
+    """A user's function in a `Semantics`: what it raises, or returns in place of an outcome set, is said with its class."""
+
+    def __init__(self, whose: str, name: str, function: Callable[..., Any]) -> None:
+        self._whose = whose
+        self._name = name
+        self._function = function
+
+    def __call__(self, bound: Any, *others: Any) -> Any:
+        """Return what the function returns."""
+        try:
+            found = self._function(bound, *others)
+        except Exception as error:
+            message = f"{self._whose} raised {type(error).__name__}: {error}, for '{bound.name}' in line {bound.element.line}"
+            raise RegistrationError(message) from error
+        if self._name == "possible" and not (isinstance(found, int) and 0 <= found <= ALL):
+            message = (
+                f"{self._whose} returned {_shown(found)}; return a set of outcomes, such as that of a child"
+            )
+            raise RegistrationError(message)
+        return found
+
+
+def _guarded(tag: str, cls: type[Any], semantics: Semantics) -> Semantics:
+    """Return semantics whose functions, where they are the user's own, are guarded."""
+    guarded: dict[str, Any] = {}
+    for name in _FUNCTIONS:
+        function = getattr(semantics, name)
+        home = getattr(getattr(function, "func", function), "__module__", None)
+        if function is not None and not str(home).startswith("sar_compiler.nodes."):
+            whose = f"<{tag}>: the function '{name}' in the semantics of {cls.__module__}.{cls.__qualname__}"
+            guarded[name] = _UsersFunction(whose, name, function)
+    return dataclasses.replace(semantics, **guarded) if guarded else semantics
 
 
 def _require_behaviour(tag: str, cls: object) -> None:

@@ -371,8 +371,13 @@ class NodeSpec:
 
     @functools.cached_property
     def skips_by_itself(self) -> bool:
-        """Whether a tick can be skipped independently of the children."""
-        return self.skipping.possible is Skips.ALWAYS or (self.kind.is_leaf and "SKIPPED" in self.outcomes)
+        """Whether a tick can be skipped independently of the children.
+
+        A leaf that is only described may be, as any leaf of BehaviorTree.CPP may; hardly any is (a precondition skips a
+        node, not its own tick), so nothing is concluded from that until somebody says that it is.
+        """
+        leaf = self.kind.is_leaf and not self.is_only_described and "SKIPPED" in self.outcomes
+        return self.skipping.possible is Skips.ALWAYS or leaf
 
     @functools.cached_property
     def renamed(self) -> dict[str, str]:

@@ -12,6 +12,7 @@ from sar_compiler.checks.assumptions import (
     read_assumptions,
     start_assumptions,
 )
+from sar_compiler.checks.described_controls import take_controls
 from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.verify import PropertyFile, Verification, read_property_file
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
@@ -41,6 +42,9 @@ def verified(
     parameters = {**start.parameters, **({} if file is None else file.parameters)}
     # The findings about the file are raised when all of them are known.
     with contextlib.nullcontext() if file is None else file.document.findings_first():
+        if file is not None and file.controls is not None:
+            files = (*tree.project.palettes, *tree.forest.files)
+            take_controls(file.document, file.controls, binding, tree.project.registry, files)
         simulated = compile_simulated(binding, parameters)
         assumed = start_assumptions(start, simulated)
         if file is not None:

@@ -5,13 +5,11 @@ Its limitations compared to `runner.TreeRunner`: leaves with news do not wake th
 stops the ticks, and with them the deadlines of the leaves.
 """
 
-from collections.abc import Callable
 from typing import Any
 
 import py_trees_ros.trees
 from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Dummy
-from py_trees.common import Status
 from rclpy.executors import Executor
 from rclpy.node import Node
 
@@ -19,7 +17,7 @@ from sar_compiler.ros.depth import require_tickable_depth
 from sar_compiler.ros.failure_reports import tell_failure
 from sar_compiler.ros.setting_up import give_up
 from sar_compiler.ros.stopping import SETTLE_SEC, settle, shut_down, stop_behaviours
-from sar_compiler.runtime.leaf_protocol import NoStatusError
+from sar_compiler.runtime.kernel.leaf_nodes import StrictUpdate
 
 # The parameters that the class declares on its node, even if given on the command line.
 _ITS_PARAMETERS = (
@@ -123,19 +121,5 @@ def _require_statuses(root: Behaviour) -> None:
     instance is wrapped.
     """
     for behaviour in root.iterate():
-        if not isinstance(behaviour.update, _StatusOnly):
-            setattr(behaviour, "update", _StatusOnly(behaviour))  # noqa: B010 - for the type checker
-
-
-class _StatusOnly:
-    __slots__ = ("_behaviour", "_update")
-
-    def __init__(self, behaviour: Behaviour) -> None:
-        self._behaviour = behaviour
-        self._update: Callable[[], object] = behaviour.update
-
-    def __call__(self) -> Status:
-        status = self._update()
-        if isinstance(status, Status):
-            return status
-        raise NoStatusError(self._behaviour, status)
+        if not isinstance(behaviour.update, StrictUpdate):
+            setattr(behaviour, "update", StrictUpdate(behaviour))  # noqa: B010 - for the type checker

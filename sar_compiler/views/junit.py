@@ -23,12 +23,14 @@ class PlayedScenario:
         run: Its run; None if it is invalid.
         failures: The expectations that were not met.
         problem: The reason why it is invalid.
+        is_undecided: Whether that is not its own fault, but that nobody knows what a node of the tree does.
     """
 
     name: str
     run: Run | None = None
     failures: Sequence[Failure] = field(default_factory=tuple)
     problem: str = ""
+    is_undecided: bool = False
 
 
 def junit(tree: str, scenarios: Sequence[PlayedScenario]) -> str:

@@ -177,20 +177,54 @@ def test_a_tree_of_several_is_named_by_the_option_or_by_the_scenario(capsys, tmp
     assert "root FAILURE" in run(capsys, path, "--scenario", scenario("tree: B"))[1]
 
 
-def test_a_tree_of_nodes_that_are_only_described_can_be_played(capsys, tmp_path, scenario):
-    model = '<root BTCPP_format="4"><TreeNodesModel><Action ID="Grab"/><Decorator ID="Twice"/></TreeNodesModel></root>'
+@pytest.fixture
+def described(tmp_path):
+    """Return a tree of nodes that only a palette describes, and the palette."""
+    nodes = '<Action ID="Grab"/><Decorator ID="Twice"/><Control ID="RecoveryNode"/>'
     palette = tmp_path / "palette.xml"
-    palette.write_text(model, encoding="utf-8")
-    path = tmp_path / "grab.xml"
-    path.write_text(document("<Twice><Grab/></Twice>"), encoding="utf-8")
-    script = scenario("leaves: {Grab: [RUNNING, FAILURE]}\nexpect: {root: FAILURE}")
-    status, out, err = run(capsys, path, "--model", palette, "--scenario", script)
-    assert status == 0
-    assert "  Grab  FAILURE\n" in out
-    assert (
-        "info[only-described]: <Twice> is only described by a model; its child alone stands for it here"
-        in err
+    palette.write_text(
+        f'<root BTCPP_format="4"><TreeNodesModel>{nodes}</TreeNodesModel></root>', encoding="utf-8"
     )
+    path = tmp_path / "grab.xml"
+    body = "<RecoveryNode><Twice><Grab/></Twice><Success/></RecoveryNode>"
+    path.write_text(document(body), encoding="utf-8")
+    return path, "--model", palette
+
+
+def test_what_stands_for_nodes_that_are_only_described_is_played(capsys, described, scenario):
+    script = scenario(
+        "controls: {RecoveryNode: Fallback, Twice: Inverter}\n"
+        "leaves: {Grab: [RUNNING, FAILURE]}\nexpect: {root: SUCCESS, within: 2 ticks}"
+    )
+    status, out, err = run(capsys, *described, "--scenario", script)
+    assert (status, err) == (0, "")
+    assert "  Grab  FAILURE\n" in out
+
+
+def test_nodes_that_are_only_described_are_not_played_and_have_status_1(capsys, described, scenario):
+    status, out, err = run(capsys, *described)
+    assert status == 1
+    assert "root" not in out
+    places = [line for line in err.splitlines() if "error[only-described]" in line]
+    assert [line.split(": ")[2] for line in places] == [
+        f"<{tag}> is only described by a model, and when it ticks its children is not known"
+        for tag in ("RecoveryNode", "Twice")
+    ]
+    assert "Nav2's nodes (--model nav2:jazzy); or say in the scenario" in err
+    partly = scenario("controls: {RecoveryNode: Fallback}", "partly.yaml")
+    wholly = scenario("controls: {RecoveryNode: Fallback, Twice: PassThrough}", "wholly.yaml")
+    status, out, err = run(capsys, *described, "--scenario", partly, "--scenario", wholly)
+    assert (status, err.count("error[only-described]")) == (1, 1)
+    assert "1 of 2 scenarios hold." in out
+
+
+def test_a_decorator_of_ones_own_that_answers_with_no_status_is_told_as_in_a_real_run(capsys, tmp_path):
+    path = tmp_path / "tree.xml"
+    path.write_text(document("<OwnForgetful><AdvanceZone/></OwnForgetful>"), encoding="utf-8")
+    status, out, err = run(capsys, path, "--nodes", "tests.checks.verify.own_controls")
+    assert (status, err) == (1, "")
+    said = "'OwnForgetful' (OwnForgetful) failed: update() returned None, which is no status; return Status.SUCCESS"
+    assert f"tick 1 could not be finished: {said}" in out
 
 
 def test_json_is_for_scripts(capsys):

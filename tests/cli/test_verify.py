@@ -74,7 +74,33 @@ def test_a_control_that_is_only_described_is_nothing_to_prove_anything_with(run)
     tree = document("<Recover><AlwaysSuccess/></Recover>").replace("</root>", model)
     status, out, err = run(tree)
     assert (status, out) == (1, "")
-    assert "<Recover> is only described by a model, and when it ticks its children is not known; load" in err
+    assert (
+        "error[only-described]: <Recover> is only described by a model, and when it ticks its children is not known\n"
+        in err
+    )
+    assert "controls: {Recover: ...}" in err
+
+
+def test_what_stands_for_a_control_that_is_only_described_is_verified(run):
+    model = '<TreeNodesModel><Control ID="Recover"/></TreeNodesModel></root>'
+    tree = document("<Recover><NavigateToZone/><AlwaysSuccess/></Recover>").replace("</root>", model)
+    arguments = ("--properties", "{folder}/p.yaml")
+    outcomes = [
+        run(
+            tree,
+            *arguments,
+            p=f"controls: {{Recover: {tag}}}\nproperties: {{p: {{at_end: root == 'SUCCESS'}}}}",
+        )[0]
+        for tag in ("Fallback", "Sequence")
+    ]
+    assert outcomes == [0, 1]
+    status, _, err = run(
+        tree, *arguments, p="controls: {Recover: Falback}\nproperties: {p: {never: Nobody starts}}"
+    )
+    assert status == 2
+    assert [line.split(": ")[1] for line in err.splitlines() if ": error[" in line] == [
+        "error[unknown-node]", "error[unknown-leaf]",
+    ]  # fmt: skip
 
 
 def test_leaves_of_one_name_are_told_apart_by_what_is_around_them(run):
@@ -211,22 +237,14 @@ def test_an_invalid_tree_has_status_2_and_its_findings(run):
     assert "error[unknown-node]" in err
 
 
-def test_a_control_of_ones_own_cannot_be_gone_through_and_that_is_said(run, tmp_path, monkeypatch):
-    (tmp_path / "own_control.py").write_text(
-        "from py_trees.composites import Sequence\n"
-        "from py_trees.behaviour import Behaviour\n"
-        "from sar_compiler import Kind, register\n"
-        "@register('Own', kind=Kind.CONTROL)\n"
-        "class Own(Sequence):\n"
-        "    '''A control.'''\n"
-        "    def __init__(self, name: str, children: list[Behaviour]) -> None:\n"
-        "        super().__init__(name, memory=True, children=children)\n",
-        encoding="utf-8",
-    )
-    monkeypatch.syspath_prepend(str(tmp_path))
-    status, out, err = run(document("<Own><AdvanceZone/></Own>"), "--nodes", "own_control")
+def test_a_control_of_ones_own_is_verified_or_it_is_said_why_it_cannot_be(run):
+    nodes = ("--nodes", "tests.checks.verify.own_controls")
+    status, out, err = run(document("<OwnSequence><AdvanceZone/></OwnSequence>"), *nodes)
+    assert (status, err) == (0, "")
+    assert "4 answers: 4 proved" in out
+    status, out, err = run(document("<OwnThread><AdvanceZone/></OwnThread>"), *nodes)
     assert (status, out) == (1, "")
-    assert "nothing can be decided: 'Own' is a own_control.Own" in err
+    assert "nothing can be decided: 'OwnThread' is a tests.checks.verify.own_controls.OwnThread, whose" in err
 
 
 def test_a_condition_that_cannot_be_evaluated_everywhere_is_named(run):
@@ -309,7 +327,7 @@ def test_which_of_two_trees_cannot_be_verified_is_said(run):
     described = document("<Recover><AlwaysSuccess/></Recover>").replace("</root>", model)
     status, _, err = run(FINE, *AGAINST, before=described, p="properties: {}")
     assert status == 1
-    assert "before.xml: nothing can be decided: <Recover> is only described" in err
+    assert "before.xml:3:1: error[only-described]: <Recover> is only described" in err
 
 
 def test_the_states_are_written_as_explicit_files_of_prism(run, tmp_path):

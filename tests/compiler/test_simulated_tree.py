@@ -9,9 +9,9 @@ from py_trees.decorators import Decorator
 from sar_compiler import Answer, Kind, register
 from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.simulated_tree import Assumptions, compile_simulated, fits
+from sar_compiler.compiler.stand_ins import OnlyDescribedError, put_in_place
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import MARK
-from sar_compiler.runtime import controls, decorators
 from sar_compiler.runtime.stub_leaf import StubLeaf
 from sar_compiler.runtime.timers import Sleep
 from sar_compiler.tree.diagnostic import TreeError
@@ -163,26 +163,30 @@ def test_a_leaf_that_is_only_described_answers_what_its_kind_can():
     assert [answer.status for answer in full.answers] == ["SUCCESS", "FAILURE"]
 
 
-def test_what_stands_for_a_described_control_or_decorator_is_said():
-    simulated = simulated_file(PALETTE.format("<Both><Twice><Grab/></Twice><Full/></Both>"))
-    assert isinstance(simulated.root, controls.Sequence)
-    assert isinstance(simulated.root.children[0], decorators.SubTree)
-    assert [note.message for note in simulated.notes] == [
-        "<Both> is only described by a model; a Sequence with memory stands for it here",
-        "<Twice> is only described by a model; its child alone stands for it here",
+def test_controls_and_decorators_that_are_only_described_are_nothing_to_play():
+    with pytest.raises(OnlyDescribedError) as error:
+        simulated_file(PALETTE.format("<Both><Twice><Grab/></Twice><Twice><Full/></Twice></Both>"))
+    assert [
+        (found.code, found.message.split(",")[0], found.span.column) for found in error.value.findings
+    ] == [
+        ("only-described", "<Both> is only described by a model", 48),
+        ("only-described", "<Twice> is only described by a model", 54),
     ]
 
 
-def test_ports_of_a_described_control_or_decorator_are_none_of_what_stands_for_it():
+def test_what_stands_for_a_described_node_has_its_defaults_and_none_of_the_ports_that_are_written():
     model = (
-        '<Control ID="Recover"><input_port name="tries" type="int"/></Control>'
+        '<Control ID="Recover"><input_port name="memory" type="int"/></Control>'
         '<Decorator ID="Rate"><input_port name="hz" type="double"/><output_port name="code"/></Decorator>'
     )
-    tree = '<Recover tries="2"><Rate hz="{speed}" code="{code}"><Success/></Rate></Recover>'
-    simulated = simulated_file(
-        f'<root BTCPP_format="4"><BehaviorTree ID="Main">{tree}</BehaviorTree>'
-        f"<TreeNodesModel>{model}</TreeNodesModel></root>"
-    )
+    tree = '<Recover memory="2"><Rate hz="{speed}" code="{code}"><Success/></Rate></Recover>'
+    text = f'<root BTCPP_format="4"><BehaviorTree ID="Main">{tree}</BehaviorTree><TreeNodesModel>{model}</TreeNodesModel></root>'
+    registry = default_registry()
+    binding = bind_main(forest_of(text), registry)
+    put_in_place(binding, {"Recover": registry["Sequence"], "Rate": registry["PassThrough"]})
+    simulated = compile_simulated(binding, {})
+    assert isinstance(simulated.root, composites.Sequence)
+    assert simulated.root.memory
     simulated.root.tick_once()
     assert simulated.root.status == Status.SUCCESS
 
@@ -299,3 +303,26 @@ def test_a_forest_may_be_simulated_as_often_as_wanted():
     one, other = compile_simulated(binding, {}), compile_simulated(binding, {})
     one.root.tick_once()
     assert (one.fact_values()["zones_left"], other.fact_values()["zones_left"]) == (2, 3)
+
+
+class Strict(Decorator):
+    """A decorator of a user's, which knows nothing of skipped children."""
+
+    def __init__(self, name: str, child: Behaviour) -> None:
+        super().__init__(name, child)
+
+    def update(self) -> Status:
+        return self.decorated.status
+
+
+def test_a_described_leaf_skips_below_a_class_of_ones_own_only_where_somebody_says_so():
+    registry = Registry(default_registry().specs())
+    registry.add(getattr(register("Strict", kind=Kind.DECORATOR)(Strict), MARK))
+    text = PALETTE.format("<Strict><Grab/></Strict>")
+    assert isinstance(simulated_file(text, registry=registry).root, Strict)
+    for key in ("Grab", "Strict/Grab"):
+        with pytest.raises(TreeError) as error:
+            simulated_file(text, registry=registry, answers={key: (Answer("SUCCESS"), Answer("SKIPPED"))})
+        (finding,) = error.value.findings
+        assert finding.code == "skip-misread"
+        assert finding.message == "'Grab' can be skipped, which <Strict> takes for an interruption"

@@ -7,11 +7,13 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from sar_compiler import Kind, mission_context, register
+from sar_compiler.checks import check
 from sar_compiler.nodes.constructors import RegistrationError
 from sar_compiler.nodes.registry import Registry, RegistryError, default_registry, load_registry
 from sar_compiler.nodes.spec import MARK, NodeSpec, Role, Use
 from sar_compiler.runtime.context import PreviewError, preview_of
 from tests.nodes import leaves
+from tests.trees import forest
 
 
 class Still(Behaviour):
@@ -276,3 +278,18 @@ def test_a_meaning_in_other_words_than_semantics_is_refused():
         RegistrationError, match=r"semantics is the text 'sequence'; write Semantics\.sequence"
     ):
         register("Tag", kind=Kind.CONTROL, semantics="sequence")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("tag", "words"),
+    [
+        ("OwnSlip", "OwnSlip raised IndexError: list index out of range, for 'Here' in line 3"),
+        ("OwnGap", "OwnGap returned None; return a set of outcomes"),
+    ],
+)
+def test_a_function_of_the_semantics_that_goes_wrong_is_told_with_its_class(tag, words):
+    registry = load_registry(["tests.checks.verify.own_controls"])
+    with pytest.raises(RegistrationError) as error:
+        check(forest(f'<{tag} name="Here"><Success/></{tag}>'), registry)
+    place = "the function 'possible' in the semantics of tests.checks.verify.own_controls."
+    assert str(error.value).startswith(f"<{tag}>: {place}{words}")

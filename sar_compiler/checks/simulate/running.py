@@ -86,7 +86,7 @@ class ScenarioPlayer:
     def __init__(self, simulated: SimulatedTree, scenario: Scenario) -> None:
         self.run = Run(simulated, scenario)
         self._simulated = simulated
-        self._tree = LiveTree(simulated.root)
+        self._tree = LiveTree(simulated.root, is_strict=True)
         self._start_sec = simulated.clock.now()
         self._variables = RunVariables(simulated)
         self._until = Program(scenario.until or _ROOT_IS_DONE)
@@ -143,10 +143,8 @@ class ScenarioPlayer:
                 self.tick()
                 if self.is_over():
                     break
-        except SarError as error:
-            run.trouble = f"{error}{self._simulated.advice_on(error)}"
         except Exception as error:  # noqa: BLE001 - whatever a user's decorator raises ends a real run as well
-            run.trouble = f"{type(error).__name__}: {error}"
+            run.trouble = self._simulated.told(error)
         return run
 
 

@@ -11,6 +11,7 @@ from sar_compiler.checks.assumptions import (
     read_assumptions,
     start_assumptions,
 )
+from sar_compiler.checks.described_controls import take_controls
 from sar_compiler.checks.leaf_words import LeafWords
 from sar_compiler.checks.simulate.expecting import read_expectations
 from sar_compiler.checks.simulate.run_variables import OWN
@@ -54,6 +55,13 @@ class Stage:
         self._tree_id = tree_id
         self.start = start
         self._bindings: dict[str | None, Binding] = {}
+
+    def with_controls(self, document: Document, controls: Value, tree_id: str | None) -> Binding:
+        """Return a tree of the file with what a scenario says of its controls and decorators; raises as `binding`."""
+        binding = bind_main(self.forest, self._registry, tree_id or self._tree_id, self._palettes)
+        files = (*self._palettes, *self.forest.files)
+        take_controls(document, controls, binding, self._registry, files)
+        return binding
 
     def binding(self, tree_id: str | None = None) -> Binding:
         """Return a tree of the file, bound.
@@ -111,7 +119,7 @@ def understand(document: Document, stage: Stage) -> Play:
     """
     parts = document.hold("scenario").mapping
     with document.findings_first():
-        binding = _binding(document, parts.get("tree"), stage)
+        binding = _binding(document, parts.get("tree"), parts.get("controls"), stage)
         start = stage.start(binding)
         facts, answers = parts.get("facts"), parts.get("answers")
         simulated = _simulated(
@@ -137,10 +145,9 @@ def understand(document: Document, stage: Stage) -> Play:
     return Play(simulated, scenario)
 
 
-def _binding(document: Document, tree: Value | None, stage: Stage) -> Binding:
-    if tree is None:
-        return stage.binding()
-    return stage.binding(word(document, tree, stage.forest.trees, "the tree"))
+def _binding(document: Document, tree: Value | None, controls: Value | None, stage: Stage) -> Binding:
+    tree_id = None if tree is None else word(document, tree, stage.forest.trees, "the tree")
+    return stage.binding(tree_id) if controls is None else stage.with_controls(document, controls, tree_id)
 
 
 def _simulated(

@@ -144,6 +144,11 @@ class Rules:
     at_end: Sequence[AfterTickCondition] = ()
     entries: Sequence[Entry] = ()
 
+    @property
+    def count(self) -> int:
+        """How many there are; rules of others have higher numbers."""
+        return self.monitors.count + len(self.at_end)
+
     def judge(self, outcome: int, watched: int, idle: bool | None) -> Judgement:
         """Judge the state after a tick.
 

@@ -54,6 +54,7 @@ class PropertyFile:
         facts: What it says of facts.
         answers: What it says of what leaves answer.
         parameters: The keys of the root blackboard.
+        controls: What it says of controls and decorators that only a model describes.
     """
 
     document: Document
@@ -63,6 +64,7 @@ class PropertyFile:
     facts: Value | None = None
     answers: Value | None = None
     parameters: Mapping[str, Fact] = field(default_factory=dict)
+    controls: Value | None = None
 
 
 def read_property_file(path: str | Path) -> PropertyFile:
@@ -93,6 +95,7 @@ def _understood(document: Document) -> PropertyFile:
         parts.get("facts"),
         parts.get("answers"),
         parameters(parts.get("parameters")),
+        parts.get("controls"),
     )
 
 

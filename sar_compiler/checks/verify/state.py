@@ -1,5 +1,6 @@
 """The state of a tree between two ticks: what it consists of, how it is taken, and how it is restored."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from sar_compiler.checks.verify.events import Alphabet
@@ -47,11 +48,15 @@ class StateValues:
     Args:
         simulated: The tree.
         steps: Has gone through its states.
+        own: Returns what the user's controls and decorators remember in the state that was restored last, by names.
     """
 
-    def __init__(self, simulated: SimulatedTree, steps: TickSteps) -> None:
+    def __init__(
+        self, simulated: SimulatedTree, steps: TickSteps, own: Callable[[], Mapping[str, object]]
+    ) -> None:
         self._simulated = simulated
         self._steps = steps
+        self._own = own
 
     def outcome_in(self, state: bytes) -> int:
         """Return the outcome of the last tick before a state."""
@@ -70,10 +75,10 @@ class StateValues:
         return self.values()
 
     def growing(self, states: StateStore) -> tuple[tuple[str, int], ...]:
-        """Return the keys and facts with the most values in the last of some states, and how many values."""
+        """Return the keys, facts and attributes with the most values in the last of some states, and how many values."""
         values: dict[str, set[str]] = {}
         for state in states.between(max(len(states) - _SAMPLE, 0), len(states)):
-            for name, value in self.values_in(state).items():
+            for name, value in {**self.values_in(state), **self._own()}.items():
                 values.setdefault(name, set()).add(repr(value))
         counts = sorted(((name, len(found)) for name, found in values.items()), key=lambda each: -each[1])
         return tuple((name, count) for name, count in counts[:_MOST_GROWING] if count > 1)

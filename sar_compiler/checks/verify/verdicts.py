@@ -1,5 +1,6 @@
 """The questions that are asked of a tree, and their answers from the graph of its states."""
 
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -38,7 +39,7 @@ class Verdict:
     trace: Trace | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Verification:
     """The result of verifying a tree.
 
@@ -67,6 +68,11 @@ class Verification:
     stopped: bool = False
     space: StateSpace | None = None
 
+    def __repr__(self) -> str:
+        counts = Counter(verdict.outcome.value for verdict in self.verdicts)
+        answers = ", ".join(f"{count} {outcome}" for outcome, count in counts.items())
+        return f"<{type(self).__name__}: {answers}; {self.states:,} states{'' if self.complete else ' and more'}>"
+
     @property
     def proved(self) -> bool:
         """Whether everything is proved."""
@@ -77,6 +83,7 @@ NO_ERROR = "no tick raises an error"
 EVERY_LEAF = "every leaf can run"
 AN_END = "an end can be reached from everywhere"
 NO_LIVELOCK = "every run ends"
+OWN_RECORDS = "classes of your own do what their records say"
 
 
 class Questions:
@@ -85,13 +92,13 @@ class Questions:
     Args:
         graph: Its states and ticks.
         retracing: Tells runs.
-        advice_on: Says what to do about what a tick raises, as the end of a sentence.
+        told: Says in words what a tick raises.
     """
 
-    def __init__(self, graph: Graph, retracing: Retracing, advice_on: Callable[[BaseException], str]) -> None:
+    def __init__(self, graph: Graph, retracing: Retracing, told: Callable[[BaseException], str]) -> None:
         self._graph = graph
         self._retracing = retracing
-        self._advice_on = advice_on
+        self._told = told
 
     def no_error(self) -> Verdict:
         """Return the verdict on whether a tick of any run raises an error."""
@@ -99,8 +106,7 @@ class Questions:
         if error is None:
             return self._unbroken(NO_ERROR)
         assert error.error is not None  # noqa: S101 - that is what kind of breach it is
-        reason = f"{error.error}{self._advice_on(error.error)}"
-        return _broken(NO_ERROR, reason, self._retracing.breach(error))
+        return _broken(NO_ERROR, self._told(error.error), self._retracing.breach(error))
 
     def every_leaf(self, leaves: Sequence[TreeNode], ran: Collection[int]) -> Verdict:
         """Return the verdict on whether every leaf is ticked in some run."""
@@ -123,6 +129,18 @@ class Questions:
             yield self._unbroken(NO_LIVELOCK)
         else:
             yield _broken(NO_LIVELOCK, "this run goes on for ever", self._round(found.circling))
+
+    def own_records(self, rule: int, wrong: str) -> Verdict:
+        """Return the verdict on whether the user's controls and decorators do what their records say.
+
+        Args:
+            rule: The number of that property.
+            wrong: What was done first that a record excludes, in words.
+        """
+        breach = self._graph.breaches.get(rule)
+        if breach is None:
+            return self._unbroken(OWN_RECORDS)
+        return _broken(OWN_RECORDS, wrong, self._retracing.breach(breach))
 
     def properties(self, properties: Properties) -> Iterator[Verdict]:
         """Yield a verdict for each property."""

@@ -11,9 +11,8 @@ from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.state_space import StateSpace
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.checks.verify.traces import Retracing
-from sar_compiler.checks.verify.verdicts import Questions, Verification
+from sar_compiler.checks.verify.verdicts import OWN_RECORDS, Questions, Verification
 from sar_compiler.compiler.simulated_tree import SimulatedTree
-from sar_compiler.errors import UndecidableError
 from sar_compiler.runtime.kernel.graph import Graph
 from sar_compiler.runtime.kernel.searching import Report, explore, keep_quiet
 
@@ -43,24 +42,24 @@ def verify(
 
     Raises:
         TreeError: If the file says something that makes no sense for the tree; carries the findings.
-        UndecidableError: If the tree has a node whose rules are not known or that is only described, does not do the same twice, or keeps
-            values that cannot be compared; or if a condition cannot be evaluated.
+        UndecidableError: If the tree has a node whose rules are not known, does not do the same twice, or keeps values that
+            cannot be compared; or if a condition cannot be evaluated.
     """
-    if simulated.notes:
-        raise UndecidableError(_unknown_nodes(simulated))
     prepared = Prepared.of(simulated)
     properties = without_properties() if file is None else properties_of(file, prepared, tags)
     stepper = TreeStepper(prepared, properties.rules, forgets=forgets)
     # A copy of a process with threads may wait for ever for what one of them held.
     jobs = jobs if threading.active_count() == 1 else 1
     with contextlib.closing(SearchProcesses(stepper, jobs)) as helpers:
-        graph = explore(stepper.steps, max_states, report, properties.names, helpers)
-    questions = Questions(graph, Retracing(stepper, graph), simulated.advice_on)
+        names = (*properties.names, OWN_RECORDS)
+        graph = explore(stepper.steps, max_states, report, names, helpers)
+    questions = Questions(graph, Retracing(stepper, graph), simulated.told)
     verdicts = (
         questions.no_error(),
         questions.every_leaf([node for node in stepper.flat.nodes if not node.children], stepper.ran),
         *(questions.endings() if properties.has_end else ()),
         *questions.properties(properties),
+        *([questions.own_records(len(properties.names), stepper.objects.wrong)] if stepper.claims else ()),
     )
     growing = () if graph.complete else stepper.states.growing(graph.states)
     return Verification(
@@ -82,12 +81,3 @@ def _space(graph: Graph, stepper: TreeStepper, properties: Properties) -> StateS
         return stepper.states.values_in(graph.states[state])
 
     return StateSpace(graph, values, properties.names, properties.owing)
-
-
-def _unknown_nodes(simulated: SimulatedTree) -> str:
-    """Return the message about nodes with unknown rules; their substitutes in a simulation would prove nothing."""
-    described = ", ".join(dict.fromkeys(note.message.partition(";")[0] for note in simulated.notes))
-    return (
-        f"{described}, and when it ticks its children is not known; load the module that has it "
-        "(--nodes PKG.MOD), or put nodes of the library in its place"
-    )

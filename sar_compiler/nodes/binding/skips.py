@@ -14,14 +14,18 @@ _CONDITIONS = ("_skipIf", "_while")
 class SkipAnalysis:
     """Skip analysis of one tree and its subtrees, with each node analysed once.
 
+    Args:
+        trees: The trees.
+        skipped: Further nodes that can be skipped by themselves, as somebody says.
+
     Attributes:
         possible: Whether any node in them can be skipped by itself.
     """
 
-    def __init__(self, trees: Iterable[BoundTree]) -> None:
-        self._known: dict[BoundNode, bool] = {}
+    def __init__(self, trees: Iterable[BoundTree], skipped: Iterable[BoundNode] = ()) -> None:
+        self._known: dict[BoundNode, bool] = dict.fromkeys(skipped, True)
         # In most trees no node can be skipped, and no analysis is needed.
-        self.possible = any(tree.skips for tree in trees)
+        self.possible = bool(self._known) or any(tree.skips for tree in trees)
 
     def among_children(self, bound: BoundNode) -> bool:
         """Return whether a child of a node can be skipped."""
@@ -58,9 +62,17 @@ def _as_it_is_written(bound: BoundNode) -> bool:
     return bool(bound.values.get(name, bound.spec.parameters[name].default) == value)
 
 
-def report_misread(trees: Sequence[BoundTree], collector: Collector) -> None:
-    """Report children that can be skipped below a node that would take this for an interruption."""
-    skipping = SkipAnalysis(trees)
+def report_misread(
+    trees: Sequence[BoundTree], collector: Collector, skipped: Iterable[BoundNode] = ()
+) -> None:
+    """Report children that can be skipped below a node that would take this for an interruption.
+
+    Args:
+        trees: The trees.
+        collector: Is told.
+        skipped: Further nodes that can be skipped by themselves, as somebody says.
+    """
+    skipping = SkipAnalysis(trees, skipped)
     if not skipping.possible:
         return
     for bound in [bound for tree in trees for bound in tree.nodes]:

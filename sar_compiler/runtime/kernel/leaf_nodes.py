@@ -8,6 +8,7 @@ from py_trees.common import Status
 from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SKIPPED, STATUSES, SUCCESS, number_of
 from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode, Visit
 from sar_compiler.runtime.kernel.turning import is_news
+from sar_compiler.runtime.leaf_protocol import NoStatusError
 from sar_compiler.runtime.parents import Built
 
 _INVALID: Final[Any] = Status.INVALID
@@ -103,6 +104,29 @@ class SkippableLeafNode(LeafNode):
         return SKIPPED
 
 
+class StrictUpdate:
+    """The `update` of a behaviour that is ticked by its own methods; what is no status is raised, and not only logged.
+
+    Args:
+        behaviour: The behaviour.
+    """
+
+    def __init__(self, behaviour: Any) -> None:
+        self._behaviour = behaviour
+        self._update = behaviour.update
+
+    def __call__(self) -> Any:
+        """Return the status.
+
+        Raises:
+            NoStatusError: If it is none.
+        """
+        answer = self._update()
+        if number_of(answer) == INVALID and answer is not _INVALID:
+            raise NoStatusError(self._behaviour, answer)
+        return answer
+
+
 class ForeignNode(TreeNode):
     """A behaviour that is ticked by its own methods, because nothing else is known of its class.
 
@@ -112,6 +136,12 @@ class ForeignNode(TreeNode):
     def __init__(self, part: Part) -> None:
         super().__init__(part)
         self.works: bool = type(part.behaviour).tick is Built.tick
+
+    def insist(self) -> None:
+        """Have everything that is not ticked by nodes of this tree raise where it answers with no status."""
+        for each in self.behaviour.iterate():
+            if not isinstance(each, Built) and not isinstance(each.update, StrictUpdate):
+                each.update = StrictUpdate(each)
 
     def tick(self, ticker: Ticker) -> int:
         """Tick the behaviour."""

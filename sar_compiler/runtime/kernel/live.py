@@ -38,6 +38,8 @@ class LiveTree:
             self._go_on_from(former)
         self._take_over()
         for node in self._flat.nodes:
+            if is_strict and isinstance(node, ForeignNode):
+                node.insist()
             if isinstance(node.behaviour, Built) and not isinstance(node, ForeignNode):
                 node.behaviour.place = self, node.index
 

@@ -95,6 +95,11 @@ def node_class_of(behaviour: Behaviour) -> NodeClass | None:
     return leaf_nodes.ForeignNode
 
 
+def is_foreign(behaviour: Behaviour) -> bool:
+    """Return whether a behaviour may have children that only its own methods tick and stop."""
+    return node_class_of(behaviour) is None and type(behaviour).tick is not Built.tick
+
+
 def flatten(root: Behaviour, node_of: NodeClass = known_node) -> FlatTree:
     """Bring a tree into flat form.
 

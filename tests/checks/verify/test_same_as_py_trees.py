@@ -19,7 +19,7 @@ from tests.checks.verify.stage import bound, simulated_tree
 pytestmark = pytest.mark.unmeasured
 
 # Every run of so many ticks is played on py_trees, if there are not too many.
-_TICKS = 3
+TICKS = 3
 _MOST_RUNS = 1500
 _MOST_STATES = 400
 
@@ -90,7 +90,7 @@ def tick_sequences(binding):
         simulated = simulated_tree(binding)
         simulated.policy = Choosing(choices)
         yield looked_at(simulated)
-        for _ in range(_TICKS):
+        for _ in range(TICKS):
             try:
                 simulated.root.tick_once()
             except Exception:  # noqa: BLE001 - scripts of random trees go wrong
@@ -107,7 +107,7 @@ def test_every_state_that_py_trees_comes_to_is_found_and_no_other(binding):
     assert None not in seen, f"more than {_MOST_RUNS} runs: let the trees be smaller"
     explored = Explored(simulated_tree(binding), 50_000)
     graph = explored.graph
-    near = [number for number in range(len(graph.states)) if graph.distance(number) <= _TICKS]
+    near = [number for number in range(len(graph.states)) if graph.distance(number) <= TICKS]
     assert {explored.looked_at(number) for number in near} == seen
 
 

@@ -1,0 +1,69 @@
+"""What stands in runs without a robot for controls and decorators that only a model describes."""
+
+from collections.abc import Mapping
+
+from sar_compiler.errors import UndecidableError
+from sar_compiler.nodes.binding.bound import Binding, BoundNode
+from sar_compiler.nodes.binding.skips import by_itself
+from sar_compiler.nodes.spec import NodeSpec
+from sar_compiler.tree.diagnostic import Diagnostic
+
+_NAV2 = frozenset(
+    [
+        "DistanceController",
+        "GoalUpdatedController",
+        "GoalUpdater",
+        "NonblockingSequence",
+        "PathLongerOnApproach",
+        "PauseResumeController",
+        "PersistentSequence",
+        "PipelineSequence",
+        "RateController",
+        "RecoveryNode",
+        "RoundRobin",
+        "SingleTrigger",
+        "SpeedController",
+    ]
+)
+
+
+class OnlyDescribedError(UndecidableError):
+    """A tree has controls or decorators that only a model describes, and nothing stands for them.
+
+    Attributes:
+        findings: Where they are.
+    """
+
+    def __init__(self, nodes: list[BoundNode]) -> None:
+        self.findings = tuple(map(_finding, {node.spec.tag: node for node in reversed(nodes)}.values()))[::-1]
+        super().__init__("\n".join(finding.render() for finding in self.findings))
+
+
+def _finding(bound: BoundNode) -> Diagnostic:
+    tag, element = bound.spec.tag, bound.element
+    message = f"<{tag}> is only described by a model, and when it ticks its children is not known"
+    nav2 = ", or Nav2's nodes (--model nav2:jazzy)" if tag in _NAV2 else ""
+    hint = (
+        f"load the module that has it (--nodes PKG.MOD){nav2}; or say in the scenario or the file of properties which node "
+        f"stands for it: controls: {{{tag}: ...}}"
+    )
+    return Diagnostic("only-described", message, element.source, element.tag_span(), hint=hint)
+
+
+def described(binding: Binding) -> list[BoundNode]:
+    """Return the controls and decorators of a tree that only a model describes."""
+    return [node for node in binding.nodes() if node.spec.is_only_described and not node.spec.kind.is_leaf]
+
+
+def put_in_place(binding: Binding, controls: Mapping[str, NodeSpec]) -> None:
+    """Have other nodes stand for those that are only described, with the defaults of their attributes.
+
+    Args:
+        binding: The tree, which is changed.
+        controls: What stands for which tag; it can have the children of all nodes with that tag.
+    """
+    for tree in binding.trees():
+        for node in tree.nodes:
+            if node.spec.is_only_described and node.spec.tag in controls:
+                node.spec, node.values, node.keys = controls[node.spec.tag], {}, {}
+                tree.skips = tree.skips or by_itself(node)

@@ -1,0 +1,49 @@
+"""What a file says that stands for a described node: every mistake in it gets one finding, where it stands."""
+
+import pytest
+
+from sar_compiler.checks.described_controls import take_controls
+from sar_compiler.compiler import bind_main
+from sar_compiler.documents.yaml_files import parse_yaml
+from sar_compiler.nodes.registry import default_registry
+from tests.trees import forest_of
+
+TREE = """<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main">
+<Both><Twice><Grab/></Twice><Grab/><Both><Grab/></Both></Both></BehaviorTree><BehaviorTree ID="Other"><Rare><Grab/></Rare></BehaviorTree>
+<TreeNodesModel><Action ID="Grab"/><Control ID="Both"/><Decorator ID="Twice"/><Decorator ID="Rare"/></TreeNodesModel></root>"""
+
+
+def taken(text):
+    """Return what is wrong with a file, and which classes stand in the tree then."""
+    forest, registry = forest_of(TREE), default_registry()
+    binding = bind_main(forest, registry)
+    document = parse_yaml(text, "scenario.yaml", "")
+    take_controls(document, document.root, binding, registry, forest.files)
+    found = [(f.code, f.span.column, f.suggestion) for f in document.findings]
+    return found, [node.spec.tag for node in binding.nodes() if not node.spec.kind.is_leaf]
+
+
+def test_each_node_stands_where_its_tag_stands():
+    assert taken("{Both: Fallback, Twice: Inverter}") == ([], ["Fallback", "Inverter", "Fallback"])
+
+
+def test_a_tag_that_another_tree_has_may_be_spoken_of():
+    assert taken("{Rare: Inverter, Twice: Inverter}") == ([], ["Both", "Inverter", "Both"])
+
+
+@pytest.mark.parametrize(
+    ("text", "finding"),
+    [
+        ("{Boht: Fallback}", ("unknown-node", 2, "Both")),
+        ("{Grab: Fallback}", ("unknown-node", 2, None)),
+        ("{Sequence: Fallback}", ("unknown-node", 2, None)),
+        ("{Both: Falback}", ("unknown-node", 8, "Fallback")),
+        ("{Both: Success}", ("wrong-value", 8, None)),
+        ("{Both: Inverter}", ("wrong-value", 8, None)),
+        ("{Both: IfThenElse}", ("wrong-value", 8, None)),
+        ("{Twice: Delay}", ("wrong-value", 9, None)),
+        ("{Twice: Both}", ("unknown-node", 9, None)),
+    ],
+)
+def test_what_cannot_be_is_found_where_it_is_written(text, finding):
+    assert taken(text)[0] == [finding]
