@@ -380,6 +380,7 @@ def _set_state(made: Any, state: Any) -> None:
         made.__setstate__(state)
         return
     fields, slots = state if isinstance(state, tuple) else (state, None)
-    vars(made).update(fields or {})
+    if fields:
+        vars(made).update(fields)
     for name, value in (slots or {}).items():
         setattr(made, name, value)
