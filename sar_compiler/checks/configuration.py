@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from sar_compiler.nodes.palettes import is_palette_name
 from sar_compiler.tree.content import as_written, read_bytes
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.source import Source, Span
@@ -34,7 +35,8 @@ class Configuration(NamedTuple):
 
     Attributes:
         nodes: Modules of leaves, as `--nodes` names them.
-        models: Palettes, as `--model` names them.
+        models: Palettes that are files, as `--model` names them.
+        palettes: Palettes that are installed, as `--model` names them.
         include_path: Further folders that may be included from.
         severities: The severities of some kinds of findings, by code; None where they are not to be reported.
         path: The file; None where nothing is decided.
@@ -49,6 +51,7 @@ class Configuration(NamedTuple):
     path: Path | None = None
     source: Source = Source("", "", NO_SPANS)
     node_spans: Mapping[str, Span] = {}
+    palettes: tuple[str, ...] = ()
 
     def decide(self, findings: Iterable[Diagnostic]) -> list[Diagnostic]:
         """Return findings with the severities that are decided on, without those that are not to be reported."""
@@ -122,8 +125,12 @@ def _decided(path: Path, table: tuple[str, ...]) -> Configuration | None:
         return None if table else NOTHING_DECIDED
     held = document.hold("settings", found)
     said, entries = held.data, held.mapping
-    models = _paths(path, document, entries.get(_MODELS), _MODELS, "--model")
-    include_path = _paths(path, document, entries.get(_INCLUDE_PATH), _INCLUDE_PATH, "--include-path")
+    written = entries[_MODELS].listed if _MODELS in entries else ()
+    palettes = tuple(each.text or "" for each in written if is_palette_name(each.text or ""))
+    files = [each for each in written if not is_palette_name(each.text or "")]
+    models = _paths(path, document, files, _MODELS, "--model")
+    folders = entries[_INCLUDE_PATH].listed if _INCLUDE_PATH in entries else ()
+    include_path = _paths(path, document, folders, _INCLUDE_PATH, "--include-path")
     document.raise_findings()
     modules = entries[_NODES].listed if _NODES in entries else ()
     return Configuration(
@@ -137,14 +144,14 @@ def _decided(path: Path, table: tuple[str, ...]) -> Configuration | None:
         path,
         document.source,
         {str(module.data): document.span(module) for module in modules},
+        palettes,
     )
 
 
 def _paths(
-    path: Path, document: "Document", written: "Value | None", name: str, option: str
+    path: Path, document: "Document", listed: "Iterable[Value]", name: str, option: str
 ) -> tuple[Path, ...]:
     """Return paths that a setting lists, from the file's folder; none leads out of the repository."""
-    listed = written.listed if written is not None else ()
     found = (
         path_inside(document, path.parent, value, name, f", or name it yourself: {option}")
         for value in listed

@@ -23,7 +23,8 @@ def add_project_options(parser: argparse.ArgumentParser) -> None:
         default=[],
         type=Path,
         metavar="NODES.xml",
-        help="a palette: a file whose TreeNodesModel describes nodes that are not installed; may be repeated",
+        help="a palette, which describes nodes that are not installed: a file with a TreeNodesModel, or the nodes of a "
+        "distribution of Nav2 (nav2:jazzy, nav2:kilted, nav2:main); may be repeated",
     )
     add_include_path(parser)
     add_trust(parser)

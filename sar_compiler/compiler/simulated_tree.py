@@ -206,9 +206,9 @@ class SimulationBuilder(Builder):
     def prepare(self, instance: Instance) -> None:
         """Give the leaves of an instance their identifiers, and see that all nodes can have what they need."""
         for bound in instance.tree.nodes:
-            if bound.spec.kind.is_leaf:
+            if bound.spec.kind.is_leaf or bound.spec.asks:
                 self._names[instance, bound] = self._identifiers.take(bound.name)
-            if is_answered(bound.spec):
+            if is_answered(bound.spec) or bound.spec.asks:
                 path = self._places.path(instance, bound)
                 said = self._said[instance, bound] = answers_for(self._assumptions.answers, path, bound.spec)
                 self._numbers[instance, bound] = self._numbers_in(said, instance, bound)
@@ -225,7 +225,7 @@ class SimulationBuilder(Builder):
 
     def only_described(self, bound: BoundNode) -> None:
         """Note the substitute of a control or a decorator that only a model describes."""
-        if not bound.spec.kind.is_leaf:
+        if not bound.spec.kind.is_leaf and bound.spec.stand_in is None:
             what = "a Sequence with memory" if bound.spec.kind is Kind.CONTROL else "its child alone"
             message = f"<{bound.spec.tag}> is only described by a model; {what} stands for it here"
             element = bound.element
@@ -238,7 +238,7 @@ class SimulationBuilder(Builder):
         """Return the constructor of a node; the substitute of one that is only described handles skipped children."""
         if bound.spec.cls is not None:
             return super()._maker(bound)
-        return _sequence if bound.spec.kind is Kind.CONTROL else decorators.SubTree
+        return bound.spec.stand_in or (_sequence if bound.spec.kind is Kind.CONTROL else decorators.SubTree)
 
     def start_facts(self) -> None:
         """Write the facts that the leaves have named, and those that are assumed, once all leaves are made."""
@@ -249,8 +249,17 @@ class SimulationBuilder(Builder):
             entry.write(value)
 
     def _make(self, instance: Instance, bound: BoundNode, children: list[Behaviour]) -> Behaviour:
-        if not is_answered(bound.spec):
+        if is_answered(bound.spec):
+            return self._stub(instance, bound)
+        if not bound.spec.asks:
             return super()._make(instance, bound, children)
+        below = children if bound.spec.kind is Kind.CONTROL else children[0]
+        made: Behaviour = self._maker(bound)(bound.name, below, self._stub(instance, bound))
+        self.constructions.append(Construction(made.id, instance, bound))
+        return made
+
+    def _stub(self, instance: Instance, bound: BoundNode) -> StubLeaf:
+        """Make the leaf that answers for a node, or for the world around it."""
         names = {SELF: self._names[instance, bound], **self._numbers[instance, bound]}
         for parameter in bound.spec.references:
             target = instance.referred(bound, parameter.name)

@@ -60,7 +60,7 @@ class RecordedSpec(NodeSpec):
         registered_by: The import path of the package that registers the node.
     """
 
-    is_only_described = False
+    is_only_described = is_foreign = False
     registered_by: str
 
     @functools.cached_property

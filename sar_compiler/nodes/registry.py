@@ -11,6 +11,7 @@ from types import ModuleType
 
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.installed import entry_points, import_installed
+from sar_compiler.nodes.palettes import load_palettes
 from sar_compiler.nodes.records import Record, RecordedSpec, recorded, specs_of
 from sar_compiler.nodes.spec import MARK, NodeSpec
 from sar_compiler.nodes.values import nearest
@@ -121,7 +122,10 @@ class Registry:
 
 
 def load_registry(
-    named: Iterable[Named] = (), configured: Iterable[str] = (), checkout: Path | None = None
+    named: Iterable[Named] = (),
+    configured: Iterable[str] = (),
+    checkout: Path | None = None,
+    palettes: Iterable[str] = (),
 ) -> Registry:
     """Make the registry of all installed nodes and of those that are named.
 
@@ -130,9 +134,12 @@ def load_registry(
             classes of leaves.
         configured: Import paths that a configuration names; these are installed, or trusted.
         checkout: A folder whose content does not count as installed.
+        palettes: Names of installed palettes (`nav2:jazzy`); what is registered under the tag of one of their nodes
+            takes its place.
 
     Raises:
         RegistryError: If a module cannot be imported or has no leaves; names it and says why.
+        PaletteError: If there is no such palette.
     """
 
     def installed(module: str) -> ModuleType:
@@ -155,6 +162,9 @@ def load_registry(
             registry.add_module(each)
         else:
             registry.add_class(each)
+    for spec in load_palettes(palettes, checkout):
+        if spec.tag not in registry:
+            registry.add(spec)
     return registry
 
 
