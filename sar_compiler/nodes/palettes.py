@@ -49,16 +49,16 @@ def load_palettes(names: Iterable[str], checkout: Path | None = None) -> list[No
     for name in names:
         program, _, version = name.partition(":")
         versions.setdefault(program, version)
-    return [
-        spec for program, version in versions.items() for spec in _specs_of(program, version, checkout)
-    ]
+    return [spec for program, version in versions.items() for spec in _specs_of(program, version, checkout)]
 
 
 def _specs_of(program: str, version: str, checkout: Path | None) -> list[NodeSpec]:
     installed = {each.name: each for each in entry_points(ENTRY_POINTS, checkout)}
     if program not in installed:
         known = ", ".join(f"{name}:..." for name in sorted(installed)) or "none"
-        message = f"there is no palette '{program}:{version}'{_meant(program, installed, ':...')}; there is {known}"
+        message = (
+            f"there is no palette '{program}:{version}'{_meant(program, installed, ':...')}; there is {known}"
+        )
         raise PaletteError(message)
     try:
         module = import_installed(installed[program].module, checkout)

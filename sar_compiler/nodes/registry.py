@@ -162,9 +162,7 @@ def load_registry(
             registry.add_module(each)
         else:
             registry.add_class(each)
-    for spec in load_palettes(palettes, checkout):
-        if spec.tag not in registry:
-            registry.add(spec)
+    _add_palettes(registry, load_palettes(palettes, checkout))
     return registry
 
 
@@ -186,6 +184,13 @@ def subtree() -> NodeSpec:
 def default_registry() -> Registry:
     """Return the registry of all installed nodes."""
     return load_registry()
+
+
+def _add_palettes(registry: Registry, specs: Iterable[NodeSpec]) -> None:
+    """Add what palettes know, but for tags that somebody has registered."""
+    for spec in specs:
+        if spec.tag not in registry:
+            registry.add(spec)
 
 
 def _add_import(registry: Registry, name: str, source: str, load: Callable[[str], ModuleType]) -> None:

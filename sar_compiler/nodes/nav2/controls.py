@@ -14,18 +14,28 @@ def specs(version: str) -> list[NodeSpec]:
     return [*_EVERYWHERE, *(_MAIN if version == "main" else _BEFORE_MAIN)]
 
 
-def _control(
-    cls: type, semantics: Semantics, skips: Skips = Skips.FROM_CHILD, **more: object
-) -> NodeSpec:
+def _control(cls: type, semantics: Semantics, skips: Skips = Skips.FROM_CHILD, **more: object) -> NodeSpec:
     return NodeSpec(
-        cls.__name__, cls, Kind.CONTROL, _ALL, semantics=semantics, skipping=Skipping(skips), **more  # type: ignore[arg-type]
+        cls.__name__,
+        cls,
+        Kind.CONTROL,
+        _ALL,
+        semantics=semantics,
+        skipping=Skipping(skips),
+        **more,  # type: ignore[arg-type]
     )
 
 
 def _decorator(cls: type, semantics: Semantics, **more: object) -> NodeSpec:
     skipping = Skipping(Skips.FROM_CHILD)
     return NodeSpec(
-        cls.__name__, cls, Kind.DECORATOR, _ALL, semantics=semantics, skipping=skipping, **more  # type: ignore[arg-type]
+        cls.__name__,
+        cls,
+        Kind.DECORATOR,
+        _ALL,
+        semantics=semantics,
+        skipping=skipping,
+        **more,  # type: ignore[arg-type]
     )
 
 

@@ -98,7 +98,11 @@ _TYPES = {
         cpp="std::chrono::milliseconds",
     ),
     "PoseStamped": _of_fields(
-        "PoseStamped", "a pose: a time, a frame, and 7 numbers with ; between them", "geometry_msgs::msg::PoseStamped", 0, -_POSE
+        "PoseStamped",
+        "a pose: a time, a frame, and 7 numbers with ; between them",
+        "geometry_msgs::msg::PoseStamped",
+        0,
+        -_POSE,
     ),
     "PoseStamped[]": _of_fields(
         "Poses", f"several poses: {_POSES}", "std::vector<geometry_msgs::msg::PoseStamped>", 0, _POSE

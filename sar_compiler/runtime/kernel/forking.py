@@ -80,11 +80,17 @@ class ForkingTicker(Ticker):
         self.choices = choices
         self.trail = trail
         self._few = few
-        # How a node has ended counts in the middle of a tick: its parent may be about to look.
         self._code = StateCode(cells, values, [])
         self._forks: list[Fork] = []
         self._ticks = 0
         self._seen: set[tuple[int, bytes, int, int]] = set()
+
+    def forget(self, forgotten: list[bool]) -> None:
+        """Say for each node whether it makes no difference, while it does not run, if and how it has ended.
+
+        In the middle of a tick it makes one for the children of the nodes that are ticked: those may be about to look.
+        """
+        self._code = StateCode(self.cells, self.values, forgotten)
 
     def begin(self, root: TreeNode, watched: int) -> None:
         """Begin with the first tick of the state that the cells and entries have.
@@ -107,7 +113,7 @@ class ForkingTicker(Ticker):
         self._ticks += 1
         while True:
             if is_new and node.ways(self) > 1:
-                if self._is_known(node):
+                if self._is_known(node, waiting):
                     return KNOWN
                 self._forks.append(Fork(self, node, waiting))
             is_new = True
@@ -133,14 +139,16 @@ class ForkingTicker(Ticker):
         forks[-1].restore(self)
         return True
 
-    def _is_known(self, node: TreeNode) -> bool:
+    def _is_known(self, node: TreeNode, waiting: list[TreeNode]) -> bool:
         """Return whether a tick was here before, with nothing behind it that makes a difference."""
         if self._ticks <= self._few:
             return False
         trail = self.trail
         self.entries.settle()
         head = [node.index, trail.watched, trail.broken]
-        state = self._code.written(head, self.cells, self.values, self.entries.now)
+        cells = self.cells
+        head += [cells[child.at] for around in waiting for child in around.children]
+        state = self._code.written(head, cells, self.values, self.entries.now)
         place = (node.index, state, trail.going_on, trail.changed)
         if place in self._seen:
             return True
