@@ -17,6 +17,7 @@ from sar_compiler.runtime.parents import Control, Wrapper
 from sar_compiler.runtime.ports import InOut, Input
 
 _USUAL_RETRIES = 1
+_USUAL_RATE = 10.0
 
 
 class PlaceError(SarError):
@@ -35,9 +36,11 @@ class RecoveryNode(Control):
 
     node_class = nav2_controls.RecoveryNodeNode
 
-    def __init__(self, name: str, children: Sequence[Behaviour], number_of_retries: Input[int]) -> None:
+    def __init__(
+        self, name: str, children: Sequence[Behaviour], number_of_retries: Input[int] | None = None
+    ) -> None:
         super().__init__(name, children)
-        self._number_of_retries = number_of_retries
+        self._number_of_retries = number_of_retries or Input(_USUAL_RETRIES)
 
     def number_of_retries(self) -> int:
         """Return how often to recover."""
@@ -71,11 +74,21 @@ class RoundRobin(Control):
         self, name: str, children: Sequence[Behaviour], wrap_around: Input[bool] | None = None
     ) -> None:
         super().__init__(name, children)
-        self._wrap_around = wrap_around or Input(source=True)
+        self._wrap_around = wrap_around or Input(source=False)
 
     def wraps(self) -> bool:
         """Return whether the first child follows the last one."""
         return self._wrap_around.get()
+
+
+class WrappingRoundRobin(RoundRobin):
+    """Ticks its children in turn until one succeeds; the next start begins with the child after that one.
+
+    The first child follows the last one. It fails when all children have failed.
+    """
+
+    def __init__(self, name: str, children: Sequence[Behaviour]) -> None:
+        super().__init__(name, children, Input(source=True))
 
 
 class NonblockingSequence(Control):
@@ -130,9 +143,11 @@ class RateController(Wrapper):
 
     node_class = nav2_decorators.RateNode
 
-    def __init__(self, name: str, child: Behaviour, hz: Input[float], clock: Clock) -> None:
+    def __init__(
+        self, name: str, child: Behaviour, clock: Clock, hz: Input[float] | None = None
+    ) -> None:
         super().__init__(name, child)
-        self._hz = hz
+        self._hz = hz or Input(_USUAL_RATE)
         self.clock = clock
 
     def period(self) -> float:

@@ -14,15 +14,12 @@ def specs(version: str) -> list[NodeSpec]:
     return [*_EVERYWHERE, *(_MAIN if version == "main" else _BEFORE_MAIN)]
 
 
-def _control(cls: type, semantics: Semantics, skips: Skips = Skips.FROM_CHILD, **more: object) -> NodeSpec:
+def _control(
+    cls: type, semantics: Semantics, skips: Skips = Skips.FROM_CHILD, tag: str = "", **more: object
+) -> NodeSpec:
+    skipping = Skipping(skips)
     return NodeSpec(
-        cls.__name__,
-        cls,
-        Kind.CONTROL,
-        _ALL,
-        semantics=semantics,
-        skipping=Skipping(skips),
-        **more,  # type: ignore[arg-type]
+        tag or cls.__name__, cls, Kind.CONTROL, _ALL, semantics=semantics, skipping=skipping, **more  # type: ignore[arg-type]
     )
 
 
@@ -56,6 +53,14 @@ _EVERYWHERE = (
 )
 
 _BEFORE_MAIN = (
+    _control(
+        nav2.WrappingRoundRobin,
+        Semantics(outcomes.round_robin(wraps=True), resumes=True),
+        tag=nav2.RoundRobin.__name__,
+    ),
+)
+
+_MAIN = (
     _control(
         nav2.RoundRobin,
         Semantics(outcomes.round_robin(wraps=True), resumes=True),
