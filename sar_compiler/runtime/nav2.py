@@ -143,9 +143,7 @@ class RateController(Wrapper):
 
     node_class = nav2_decorators.RateNode
 
-    def __init__(
-        self, name: str, child: Behaviour, clock: Clock, hz: Input[float] | None = None
-    ) -> None:
+    def __init__(self, name: str, child: Behaviour, clock: Clock, hz: Input[float] | None = None) -> None:
         super().__init__(name, child)
         self._hz = hz or Input(_USUAL_RATE)
         self.clock = clock

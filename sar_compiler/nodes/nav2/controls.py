@@ -19,7 +19,13 @@ def _control(
 ) -> NodeSpec:
     skipping = Skipping(skips)
     return NodeSpec(
-        tag or cls.__name__, cls, Kind.CONTROL, _ALL, semantics=semantics, skipping=skipping, **more  # type: ignore[arg-type]
+        tag or cls.__name__,
+        cls,
+        Kind.CONTROL,
+        _ALL,
+        semantics=semantics,
+        skipping=skipping,
+        **more,  # type: ignore[arg-type]
     )
 
 
