@@ -17,6 +17,13 @@ FILE_HELP = "a tree file, or the name of a shipped tree"
 
 def add_project_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that extend a project's configuration, besides `--nodes`."""
+    add_models(parser)
+    add_include_path(parser)
+    add_trust(parser)
+
+
+def add_models(parser: argparse.ArgumentParser) -> None:
+    """Add `--model`."""
     parser.add_argument(
         "--model",
         action="append",
@@ -26,8 +33,6 @@ def add_project_options(parser: argparse.ArgumentParser) -> None:
         help="a palette, which describes nodes that are not installed: a file with a TreeNodesModel, or the nodes of a "
         "distribution of Nav2 (nav2:jazzy, nav2:kilted, nav2:main); may be repeated",
     )
-    add_include_path(parser)
-    add_trust(parser)
 
 
 def add_nodes(parser: argparse.ArgumentParser) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sar_compiler.cli.arguments import Parser, add_version, seed, speed
-from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_nodes, add_trust
+from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_models, add_nodes, add_trust
 from sar_compiler.commands import USAGE, run
 from sar_compiler.missions.ending import Until
 from sar_compiler.resources import find
@@ -39,6 +39,7 @@ class Options:
         mission: The name of the mission; None to choose it by the tree's leaves.
         fault: The faults of the simulated servers, as written.
         nodes: Modules of leaves.
+        model: Palettes.
         include_path: Further folders that files may be included from.
         trust: Whether to run the modules beside the project's configuration.
         ros: ROS arguments, without `--ros-args`.
@@ -57,6 +58,7 @@ class Options:
     mission: str | None
     fault: Sequence[str]
     nodes: Sequence[str]
+    model: Sequence[Path]
     include_path: Sequence[Path]
     trust: bool
     ros: Sequence[str]
@@ -187,6 +189,7 @@ def _parser() -> Parser:
     )
     add_version(parser)
     add_nodes(parser)
+    add_models(parser)
     add_include_path(parser)
     add_trust(parser)
     return parser

@@ -162,16 +162,16 @@ class TestPersistentSequence:
         stage = Stage(place=0)
         root = self.persistent(stage, a="S", b="R,S")
         assert stage.tick(root) == "R: a=S b=R"
-        assert stage.values["place"] == 1
+        assert stage.entry("place").read() == 1
         root.stop(Status.INVALID)
         stage.told()
         assert stage.tick(root) == "S: b=S"
-        assert stage.values["place"] == 0
+        assert stage.entry("place").read() == 0
 
     def test_a_failure_begins_again_with_the_first_child(self):
         stage = Stage(place=1)
         assert stage.tick(self.persistent(stage, a="S", b="F")) == "F: b=F"
-        assert stage.values["place"] == 0
+        assert stage.entry("place").read() == 0
 
     def test_a_child_that_is_skipped_counts_as_a_success(self):
         stage = Stage(place=0)

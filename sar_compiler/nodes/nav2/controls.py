@@ -1,12 +1,16 @@
 """The controls and decorators of Nav2 that are the same without Nav2: what they do depends on their children and on time."""
 
+from dataclasses import replace
+
 from sar_compiler.nodes.nav2 import outcomes
 from sar_compiler.nodes.outcome_sets import S
-from sar_compiler.nodes.semantics import Order, Semantics
+from sar_compiler.nodes.semantics import Counterpart, Order, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Signature, Skipping, Skips
 from sar_compiler.runtime import nav2
 
 _ALL = frozenset({"SUCCESS", "FAILURE", "RUNNING"})
+IN_CPP = Counterpart(hint="")
+"""Nav2 has the node itself."""
 
 
 def specs(version: str) -> list[NodeSpec]:
@@ -23,7 +27,7 @@ def _control(
         cls,
         Kind.CONTROL,
         _ALL,
-        semantics=semantics,
+        semantics=replace(semantics, counterpart=IN_CPP),
         skipping=skipping,
         **more,  # type: ignore[arg-type]
     )
@@ -36,13 +40,13 @@ def _decorator(cls: type, semantics: Semantics, **more: object) -> NodeSpec:
         cls,
         Kind.DECORATOR,
         _ALL,
-        semantics=semantics,
+        semantics=replace(semantics, counterpart=IN_CPP),
         skipping=skipping,
         **more,  # type: ignore[arg-type]
     )
 
 
-_EVERYWHERE = (
+_EVERYWHERE: tuple[NodeSpec, ...] = (
     _control(
         nav2.RecoveryNode,
         Semantics(outcomes.recovery, gates=outcomes.after_a_failure, resumes=True),
@@ -58,7 +62,7 @@ _EVERYWHERE = (
     _decorator(nav2.SingleTrigger, Semantics(outcomes.once_until_reset, steady=True)),
 )
 
-_BEFORE_MAIN = (
+_BEFORE_MAIN: tuple[NodeSpec, ...] = (
     _control(
         nav2.WrappingRoundRobin,
         Semantics(outcomes.round_robin(wraps=True), resumes=True),
@@ -66,7 +70,7 @@ _BEFORE_MAIN = (
     ),
 )
 
-_MAIN = (
+_MAIN: tuple[NodeSpec, ...] = (
     _control(
         nav2.RoundRobin,
         Semantics(outcomes.round_robin(wraps=True), resumes=True),
@@ -74,7 +78,7 @@ _MAIN = (
     ),
 )
 
-_MAIN = (
+_MAIN: tuple[NodeSpec, ...] = (
     _control(
         nav2.RoundRobin,
         Semantics(outcomes.round_robin(wraps=None), resumes=True),

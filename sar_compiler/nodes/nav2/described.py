@@ -3,11 +3,13 @@
 import functools
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from sar_compiler.nodes.answers import answers_of
 from sar_compiler.nodes.nav2 import outcomes
+from sar_compiler.nodes.nav2.controls import IN_CPP
 from sar_compiler.nodes.nav2.types import type_of_port
 from sar_compiler.nodes.outcome_sets import F, S, adding, passing
 from sar_compiler.nodes.palettes import KnownSpec
@@ -69,7 +71,7 @@ def _spec(tag: str, said: Mapping[str, Any], version: str) -> NodeSpec:
         kind,
         _ALL,
         answers=answers,
-        semantics=semantics,
+        semantics=replace(semantics, counterpart=IN_CPP),
         skipping=skipping,
         signature=signature,
         child_count=counts,

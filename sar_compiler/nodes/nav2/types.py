@@ -59,7 +59,8 @@ def _fields(first: int, each: int, label: str, text: str) -> object:
     rest = len(fields) - first
     if rest != -each if each < 0 else rest % each or rest < 0:
         message = f"'{text}' is not {label}: it has {len(fields)} fields"
-        raise ConversionError(message, hint="give it a {key}")
+        hint = "give it a {key}; a pose is a time, a frame, and 7 numbers, with ; between them"
+        raise ConversionError(message, hint=hint)
     # A pose is a time, a frame, and seven numbers; each has these at its end.
     for place in range(first, len(fields), abs(each)):
         whole_number(fields[place])
@@ -85,8 +86,6 @@ def _of_fields(name: str, label: str, cpp: str, first: int, each: int) -> ValueT
     return _message(name, label, cpp, functools.partial(_fields, first, each))
 
 
-_POSES = "poses with ; between them, each a time, a frame, and 7 numbers"
-_LIST = f"a time and a frame, and {_POSES}"
 _TYPES = {
     "uint16_t": replace(PLAIN["integer"], cpp="uint16_t"),
     "milliseconds": replace(
@@ -97,21 +96,15 @@ _TYPES = {
         pattern=r"\+?[0-9]+(ms)?",
         cpp="std::chrono::milliseconds",
     ),
-    "PoseStamped": _of_fields(
-        "PoseStamped",
-        "a pose: a time, a frame, and 7 numbers with ; between them",
-        "geometry_msgs::msg::PoseStamped",
-        0,
-        -_POSE,
-    ),
+    "PoseStamped": _of_fields("PoseStamped", "a pose", "geometry_msgs::msg::PoseStamped", 0, -_POSE),
     "PoseStamped[]": _of_fields(
-        "Poses", f"several poses: {_POSES}", "std::vector<geometry_msgs::msg::PoseStamped>", 0, _POSE
+        "Poses", "several poses", "std::vector<geometry_msgs::msg::PoseStamped>", 0, _POSE
     ),
-    "Goals": _of_fields("Goals", f"goals: {_LIST}", "nav_msgs::msg::Goals", _HEADER, _POSE),
-    "Path": _of_fields("Path", f"a path: {_LIST}", "nav_msgs::msg::Path", _HEADER, _POSE),
+    "Goals": _of_fields("Goals", "a list of goals", "nav_msgs::msg::Goals", _HEADER, _POSE),
+    "Path": _of_fields("Path", "a path", "nav_msgs::msg::Path", _HEADER, _POSE),
     "WaypointStatus[]": _of_fields(
         "WaypointStatuses",
-        "statuses of goals, each of 13 fields with ; between them",
+        "the statuses of goals",
         "std::vector<nav2_msgs::msg::WaypointStatus>",
         0,
         _STATUS,
