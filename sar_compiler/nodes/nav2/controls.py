@@ -73,14 +73,6 @@ _BEFORE_MAIN: tuple[NodeSpec, ...] = (
 _MAIN: tuple[NodeSpec, ...] = (
     _control(
         nav2.RoundRobin,
-        Semantics(outcomes.round_robin(wraps=True), resumes=True),
-        signature=Signature(hidden=frozenset({"wrap_around"})),
-    ),
-)
-
-_MAIN: tuple[NodeSpec, ...] = (
-    _control(
-        nav2.RoundRobin,
         Semantics(outcomes.round_robin(wraps=None), resumes=True),
         signature=Signature(defaults={"wrap_around": False}),
     ),
