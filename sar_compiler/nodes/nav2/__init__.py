@@ -4,7 +4,7 @@ Controls and decorators mean what each distribution's sources say, and what can 
 they are known by their ports and answers, so that trees can be checked, simulated and verified.
 """
 
-from sar_compiler.nodes.nav2 import controls, described
+from sar_compiler.nodes.nav2 import described, free_nodes
 from sar_compiler.nodes.spec import NodeSpec
 
 VERSIONS = ("jazzy", "kilted", "main")
@@ -12,4 +12,4 @@ VERSIONS = ("jazzy", "kilted", "main")
 
 def specs(version: str) -> list[NodeSpec]:
     """Return the records of the nodes of a distribution."""
-    return [*controls.specs(version), *described.specs(version)]
+    return [*free_nodes.specs(version), *described.specs(version)]

@@ -9,7 +9,7 @@ from typing import Any
 
 from sar_compiler.nodes.answers import answers_of
 from sar_compiler.nodes.nav2 import outcomes
-from sar_compiler.nodes.nav2.controls import IN_CPP
+from sar_compiler.nodes.nav2.free_nodes import IN_CPP
 from sar_compiler.nodes.nav2.types import type_of_port
 from sar_compiler.nodes.outcome_sets import F, S, adding, passing
 from sar_compiler.nodes.palettes import KnownSpec
