@@ -220,3 +220,16 @@ class TestRuns:
         compiled = self.tree(tmp_path, body).compile()
         compiled.root.tick_once()
         assert compiled.root.status is Status.FAILURE
+
+
+def test_a_palette_that_only_lies_in_the_current_folder_is_not_loaded(tmp_path, monkeypatch):
+    metadata = tmp_path / "gripper-1.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: gripper\nVersion: 1\n", encoding="utf-8")
+    text = "[sar_compiler.palettes]\ngripper = gripper_palette\n"
+    (metadata / "entry_points.txt").write_text(text, encoding="utf-8")
+    (tmp_path / "gripper_palette.py").write_text("raise SystemExit", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(PaletteError, match="there is no palette 'gripper:1'; there is nav2"):
+        load_palettes(["gripper:1"])
