@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from sar_compiler.nodes.registry import default_registry
+from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.semantics import Order
 from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import ConversionError, ValueType
@@ -47,11 +47,15 @@ class Form:
         return self.text([])
 
 
-def forms() -> list[Form]:
-    """Return ways to write every control and decorator: each attribute with every value that it takes of a few."""
+def forms(registry: Registry | None = None) -> list[Form]:
+    """Return ways to write every control and decorator: each attribute with every value that it takes of a few.
+
+    Args:
+        registry: What there is; by default what is installed.
+    """
     return [
         form
-        for spec in default_registry()
+        for spec in registry or default_registry()
         if not spec.kind.is_leaf and spec.tag != "ForEach"
         for form in _forms_of(spec)
     ]
@@ -80,12 +84,15 @@ def _samples(parameter: Parameter) -> list[str]:
     name, value_type = parameter.name, parameter.value_type
     told = {
         "entry": ["{entry}"],
+        "current_child_idx": ["{v}"],
         "variable": ["1", "2", "{v}"],
         **{f"case_{n}": [str(n)] for n in range(1, 7)},
     }
     is_input = parameter.direction is None or parameter.direction is Direction.INPUT
     if name in told or value_type is None or not is_input:
         return told.get(name, ["{item}"])
+    if value_type.name.startswith("nav2."):  # no node does anything else for another message
+        return []
     if value_type.python is Script:
         return ["true", "false", "v == 1"]
     return list(value_type.choices)[:4] or [text for text in _SAMPLES if _is_value(text, value_type)]

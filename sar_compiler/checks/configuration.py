@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from sar_compiler.nodes.btcpp.versions import NEWEST, VERSIONS, Version
+from sar_compiler.nodes.palettes import is_palette_name
 from sar_compiler.tree.content import as_written, read_bytes, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.source import Source, Span
@@ -36,7 +37,8 @@ class Configuration(NamedTuple):
 
     Attributes:
         nodes: Modules of leaves, as `--nodes` names them.
-        models: Palettes, as `--model` names them.
+        models: Palettes that are files, as `--model` names them.
+        palettes: Palettes that are installed, as `--model` names them.
         include_path: Further folders that may be included from.
         btcpp: The version of BehaviorTree.CPP that the trees are for.
         trees: Files, folders and glob patterns of tree files that belong together, each with the folder it begins from.
@@ -55,6 +57,7 @@ class Configuration(NamedTuple):
     path: Path | None = None
     source: Source = Source("", "", NO_SPANS)
     node_spans: Mapping[str, Span] = {}
+    palettes: tuple[str, ...] = ()
 
     def decide(self, findings: Iterable[Diagnostic]) -> list[Diagnostic]:
         """Return findings with the severities that are decided on, without those that are not to be reported."""
@@ -128,12 +131,17 @@ def _decided(path: Path, table: tuple[str, ...]) -> Configuration | None:
         return None if table else NOTHING_DECIDED
     held = document.hold("settings", found)
     said, entries = held.data, held.mapping
-    models = _paths(path, document, entries.get(_MODELS), _MODELS, "--model")
-    include_path = _paths(path, document, entries.get(_INCLUDE_PATH), _INCLUDE_PATH, "--include-path")
+    written = entries[_MODELS].listed if _MODELS in entries else ()
+    palettes = tuple(each.text or "" for each in written if is_palette_name(each.text or ""))
+    files = [each for each in written if not is_palette_name(each.text or "")]
+    models = _paths(path, document, files, _MODELS, "--model")
+    folders = entries[_INCLUDE_PATH].listed if _INCLUDE_PATH in entries else ()
+    include_path = _paths(path, document, folders, _INCLUDE_PATH, "--include-path")
     project = entries.get(_PROJECT)
     trees = project.mapping.get(_TREES) if project is not None else None
-    patterns = tuple(str(each.data) for each in trees.listed) if trees is not None else ()
-    _paths(path, document, trees, _TREES, "")
+    listed = trees.listed if trees is not None else ()
+    patterns = tuple(str(each.data) for each in listed)
+    _paths(path, document, listed, _TREES, "")
     document.raise_findings()
     modules = entries[_NODES].listed if _NODES in entries else ()
     return Configuration(
@@ -149,14 +157,14 @@ def _decided(path: Path, table: tuple[str, ...]) -> Configuration | None:
         path,
         document.source,
         {str(module.data): document.span(module) for module in modules},
+        palettes,
     )
 
 
 def _paths(
-    path: Path, document: "Document", written: "Value | None", name: str, option: str
+    path: Path, document: "Document", listed: "Iterable[Value]", name: str, option: str
 ) -> tuple[Path, ...]:
     """Return paths that a setting lists, from the file's folder; none leads out of the repository."""
-    listed = written.listed if written is not None else ()
     found = (
         path_inside(document, path.parent, value, name, f", or name it yourself: {option}" if option else "")
         for value in listed

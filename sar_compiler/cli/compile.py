@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE, Parser, add_version, run
 from sar_compiler.cli.loading import (
     FILE_HELP,
-    add_model,
+    add_models,
     add_nodes,
     add_project_options,
     additions,
@@ -101,7 +101,7 @@ def _add_schema(parser: argparse.ArgumentParser) -> None:
 
 def _add_model_alone(parser: argparse.ArgumentParser) -> None:
     """Add `--model` where no tree is read: nothing is included, and no configuration is asked."""
-    add_model(parser)
+    add_models(parser)
     parser.set_defaults(include_path=[], trust=False)
 
 

@@ -18,12 +18,12 @@ FILE_HELP = "a tree file, or the name of a shipped tree"
 
 def add_project_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that extend a project's configuration, besides `--nodes`."""
-    add_model(parser)
+    add_models(parser)
     add_include_path(parser)
     add_trust(parser)
 
 
-def add_model(parser: argparse.ArgumentParser) -> None:
+def add_models(parser: argparse.ArgumentParser) -> None:
     """Add `--model`."""
     parser.add_argument(
         "--model",
@@ -31,7 +31,8 @@ def add_model(parser: argparse.ArgumentParser) -> None:
         default=[],
         type=Path,
         metavar="NODES.xml",
-        help="a palette: a file whose TreeNodesModel describes nodes that are not installed; may be repeated",
+        help="a palette, which describes nodes that are not installed: a file with a TreeNodesModel, or the nodes of a "
+        "distribution of Nav2 (nav2:jazzy, nav2:kilted, nav2:main); may be repeated",
     )
 
 

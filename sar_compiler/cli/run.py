@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import Parser, add_version, seed, speed
-from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_nodes, add_trust
+from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_models, add_nodes, add_trust
 from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import USAGE, run
 from sar_compiler.resources import find
@@ -45,6 +45,7 @@ class Options:
         mission: The name of the mission; None to choose it by the tree's leaves.
         fault: The faults of the simulated servers, as written.
         nodes: Modules of leaves.
+        model: Palettes.
         include_path: Further folders that files may be included from.
         trust: Whether to run the modules beside the project's configuration.
         traceback: Whether to show the tracebacks of leaves that fail.
@@ -65,6 +66,7 @@ class Options:
     mission: str | None
     fault: Sequence[str]
     nodes: Sequence[str]
+    model: Sequence[Path]
     include_path: Sequence[Path]
     trust: bool
     traceback: bool
@@ -212,6 +214,7 @@ def _parser() -> Parser:
     )
     add_version(parser)
     add_nodes(parser)
+    add_models(parser)
     add_include_path(parser)
     add_trust(parser)
     return parser

@@ -20,7 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 from sar_compiler.cli.loading import tell_passed_over
 from sar_compiler.cli.output import RunOutput
 from sar_compiler.commands import FINDINGS, OK
-from sar_compiler.compiler import CompiledTree, compile_tree
+from sar_compiler.compiler import CompiledTree, compile_tree, require_classes
 from sar_compiler.errors import SarError
 from sar_compiler.missions.beginning import begin_run, node_name
 from sar_compiler.missions.choosing import MissionError, choose_mission
@@ -74,6 +74,7 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
     make_engine = find_engine(options.engine)
     loaded = _loaded(options)
     binding = loaded.binding(options.tree_id)
+    require_classes(binding)
     mission = choose_mission(binding, options.mission, loaded.project.checkout)
     targets = {**(mission.faults if mission is not None else {}), **NAVIGATION_FAULTS}
     faults = [parse_fault(text, targets) for text in options.fault]
@@ -108,7 +109,9 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
 
 
 def _loaded(options: "Options") -> LoadedTree:
-    additions = Additions(tuple(options.nodes), (), tuple(options.include_path), options.trust)
+    additions = Additions(
+        tuple(options.nodes), tuple(options.model), tuple(options.include_path), options.trust
+    )
     return Workspace(additions, note=tell_passed_over).load(options.tree)
 
 

@@ -7,7 +7,7 @@ from uuid import UUID
 import py_trees
 from py_trees.behaviour import Behaviour
 
-from sar_compiler.compiler.building import Builder, PreviewBuilder
+from sar_compiler.compiler.building import Builder, PreviewBuilder, report_without_class
 from sar_compiler.compiler.constructor_arguments import Arguments, PreviewArguments, given
 from sar_compiler.compiler.origins import Origin, Origins, remember
 from sar_compiler.nodes.binding.binder import bind
@@ -101,6 +101,20 @@ def compile_tree(
     return compile_with(
         binding, Builder(binding, Arguments(context, parameters, collector), collector), parameters, collector
     )
+
+
+def require_classes(binding: Binding) -> None:
+    """See that there is a class for every node of a bound tree.
+
+    Raises:
+        TreeError: If there is not; names each that has none.
+    """
+    collector = Collector()
+    for bound in binding.nodes():
+        if bound.spec.is_foreign:
+            report_without_class(bound, collector)
+    if collector.findings:
+        raise TreeError(collector.findings)
 
 
 def preview_tree(binding: Binding) -> CompiledTree:

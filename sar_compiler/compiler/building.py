@@ -38,6 +38,20 @@ _NodeInInstance = tuple[Instance, BoundNode]
 """A node of an instance."""
 
 
+def report_without_class(bound: BoundNode, collector: Collector) -> None:
+    """Report a node that cannot be made, because there is no class for it."""
+    if bound.element.tag == SUBTREE_TAG:
+        message = f"the tree '{bound.spec.tag}' is described by a model, but it is in no file"
+        hint = "<include> the file that has it, or name that under [project] trees in sar.toml"
+    else:
+        what = "is described by a model" if bound.spec.is_only_described else "is a node of another program"
+        message = f"<{bound.spec.tag}> {what}, but no class is registered for it"
+        hint = "load the module that has it: --nodes package.module"
+    if bound.spec.is_only_described and is_own_word(bound.spec.tag):
+        hint += f", or delete the model if py_trees' <{bound.spec.tag}> is meant"
+    collector.tag(bound.element, "not-installed", message, hint=hint)
+
+
 class Builder:
     """Makes the behaviours of one tree.
 
@@ -73,15 +87,7 @@ class Builder:
 
     def only_described(self, bound: BoundNode) -> None:
         """Report a node for which there is no class."""
-        if bound.element.tag == SUBTREE_TAG:
-            message = f"the tree '{bound.spec.tag}' is described by a model, but it is in no file"
-            hint = "<include> the file that has it, or name that under [project] trees in sar.toml"
-        else:
-            message = f"<{bound.spec.tag}> is described by a model, but no class is registered for it"
-            hint = "load the module that has it: --nodes package.module"
-        if is_own_word(bound.spec.tag):
-            hint += f", or delete the model if py_trees' <{bound.spec.tag}> is meant"
-        self._collector.tag(bound.element, "not-installed", message, hint=hint)
+        report_without_class(bound, self._collector)
 
     def place(self, instance: Instance, bound: BoundNode) -> Behaviour:
         """Build a node in place, with its wrappers and all below it; not recursively, since trees may be deep."""

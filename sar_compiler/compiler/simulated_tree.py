@@ -4,7 +4,7 @@ Controls, decorators and the leaves of the language itself are made for real, on
 other leaf, installed or only described, is a `StubLeaf`: an outcome policy chooses among its possible answers.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,7 +23,7 @@ from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.binding.skips import SkipAnalysis, report_misread
 from sar_compiler.nodes.language import leaves as language
-from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter
 from sar_compiler.runtime.answers import Answer, Fact
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Scope
 from sar_compiler.runtime.clock import Clock, ManualClock
@@ -163,6 +163,8 @@ class SimulationArguments(Arguments):
 
     def of(self, instance: Instance, bound: BoundNode) -> dict[str, Any]:
         """Return the arguments of a node, by its parameters' names; what stands for a leaf that answers has its ports."""
+        if bound.spec.stand_in is not None:
+            return {"name": bound.name}
         if not is_answered(bound.spec):
             return super().of(instance, bound)
         ports: dict[str, Any] = {}
@@ -218,9 +220,9 @@ class SimulationBuilder(Builder):
     def prepare(self, instance: Instance) -> None:
         """Give the leaves of an instance their identifiers, and see that all nodes can have what they need."""
         for bound in instance.tree.nodes:
-            if bound.spec.kind.is_leaf:
+            if bound.spec.kind.is_leaf or bound.spec.asks:
                 self._names[instance, bound] = self._identifiers.take(bound.name)
-            if is_answered(bound.spec):
+            if is_answered(bound.spec) or bound.spec.asks:
                 path = self._places.path(instance, bound)
                 said = self._said[instance, bound] = answers_for(self._assumptions.answers, path, bound.spec)
                 self._numbers[instance, bound] = self._numbers_in(said, instance, bound)
@@ -240,6 +242,10 @@ class SimulationBuilder(Builder):
         if bound.element.tag == SUBTREE_TAG:
             super().only_described(bound)
 
+    def _maker(self, bound: BoundNode) -> Callable[..., Any]:
+        """Return the constructor of a node, or that of its stand-in."""
+        return bound.spec.stand_in or super()._maker(bound)
+
     def start_facts(self) -> None:
         """Write the facts that the leaves have named, and those that are assumed, once all leaves are made."""
         values = {name: value for name, (value, _) in self._start.items()}
@@ -249,8 +255,17 @@ class SimulationBuilder(Builder):
             entry.write(value)
 
     def _make(self, instance: Instance, bound: BoundNode, children: list[Behaviour]) -> Behaviour:
-        if not is_answered(bound.spec):
+        if is_answered(bound.spec):
+            return self._stub(instance, bound)
+        if not bound.spec.asks:
             return super()._make(instance, bound, children)
+        below = children if bound.spec.kind is Kind.CONTROL else children[0]
+        made: Behaviour = self._maker(bound)(bound.name, below, self._stub(instance, bound))
+        self.constructions.append(Construction(made.id, instance, bound))
+        return made
+
+    def _stub(self, instance: Instance, bound: BoundNode) -> StubLeaf:
+        """Make the leaf that answers for a node, or for the world around it."""
         names = {SELF: self._names[instance, bound], **self._numbers[instance, bound]}
         for parameter in bound.spec.references:
             target = instance.referred(bound, parameter.name)

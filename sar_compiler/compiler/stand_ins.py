@@ -5,26 +5,9 @@ from collections.abc import Mapping
 from sar_compiler.errors import UndecidableError
 from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.binding.skips import by_itself
+from sar_compiler.nodes.palettes import palettes_with
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.tree.diagnostic import Diagnostic
-
-_NAV2 = frozenset(
-    [
-        "DistanceController",
-        "GoalUpdatedController",
-        "GoalUpdater",
-        "NonblockingSequence",
-        "PathLongerOnApproach",
-        "PauseResumeController",
-        "PersistentSequence",
-        "PipelineSequence",
-        "RateController",
-        "RecoveryNode",
-        "RoundRobin",
-        "SingleTrigger",
-        "SpeedController",
-    ]
-)
 
 
 class OnlyDescribedError(UndecidableError):
@@ -42,9 +25,10 @@ class OnlyDescribedError(UndecidableError):
 def _finding(bound: BoundNode) -> Diagnostic:
     tag, element = bound.spec.tag, bound.element
     message = f"<{tag}> is only described by a model, and when it ticks its children is not known"
-    nav2 = ", or Nav2's nodes (--model nav2:jazzy)" if tag in _NAV2 else ""
+    palettes = " or ".join(palettes_with(tag))
+    known = f", or the palette that knows it (--model {palettes})" if palettes else ""
     hint = (
-        f"load the module that has it (--nodes PKG.MOD){nav2}; or say in the scenario or the file of properties which node "
+        f"load the module that has it (--nodes PKG.MOD){known}; or say in the scenario or the file of properties which node "
         f"stands for it: controls: {{{tag}: ...}}"
     )
     return Diagnostic("only-described", message, element.source, element.tag_span(), hint=hint)

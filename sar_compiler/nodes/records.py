@@ -61,7 +61,7 @@ class RecordedSpec(NodeSpec):
         registered_by: The import path of the package that registers the node.
     """
 
-    is_only_described = False
+    is_only_described = is_foreign = False
     absent_methods = ()
     registered_by: str
 

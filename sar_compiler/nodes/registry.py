@@ -11,6 +11,7 @@ from types import ModuleType
 
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.installed import entry_points, import_installed
+from sar_compiler.nodes.palettes import load_palettes
 from sar_compiler.nodes.records import Record, RecordedSpec, recorded, specs_of
 from sar_compiler.nodes.spec import MARK, NodeSpec
 from sar_compiler.nodes.values import nearest
@@ -127,7 +128,10 @@ class Registry:
 
 
 def load_registry(
-    named: Iterable[Named] = (), configured: Iterable[str] = (), checkout: Path | None = None
+    named: Iterable[Named] = (),
+    configured: Iterable[str] = (),
+    checkout: Path | None = None,
+    palettes: Iterable[str] = (),
 ) -> Registry:
     """Make the registry of all installed nodes and of those that are named.
 
@@ -136,9 +140,12 @@ def load_registry(
             classes of leaves.
         configured: Import paths that a configuration names; these are installed, or trusted.
         checkout: A folder whose content does not count as installed.
+        palettes: Names of installed palettes (`nav2:jazzy`); what is registered under the tag of one of their nodes
+            takes its place.
 
     Raises:
         RegistryError: If a module cannot be imported or has no leaves; names it and says why.
+        PaletteError: If there is no such palette.
     """
 
     def installed(module: str) -> ModuleType:
@@ -161,6 +168,7 @@ def load_registry(
             registry.add_module(each)
         else:
             registry.add_class(each)
+    _add_palettes(registry, load_palettes(palettes, checkout))
     return registry
 
 
@@ -189,6 +197,13 @@ def is_own_word(tag: str) -> bool:
 def default_registry() -> Registry:
     """Return the registry of all installed nodes."""
     return load_registry()
+
+
+def _add_palettes(registry: Registry, specs: Iterable[NodeSpec]) -> None:
+    """Add what palettes know, but for tags that somebody has registered."""
+    for spec in specs:
+        if spec.tag not in registry:
+            registry.add(spec)
 
 
 def _add_import(registry: Registry, name: str, source: str, load: Callable[[str], ModuleType]) -> None:

@@ -232,7 +232,8 @@ class NodeSpec:
         outcomes: The names of the statuses that a tick can return.
         effects: Its effect on the world, in a few words; empty if it has none.
         uses: The resources that it needs outside the tree.
-        answers: For a leaf: the possible results of a tick in a simulation; by default one for each outcome.
+        answers: For a leaf: the possible results of a tick in a simulation; by default one for each outcome. For another
+            node with a stand-in: what the world answers when the node asks it.
         facts: The facts that these answers use, with their initial values.
         reads: Further facts or blackboard keys that its behaviour depends on.
         writes: Further facts or blackboard keys that it changes.
@@ -246,6 +247,8 @@ class NodeSpec:
         former_tags: Its names in earlier versions of BehaviorTree.CPP and py_trees.
         former_attributes: The attributes that it had in BehaviorTree.CPP 3, with those of today.
         rule: Reports attributes that do not fit each other or the children.
+        stand_in: For a control or decorator without a class: what is made of it where there is no robot. It is given the leaf
+            that answers for the world as `asked`, if there are answers.
     """
 
     tag: str
@@ -266,6 +269,7 @@ class NodeSpec:
     former_tags: tuple[str, ...] = ()
     former_attributes: Mapping[str, str] = field(default_factory=dict)
     rule: "Rule | None" = None
+    stand_in: type[Any] | None = None
 
     def __post_init__(self) -> None:
         if self.child_count[0] < 0:
@@ -317,6 +321,16 @@ class NodeSpec:
         """Whether no class is known, only a model of the node."""
         return self.cls is None
 
+    @property
+    def is_foreign(self) -> bool:
+        """Whether another program executes it: there is no class."""
+        return self.cls is None
+
+    @property
+    def asks(self) -> bool:
+        """Whether a leaf answers for the world around it where there is no robot."""
+        return not self.kind.is_leaf and bool(self.answers)
+
     @functools.cached_property
     def fixed(self) -> Mapping[str, object]:
         """The parameters whose value the tag implies."""
@@ -362,7 +376,7 @@ class NodeSpec:
     def is_demanding(self) -> bool:
         """Whether there is more to an instance than its values and children."""
         around = self.references or self.handed_over or self.facts or self.reads or self.writes
-        return bool(around) or self.is_only_described
+        return bool(around) or self.is_foreign
 
     @functools.cached_property
     def structure(self) -> str:

@@ -14,6 +14,7 @@ from sar_compiler.checks import check, check_palettes, first_of_each
 from sar_compiler.checks.configuration import Configuration, configuration_for, repository_of
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.nodes.installed import ignored_entry_points, is_installed
+from sar_compiler.nodes.palettes import is_palette_name
 from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, load_registry
 from sar_compiler.tree.content import as_written, read_bytes, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
@@ -40,7 +41,7 @@ class Additions(NamedTuple):
 
     Attributes:
         nodes: Leaves: import paths of modules, which may be in the current folder; modules; classes.
-        models: Palettes, which describe nodes that are not installed.
+        models: Palettes, which describe nodes that are not installed: files, or names of installed ones (`nav2:jazzy`).
         include_path: Further folders that may be included from.
         trust: Whether to run, now and until they change, the modules beside configurations.
         registry: The registered nodes; None for the installed and named ones.
@@ -53,6 +54,11 @@ class Additions(NamedTuple):
     trust: bool = False
     registry: Registry | None = None
     trees: tuple[Path, ...] = ()
+
+    @property
+    def palettes(self) -> tuple[str, ...]:
+        """The palettes that are installed."""
+        return tuple(str(each) for each in self.models if is_palette_name(str(each)))
 
 
 class Project:
@@ -83,6 +89,7 @@ class Project:
             TreeError: If the configuration names modules that are neither installed nor trusted.
             RegistryError: If a module cannot be imported or has no leaves.
             TrustError: If trust cannot be recorded.
+            PaletteError: If a palette is named that is not installed.
         """
         if self.additions.registry is not None:
             return self.additions.registry
@@ -90,7 +97,8 @@ class Project:
         brought = [each for each in wanted if not is_installed(each, self.checkout)]
         if brought:
             self._require_trust(brought)
-        return load_registry(self.additions.nodes, wanted, self.checkout)
+        palettes = (*self.additions.palettes, *self.configuration.palettes)
+        return load_registry(self.additions.nodes, wanted, self.checkout, palettes)
 
     def _require_trust(self, modules: list[str]) -> None:
         """Allow the import of modules beside the configuration, if the user trusts them."""
@@ -113,13 +121,14 @@ class Project:
 
     @functools.cached_property
     def palettes(self) -> tuple[TreeFile, ...]:
-        """The palettes, which describe nodes that are not installed.
+        """The palettes that are files, which describe nodes that are not installed.
 
         Raises:
             UnreadableFileError: If a file does not exist or cannot be read.
             TreeError: If one is malformed.
         """
-        return tuple(read_tree_file(path) for path in (*self.additions.models, *self.configuration.models))
+        files = [path for path in self.additions.models if not is_palette_name(str(path))]
+        return tuple(read_tree_file(path) for path in (*files, *self.configuration.models))
 
     @functools.cached_property
     def findings(self) -> list[Diagnostic]:
@@ -491,9 +500,9 @@ def load(
     Args:
         tree: The path of a tree file, or the name of a shipped tree (`search_and_rescue`).
         nodes: Leaves of your own: classes, modules, or import paths of modules.
-        models: Palettes, which describe nodes that are not installed.
+        models: Palettes, which describe nodes that are not installed: files, or names of installed ones (`nav2:jazzy`).
         include_path: Further folders that the file may include from.
-        registry: The registered nodes, instead of the installed ones and *nodes*.
+        registry: The registered nodes, instead of the installed ones, *nodes* and palettes that are installed.
 
     Raises:
         UnreadableFileError: If the file does not exist or cannot be read.

@@ -14,7 +14,7 @@ from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.simulated_tree import compile_simulated
 from sar_compiler.nodes.outcome_sets import BITS
-from sar_compiler.nodes.registry import Registry, default_registry
+from sar_compiler.nodes.registry import Registry, load_registry
 from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.searching import explore
@@ -43,8 +43,8 @@ def _leaf(outcomes: Sequence[str]) -> NodeSpec:
     return NodeSpec(tag, type(tag, (Dummy,), {"__init__": init}), Kind.ACTION, frozenset(outcomes))
 
 
-REGISTRY = Registry([*default_registry().specs(), *map(_leaf, SUBSETS)])
-"""Everything that is installed, and a leaf for each set of answers."""
+REGISTRY = Registry([*load_registry(palettes=["nav2:main"]).specs(), *map(_leaf, SUBSETS)])
+"""Everything that is installed, the nodes of Nav2, and a leaf for each set of answers."""
 
 
 def leaf(outcomes: Sequence[str], name: str) -> str:
@@ -118,7 +118,7 @@ class RandomTrees:
     def __init__(self, seed: int) -> None:
         self._draw = random.Random(seed)  # noqa: S311 - the same trees in every run
         self._forms: dict[str, list[Form]] = {}
-        for form in forms():
+        for form in forms(REGISTRY):
             self._forms.setdefault(form.spec.tag, []).append(form)
         self._number = itertools.count()
         self._reads_keys = False

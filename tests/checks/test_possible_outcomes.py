@@ -12,7 +12,7 @@ from tests.checks.outcome_oracle import REGISTRY, SUBSETS, RandomTrees, answers_
 from tests.node_forms import Form, forms
 from tests.trees import forest
 
-FORMS = forms()
+FORMS = forms(REGISTRY)
 # One in so many combinations of what the children answer is tried where several have to be told apart; the
 # surroundings of a node that reads keys make each of them dear.
 TRIED, TRIED_WITH_KEYS = 5, 71

@@ -91,7 +91,7 @@ class CheckContext:
     @functools.cached_property
     def is_foreign(self) -> bool:
         """Whether a node is only described: another program executes the trees."""
-        return any(bound.spec.is_only_described for tree in self.trees for bound in tree.demanding)
+        return any(bound.spec.is_foreign for tree in self.trees for bound in tree.demanding)
 
     @functools.cached_property
     def outcomes(self) -> PossibleOutcomes:

@@ -266,7 +266,7 @@ def entry_table_of(top: Instance, accesses: Mapping[BoundTree, KeyAccesses]) -> 
     for instance in top.iterate():
         of_tree = accesses[instance.tree]
         is_open = is_open or of_tree.is_open
-        is_foreign = is_foreign or any(bound.spec.is_only_described for bound in instance.tree.demanding)
+        is_foreign = is_foreign or any(bound.spec.is_foreign for bound in instance.tree.demanding)
         for access in of_tree.accesses:
             entry = _entry(entries, instance.scope, access.key)
             entry.uses.append(EntryAccess(instance, access, places))

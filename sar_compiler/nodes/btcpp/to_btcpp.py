@@ -252,7 +252,7 @@ class _Conversion:
             self.notes.no_counterpart(draft.element, message, spec.semantics.counterpart.hint)
         built_in = is_built_in(specs)
         if not built_in:
-            if not spec.kind.is_leaf:
+            if not spec.kind.is_leaf and spec.semantics.counterpart.hint:
                 message = f"BehaviorTree.CPP has no <{draft.tag}>"
                 self.notes.no_counterpart(draft.element, message, spec.semantics.counterpart.hint)
             for parameter in spec.references:

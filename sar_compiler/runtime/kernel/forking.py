@@ -88,11 +88,18 @@ class ForkingTicker(Ticker):
         self.choices = choices
         self.trail = trail
         self._few = few
-        # How a node has ended counts in the middle of a tick: its parent may be about to look.
-        self._code = StateCode(cells, values, [])
+        # In the middle of a tick how a node has ended counts: its parent may be about to look.
+        self._code = self._whole_code = StateCode(cells, values, [])
         self._forks: list[Fork] = []
         self._ticks = 0
         self._seen: set[tuple[Any, ...]] = set()
+
+    def forget(self, forgotten: list[bool]) -> None:
+        """Say for each node whether it makes no difference, while it does not run, if and how it has ended.
+
+        In the middle of a tick it makes one for the children of the nodes that are ticked: those may be about to look.
+        """
+        self._code = StateCode(self.cells, self.values, forgotten)
 
     def begin(self, root: TreeNode, watched: int) -> None:
         """Begin with the first tick of the state that the cells and entries have.
@@ -144,7 +151,7 @@ class ForkingTicker(Ticker):
             self._objects.begin_play(is_merging=self._ticks > self._few)
         while True:
             if is_new and node.ways(self) > 1:
-                if self._is_known(node):
+                if self._is_known(node, waiting):
                     return KNOWN
                 self._forks.append(Fork(self, node, waiting))
             is_new = True
@@ -175,16 +182,22 @@ class ForkingTicker(Ticker):
         if self._ticks <= self._few:
             return False
         inside = None if self._objects is None else self._objects.now()
-        return inside is not None and self._is_known(node, inside)
+        # Who waits around the user's methods is not known here, so how nodes have ended always makes a difference.
+        return inside is not None and self._was_at(node, self._whole_code, [], inside)
 
-    def _is_known(self, node: TreeNode, inside: Any = None) -> bool:
+    def _is_known(self, node: TreeNode, waiting: list[TreeNode]) -> bool:
         """Return whether a tick was here before, with nothing behind it that makes a difference."""
         if self._ticks <= self._few:
             return False
+        cells = self.cells
+        ended = [cells[child.at] for around in waiting for child in around.children]
+        return self._was_at(node, self._code, ended, None)
+
+    def _was_at(self, node: TreeNode, code: StateCode, ended: list[int], inside: Any) -> bool:
         trail = self.trail
         self.entries.settle()
-        head = [node.index, trail.watched, trail.broken]
-        state = self._code.written(head, self.cells, self.values, self.entries.now)
+        head = [node.index, trail.watched, trail.broken, *ended]
+        state = code.written(head, self.cells, self.values, self.entries.now)
         place = (node.index, state, trail.going_on, trail.changed, inside)
         if place in self._seen:
             return True

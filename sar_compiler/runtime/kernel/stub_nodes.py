@@ -197,7 +197,7 @@ class StubNode(TreeNode):
         cells, trail = ticker.cells, self._trail
         self._ran.add(self.index)
         if cells[self.at] != RUNNING:
-            trail.changed |= self._bit
+            trail.start(self._bit)
             trail.take(self._started)
         replies = self._possible()
         reply = replies[self._choices.pick(len(replies))]
@@ -206,9 +206,9 @@ class StubNode(TreeNode):
             reply.effect.call(reply.change)
         outcome = reply.outcome
         if outcome == RUNNING:
-            trail.going_on |= self._bit
+            trail.go_on(self._bit)
         else:
-            trail.changed |= self._bit
+            trail.end(self._bit)
         if outcome != SKIPPED:
             cells[self.at] = outcome
         return outcome
@@ -216,7 +216,7 @@ class StubNode(TreeNode):
     def stop(self, ticker: Ticker) -> None:
         """Halt the leaf if it runs."""
         if ticker.cells[self.at] == RUNNING:
-            self._trail.changed |= self._bit
+            self._trail.end(self._bit)
             self._trail.take(self._halted)
         ticker.cells[self.at] = INVALID
 
@@ -250,15 +250,15 @@ class ChosenTimes(Times):
 
     def start(self, index: int, seconds: float) -> int:
         """Start a timer; one without any time is up at once."""
-        self._trail.changed |= self._trail.bit(index)
+        self._trail.start(self._trail.bit(index))
         return _STARTED if seconds > 0 else _UP
 
     def is_up(self, index: int, token: int) -> bool:
         """Choose whether a timer is up."""
         if token == _UP or self._choices.pick(2) == 1:
-            self._trail.changed |= self._trail.bit(index)
+            self._trail.end(self._trail.bit(index))
             return True
-        self._trail.going_on |= self._trail.bit(index)
+        self._trail.go_on(self._trail.bit(index))
         return False
 
     def remaining(self, index: int, token: int) -> float:  # noqa: ARG002 - as the protocol has it

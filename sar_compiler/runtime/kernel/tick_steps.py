@@ -55,6 +55,7 @@ class TickSteps:
         heeded = {node.at for node in flat.nodes if node.heeds_end}
         forgotten = [index not in heeded for index in range(len(flat.nodes))] if forgets else []
         self._code = StateCode(ticker.cells, ticker.values, forgotten)
+        ticker.forget(forgotten)
         self._judge = judge
         self._judged_by = judged_by
         self._judged: dict[tuple[int, int, bool | None], Memo] = {}

@@ -31,8 +31,8 @@ class Trail:
 
     Attributes:
         numbers: What has happened, in order.
-        going_on: The leaves that have answered RUNNING, and the timers that were not up, as bits.
-        changed: The leaves and timers that have started or come to an end, as bits.
+        going_on: The leaves that run on as they were, and the timers that were not up, as bits.
+        changed: The leaves that run and timers that count, but have begun in this tick, as bits.
         watched: What the properties remember.
         broken: The properties that were broken, as bits.
     """
@@ -74,6 +74,23 @@ class Trail:
         after: it is another activation, which has its whole time before it. See `liveness` for what that decides.
         """
         return self.going_on & ~self.changed
+
+    def start(self, bit: int) -> None:
+        """Note that a leaf or timer starts."""
+        self.changed |= bit
+
+    def go_on(self, bit: int) -> None:
+        """Note that a leaf answers RUNNING, or a timer is not up."""
+        if not self.changed & bit:
+            self.going_on |= bit
+
+    def end(self, bit: int) -> None:
+        """Note that a leaf ends or is halted, or a timer is up.
+
+        Whatever was before in this tick makes no difference any more, so that ticks meet that differ only in it.
+        """
+        self.going_on &= ~bit
+        self.changed &= ~bit
 
     def take(self, number: int) -> None:
         """Take an event, and what goes with it."""

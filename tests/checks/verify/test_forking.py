@@ -7,6 +7,7 @@ from sar_compiler.checks.verify.property_files import parse_property_file
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.runtime.kernel.searching import explore
+from sar_compiler.runtime.kernel.trail import Trail
 from tests.checks.verify.stage import BROKEN, PROVED, TAGS, bound, outcome, simulated_tree, verified
 from tests.checks.verify.test_same_as_py_trees import trees
 
@@ -81,3 +82,25 @@ def test_a_condition_that_changes_what_it_looks_at_changes_it_in_every_run():
     assert outcome(found, "every leaf can run") is PROVED
     found = verified(body.replace("a == 3", "a == 2"))
     assert outcome(found, "every leaf can run") is BROKEN
+
+
+def test_a_leaf_that_begins_and_ends_in_a_tick_leaves_nothing_behind():
+    """Else a tick in which much is tried again would have another middle for each of its histories."""
+    trail = Trail({}, [], lambda watched, _: (watched, 0))
+    trail.begin(0)
+    leaf = trail.bit(7)
+    trail.start(leaf)
+    trail.go_on(leaf)
+    assert (trail.going_on, trail.changed, trail.waits) == (0, leaf, 0)
+    trail.end(leaf)
+    assert (trail.going_on, trail.changed, trail.waits) == (0, 0, 0)
+
+
+def test_a_leaf_that_runs_on_is_waited_for_until_it_ends():
+    trail = Trail({}, [], lambda watched, _: (watched, 0))
+    trail.begin(0)
+    leaf = trail.bit(7)
+    trail.go_on(leaf)
+    assert trail.waits == leaf
+    trail.end(leaf)
+    assert trail.waits == 0

@@ -1,0 +1,135 @@
+"""What a tick of Nav2's controls and decorators can come to, by what their children's can."""
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+
+from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.nodes.outcome_sets import F, K, Possible, R, S, union
+from sar_compiler.nodes.semantics import Gate
+
+_ENDS = S | F | K
+
+
+def recovery(bound: BoundNode, children: Sequence[int], sure: bool) -> int:
+    """Return the set of a node that ticks its first child again after a success of the second one."""
+    main, recovering = children
+    retries = bound.value("number_of_retries")
+    found = main & ~F
+    if not main & F:
+        return found
+    if retries == 0 or recovering & _ENDS or (retries is None and not sure):
+        found |= F
+    return found | (recovering & R if retries != 0 else 0)
+
+
+def pipeline(bound: BoundNode, children: Sequence[int], sure: bool) -> int:
+    """Return the set of a node that ticks all its children again, up to the furthest one that was reached."""
+    if sure:
+        # Of those behind a branch it is not known whether that lets them come to an end: it is not reset in between.
+        leaves = [child.spec.kind.is_leaf for child in bound.children]
+        known = leaves.index(False) + 1 if False in leaves else len(children)
+        children = [*children[:known], *[0] * (len(children) - known)]
+    found = 0
+    for child in children:
+        found |= child & (F | R)
+        if not child & (S | K):
+            return found
+    # One that runs while a later one has been the furthest counts as one that was not skipped.
+    runs = sum(1 for child in children if child & R) > 1
+    succeeds = union(children) & S or (runs and not sure)
+    return found | (S if succeeds else 0) | (K if all(child & K for child in children) else 0)
+
+
+def round_robin(*, wraps: bool | None) -> Possible:
+    """Return the function of a node that ticks its children in turn.
+
+    Args:
+        wraps: Whether the first one follows the last one; None if the attribute `wrap_around` says so.
+    """
+    return partial(_round_robin, wraps)
+
+
+def _round_robin(wraps: bool | None, bound: BoundNode, children: Sequence[int], sure: bool) -> int:
+    if wraps is None:
+        wraps = bound.value("wrap_around")  # type: ignore[assignment]
+    if wraps is None:
+        both = _wrapping(children), _not_wrapping(children)
+        return both[0] & both[1] if sure else both[0] | both[1]
+    return _wrapping(children) if wraps else _not_wrapping(children)
+
+
+def _wrapping(children: Sequence[int]) -> int:
+    found = 0
+    for child in children:
+        found |= child & (S | R)
+        if not child & _ENDS:
+            return found
+    fails = all(child & (F | K) for child in children) and union(children) & F
+    return found | (F if fails else 0) | (K if all(child & K for child in children) else 0)
+
+
+def _not_wrapping(children: Sequence[int]) -> int:
+    *others, last = children
+    found = 0
+    for child in others:
+        found |= child & (S | R)
+        if not child & _ENDS:
+            return found
+    found |= last & R
+    began_later = union(others) & (S | F) or union(children[1:]) & R
+    if last & (S | F) or (last & K and began_later):
+        found |= F
+    return found | (K if all(child & K for child in children) else 0)
+
+
+def nonblocking(_bound: BoundNode, children: Sequence[int], _sure: bool) -> int:
+    """Return the set of a node that ticks all its children in every tick."""
+    found = 0
+    for child in children:
+        found |= child & F
+        if not child & (S | R):
+            return found
+    runs = union(children) & R
+    return found | runs | (S if all(child & S for child in children) else 0)
+
+
+def persistent(_bound: BoundNode, children: Sequence[int], sure: bool) -> int:
+    """Return the set of a sequence whose place is on the blackboard."""
+    if not sure:
+        return union(children) & (F | R) | S
+    found = 0
+    for child in children:
+        found |= child & (F | R)
+        if not child & (S | K):
+            return found
+    return found | S
+
+
+def paused(_bound: BoundNode, children: Sequence[int], sure: bool) -> int:
+    """Return the set of a node that works with its first child until it is paused."""
+    work = children[0]
+    own = (S if work & (S | K) else 0) | work & (F | R)
+    return own | R | (0 if sure else union(children[1:]) & F)
+
+
+def now_and_then(own: int = 0) -> Possible:
+    """Return the function of a decorator that ticks its child at the start, and then now and then.
+
+    Args:
+        own: The results that it has of its own, whenever it is ticked.
+    """
+    return partial(_now_and_then, own)
+
+
+def _now_and_then(own: int, _bound: BoundNode, children: Sequence[int], sure: bool) -> int:
+    return children[0] | own | (0 if sure else R)
+
+
+def once_until_reset(_bound: BoundNode, children: Sequence[int], sure: bool) -> int:
+    """Return the set of a decorator that fails once its child has ended, until it is reset."""
+    return children[0] | (F if not sure and children[0] & (S | F) else 0)
+
+
+def after_a_failure(_bound: BoundNode) -> Mapping[int, Gate]:
+    """Return the gates of a recovery: it is ticked if what is before it fails."""
+    return {1: Gate((0,), F)}

@@ -1,0 +1,96 @@
+"""Palettes that are installed: the nodes of other programs, known by name and version (`nav2:jazzy`).
+
+An entry point of the group `sar_compiler.palettes` names a module with `VERSIONS`, the versions that it knows, and `specs(version)`,
+which returns the records of the nodes of one of them. It is loaded as modules of leaves are: what is installed counts, and no
+file chooses it.
+"""
+
+import contextlib
+import functools
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from sar_compiler.errors import SarError
+from sar_compiler.nodes.installed import entry_points, import_installed
+from sar_compiler.nodes.spec import NodeSpec
+from sar_compiler.nodes.values import nearest
+
+ENTRY_POINTS = "sar_compiler.palettes"
+# A single letter before the colon is a drive of Windows.
+_NAME = re.compile(r"[A-Za-z][\w-]+:[\w.-]*")
+
+
+class PaletteError(SarError):
+    """There is no palette of a name and version, or it cannot be loaded."""
+
+
+class KnownSpec(NodeSpec):
+    """The record of a node of another program, of which more is known than a model says."""
+
+    is_only_described = False
+    """The answers and the semantics are those of the node, and not guessed."""
+
+
+def is_palette_name(text: str) -> bool:
+    """Return whether a text names a palette that is installed, and not a file: `nav2:jazzy`."""
+    return _NAME.fullmatch(text) is not None
+
+
+def load_palettes(names: Iterable[str], checkout: Path | None = None) -> list[NodeSpec]:
+    """Return the records of the nodes of palettes; of two versions of one palette, the first one named counts.
+
+    Args:
+        names: Names with versions, as `nav2:jazzy`.
+        checkout: A folder whose content does not count as installed.
+
+    Raises:
+        PaletteError: If there is no such palette or version, or it cannot be loaded.
+    """
+    versions: dict[str, str] = {}
+    for name in names:
+        program, _, version = name.partition(":")
+        versions.setdefault(program, version)
+    return [spec for program, version in versions.items() for spec in _specs_of(program, version, checkout)]
+
+
+def palettes_with(tag: str) -> list[str]:
+    """Return the names of the installed palettes that know a tag."""
+    return [name for name, tags in _tags().items() if tag in tags]
+
+
+@functools.cache
+def _tags() -> Mapping[str, frozenset[str]]:
+    found = {}
+    for each in entry_points(ENTRY_POINTS):
+        with contextlib.suppress(Exception, SystemExit):  # who asks for one by its name is told
+            module = import_installed(each.module)
+            for version in module.VERSIONS:
+                found[f"{each.name}:{version}"] = frozenset(spec.tag for spec in module.specs(version))
+    return found
+
+
+def _specs_of(program: str, version: str, checkout: Path | None) -> list[NodeSpec]:
+    installed = {each.name: each for each in entry_points(ENTRY_POINTS, checkout)}
+    if program not in installed:
+        known = ", ".join(f"{name}:..." for name in sorted(installed)) or "none"
+        message = (
+            f"there is no palette '{program}:{version}'{_meant(program, installed, ':...')}; there is {known}"
+        )
+        raise PaletteError(message)
+    try:
+        module = import_installed(installed[program].module, checkout)
+    except (Exception, SystemExit) as error:  # whatever somebody's module does when it is imported
+        message = f"the palette '{program}' ({installed[program].value}) cannot be imported: {type(error).__name__}: {error}"
+        raise PaletteError(message) from error
+    if version not in module.VERSIONS:
+        known = ", ".join(f"{program}:{each}" for each in module.VERSIONS)
+        near = _meant(version, module.VERSIONS, "", f"{program}:")
+        message = f"there is no palette '{program}:{version}'{near}; there is {known}"
+        raise PaletteError(message)
+    return list(module.specs(version))
+
+
+def _meant(word: str, known: Iterable[str], after: str, before: str = "") -> str:
+    near = nearest(word, known)
+    return f", did you mean '{before}{near}{after}'?" if near is not None else ""

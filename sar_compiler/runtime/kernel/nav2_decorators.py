@@ -1,0 +1,257 @@
+"""Decorators of Nav2: they tick their child now and then, by the clock or by what happens in the world."""
+
+import math
+from typing import Final
+
+from sar_compiler.runtime.kernel.cells import CALLED, ENDED, FAILURE, INVALID, RUNNING, SUCCESS
+from sar_compiler.runtime.kernel.timing import COUNTING, Countdown
+from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, OwnNode, Part, Ticker, is_reset
+
+NO_PERIOD: Final = 0.0
+
+
+class RateNode(DecoratorNode):
+    """Ticks its child when it starts, while that runs, and when a period is over since it last succeeded.
+
+    Attributes:
+        period: The cell with the period, in seconds, that the last start has read.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.timer = Countdown(part)
+        self.period = part.value(NO_PERIOD)
+        self.is_reset = self.heeds_end = is_reset(part.behaviour)
+
+    def ways(self, ticker: Ticker) -> int:
+        """Return whether the time may be over, or not."""
+        waits = not self.starts(ticker) and ticker.cells[self.child.at] != RUNNING
+        return self.timer.ways(ticker) if waits else 1
+
+    def starts(self, ticker: Ticker) -> bool:
+        """Return whether a tick is the first one of an activation."""
+        status = ticker.cells[self.at]
+        return status == INVALID or (status != RUNNING and not self.is_reset)
+
+    def begin(self, ticker: Ticker) -> int:
+        """Tick the child if it is due."""
+        cells = ticker.cells
+        if self.starts(ticker):
+            ticker.values[self.period] = self.behaviour.period()
+            self.wait(ticker)
+        elif cells[self.child.at] != RUNNING and not self.timer.is_up(ticker):
+            self.behaviour.feedback_message = (
+                self.timer.left(ticker) if cells[self.timer.state] == COUNTING else ""
+            )
+            cells[self.at] = RUNNING
+            return RUNNING
+        self.behaviour.feedback_message = ""
+        cells[self.at] = RUNNING
+        return self.tick_child(ticker)
+
+    def after(self, ticker: Ticker, outcome: int) -> int:
+        """Pass the outcome on; a success begins the next period."""
+        if outcome == SUCCESS:
+            self.wait(ticker)
+        return self.pass_on(ticker, outcome)
+
+    def wait(self, ticker: Ticker) -> None:
+        """Begin a period; one without an end is never over."""
+        period: float = ticker.values[self.period]
+        if period == math.inf:
+            self.timer.stop(ticker)
+        else:
+            self.timer.start(period, ticker)
+
+    def rest(self, ticker: Ticker) -> None:
+        """Forget how the node has ended, and the period."""
+        super().rest(ticker)
+        self.forget(ticker)
+
+    def forget(self, ticker: Ticker) -> None:
+        """Stop the timer."""
+        self.timer.stop(ticker)
+        ticker.values[self.period] = NO_PERIOD
+
+
+class SingleTriggerNode(DecoratorNode):
+    """Lets its child end once; ticked again before its parent has reset it, it fails.
+
+    Attributes:
+        done: The cell with 1 when the child has ended.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.done = part.cell()
+        self.is_reset = self.heeds_end = is_reset(part.behaviour)
+
+    def begin(self, ticker: Ticker) -> int:
+        """Tick the child, unless it has ended."""
+        cells = ticker.cells
+        if cells[self.at] == INVALID or (cells[self.at] != RUNNING and not self.is_reset):
+            cells[self.done] = 0
+        if cells[self.done]:
+            cells[self.at] = FAILURE
+            return FAILURE
+        cells[self.at] = RUNNING
+        return self.tick_child(ticker)
+
+    def after(self, ticker: Ticker, outcome: int) -> int:
+        """Pass the outcome on."""
+        if outcome & ENDED:
+            ticker.cells[self.done] = 1
+        return self.pass_on(ticker, outcome)
+
+    def rest(self, ticker: Ticker) -> None:
+        """Forget how the node has ended."""
+        super().rest(ticker)
+        self.forget(ticker)
+
+    def forget(self, ticker: Ticker) -> None:
+        """Forget that the child has ended."""
+        ticker.cells[self.done] = 0
+
+
+class AskingNode(OwnNode):
+    """A decorator that asks, before it ticks its child, a leaf that stands for the world.
+
+    Attributes:
+        asked: The leaf.
+        child: The child.
+        asking: The cell with 1 while the leaf is in hand.
+        waits: Whether the leaf runs on while it answers RUNNING, as somebody who waits for what comes one day.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.asked, self.child = part.children
+        self.asking = part.cell()
+        self.waits = False
+
+    def ask(self, ticker: Ticker) -> int:
+        """Tick the leaf; return what becomes of its answer, or CALLED."""
+        ticker.cells[self.asking] = 1
+        outcome = self.asked.tick(ticker)
+        return CALLED if outcome == CALLED else self.resume(ticker, outcome)
+
+    def tick_child(self, ticker: Ticker) -> int:
+        """Tick the child; return what becomes of its outcome, or CALLED."""
+        outcome = self.child.tick(ticker)
+        return CALLED if outcome == CALLED else self.resume(ticker, outcome)
+
+    def resume(self, ticker: Ticker, outcome: int) -> int:
+        """Go on after the leaf or the child, which are left at rest if they have ended."""
+        if ticker.cells[self.asking]:
+            ticker.cells[self.asking] = 0
+            if outcome != RUNNING or not self.waits:
+                self.asked.rest(ticker)
+            return self.answered(ticker, outcome)
+        if outcome & ENDED:
+            self.child.rest(ticker)
+        return self.pass_on(ticker, outcome)
+
+    def answered(self, ticker: Ticker, outcome: int) -> int:
+        """Return the outcome, given the answer of the leaf."""
+        raise NotImplementedError
+
+    def break_off(self, ticker: Ticker) -> None:
+        """Ask no more."""
+        ticker.cells[self.asking] = 0
+
+    def forget(self, ticker: Ticker) -> None:
+        """Ask no more."""
+        ticker.cells[self.asking] = 0
+        self.asked.rest(ticker)
+
+
+class WhenDueNode(AskingNode):
+    """Ticks its child when it starts, while that runs, and when it is due; asks only where that decides."""
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.waits = True
+        self.is_reset = self.heeds_end = is_reset(part.behaviour)
+
+    def begin(self, ticker: Ticker) -> int:
+        """Tick the child, or ask whether it is due."""
+        cells = ticker.cells
+        starts = cells[self.at] == INVALID or (cells[self.at] != RUNNING and not self.is_reset)
+        cells[self.at] = RUNNING
+        if starts or cells[self.child.at] == RUNNING:
+            return self.tick_child(ticker)
+        return self.ask(ticker)
+
+    def answered(self, ticker: Ticker, outcome: int) -> int:
+        """Tick the child if it is due."""
+        return self.tick_child(ticker) if outcome == SUCCESS else RUNNING
+
+
+class DistanceNode(AskingNode):
+    """Ticks its child when it starts, while that runs, and when the robot has driven far enough.
+
+    It asks in every tick, and fails if the robot does not know where it is; a child that runs stays as it is then.
+
+    Attributes:
+        starts: The cell with 1 in the first tick of an activation, while it asks.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.starts = part.cell()
+        self.is_reset = self.heeds_end = is_reset(part.behaviour)
+
+    def begin(self, ticker: Ticker) -> int:
+        """Ask where the robot is."""
+        cells = ticker.cells
+        status = cells[self.at]
+        cells[self.starts] = int(status == INVALID or (status != RUNNING and not self.is_reset))
+        cells[self.at] = RUNNING
+        return self.ask(ticker)
+
+    def answered(self, ticker: Ticker, outcome: int) -> int:
+        """Tick the child if that is due."""
+        cells = ticker.cells
+        starts, cells[self.starts] = cells[self.starts], 0
+        if outcome == FAILURE:
+            cells[self.at] = FAILURE
+            return FAILURE
+        if starts or cells[self.child.at] == RUNNING or outcome == SUCCESS:
+            return self.tick_child(ticker)
+        return RUNNING
+
+    def break_off(self, ticker: Ticker) -> None:
+        """Ask no more."""
+        super().break_off(ticker)
+        ticker.cells[self.starts] = 0
+
+
+class LongerPathNode(AskingNode):
+    """Succeeds without its child until the path becomes longer close to the goal; then it ticks the child.
+
+    Nothing halts a child that runs when the path is no longer such a one.
+
+    Attributes:
+        seen: The cell with 1 once it has seen a path; it outlasts every end and halt.
+    """
+
+    def __init__(self, part: Part) -> None:
+        super().__init__(part)
+        self.seen = part.cell()
+
+    def begin(self, ticker: Ticker) -> int:
+        """Ask how long the path is, if there is another one to compare it with."""
+        cells = ticker.cells
+        cells[self.at] = RUNNING
+        if cells[self.seen]:
+            return self.ask(ticker)
+        cells[self.seen] = 1
+        cells[self.at] = SUCCESS
+        return SUCCESS
+
+    def answered(self, ticker: Ticker, outcome: int) -> int:
+        """Tick the child if the path has become longer."""
+        if outcome == SUCCESS:
+            return self.tick_child(ticker)
+        ticker.cells[self.at] = SUCCESS
+        return SUCCESS

@@ -1,0 +1,235 @@
+"""The nodes of Nav2's distributions, by name and version."""
+
+import re
+
+import pytest
+from py_trees.common import Status
+
+from sar_compiler import Kind, TreeError, load, register
+from sar_compiler.nodes.nav2.described import facts
+from sar_compiler.nodes.palettes import PaletteError, is_palette_name, load_palettes
+from sar_compiler.nodes.registry import load_registry
+from sar_compiler.runtime.skipping import SkippableLeaf
+from tests.trees import document, errors, forest
+
+DISTRIBUTIONS = ("jazzy", "kilted", "main")
+REGISTRIES = {version: load_registry(palettes=[f"nav2:{version}"]) for version in DISTRIBUTIONS}
+
+
+def tags_of(version):
+    return {spec.tag for spec in load_palettes([f"nav2:{version}"])}
+
+
+def said(body, version="jazzy"):
+    return [finding.message for finding in errors(forest(body), REGISTRIES[version])]
+
+
+class TestTheDistributions:
+    def test_each_has_the_nodes_that_it_registers(self):
+        jazzy, kilted, main = map(tags_of, DISTRIBUTIONS)
+        assert [len(tags) for tags in (jazzy, kilted, main)] == [65, 70, 81]
+        assert "IsPathValid" in jazzy & kilted - main
+        assert "ValidatePath" in main - kilted
+        assert "NonblockingSequence" in main - kilted
+        assert "IsStopped" in kilted - jazzy - main
+
+    def test_a_port_is_known_where_its_node_has_it(self):
+        body = '<RoundRobin wrap_around="true"><IsStuck/></RoundRobin>'
+        assert said(body, "main") == []
+        assert said(body) == ["<RoundRobin> has no attribute 'wrap_around'; it has name, oneshot"]
+        body = '<Wait error_code_id="{e}"/>'
+        assert len(said(body)) == 1
+        assert said(body, "kilted") == said(body, "main") == []
+
+    def test_a_default_is_a_value(self):
+        parameters = REGISTRIES["main"]["TruncatePathLocal"].parameters
+        assert parameters["max_robot_pose_search_dist"].default == float("inf")
+        assert parameters["distance_forward"].default == 8.0
+
+    def test_everything_that_is_said_of_ports_is_of_one(self):
+        lines = [
+            line
+            for part in ("nodes", "likes")
+            for each in facts()[part].values()
+            for line in each.get("ports", ())
+        ]
+        ports = {re.sub(r" (=|\[).*", "", line).split()[-1] for line in lines}
+        assert ports == set(facts()["ports"])
+
+    @pytest.mark.parametrize("version", DISTRIBUTIONS)
+    def test_every_node_and_port_has_a_description(self, version):
+        for spec in load_palettes([f"nav2:{version}"]):
+            assert spec.doc.endswith((".", "?")), spec.tag
+            undescribed = [p.name for p in spec.attributes if not p.doc and p.name != "name"]
+            assert not undescribed, spec.tag
+
+    def test_no_leaf_is_ever_skipped_and_a_condition_does_not_run(self):
+        leaves = [spec for spec in load_palettes(["nav2:jazzy"]) if spec.kind.is_leaf]
+        assert not [spec.tag for spec in leaves if "SKIPPED" in spec.outcomes]
+        assert not [s.tag for s in leaves if s.kind is Kind.CONDITION and "RUNNING" in s.outcomes]
+
+    def test_the_usual_answer_comes_first(self):
+        assert REGISTRIES["jazzy"]["GoalUpdated"].answers[0].status == "FAILURE"
+        assert REGISTRIES["jazzy"]["IsPathValid"].answers[0].status == "SUCCESS"
+
+
+class TestValues:
+    @pytest.mark.parametrize(
+        "body",
+        [
+            '<ComputePathToPose goal="0;map;1;2;0;0;0;0;1"/>',
+            '<ComputePathToPose goal="json:{}"/>',
+            '<ComputePathToPose server_timeout="20"/>',
+            '<ComputePathToPose server_timeout="20ms"/>',
+            '<ComputePathThroughPoses goals="0;map;1;2;0;0;0;0;1;0;map;1;2;0;0;0;0;1"/>',
+            '<FollowPath path="0;map"/>',
+            '<WouldAPlannerRecoveryHelp error_codes_to_check="1;2"/>',
+        ],
+    )
+    def test_what_nav2_converts_is_a_value(self, body):
+        assert said(body) == []
+
+    @pytest.mark.parametrize(
+        ("body", "message"),
+        [
+            (
+                '<ComputePathToPose goal="1;2;0"/>',
+                "goal: '1;2;0' is not a pose: it has 3 fields",
+            ),
+            (
+                '<ComputePathToPose goal="0;map;1;2;0;0;0;0;x"/>',
+                "goal: 'x' is not a number",
+            ),
+            (
+                '<ComputePathToPose server_timeout="2s"/>',
+                "server_timeout: '2s' is not a number of milliseconds",
+            ),
+            (
+                '<ComputePathToPose goal="{g}" path="{g}"/>',
+                "path: 'g' is a path here, and a pose for goal of 'ComputePathToPose' (line 3)",
+            ),
+        ],
+    )
+    def test_what_it_refuses_is_none(self, body, message):
+        assert said(body) == [message]
+
+
+class TestNames:
+    @pytest.mark.parametrize("name", ["nav2:jazzy", "nav2:", "my_robot:1.2"])
+    def test_a_name_has_a_version(self, name):
+        assert is_palette_name(name)
+
+    @pytest.mark.parametrize("path", ["nodes.xml", "./nav2:jazzy", "C:nodes.xml", "a/b:c"])
+    def test_a_path_is_none(self, path):
+        assert not is_palette_name(path)
+
+    @pytest.mark.parametrize(
+        ("name", "message"),
+        [
+            (
+                "nav2:jazy",
+                "there is no palette 'nav2:jazy', did you mean 'nav2:jazzy'?; there is nav2:jazzy, nav2:kilted, nav2:main",
+            ),
+            ("nav:jazzy", "there is no palette 'nav:jazzy', did you mean 'nav2:...'?; there is nav2:..."),
+        ],
+    )
+    def test_a_name_that_is_not_known_is_told_with_those_that_are(self, name, message):
+        with pytest.raises(PaletteError, match=re.escape(message)):
+            load_palettes([name])
+
+    def test_of_two_versions_the_first_one_counts(self):
+        specs = load_palettes(["nav2:main", "nav2:jazzy"])
+        assert {spec.tag for spec in specs} == tags_of("main")
+
+
+@register("FollowPath", kind=Kind.ACTION)
+class FollowPath(SkippableLeaf):
+    """A leaf of the user's own, under a name that Nav2 has as well."""
+
+
+class TestTheProject:
+    def test_what_the_user_has_registered_wins(self):
+        registry = load_registry([FollowPath], palettes=["nav2:jazzy"])
+        assert registry["FollowPath"].cls is FollowPath
+
+    def test_a_configuration_names_a_palette_and_the_user_another_version(self, tmp_path):
+        path = tmp_path / "tree.xml"
+        path.write_text(document("<IsPathValid/>"), encoding="utf-8")
+        (tmp_path / "sar.toml").write_text('models = ["nav2:jazzy"]\n', encoding="utf-8")
+        assert [finding.code for finding in load(path).check()] == []
+        assert [finding.code for finding in load(path, models=["nav2:main"]).check()] == ["unknown-node"]
+
+
+class TestRuns:
+    """Trees of Nav2's nodes, without Nav2."""
+
+    def tree(self, tmp_path, body, version="jazzy"):
+        path = tmp_path / "tree.xml"
+        path.write_text(document(body), encoding="utf-8")
+        return load(path, models=[f"nav2:{version}"])
+
+    REPLANNING = (
+        '<PipelineSequence><DistanceController><ComputePathToPose path="{path}"/></DistanceController>'
+        '<FollowPath path="{path}"/></PipelineSequence>'
+    )
+
+    def test_a_scenario_says_what_happens_in_the_world(self, tmp_path):
+        world = {"DistanceController": ["driven", "on the way", "driven"], "FollowPath": ["RUNNING"] * 3}
+        simulated = self.tree(tmp_path, self.REPLANNING).simulate(leaves=world)
+        planned = [simulated.tick().trace.count("ComputePathToPose") for _ in range(3)]
+        assert planned == [1, 1, 2]
+
+    def test_verification_tries_everything_that_can_happen_there(self, tmp_path):
+        verification = self.tree(tmp_path, self.REPLANNING).verify()
+        assert verification.proved
+        asked = next(leaf for leaf in verification.leaves if leaf.name == "DistanceController")
+        assert [answer.label for answer in asked.answers] == ["driven", "on the way", "no pose"]
+
+    @pytest.mark.parametrize(
+        ("version", "attribute", "end"),
+        [
+            ("jazzy", "", "SUCCESS"),
+            ("kilted", "", "SUCCESS"),
+            ("main", "", "FAILURE"),
+            ("main", ' wrap_around="true"', "SUCCESS"),
+        ],
+    )
+    def test_where_a_round_robin_does_not_wrap_it_never_succeeds_with_its_last_child(
+        self, tmp_path, version, attribute, end
+    ):
+        body = f"<RoundRobin{attribute}><AlwaysFailure/><IsStuck/></RoundRobin>"
+        assert self.tree(tmp_path, body, version).simulate(IsStuck="SUCCESS").tick().root == end
+
+    def test_a_recovery_comes_after_a_failure_and_never_after_a_success(self, tmp_path):
+        body = "<RecoveryNode><ComputePathToPose/><ClearEntireCostmap/></RecoveryNode>"
+        simulated = self.tree(tmp_path, body).simulate(ComputePathToPose=["FAILURE", "SUCCESS"])
+        assert simulated.tick().root == "SUCCESS"
+        assert "ClearEntireCostmap" in simulated.trace
+        assert "ClearEntireCostmap" not in self.tree(tmp_path, body).simulate().tick().trace
+
+    def test_to_run_it_the_nodes_without_a_class_are_named(self, tmp_path):
+        body = "<RecoveryNode><RateController><AlwaysSuccess/></RateController><Spin/></RecoveryNode>"
+        with pytest.raises(TreeError, match="<Spin> is a node of another program") as caught:
+            self.tree(tmp_path, body).compile()
+        assert [finding.code for finding in caught.value.findings] == ["not-installed"]
+
+    def test_what_needs_no_nav2_runs_without_it(self, tmp_path):
+        body = (
+            "<RecoveryNode><RateController><AlwaysFailure/></RateController><AlwaysSuccess/></RecoveryNode>"
+        )
+        compiled = self.tree(tmp_path, body).compile()
+        compiled.root.tick_once()
+        assert compiled.root.status is Status.FAILURE
+
+
+def test_a_palette_that_only_lies_in_the_current_folder_is_not_loaded(tmp_path, monkeypatch):
+    metadata = tmp_path / "gripper-1.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: gripper\nVersion: 1\n", encoding="utf-8")
+    text = "[sar_compiler.palettes]\ngripper = gripper_palette\n"
+    (metadata / "entry_points.txt").write_text(text, encoding="utf-8")
+    (tmp_path / "gripper_palette.py").write_text("raise SystemExit", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(PaletteError, match="there is no palette 'gripper:1'; there is nav2"):
+        load_palettes(["gripper:1"])
