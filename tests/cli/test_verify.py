@@ -241,7 +241,7 @@ def test_a_control_of_ones_own_is_verified_or_it_is_said_why_it_cannot_be(run):
     nodes = ("--nodes", "tests.checks.verify.own_controls")
     status, out, err = run(document("<OwnSequence><AdvanceZone/></OwnSequence>"), *nodes)
     assert (status, err) == (0, "")
-    assert "4 answers: 4 proved" in out
+    assert "5 answers: 5 proved" in out
     status, out, err = run(document("<OwnThread><AdvanceZone/></OwnThread>"), *nodes)
     assert (status, out) == (1, "")
     assert "nothing can be decided: 'OwnThread' is a tests.checks.verify.own_controls.OwnThread, whose" in err
