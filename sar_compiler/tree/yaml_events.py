@@ -138,10 +138,14 @@ class Events:
                 elif opened and isinstance(event, yaml.NodeEvent | yaml.CollectionEndEvent):
                     end, is_value = opened[-1]
                     opened[-1] = end, not is_value
-        if opened and opened[-1] == (yaml.MappingEndEvent, True):
-            yield yaml.ScalarEvent(None, None, (True, False), "", mark, mark)
-        for end, _ in reversed(opened):
+        while opened:
+            end, is_value = opened.pop()
+            if end is yaml.MappingEndEvent and is_value:
+                yield yaml.ScalarEvent(None, None, (True, False), "", mark, mark)
             yield end(mark, mark)
+            if opened:  # what has ended was a key, and its value comes next, or a value
+                end, is_value = opened[-1]
+                opened[-1] = end, not is_value
         yield yaml.DocumentEndEvent(mark, mark)
         yield yaml.StreamEndEvent(mark, mark)
 

@@ -356,6 +356,11 @@ def test_what_stands_before_the_place_of_a_syntax_error_is_read(name):
     assert [code for code, *_ in findings_of(CUT_SHORT[name])] == ["malformed-yaml"]
 
 
+@pytest.mark.parametrize("text", ["? {a: b\n", "? [a, {b: c\n", "? ? {a: [b\n"])
+def test_a_file_that_goes_wrong_within_a_key_is_read_to_there(text):
+    assert [code for code, *_ in findings_of(f"root:\n  {text}")] == ["malformed-yaml"]
+
+
 @given(st.text(st.sampled_from(list("ab:-#&*!|>'\"{}[], \n  ")), max_size=60))
 def test_whatever_is_written_below_a_root_is_read_or_refused_with_findings(text):
     try:
