@@ -100,12 +100,16 @@ MISTAKES = {
         ("unreachable-node", 4, 1, "'Repeat' ticks it 0 times"),
     ),
     "rounds without an end": (
-        '<Repeat num_cycles="-1">\n<Beep/>\n</Repeat>',
-        ("never-ends", 3, 1, "'Repeat' never ends: 'Beep' never fails"),
+        '<Sequence>\n<Repeat num_cycles="-1"><Beep/></Repeat>\n<Drive/>\n</Sequence>',
+        ("never-ends", 4, 1, "'Repeat' never ends: 'Beep' never fails"),
     ),
     "py_trees' rounds without an end": (
-        '<Repeat num_success="0">\n<Beep/>\n</Repeat>',
-        ("never-ends", 3, 1, "'Beep' never fails"),
+        '<Sequence>\n<Repeat num_success="0"><Beep/></Repeat>\n<Drive/>\n</Sequence>',
+        ("never-ends", 4, 1, "'Beep' never fails"),
+    ),
+    "attempts without an end at the very top": (
+        '<RetryUntilSuccessful num_attempts="-1">\n<Failure/>\n</RetryUntilSuccessful>',
+        ("never-ends", 3, 1, "'Failure' never succeeds"),
     ),
     "a constant that is taken for running": (
         "<SuccessIsRunning>\n<Beep/>\n</SuccessIsRunning>",
@@ -232,14 +236,16 @@ TREES = (
 
 
 def test_what_a_subtree_does_again_is_found_where_the_subtree_stands():
-    (finding,) = check(forest_of(f'<root main_tree_to_execute="Main">{TREES}</root>'), REGISTRY)
+    (finding,) = check(
+        forest_of(f'<root BTCPP_format="4" main_tree_to_execute="Main">{TREES}</root>'), REGISTRY
+    )
     assert (finding.code, finding.span.line) == ("repeated-effect", 2)
     assert finding.message.startswith("'Beep' in the tree 'Greet' would publish a tone")
 
 
 def test_a_mistake_in_a_tree_that_is_used_twice_is_one_finding():
     text = (
-        '<root main_tree_to_execute="Main"><BehaviorTree ID="Main"><Sequence>\n<SubTree ID="B"/><SubTree ID="B"/></Sequence>'
+        '<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main"><Sequence>\n<SubTree ID="B"/><SubTree ID="B"/></Sequence>'
         '</BehaviorTree>\n<BehaviorTree ID="B"><Retry num_failures="3"><Beep/></Retry></BehaviorTree></root>'
     )
     assert found(text) == [("without-effect", 3, 22)]
@@ -247,7 +253,7 @@ def test_a_mistake_in_a_tree_that_is_used_twice_is_one_finding():
 
 def test_work_at_the_root_that_begins_again_is_found_in_a_subtree():
     text = (
-        '<root main_tree_to_execute="Main"><BehaviorTree ID="Main"><SubTree ID="B"/></BehaviorTree>\n'
+        '<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main"><SubTree ID="B"/></BehaviorTree>\n'
         '<BehaviorTree ID="B"><Selector memory="false">\n<Sequence><Ready/><Look/></Sequence>\n<Drive/></Selector>'
         "</BehaviorTree></root>"
     )

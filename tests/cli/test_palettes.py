@@ -127,8 +127,7 @@ def test_what_a_palette_describes_is_among_what_can_be_written(capsys, palette):
 
 
 @pytest.mark.parametrize("command", ["schema", "nodes"])
-@pytest.mark.parametrize(("text", "code"), [(WRONG, "model-mismatch"), ("<root><", "malformed-xml")])
-def test_a_palette_with_a_mistake_gives_no_list(capsys, palette, command, text, code):
-    status, out, err = run(capsys, command, "--model", palette(text))
+def test_a_palette_that_cannot_be_read_gives_no_list(capsys, palette, command):
+    status, out, err = run(capsys, command, "--model", palette("<root><"))
     assert (status, out) == (1, "")
-    assert f"error[{code}]" in err
+    assert "error[malformed-xml]" in err

@@ -191,7 +191,7 @@ def test_nodes_lists_what_can_be_written(capsys):
 def test_nodes_describes_a_tag_with_its_attributes(capsys):
     _, out, _ = run(capsys, "nodes", "NotifyBase")
     assert "detect_node: the name of a DetectSurvivor in the same tree" in out
-    assert "timeout_sec: a number. default: 5.0" in out
+    assert "timeout_sec: a duration (seconds, or a number with ms, s or min). default: 5.0" in out
 
 
 def test_nodes_tells_ports_by_their_direction(capsys):

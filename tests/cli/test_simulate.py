@@ -210,7 +210,10 @@ def test_nodes_that_are_only_described_are_not_played_and_have_status_1(capsys, 
         f"<{tag}> is only described by a model, and when it ticks its children is not known"
         for tag in ("RecoveryNode", "Twice")
     ]
-    assert "Nav2's nodes (--model nav2:jazzy); or say in the scenario" in err
+    assert (
+        "or the palette that knows it (--model nav2:jazzy or nav2:kilted or nav2:main); or say in the scenario"
+        in err
+    )
     partly = scenario("controls: {RecoveryNode: Fallback}", "partly.yaml")
     wholly = scenario("controls: {RecoveryNode: Fallback, Twice: PassThrough}", "wholly.yaml")
     status, out, err = run(capsys, *described, "--scenario", partly, "--scenario", wholly)

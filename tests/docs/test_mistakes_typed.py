@@ -56,6 +56,14 @@ TYPED = {
     "fault '…': …": "sar-run --sim --fault report_survivor:drp=1",
     "robot '…': …": "sar-sim run --robot robot-1",
 }
+# What is typed into a shell.
+IN_A_SHELL = {
+    "cannot read …: it is a pipe, not a file": "mkfifo {folder}/pipe; sar-compile validate {folder}/pipe",
+    "the name of a tree file is empty": "sar-compile validate ''",
+    "there is no tree file in …": "mkdir {folder}/empty; sar-compile validate {folder}/empty",
+    "standard output cannot be written: …": "sar-compile validate {folder}/plain.xml > /dev/full",
+    "standard output is closed": "sar-compile validate {folder}/plain.xml >&-",
+}
 COMPANY = "… already provides … here: a simulated robot must not mix with another one."
 MAKE = {
     "make: … is Python …; ROS 2 from PyPI has 3.10 to 3.13": ("python", "echo 3.9"),
@@ -87,7 +95,7 @@ def explained(heading):
 
 
 def test_every_mistake_of_usage_that_is_explained_is_typed():
-    assert explained(USAGE) == {*TYPED, COMPANY}
+    assert explained(USAGE) == {*TYPED, *IN_A_SHELL, COMPANY}
 
 
 def test_every_hindrance_to_installing_that_is_explained_is_met():
@@ -120,6 +128,15 @@ def test_a_mistake_of_usage_is_answered_as_the_page_says(message, tmp_path):
         (tmp_path / name).write_text(text, encoding="utf-8")
     command, *arguments = TYPED[message].format(folder=tmp_path).split()
     assert_read(message, said(BIN / command, *arguments))
+
+
+@pytest.mark.parametrize("message", IN_A_SHELL)
+def test_a_mistake_in_a_shell_is_answered_as_the_page_says(message, tmp_path):
+    for name, text in FILES.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    path = f"{BIN}{os.pathsep}{os.environ['PATH']}"
+    typed = IN_A_SHELL[message].format(folder=tmp_path)
+    assert_read(message, said("bash", "-c", typed, env={"PATH": path}))
 
 
 @pytest.mark.ros

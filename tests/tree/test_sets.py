@@ -21,7 +21,9 @@ def here(tmp_path, monkeypatch):
 def write(path, *content, main=""):
     named = f' main_tree_to_execute="{main}"' if main else ""
     Path(path).parent.mkdir(parents=True, exist_ok=True)
-    Path(path).write_text(f"<root{named}>\n" + "\n".join(content) + "\n</root>\n", encoding="utf-8")
+    Path(path).write_text(
+        f'<root BTCPP_format="4"{named}>\n' + "\n".join(content) + "\n</root>\n", encoding="utf-8"
+    )
 
 
 def using(name, *used):
