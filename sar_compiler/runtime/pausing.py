@@ -63,6 +63,8 @@ def held_by(generator: Any) -> tuple[types.CodeType, int, tuple[str, ...], tuple
     frame = generator.gi_frame
     variables = frame.f_locals
     known = {id(each) for each in (frame, variables, frame.f_globals, frame.f_builtins, frame.f_code)}
+    if frame.f_trace is not None:  # whoever watches: a debugger, a measurement of coverage
+        known.add(id(frame.f_trace))
     held = [each for each in gc.get_referents(generator) if id(each) not in known]
     # Until Python 3.10 the frame holds them.
     held += [each for each in gc.get_referents(frame) if id(each) not in known]
