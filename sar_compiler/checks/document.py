@@ -27,6 +27,7 @@ ROOT_ATTRIBUTES = ("BTCPP_format", "main_tree_to_execute")
 TREE_ATTRIBUTES = ("ID",)
 INCLUDE_ATTRIBUTES = ("path", "ros_pkg")
 FORMAT = "4"
+_TO_FORMAT = f'write BTCPP_format="{FORMAT}"; in one of version 3, look first at what has changed since'
 
 
 def check_document(context: CheckContext) -> Iterator[Diagnostic]:
@@ -67,8 +68,9 @@ def _frame(tree_file: TreeFile, guesses: Guesses) -> Iterator[Diagnostic]:
         if child.tag not in SECTIONS:
             message = f"<{child.tag}> cannot stand directly in <{ROOT_TAG}>"
             near = nearest(child.tag, SECTIONS)
-            hint = f"nodes stand in a <{TREE_TAG}>"
-            yield _finding(child, "unknown-element", message, suggestion=near, hint=hint)
+            hint = f"nodes stand in a <{TREE_TAG}>; BehaviorTree.CPP passes over what stands here"
+            severity = Severity.ERROR if near else Severity.WARNING  # a slip, or what somebody keeps there
+            yield _finding(child, "unknown-element", message, suggestion=near, hint=hint, severity=severity)
         elif child.tag == INCLUDE_TAG and "path" in child.attributes:  # the forest speaks of one without
             yield from _unknown_attributes(child, INCLUDE_ATTRIBUTES, guesses)
     for extra in [child for child in root.children if child.tag == MODEL_TAG][1:]:
@@ -82,12 +84,13 @@ def _format(root: Element) -> Iterator[Diagnostic]:
         is_xml = root.source.form is Form.XML
         if is_xml and any(child.tag in (TREE_TAG, INCLUDE_TAG) for child in root.children):
             message = f"this file does not say that it is written for BehaviorTree.CPP {FORMAT}, and is taken for that"
-            hint = f'write BTCPP_format="{FORMAT}"; in one of version 3, look first at what has changed since'
-            yield _finding(root, "missing-format", message, hint=hint, severity=Severity.WARNING)
+            yield _finding(root, "missing-format", message, hint=_TO_FORMAT, severity=Severity.WARNING)
     elif written != FORMAT:
-        message = f"BTCPP_format is '{written}'; this reads format {FORMAT}"
+        message = f"BTCPP_format is '{written}', and the file is taken for one of format {FORMAT}"
         span = root.value_span("BTCPP_format")
-        yield Diagnostic("wrong-format", message, root.source, span, suggestion=FORMAT)
+        yield Diagnostic(
+            "wrong-format", message, root.source, span, hint=_TO_FORMAT, severity=Severity.WARNING
+        )
 
 
 def _tree_ids(forest: Forest, registry: Registry, guesses: Guesses) -> Iterator[Diagnostic]:

@@ -30,6 +30,8 @@ _IGNORED = re.compile(
     rf"Element '({ROOT_TAG}|{INCLUDE_TAG}|{TREE_TAG})', attribute '.*': The attribute '.*' is not allowed"
 )
 """Its message about attributes that are passed over; the rules speak of them."""
+_PASSED_OVER = ("unknown-element", "wrong-format")
+"""What the rules warn of in such a place."""
 
 
 @functools.lru_cache(maxsize=32)
@@ -114,7 +116,8 @@ def check_schema(
     spoken_of = sorted(
         finding.span.line
         for finding in findings
-        if finding.source is tree_file.source and finding.severity is Severity.ERROR
+        if finding.source is tree_file.source
+        and (finding.severity is Severity.ERROR or finding.code in _PASSED_OVER)
     )
     elements = sorted(tree_file.root.iterate(), key=_place)
     for line, message in errors:
@@ -136,7 +139,7 @@ def _stray_text(tree_file: TreeFile) -> Iterator[Diagnostic]:
     message = "this text stands between elements, where it means nothing"
     for finding in rest_of(tree_file):
         if finding.code == "stray-text":
-            yield dataclasses.replace(finding, message=message)
+            yield dataclasses.replace(finding, message=message, severity=Severity.WARNING)
 
 
 def _place(element: Element) -> tuple[int, int]:

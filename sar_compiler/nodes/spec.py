@@ -35,6 +35,12 @@ class Kind(str, Enum):
         """Whether such a node has no children."""
         return self in (Kind.ACTION, Kind.CONDITION)
 
+    def takes(self, children: int) -> bool:
+        """Return whether BehaviorTree.CPP reads such a node with a number of children."""
+        if self.is_leaf:
+            return children == 0
+        return children == 1 or (children > 1 and self is Kind.CONTROL)
+
 
 class Direction(str, Enum):
     """The direction of a port's values, in the terms of a `TreeNodesModel`."""

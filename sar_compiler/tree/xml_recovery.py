@@ -1,7 +1,8 @@
 """Recovery of files that only BehaviorTree.CPP's reader takes: with & and < that stand for themselves, and -- in comments.
 
 Each such character is replaced by a stand-in of one character, which nothing else in the file is. So expat can read
-the text, every line and column stays, and what was read gets its characters back.
+the text, every line and column stays, and what was read gets its characters back. An XML declaration behind empty
+lines becomes empty lines, too.
 """
 
 import itertools
@@ -24,6 +25,8 @@ _LONE = re.compile(rf"(?!{REFERENCE})&")
 _RAW = re.compile(rf"(?:{_LONE.pattern})+|<")
 _NUMBERED = re.compile(r"&#(?:x0*([0-9a-fA-F]{1,6})|0*([0-9]{1,7}));")
 _NAMED = re.compile(r"&[^\W\d][\w.\-]*;")
+_LATE_DECLARATION = re.compile(r"\s+(<\?xml\s[^>]*\?>)")
+_NOT_BLANK = re.compile(r"\S")
 _DASHES = re.compile(r"-{2,}|-\Z")
 _PRIVATE = (range(0xE000, 0xF900), range(0xF0000, 0xFFFFE))
 _STANDING_ALONE = "&<-"
@@ -57,6 +60,9 @@ def recover(source: Source) -> Recovered | None:
         return None
     text, parts, done = source.text, [], 0
     findings: list[Diagnostic] = []
+    if declaration := _LATE_DECLARATION.match(text):
+        parts, done = [_NOT_BLANK.sub(" ", declaration[0])], declaration.end()
+        findings.append(_late_declaration(source, *declaration.span(1)))
     for start, end, is_comment in _stretches(text):
         raw = _DASHES if is_comment else _RAW
         if raw.search(text, start, end) is None:
@@ -150,6 +156,12 @@ def _values(text: str, tag: int, values: list[tuple[int, int, bool]]) -> int:
         values[:] = [each for each in values if "<" not in text[each[0] : each[1]]]
         return 0
     return end.end()
+
+
+def _late_declaration(source: Source, start: int, end: int) -> Diagnostic:
+    message = f"an XML declaration stands at the very beginning of a file: {_TOLD}"
+    hint, span = "delete the blanks and lines before it", source.span(start, end)
+    return Diagnostic("loose-xml", message, source, span, hint=hint, severity=Severity.WARNING)
 
 
 def _finding(source: Source, start: int, end: int) -> Diagnostic:

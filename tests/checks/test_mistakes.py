@@ -4,6 +4,7 @@ import pytest
 
 from sar_compiler.checks import check
 from sar_compiler.nodes.registry import Registry, default_registry
+from sar_compiler.tree.diagnostic import Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.reading import read_tree_file
 from tests.trees import document, forest_of
@@ -208,20 +209,12 @@ IN_A_FILE = {
         24,
         "main_tree_to_execute",
     ),
-    "another format": (f'<root BTCPP_format="3">{TREE}</root>', "wrong-format", 1, 21, "4"),
     "an element beside the trees": (
         f'<root BTCPP_format="4">{TREE}<BehaviourTree/></root>',
         "unknown-element",
         1,
         70,
         "BehaviorTree",
-    ),
-    "a node beside the trees": (
-        f'<root BTCPP_format="4">{TREE}<Sequence/></root>',
-        "unknown-element",
-        1,
-        70,
-        None,
     ),
     "no tree": ('<root BTCPP_format="4"/>', "no-tree", 1, 1, None),
     "a main tree that is not there": (
@@ -247,6 +240,13 @@ IN_A_FILE = {
     ),
     "the ID of a node": (
         '<root BTCPP_format="4"><BehaviorTree ID="Sequence"><Success/></BehaviorTree></root>',
+        "wrong-tree-id",
+        1,
+        42,
+        None,
+    ),
+    "the ID of what uses trees": (
+        '<root BTCPP_format="4"><BehaviorTree ID="SubTree"><Success/></BehaviorTree></root>',
         "wrong-tree-id",
         1,
         42,
@@ -280,6 +280,21 @@ IN_A_FILE = {
 def test_a_mistake_around_the_trees_is_found_where_it_stands(name, registry):
     text, *expected = IN_A_FILE[name]
     assert found(text, registry) == [tuple(expected)]
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "column"),
+    [
+        (f'<root BTCPP_format="3">{TREE}</root>', "wrong-format", 21),
+        (f'<root BTCPP_format="4">{TREE}<Sequence/></root>', "unknown-element", 70),
+    ],
+)
+def test_what_behaviortree_cpp_passes_over_around_the_trees_is_told_and_no_error(
+    text, code, column, registry
+):
+    findings = check(forest_of(text), registry)
+    assert [(f.code, f.span.column) for f in findings if f.severity is Severity.WARNING] == [(code, column)]
+    assert Severity.ERROR not in {f.severity for f in findings}
 
 
 def test_all_mistakes_are_found_at_once_in_the_order_of_the_file(registry):

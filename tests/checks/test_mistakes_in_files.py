@@ -59,15 +59,21 @@ IN_XML = {
     ),
     "a tree in itself": ('<SubTree ID="Main"/>', ("recursive-tree", 3, 14, None)),
     "a tree that is not there": ('<SubTree ID="Mian"/>', ("unknown-tree", 3, 14, "Main")),
-    "a kind that the node is not": ('<Decorator ID="AlwaysSuccess"/>', ("wrong-kind", 3, 1, "Action")),
     "an operator of another language": (
         '<Success _skipIf="true and false"/>',
         ("script-error", 3, 24, "&&"),
     ),
-    "text between nodes": ("<Sequence>\n<Success/>\nnow <Failure/></Sequence>", ("stray-text", 5, 1, None)),
-    "text between nodes, beside something worth knowing": (
-        "<Sequence>\nnow <Failure/></Sequence>",
-        ("stray-text", 4, 1, None),
+    "an action that is said to have children": (
+        '<Decorator ID="AlwaysSuccess"/>',
+        ("wrong-kind", 3, 1, "Action"),
+    ),
+    "an action that is said to be a control without children": (
+        '<Control ID="AlwaysSuccess"/>',
+        ("wrong-kind", 3, 1, "Action"),
+    ),
+    "a decorator that is said to have several children": (
+        '<Control ID="Inverter"><AlwaysSuccess/><Failure/></Control>',
+        ("too-many-children", 3, 40, None),
     ),
     "an output that is given a value": (
         '<LoopInt queue="1;2" value="3"><Success/></LoopInt>',
@@ -85,6 +91,32 @@ def test_a_mistake_in_the_language_is_found_where_it_stands(name):
     body, expected = IN_XML[name]
     errors = [f for f in check(forest_of(document(body)), default_registry()) if f.severity.value == "error"]
     assert places(errors) == [expected]
+
+
+# What BehaviorTree.CPP passes over: told, and the tree can be run.
+PASSED_OVER = {
+    "text between nodes": ("<Sequence>\n<Success/>\nnow <Failure/></Sequence>", ("stray-text", 5, 1, None)),
+    "an action that is said to be a condition": (
+        '<Condition ID="AlwaysSuccess"/>',
+        ("wrong-kind", 3, 1, "Action"),
+    ),
+    "a decorator that is said to be a control": (
+        '<Control ID="Inverter"><AlwaysSuccess/></Control>',
+        ("wrong-kind", 3, 1, "Decorator"),
+    ),
+    "a control that is said to be a decorator": (
+        '<Decorator ID="Sequence"><AlwaysSuccess/></Decorator>',
+        ("wrong-kind", 3, 1, "Control"),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", PASSED_OVER)
+def test_what_behaviortree_cpp_passes_over_is_told_and_no_error(name):
+    body, expected = PASSED_OVER[name]
+    findings = check(forest_of(document(body)), default_registry())
+    assert expected in places(findings)
+    assert "error" not in {finding.severity.value for finding in findings}
 
 
 # The tree's own lines begin in line 6.

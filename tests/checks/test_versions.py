@@ -34,6 +34,12 @@ CASES = {
     "an ID with a blank": (ids("my tree"), {"4.9", "4.10"}, (3, 19)),
     "an ID with a dot": (ids("v.2"), {"4.9", "4.10"}, (3, 19)),
     "the ID Root": (ids("Root"), {"4.9", "4.10"}, (3, 19)),
+    "the name of a node with a dot, but for one that is an ID": (
+        MAIN.format('<Sequence><v.Go/><Action ID="v.Go"/></Sequence>')
+        + '<TreeNodesModel><Action ID="v.Go"/></TreeNodesModel></root>',
+        {"4.9", "4.10"},
+        (2, 35),
+    ),
     "two subtrees of one name": (
         MAIN.format('<Sequence><SubTree ID="B" name="b"/><SubTree ID="B" name="b"/></Sequence>')
         + PART.format("B", "<Success/>"),

@@ -6,8 +6,10 @@ from sar_compiler.runtime.pausing import held_by
 
 
 def counting(most):
-    for number in range(most):
+    number = 0
+    while number < most:
         yield number
+        number += 1
 
 
 def paused():

@@ -56,6 +56,16 @@ def test_characters_that_stand_for_themselves_are_recovered_and_told_at_their_pl
     assert [(cut(tree_file.source, each.span), each.suggestion) for each in tree_file.findings] == told
 
 
+def test_a_declaration_behind_empty_lines_is_told_and_the_places_behind_it_stay():
+    tree_file = parse_xml('\n\n <?xml version="1.0"\nencoding="UTF-8"?>\n<root b="&&">\n  <A/>\n</root>')
+    assert [(each.code, each.span.line, each.span.column) for each in tree_file.findings] == [
+        ("loose-xml", 3, 2),
+        ("loose-xml", 5, 10),
+    ]
+    (child,) = tree_file.root.children
+    assert (child.line, child.column) == (6, 3)
+
+
 def test_a_place_in_a_recovered_value_is_that_of_the_text():
     element = parse_xml('<root a="x && y; &lt; z"/>').root
     value = element.attributes["a"]

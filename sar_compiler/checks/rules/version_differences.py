@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from sar_compiler.checks.rules.check_context import CheckContext, warning
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.collector import Collector
-from sar_compiler.nodes.binding.tree_ids import fault_of
+from sar_compiler.nodes.binding.tree_ids import fault_of, refused_in
 from sar_compiler.nodes.btcpp.versions import NAMES, QUOTES, SUMS, VERSIONS
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.runtime.expressions import Expression, Literal, Operation, Script, children
@@ -16,13 +16,14 @@ _SIGNS = ("+", "-")
 
 
 def check_versions(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield IDs of trees and texts of scripts that newer versions refuse, and what older ones do not have, or do otherwise."""
+    """Yield names and texts of scripts that newer versions refuse, and what older ones do not have, or do otherwise."""
     collector = Collector(context.btcpp)
     for tree in (tree for tree_file in context.forest.files for tree in tree_file.trees):
         fault = fault_of(tree.attributes.get("ID", ""))
         if fault is not None:
             message, hint = fault
             collector.refused_since(NAMES, tree, tree.value_span("ID"), message, hint)
+    _report_tags(context, collector)
     for bound, attribute, script in _scripts(context):
         if '"' in script.text:
             _report_quotes(bound, attribute, script, collector)
@@ -30,6 +31,16 @@ def check_versions(context: CheckContext) -> Iterator[Diagnostic]:
             yield from _sums(context, bound, attribute, script)
     yield from collector.findings
     yield from _newer_nodes(context)
+
+
+def _report_tags(context: CheckContext, collector: Collector) -> None:
+    refused = {spec.tag: refused_in(spec.tag) for spec in context.bound.specs}
+    refused = {tag: part for tag, part in refused.items() if part}
+    for bound in (bound for tree in context.trees for bound in tree.nodes if refused):
+        element, part = bound.element, refused.get(bound.element.tag)
+        if part:
+            message, hint = f"the name '{element.tag}' of a node has {part} in it", f"leave {part} out"
+            collector.refused_since(NAMES, element, element.tag_span(), message, hint)
 
 
 def _scripts(context: CheckContext) -> Iterator[tuple[BoundNode, str, Script]]:

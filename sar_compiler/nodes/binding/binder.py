@@ -23,7 +23,7 @@ from sar_compiler.nodes.models.models import Model, Models, read_models, yieldin
 from sar_compiler.nodes.registry import Registry, subtree
 from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.nodes.values import Guesses, blackboard_key, listed
-from sar_compiler.tree.diagnostic import Diagnostic
+from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, ROOT_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
@@ -290,10 +290,14 @@ class Binder:
 
     def _kind(self, bound: BoundNode) -> None:
         element, kind = bound.element, bound.spec.kind.value
-        if element.tag != kind:
-            article = "an" if kind == Kind.ACTION.value else "a"
-            message = f"'{bound.spec.tag}' is {article} {kind}; <{element.tag}> says otherwise"
-            self._collector.tag(element, "wrong-kind", message, suggestion=kind)
+        if element.tag == kind:
+            return
+        article = "an" if kind == Kind.ACTION.value else "a"
+        message = f"'{bound.spec.tag}' is {article} {kind}; <{element.tag}> says otherwise"
+        # BehaviorTree.CPP counts the children by what is written, and asks the node for all else.
+        is_read = Kind(element.tag).takes(len(element.children))
+        severity = Severity.WARNING if is_read else Severity.ERROR
+        self._collector.tag(element, "wrong-kind", message, suggestion=kind, severity=severity)
 
     def _unknown(self, element: Element, tag: str) -> BoundNode | None:
         """Report an unknown tag, and continue with the one that was probably meant."""

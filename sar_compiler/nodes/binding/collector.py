@@ -26,15 +26,19 @@ class Collector:
         self.findings: list[Diagnostic] = []
         self.guesses = Guesses()
 
-    def at(self, element: Element, span: Span, code: str, message: str, **advice: str | None) -> None:
+    def at(
+        self, element: Element, span: Span, code: str, message: str, **advice: str | Severity | None
+    ) -> None:
         """Report a finding about a place in an element; *advice* as in `Diagnostic`."""
         self.findings.append(Diagnostic(code, message, element.source, span, **advice))  # type: ignore[arg-type]
 
-    def tag(self, element: Element, code: str, message: str, **advice: str | None) -> None:
+    def tag(self, element: Element, code: str, message: str, **advice: str | Severity | None) -> None:
         """Report a finding about an element as a whole."""
         self.at(element, element.tag_span(), code, message, **advice)
 
-    def value(self, element: Element, attribute: str, code: str, message: str, **advice: str | None) -> None:
+    def value(
+        self, element: Element, attribute: str, code: str, message: str, **advice: str | Severity | None
+    ) -> None:
         """Report a finding about the value of an attribute."""
         self.at(element, element.value_span(attribute), code, message, **advice)
 
@@ -55,7 +59,7 @@ class Collector:
             self.at(element, span, "btcpp-version", message, **advice)
 
     def slip_in_model(
-        self, element: Element, attribute: str | None, message: str, **advice: str | None
+        self, element: Element, attribute: str | None, message: str, **advice: str | Severity | None
     ) -> None:
         """Report a slip in the description of a node, which BehaviorTree.CPP does not read.
 
@@ -83,6 +87,8 @@ class Collector:
         hint = f'write {attribute}="{{key}}"'
         self.value(element, attribute, "wrong-value", message, suggestion=suggestion, hint=hint)
 
-    def name(self, element: Element, attribute: str, code: str, message: str, **advice: str | None) -> None:
+    def name(
+        self, element: Element, attribute: str, code: str, message: str, **advice: str | Severity | None
+    ) -> None:
         """Report a finding about the name of an attribute."""
         self.at(element, element.name_span(attribute), code, message, **advice)

@@ -3,6 +3,7 @@
 import re
 
 from sar_compiler.nodes.registry import Registry, is_own_word
+from sar_compiler.tree.model import SUBTREE_TAG
 
 _REFUSED = re.compile(r"""[\s<>&"'/\\:*?|.\x00-\x1f]""")
 RESERVED = ("Root", "root")
@@ -20,7 +21,7 @@ def refused_in(name: str) -> str | None:
 
 def is_node(tree_id: str, registry: Registry) -> bool:
     """Return whether an ID of a tree is that of a node that BehaviorTree.CPP knows as well: then it refuses the tree."""
-    return tree_id in registry and not is_own_word(tree_id)
+    return tree_id == SUBTREE_TAG or (tree_id in registry and not is_own_word(tree_id))
 
 
 def fault_of(tree_id: str) -> tuple[str, str] | None:
