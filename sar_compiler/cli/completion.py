@@ -13,6 +13,7 @@ from argcomplete.completers import DirectoriesCompleter, FilesCompleter
 from argcomplete.shell_integration import shellcode
 
 from sar_compiler.cli.arguments import OK
+from sar_compiler.nodes.palettes import palette_names
 from sar_compiler.resources import shipped_root
 
 SHELLS = ("bash", "zsh", "fish")
@@ -93,6 +94,10 @@ def _missions(**_: Any) -> Iterable[str]:
     return load_missions()
 
 
+def _palettes(prefix: str, **arguments: Any) -> list[str]:
+    return [*palette_names(), *FilesCompleter(("xml", "btproj"))(prefix, **arguments)]
+
+
 def _modules(prefix: str, **_: Any) -> Iterator[str]:
     """Yield the modules and packages of the current folder, one level below what is written."""
     folder = Path(*prefix.split(".")[:-1])
@@ -109,7 +114,7 @@ COMPLETERS: Mapping[str, Callable[..., Iterable[str]]] = {
     "code": _codes,
     "include_path": DirectoriesCompleter(),
     "mission": _missions,
-    "model": FilesCompleter(("xml",)),
+    "model": _palettes,
     "nodes": _modules,
     "tag": _tags,
     "tree": _trees_or_ids,

@@ -59,6 +59,11 @@ def palettes_with(tag: str) -> list[str]:
     return [name for name, tags in _tags().items() if tag in tags]
 
 
+def palette_names() -> list[str]:
+    """Return the names of the installed palettes, with their versions."""
+    return [*_tags()]
+
+
 @functools.cache
 def _tags() -> Mapping[str, frozenset[str]]:
     found = {}

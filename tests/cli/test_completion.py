@@ -89,6 +89,8 @@ def test_a_shell_completes_commands_options_and_names(shell, folder):
         ("sar-compile nodes NavigateToZ", {"NavigateToZone"}),
         ("sar-compile nodes --nodes lea", {"leaves"}),
         ("sar-compile nodes --nodes leaves Wat", {"WaterPlants"}),
+        ("sar-compile nodes --model gar", {"garden.xml"}),
+        ("sar-compile nodes --model nav2:ja", {"jazzy"}),
         ("sar-compile explain unknown-n", {"unknown-node"}),
         ("sar-run --sim dis", {"disaster_zone"}),
         ("sar-run --mission sea", {"search_and_rescue"}),
