@@ -132,8 +132,12 @@ def _nodes(arguments: argparse.Namespace) -> int:
     if registry is None:
         return FINDINGS
     if arguments.tag is not None and arguments.tag not in registry:
-        near = registry.nearest(arguments.tag)
+        from sar_compiler.nodes.palettes import palettes_with
+
+        near, known = registry.nearest(arguments.tag), palettes_with(arguments.tag)
         advice = f"; did you mean '{near}'?" if near else ""
+        if known:
+            advice = f"; a palette knows it: --model {' or '.join(known)}"
         print(f"{PROG}: no node is called '{arguments.tag}'{advice}", file=sys.stderr)
         return USAGE
     specs = list(registry) if arguments.tag is None else registry.variants(arguments.tag)

@@ -131,3 +131,13 @@ def test_a_palette_that_cannot_be_read_gives_no_list(capsys, palette, command):
     status, out, err = run(capsys, command, "--model", palette("<root><"))
     assert (status, out) == (1, "")
     assert "error[malformed-xml]" in err
+
+
+def test_a_node_that_an_installed_palette_knows_is_said_to_be_there(capsys, tmp_path):
+    path = tmp_path / "tree.xml"
+    path.write_text(document('<FollowPath path="{path}"/>'), encoding="utf-8")
+    _, out, _ = run(capsys, "validate", str(path))
+    assert "a palette knows it: --model nav2:jazzy or nav2:kilted or nav2:main" in out
+    status, _, err = run(capsys, "nodes", "FollowPath")
+    assert status == 2
+    assert "a palette knows it: --model nav2:jazzy or nav2:kilted or nav2:main" in err

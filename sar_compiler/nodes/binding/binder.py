@@ -20,6 +20,7 @@ from sar_compiler.nodes.binding.skips import by_itself, report_misread
 from sar_compiler.nodes.btcpp.versions import NEWEST, Version
 from sar_compiler.nodes.models.model_comparison import compare
 from sar_compiler.nodes.models.models import Model, Models, read_models, yielding
+from sar_compiler.nodes.palettes import palettes_with
 from sar_compiler.nodes.registry import Registry, subtree
 from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.nodes.values import Guesses, blackboard_key, listed
@@ -317,6 +318,8 @@ class Binder:
         else:
             message = f"no node is called '{tag}'{self._was_called(tag, near)}"
             hint = "sar-compile nodes lists them; --nodes adds a module of leaves, --model a palette"
+            if known := palettes_with(tag):
+                near, hint = None, f"a palette knows it: --model {' or '.join(known)}"
             span = element.tag_span() if tag == element.tag else element.value_span("ID")
             self._collector.at(element, span, "unknown-node", message, suggestion=near, hint=hint)
         variants = self._variants(
