@@ -35,7 +35,7 @@ def test_the_result_of_a_goal_has_the_fields_that_leaves_read():
 
 def test_the_stand_ins_lie_outside_of_what_a_robot_builds():
     assert sorted(path.name for path in Path("interfaces").iterdir()) == ["sar_interfaces"]
-    assert sorted(path.name for path in Path("pip_interfaces").iterdir() if path.is_dir()) == [
+    assert sorted(path.parent.name for path in Path("pip_interfaces").glob("*/package.xml")) == [
         "nav2_msgs",
         "tf2_msgs",
     ]
