@@ -2,6 +2,7 @@
 
 import pytest
 
+from sar_compiler.checks import check
 from sar_compiler.compiler import bind_main, preview_tree
 from sar_compiler.nodes.registry import default_registry
 from tests.trees import errors, forest
@@ -37,7 +38,6 @@ def test_both_forms_compile_to_the_same():
 
 MISTAKES = {
     "a wrong kind": ('<Decorator ID="AdvanceZone"/>', "wrong-kind", 1, "Action"),
-    "a condition that is called an action": ('<Action ID="ZonesRemaining"/>', "wrong-kind", 1, "Condition"),
     "no ID": ("<Action/>", "missing-attribute", 1, None),
     "an empty ID": ('<Action ID=""/>', "missing-attribute", 13, None),
     "an ID of no node": ('<Action ID="AdvanseZone"/>', "unknown-node", 13, "AdvanceZone"),
@@ -69,4 +69,7 @@ def test_a_mistake_in_the_explicit_form_is_found_where_it_stands(name):
 )
 def test_a_leaf_that_only_asks_the_blackboard_is_a_condition(attributes):
     assert found(f"<Condition {attributes}/>") == []
-    assert found(f"<Action {attributes}/>") == [("wrong-kind", 3, 1, "Condition")]
+    findings = check(forest(f"<Action {attributes}/>"), REGISTRY)
+    assert [(f.code, f.suggestion) for f in findings if f.code == "wrong-kind"] == [
+        ("wrong-kind", "Condition")
+    ]

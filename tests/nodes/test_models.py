@@ -53,7 +53,7 @@ def test_a_node_that_a_palette_describes_may_be_used():
         ('<Fly hieght="1"/>', "unknown-attribute", "height"),
         ("<Fly><Success/></Fly>", "child-of-leaf", None),
         ("<Flu/>", "unknown-node", "Fly"),
-        ('<Condition ID="Fly"/>', "wrong-kind", "Action"),
+        ('<Decorator ID="Fly"/>', "wrong-kind", "Action"),
     ],
 )
 def test_a_described_node_is_checked_by_its_description(body, code, suggestion):
