@@ -5,6 +5,7 @@ import codecs
 import errno
 import os
 import platform
+import signal
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -44,13 +45,13 @@ def run(command: Callable[[], int], prog: str) -> int:
         from sar_compiler.tree.diagnostic import TreeError
 
         # A finding begins with its place, which editors and terminals make a link of.
-        _say(str(error) if isinstance(error, TreeError) else f"{prog}: {error}")
+        print_error(str(error) if isinstance(error, TreeError) else f"{prog}: {error}")
         return USAGE
     except ImportError as error:
         message = _not_installed(error)
         if message is None:
             raise
-        _say(f"{prog}: {message}")
+        print_error(f"{prog}: {message}")
         return USAGE
     except BrokenPipeError:
         # The reader has closed the pipe (`| head`); the rest of the buffer is discarded.
@@ -61,7 +62,7 @@ def run(command: Callable[[], int], prog: str) -> int:
         if reason is None:
             raise
         discard_output()
-        _say(f"{prog}: standard output cannot be written: {reason}")
+        print_error(f"{prog}: standard output cannot be written: {reason}")
         return USAGE
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -80,9 +81,28 @@ def _done(command: Callable[[], int]) -> int:
         sys.stdout.flush()  # while what goes wrong can still be told
 
 
-def _say(text: str) -> None:
-    with suppress(OSError):  # nobody can be told
-        print(text, file=sys.stderr)
+def print_error(text: str) -> None:
+    """Print a text on standard error, made visible; does nothing where that is closed."""
+    with suppress(OSError, UnicodeError):  # nobody can be told
+        print(_visible(text), file=sys.stderr, flush=True)
+
+
+def print_text(text: str, end: str = "\n", *, flush: bool = False) -> None:
+    """Print a text for people on standard output, made visible; data for programs is printed as it is."""
+    print(_visible(text), end=end, flush=flush)
+
+
+def _visible(text: str) -> str:
+    from sar_compiler.tree.showing import visible
+
+    return visible(text)
+
+
+def interruptible() -> None:
+    """From here on, within `run`, Ctrl-C ends a command as an exception: what is half done is tidied up."""
+    if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:
+        with suppress(ValueError):  # only the main thread may decide that
+            signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def discard_output() -> None:
@@ -171,7 +191,7 @@ class CommandParser(argparse.ArgumentParser):
             self.print_help(sys.stderr)
         else:
             self.print_usage(sys.stderr)
-        self.exit(USAGE, f"{self.prog}: error: {message}{_meant(message)}\n")
+        self.exit(USAGE, _visible(f"{self.prog}: error: {message}{_meant(message)}\n"))
 
     def complete(self) -> NoReturn:
         """Answer the shell that asks for completions."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, closed
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.model import Element, TreeFile
-from sar_compiler.tree.showing import shortened, visible
+from sar_compiler.tree.showing import in_one_line, shortened
 from sar_compiler.tree.source import Form, Source
 from sar_compiler.tree.yaml_writer import scalar
 
@@ -92,7 +92,7 @@ class Fix:
         source, span = finding.source, finding.span
         place = f"{source.path}:{span.line}:{span.column}"
         written, suggestion = (
-            visible(shortened(each)) for each in (_written(finding), finding.suggestion or "")
+            in_one_line(shortened(each)) for each in (_written(finding), finding.suggestion or "")
         )
         return f"{place}: fixed[{finding.code}]: {written} -> {suggestion}"
 

@@ -2,7 +2,6 @@
 
 import argparse
 import importlib
-import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,6 +17,8 @@ from sar_compiler.cli.loading import (
     workspace,
 )
 from sar_compiler.cli.terminal import findings_as_text
+from sar_compiler.commands import interruptible, print_error, print_text
+from sar_compiler.views.plain import as_json
 
 if TYPE_CHECKING:
     from sar_compiler.nodes.registry import Registry
@@ -45,6 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(argv: Sequence[str]) -> int:
+    interruptible()
     arguments = _parser(argv).parse_args(argv)
     return int(arguments.run(arguments))
 
@@ -117,10 +119,10 @@ def _show(arguments: argparse.Namespace) -> int:
         print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
         return FINDINGS
     if arguments.format == "json":
-        print(json.dumps(outline(tree), indent=2, ensure_ascii=False))
+        print(as_json(outline(tree)))
     else:
         draw = ascii_tree if arguments.format == "ascii" else unicode_tree
-        print(with_tags(draw(tree.root), tree), end="")
+        print_text(with_tags(draw(tree.root), tree), end="")
     return OK
 
 
@@ -138,13 +140,13 @@ def _nodes(arguments: argparse.Namespace) -> int:
         advice = f"; did you mean '{near}'?" if near else ""
         if known:
             advice = f"; a palette knows it: --model {' or '.join(known)}"
-        print(f"{PROG}: no node is called '{arguments.tag}'{advice}", file=sys.stderr)
+        print_error(f"{PROG}: no node is called '{arguments.tag}'{advice}")
         return USAGE
     specs = list(registry) if arguments.tag is None else registry.variants(arguments.tag)
     if arguments.format == "groot2":
         print(palette(specs), end="")
         return OK
-    print(nodes_as_json(specs) if arguments.format == "json" else nodes_as_text(specs))
+    print_text(nodes_as_json(specs) if arguments.format == "json" else nodes_as_text(specs))
     return OK
 
 
@@ -156,7 +158,7 @@ def _schema(arguments: argparse.Namespace) -> int:
     if registry is None:
         return FINDINGS
     if arguments.format == "json":
-        print(json.dumps(json_schema(registry), indent=2, ensure_ascii=False))
+        print(as_json(json_schema(registry)))
     else:
         print(xml_schema(registry), end="")
     return OK

@@ -72,8 +72,10 @@ def _trees_or_ids(
     from sar_compiler.tree.forest import load_forest
     from sar_compiler.tree.reading import read_tree_file
     from sar_compiler.tree.shipped import find_tree
+    from sar_compiler.tree.showing import in_one_line
 
-    return load_forest(find_tree(parsed_args.file), read_tree_file, parsed_args.include_path).trees
+    trees = load_forest(find_tree(parsed_args.file), read_tree_file, parsed_args.include_path).trees
+    return [name for name in trees if in_one_line(name) == name]
 
 
 def _tags(parsed_args: argparse.Namespace, **_: Any) -> list[str]:

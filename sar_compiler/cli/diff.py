@@ -6,6 +6,7 @@ import sys
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
 from sar_compiler.cli.loading import FILE_HELP
 from sar_compiler.cli.terminal import findings_as_text
+from sar_compiler.commands import print_text
 
 
 def add_diff(parser: argparse.ArgumentParser) -> None:
@@ -35,5 +36,5 @@ def diff_files(arguments: argparse.Namespace) -> int:
         print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
         return USAGE
     differences = difference(old, new)
-    print(difference_as_text(differences), end="")
+    print_text(difference_as_text(differences), end="")
     return FINDINGS if differences else OK

@@ -1,9 +1,9 @@
 """`sar-compile explain`: explain a kind of finding."""
 
 import argparse
-import sys
 
 from sar_compiler.cli.arguments import OK, USAGE
+from sar_compiler.commands import print_error
 
 
 def add_explain(parser: argparse.ArgumentParser) -> None:
@@ -26,7 +26,7 @@ def explain_code(arguments: argparse.Namespace) -> int:
     if arguments.code not in KINDS:
         near = nearest(arguments.code, KINDS)
         advice = f"; did you mean '{near}'?" if near else ""
-        print(f"sar-compile: no finding is called '{arguments.code}'{advice}", file=sys.stderr)
+        print_error(f"sar-compile: no finding is called '{arguments.code}'{advice}")
         return USAGE
     print(page_of(arguments.code), end="")
     return OK

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
 from sar_compiler.cli.terminal import findings_as_text
+from sar_compiler.commands import print_error, print_text
 
 
 def add_format(parser: argparse.ArgumentParser) -> None:
@@ -33,13 +34,13 @@ def _status(name: str, *, check: bool) -> int:
     try:
         differs = _format(name, write=not check)
     except UnreadableFileError as error:
-        print(f"sar-compile: {error}", file=sys.stderr)
+        print_error(f"sar-compile: {error}")
         return USAGE
     except TreeError as error:
         print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
         return FINDINGS
     if differs:
-        print(f"{Path(name)}: {'is not in canonical form' if check else 'written anew'}")
+        print_text(f"{Path(name)}: {'is not in canonical form' if check else 'written anew'}")
     return FINDINGS if differs and check else OK
 
 

@@ -3,10 +3,10 @@
 import argparse
 import atexit
 import gc
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sar_compiler.commands import print_error
 from sar_compiler.tree.gc_pause import gc_paused
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def additions(arguments: argparse.Namespace) -> "Additions":
 
 def tell_passed_over(text: str) -> None:
     """Report on standard error what was ignored."""
-    print(f"note: {text}", file=sys.stderr)
+    print_error(f"note: {text}")
 
 
 def add_params(parser: argparse.ArgumentParser) -> None:

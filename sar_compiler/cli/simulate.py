@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE, count, seed
 from sar_compiler.cli.loading import FILE_HELP, add_params, add_project_options, workspace
 from sar_compiler.cli.terminal import findings_as_text
+from sar_compiler.commands import print_error, print_text
 from sar_compiler.errors import SarError
 
 if TYPE_CHECKING:
@@ -121,11 +122,11 @@ def _play(
     except SarError as error:
         undecided = isinstance(error, OnlyDescribedError)
         is_told = undecided or isinstance(error, TreeError)
-        print(error if is_told else f"sar-compile: {error}", file=sys.stderr)
+        print_error(str(error) if is_told else f"sar-compile: {error}")
         return PlayedScenario(str(path or arguments.file), problem=str(error), is_undecided=undecided)
     unknown = _slip(arguments.until, play.simulated) if arguments.until else None
     if unknown is not None:
-        print(f"sar-compile: {unknown}", file=sys.stderr)
+        print_error(f"sar-compile: {unknown}")
         return PlayedScenario(str(path or arguments.file), problem=unknown)
     scenario = replace(
         play.scenario,
@@ -180,12 +181,12 @@ def _print(played: "list[PlayedScenario]", coverage: "Coverage", arguments: argp
         return
     for each in played:
         if each.run is not None:
-            print(f"{trace(each.run)}{verdict(each.run, each.failures)}\n")
+            print_text(f"{trace(each.run)}{verdict(each.run, each.failures)}\n")
     if len(played) > 1:
         held = sum(each.run is not None and not each.failures for each in played)
         print(f"{held} of {len(played)} scenarios hold.")
     if shown is not None:
-        print(coverage_text(shown))
+        print_text(coverage_text(shown))
 
 
 def script(text: str) -> "Script":

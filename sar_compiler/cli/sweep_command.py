@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, INTERRUPTED, OK, count, seed
+from sar_compiler.commands import print_text
 
 if TYPE_CHECKING:
     from sar_compiler.checks.sweep.sweeping import Played, SweptRow
@@ -116,7 +117,7 @@ def swept(
     failure = None if stopped else smallest_failure(rows)
     written = None if failure is None else write(*failure)
     view = sweep_as_json if arguments.format == "json" else sweep_as_text
-    print(view(rows, rule, failure, written))
+    print_text(view(rows, rule, failure, written))
     if stopped:
         return INTERRUPTED
     if arguments.at_least is not None:

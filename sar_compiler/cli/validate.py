@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
 from sar_compiler.cli.loading import FILE_HELP, add_project_options, workspace
 from sar_compiler.cli.terminal import findings_as_text
+from sar_compiler.commands import print_error, print_text
+from sar_compiler.tree.showing import visible
 
 if TYPE_CHECKING:
     from sar_compiler.checks.fixing import Fix
@@ -116,7 +118,7 @@ class _Validation:
         self.unreadable += 1
         if why not in self._said:
             self._said.add(why)
-            print(f"sar-compile: {why}", file=sys.stderr)
+            print_error(f"sar-compile: {why}")
 
     def _new_workspace(self) -> "Workspace":
         # A file by itself is no set.
@@ -172,7 +174,7 @@ class _Validation:
             self._report(tree.findings)
             self._count_fixable(tree)
             if self.arguments.format == _TEXT and not tree.findings and path not in self._found_in_folders:
-                print(f"{path}: no findings")
+                print_text(f"{path}: no findings")
         if self.arguments.format == _TEXT:
             self._sum_up()
 
@@ -235,7 +237,7 @@ class _Validation:
             _write(tree, chosen)
         output = sys.stdout if self.arguments.format == _TEXT else sys.stderr
         for fix in chosen:
-            print(fix.describe(), file=output)
+            print(visible(fix.describe()), file=output)
         return bool(chosen)
 
 

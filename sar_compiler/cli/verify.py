@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, INTERRUPTED, OK, USAGE, count
 from sar_compiler.cli.loading import FILE_HELP, add_params, add_project_options, workspace
+from sar_compiler.cli.terminal import findings_as_text
+from sar_compiler.commands import print_error, print_text
 
 if TYPE_CHECKING:
     from sar_compiler.checks.verify import Progress, Verification
@@ -85,7 +87,7 @@ def verify_file(arguments: argparse.Namespace) -> int:
     from sar_compiler.tree.diagnostic import TreeError
 
     if arguments.against is not None and arguments.export is not None:
-        print("sar-compile: --export is for one tree: leave --against out", file=sys.stderr)
+        print_error("sar-compile: --export is for one tree: leave --against out")
         return USAGE
     started = time.monotonic()
     files = [file for file in (arguments.file, arguments.against) if file is not None]
@@ -93,16 +95,16 @@ def verify_file(arguments: argparse.Namespace) -> int:
     try:
         _verify_into(done, files, arguments)
     except TreeError as error:
-        print("\n".join(finding.render() for finding in error.findings), file=sys.stderr)
+        print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
         if done:
-            print(f"sar-compile: {files[1]} cannot be verified like this", file=sys.stderr)
+            print_error(f"sar-compile: {files[1]} cannot be verified like this")
         return USAGE
     except OnlyDescribedError as error:
-        print(error, file=sys.stderr)
+        print_error(str(error))
         return FINDINGS
     except UndecidableError as error:
         whose = f"{files[len(done)]}: " if len(files) > 1 else ""
-        print(f"sar-compile: {whose}nothing can be decided: {error}", file=sys.stderr)
+        print_error(f"sar-compile: {whose}nothing can be decided: {error}")
         return FINDINGS
     status = _print(done, files, time.monotonic() - started, arguments.format)
     if arguments.export is not None:
@@ -151,7 +153,7 @@ def _export(verification: "Verification", prefix: Path, name: str) -> None:
             first = list(variable.codes.items())[:_MOST_CODES]
             listed = ", ".join(f"{number} for {value}" for value, number in first)
             listed += ", ..." if len(first) < len(variable.codes) else ""
-            print(f"sar-compile: in {prefix}.sta, {variable.name} is {listed}", file=sys.stderr)
+            print_error(f"sar-compile: in {prefix}.sta, {variable.name} is {listed}")
 
 
 def _print(done: "list[Verification]", files: "list[str]", seconds: float, form: str) -> int:
@@ -161,13 +163,13 @@ def _print(done: "list[Verification]", files: "list[str]", seconds: float, form:
 
     if len(done) == 1:
         show = views.verification_as_json if form == "json" else views.verification_as_text
-        print(show(done[0], seconds))
+        print_text(show(done[0], seconds))
         fine = done[0].proved
     else:
         now, before = done
         comparison = VerificationComparison(before, now)
         compare = views.comparison_as_json if form == "json" else views.comparison_as_text
-        print(compare(comparison, (files[1], files[0]), seconds))
+        print_text(compare(comparison, (files[1], files[0]), seconds))
         fine = not comparison.worse
     if done[-1].stopped:
         return INTERRUPTED
@@ -234,7 +236,7 @@ class _Shown:
             self._clear()
             for name in progress.broken[self._broken :]:
                 told = f"{self._whose}{name}: does not hold (Ctrl-C stops and shows a run)"
-                print(f"sar-compile: {told}", file=sys.stderr)
+                print_error(f"sar-compile: {told}")
             self._broken = len(progress.broken)
         self._show_numbers(progress)
         return self._stopped

@@ -12,6 +12,7 @@ from rclpy.node import Node
 import sar_compiler
 from sar_compiler.compiler.origins import place_of
 from sar_compiler.errors import SarError
+from sar_compiler.tree.showing import in_one_line, visible
 
 _OURS = tuple(str(Path(str(package.__file__)).parent) + os.sep for package in (sar_compiler, py_trees))
 _TRACEBACKS = "traceback"
@@ -85,9 +86,9 @@ def tell(node: Node | None, text: str, error: BaseException | None = None) -> No
     """
     if node is None:
         return
-    node.get_logger().error(text)
+    node.get_logger().error(in_one_line(text))
     if error is not None:
-        _traceback_logger(node).debug("".join(traceback.format_exception(error)))
+        _traceback_logger(node).debug(visible("".join(traceback.format_exception(error))))
 
 
 def tell_failure(node: Node | None, error: BaseException) -> Behaviour | None:

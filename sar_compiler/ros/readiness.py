@@ -18,6 +18,7 @@ from sar_compiler.ros.requirements import (
     Published,
     Requirement,
 )
+from sar_compiler.tree.showing import in_one_line
 
 # How long a server that was killed still counts in the graph (20 s by default of the middleware), and a
 # little more: two servers may be one and the shadow of another.
@@ -151,7 +152,7 @@ def wait_until_ready(
 
 
 def _waiting_line(readiness: Readiness) -> str:
-    return "Waiting for: " + "; ".join(readiness.missing())
+    return in_one_line("Waiting for: " + "; ".join(readiness.missing()))
 
 
 def _spin_for(executor: Executor, duration_sec: float) -> bool:

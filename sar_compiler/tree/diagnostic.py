@@ -6,7 +6,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 from sar_compiler.errors import SarError
-from sar_compiler.tree.showing import shortened, visible
+from sar_compiler.tree.showing import in_one_line, shortened, visible
 from sar_compiler.tree.source import Source, Span
 
 if TYPE_CHECKING:
@@ -74,10 +74,10 @@ class Diagnostic:
             paint: Colours a text by what it is: `place`, `error`, `warning`, `info`, `margin`, `carets`, `advice`.
         """
         span, severity = self.span, self.severity.value
-        place = paint(visible(f"{self.source.path}:{span.line}:{span.column}:"), "place")
-        head = f"{place} {paint(f'{severity}[{self.code}]', severity)}: {visible(self.message)}"
+        place = paint(in_one_line(f"{self.source.path}:{span.line}:{span.column}:"), "place")
+        head = f"{place} {paint(f'{severity}[{self.code}]', severity)}: {in_one_line(self.message)}"
         line, most = self.source.line(span.line), max(width - _MARGIN, _LEAST)
-        advice = paint(visible(self.advice), "advice")
+        advice = paint(in_one_line(self.advice), "advice")
         empty = paint("      |", "margin")
         if not line.strip():
             return f"{head}\n{empty} {advice}" if advice else head

@@ -5,9 +5,11 @@ import re
 _LONGEST = 400
 _ENDING = 100
 # What moves the cursor, changes colours, turns the direction of writing, or cannot be seen at all.
-_UNSEEN = re.compile(
-    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u2069\ufeff\ud800-\udfff]"
+UNSEEN = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb\ud800-\udfff"
+    "\U000e0000-\U000e007f]"
 )
+"""What people are not shown as it is."""
 
 
 def shortened(text: str) -> str:
@@ -19,9 +21,14 @@ def shortened(text: str) -> str:
 
 def visible(text: str) -> str:
     r"""Return a text with control characters, and those that turn the direction of writing, as `\x1b`, `\u202e`."""
-    return _UNSEEN.sub(_code, text)
+    return UNSEEN.sub(_code, text)
+
+
+def in_one_line(text: str) -> str:
+    r"""Return a text as `visible` does, with its line breaks as `\n`: nothing in it can pass for a line of its own."""
+    return visible(text).replace("\n", "\\n")
 
 
 def _code(match: re.Match[str]) -> str:
     code = ord(match[0])
-    return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"  # noqa: PLR2004 - a byte
+    return f"\\x{code:02x}" if code < 0x100 else match[0].encode("ascii", "backslashreplace").decode()  # noqa: PLR2004

@@ -1,10 +1,10 @@
 """Findings for editors and continuous integration: as JSON, and as commands of GitHub Actions."""
 
-import json
 from collections.abc import Iterable
 
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.showing import visible
+from sar_compiler.views.plain import as_json
 
 _COMMANDS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "notice"}
 # The characters that would end a message, and those that would end a property as well.
@@ -14,7 +14,7 @@ _IN_PROPERTIES = {**_IN_MESSAGES, ":": "%3A", ",": "%2C"}
 
 def findings_as_json(findings: Iterable[Diagnostic]) -> str:
     """Return findings as a JSON array; lines and columns from 1, the end exclusive."""
-    return json.dumps([_as_dict(finding) for finding in findings], indent=2, ensure_ascii=False)
+    return as_json([_as_dict(finding) for finding in findings])
 
 
 def _as_dict(finding: Diagnostic) -> dict[str, object]:

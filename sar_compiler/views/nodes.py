@@ -1,6 +1,5 @@
 """The nodes of the registry, as text and as JSON."""
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 
@@ -10,7 +9,7 @@ from sar_compiler.nodes.outcome_sets import ALLOWED, K
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role, Skips
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.tree.synthetic import synthetic_element
-from sar_compiler.views.plain import plain, value_as_script
+from sar_compiler.views.plain import as_json, plain, value_as_script
 
 
 def nodes_as_text(specs: Sequence[NodeSpec]) -> str:
@@ -23,7 +22,7 @@ def nodes_as_text(specs: Sequence[NodeSpec]) -> str:
 
 def nodes_as_json(specs: Sequence[NodeSpec]) -> str:
     """Return the registry's entries as a JSON array."""
-    return json.dumps([_as_dict(spec) for spec in specs], indent=2, ensure_ascii=False)
+    return as_json([_as_dict(spec) for spec in specs])
 
 
 def _in_full(spec: NodeSpec) -> str:

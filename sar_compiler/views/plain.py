@@ -1,6 +1,21 @@
 """Values in the notations of JSON and of scripts."""
 
+import json
+import re
 from enum import Enum
+
+from sar_compiler.tree.showing import UNSEEN
+
+
+def as_json(data: object) -> str:
+    """Return data as JSON, in which what a terminal would obey is escaped; for whoever reads it, it is the same."""
+    text = json.dumps(data, indent=2, ensure_ascii=False)
+    return UNSEEN.sub(_escaped, text)
+
+
+def _escaped(match: re.Match[str]) -> str:
+    digits = match[0].encode("utf-16-be", "surrogatepass").hex()
+    return "".join(f"\\u{digits[start : start + 4]}" for start in range(0, len(digits), 4))
 
 
 def plain(value: object) -> object:

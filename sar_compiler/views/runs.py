@@ -1,12 +1,11 @@
 """Scripted runs as JSON, for other tools."""
 
-import json
 from collections.abc import Sequence
 
 from sar_compiler.checks.simulate.coverage import Coverage, Covered
 from sar_compiler.checks.simulate.running import Run, TickRecord
 from sar_compiler.views.junit import PlayedScenario
-from sar_compiler.views.plain import plain
+from sar_compiler.views.plain import as_json, plain
 
 
 def runs_as_json(tree: str, scenarios: Sequence[PlayedScenario], coverage: Coverage | None = None) -> str:
@@ -17,7 +16,7 @@ def runs_as_json(tree: str, scenarios: Sequence[PlayedScenario], coverage: Cover
             "never_ticked": [_node(each) for each in coverage.never_ticked],
             "unseen": [{**_node(each), "outcomes": each.unseen} for each in coverage.unseen],
         }
-    return json.dumps(result, indent=2, ensure_ascii=False)
+    return as_json(result)
 
 
 def _scenario(played: PlayedScenario) -> dict[str, object]:

@@ -1,7 +1,6 @@
 """Findings as SARIF 2.1.0, which code scanning services and editors read."""
 
 import importlib.metadata
-import json
 import urllib.parse
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -9,6 +8,7 @@ from pathlib import Path
 from sar_compiler.checks.kinds import KINDS, page_of
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.source import Source
+from sar_compiler.views.plain import as_json
 
 _SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 _LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "note"}
@@ -28,7 +28,7 @@ def findings_as_sarif(findings: Sequence[Diagnostic]) -> str:
         "newlineSequences": ["\r\n", "\r", "\n"],
         "results": list(_results(findings, codes)),
     }
-    return json.dumps({"$schema": _SCHEMA, "version": "2.1.0", "runs": [run]}, indent=2, ensure_ascii=False)
+    return as_json({"$schema": _SCHEMA, "version": "2.1.0", "runs": [run]})
 
 
 def _rule(code: str) -> dict[str, object]:

@@ -1,11 +1,11 @@
 """The table of a sweep, as text and as JSON."""
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import fmean
 
 from sar_compiler.checks.sweep.sweeping import Played, StoppingRule, SweptRow
+from sar_compiler.views.plain import as_json
 
 Smallest = tuple[SweptRow, Played] | None
 
@@ -68,7 +68,7 @@ def sweep_as_json(
         path, again = written or (None, None)
         file = {"file": path and str(path), "again": again}
         result["smallest"] = {"labels": row.labels, "seed": played.seed, "failure": played.failure, **file}
-    return json.dumps(result, indent=2, ensure_ascii=False)
+    return as_json(result)
 
 
 def _object(row: SweptRow, rule: StoppingRule) -> Mapping[str, object]:

@@ -1,6 +1,5 @@
 """The result of verifying a tree, as text and as JSON."""
 
-import json
 import textwrap
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -9,7 +8,7 @@ from sar_compiler.checks.verify.comparing import BETTER, OTHER, SAME, WORSE, Ver
 from sar_compiler.checks.verify.traces import Trace, TraceTick, ValueChange
 from sar_compiler.checks.verify.verdicts import ProofStatus, Verdict, Verification
 from sar_compiler.runtime.stub_leaf import ANSWERED, HALTED, Event, StubLeaf
-from sar_compiler.views.plain import plain
+from sar_compiler.views.plain import as_json, plain
 from sar_compiler.views.trace import leaf_labels
 
 _WIDTH = 110
@@ -45,7 +44,7 @@ def verification_as_json(verification: Verification, seconds: float) -> str:
             {"property": each.name, "missing": list(each.missing)} for each in verification.left_out
         ],
     }
-    return json.dumps(data, indent=2, ensure_ascii=False)
+    return as_json(data)
 
 
 def comparison_as_text(comparison: VerificationComparison, names: tuple[str, str], seconds: float) -> str:
@@ -83,7 +82,7 @@ def comparison_as_json(comparison: VerificationComparison, names: tuple[str, str
             for answer in comparison.answers
         ],
     }
-    return json.dumps(data, indent=2, ensure_ascii=False)
+    return as_json(data)
 
 
 def _changes_in(comparison: VerificationComparison, names: tuple[str, str], seconds: float) -> Iterator[str]:

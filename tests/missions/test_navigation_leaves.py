@@ -210,6 +210,15 @@ class TestFailure:
             "Navigation to zone_a failed: aborted (status 6), error code 206: the goal lies in an obstacle"
         ]
 
+    def test_what_the_server_says_of_it_makes_no_line_of_its_own_in_the_log(self, stage: "Stage") -> None:
+        leaf = drive(stage)
+        message = "\x1b[2Jno\n[INFO] [0.0] [search_and_rescue]: Reached zone_b." + "!" * 10_000
+        leaf.on_result(6, leaf.interface.Result(error_code=100, error_msg=message))
+        (told,) = stage.warnings
+        assert "error code 100: \\x1b[2Jno\\n[INFO] [0.0]" in told
+        assert "\n" not in told
+        assert len(told) < 500
+
     def test_a_goal_that_somebody_else_canceled(self, stage: "Stage") -> None:
         from action_msgs.srv import CancelGoal
 

@@ -8,6 +8,7 @@ from sar_compiler.missions.search_and_rescue.parameters import read_survivors
 from sar_compiler.ros.faults import ServiceFaults, create_service
 from sar_compiler.ros.parameter_reader import lookalikes
 from sar_compiler.ros.parameters import DataNode, flat_parameters
+from sar_compiler.tree.showing import in_one_line, shortened
 
 SURVIVORS = {"zone_a": (-2.5, 3.2), "zone_c": (4.1, -2.5)}
 """The survivors' default positions: x and y in metres in the frame `map`, by zone."""
@@ -35,11 +36,11 @@ class DetectSurvivorServer(DataNode):
         self.get_logger().info("DetectSurvivor service ready.")
 
     def _answer(self, request: Any, response: Any) -> Any:
-        survivor = self._survivors.get(request.zone_id)
+        survivor, zone = self._survivors.get(request.zone_id), in_one_line(shortened(request.zone_id))
         if survivor is None:
-            self.get_logger().info(f"Detection request for {request.zone_id}: NOT FOUND")
+            self.get_logger().info(f"Detection request for {zone}: NOT FOUND")
             return response
         response.found = True
         response.survivor_x, response.survivor_y = x, y = survivor
-        self.get_logger().info(f"Detection request for {request.zone_id}: FOUND at ({x:.2f}, {y:.2f})")
+        self.get_logger().info(f"Detection request for {zone}: FOUND at ({x:.2f}, {y:.2f})")
         return response

@@ -6,6 +6,7 @@ from py_trees.behaviour import Behaviour
 
 from sar_compiler.ros.leaves.errors import MissingNodeError
 from sar_compiler.runtime.leaf_protocol import Wake, stay_asleep
+from sar_compiler.tree.showing import in_one_line, shortened
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -64,10 +65,10 @@ class RosLeaf(Behaviour):
         return self._node
 
     def say(self, text: str) -> None:
-        """Write a line to the mission's log."""
-        self.node.get_logger().info(text)
+        """Write a line to the mission's log; what is not of one line, or no text for a terminal, is escaped."""
+        self.node.get_logger().info(in_one_line(shortened(text)))
 
     def complain(self, text: str) -> None:
-        """Log a warning, and keep it as the leaf's feedback message."""
+        """Log a warning, as `say` does, and keep it as the leaf's feedback message."""
         self.feedback_message = text
-        self.node.get_logger().warning(text)
+        self.node.get_logger().warning(in_one_line(shortened(text)))
