@@ -20,11 +20,14 @@ from sar_compiler.runtime.variables import (
 EPSILON = 2.0**-23
 """Numbers that differ by no more are equal: the step from 1 to the next number of 32 bits."""
 
+LONGEST_TEXT = 4096
+"""The most characters of a text that a script makes: one that is joined to itself in a loop would fill the memory."""
+
 
 def add(left: ScriptValue, right: ScriptValue) -> ScriptValue:
     """Add two numbers or join two texts."""
     if isinstance(left, str) and isinstance(right, str):
-        return left + right
+        return _joined(left, right)
     return as_real(left) + as_real(right)
 
 
@@ -53,7 +56,7 @@ def join(left: ScriptValue, right: ScriptValue) -> ScriptValue:
     if not isinstance(left, str) and not isinstance(right, str):
         message = f"neither {said(left)} nor {said(right)} is a text"
         raise RefusedValueError(message)
-    return _written(left) + _written(right)
+    return _joined(_written(left), _written(right))
 
 
 def both(left: ScriptValue, right: ScriptValue) -> ScriptValue:
@@ -150,6 +153,16 @@ _COMPARISONS: Mapping[str, Callable[[Any, Any], bool]] = {
 
 def _comparable(value: ScriptValue, enums: Mapping[str, int]) -> float:
     return float(whole_or_real(value, enums)) if isinstance(value, str) else as_real(value)
+
+
+def _joined(left: str, right: str) -> str:
+    length = len(left) + len(right)
+    if length > LONGEST_TEXT:
+        message = (
+            f"the text would have {length:,} characters, and a script makes texts of {LONGEST_TEXT:,} at most"
+        )
+        raise RefusedValueError(message)
+    return left + right
 
 
 def _written(value: object) -> str:

@@ -18,6 +18,8 @@ rank operators
 ==== =========================== =======================================
 """
 
+import itertools
+
 from sar_compiler.runtime.expressions import (
     Assignment,
     ComparisonChain,
@@ -35,6 +37,9 @@ from sar_compiler.runtime.tokens import ScriptError, Token, TokenKind, excerpt, 
 
 MAX_DEPTH = 100
 """The deepest nesting of expressions."""
+
+MAX_WORDS = 100_000
+"""The most words (numbers, texts, names and signs) of a script."""
 
 _ANY, _CONDITIONAL, _COMPARISON, _PREFIX = 0, 4, 10, 20
 _ASSIGNMENTS = (":=", "=", "+=", "-=", "*=", "/=")
@@ -102,7 +107,11 @@ class _Parser:
 
     def __init__(self, text: str) -> None:
         self._text = text
-        self._tokens = list(tokenize(text))
+        self._tokens = list(itertools.islice(tokenize(text), MAX_WORDS + 1))
+        if len(self._tokens) > MAX_WORDS:
+            last = self._tokens[-1]
+            message = f"the script has more than {MAX_WORDS:,} words"
+            raise ScriptError(message, last.start, last.end, hint="let a leaf calculate it")
         self._index = 0
         self._next = self._tokens[0]
         self._depth = 0

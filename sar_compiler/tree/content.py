@@ -14,6 +14,9 @@ MAX_BYTES = 32 * 1024 * 1024
 MAX_DEPTH = 200
 """Deeper nesting is refused: py_trees stops a tree by recursion, two frames for each level."""
 
+MAX_ELEMENTS = 300_000
+"""A file with more elements is refused, before they are understood: no tree may have so many nodes."""
+
 _START = Span(1, 1, 1, 1)
 _MARK = "\ufeff"
 _BYTE_ORDER_MARKS = [
@@ -31,8 +34,11 @@ def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
     """
     try:
         # A pipe of the shell's (`<(...)`) leads to no path, and has a writer; a named one may never have any.
-        if real_path(Path(path)).is_fifo():
+        real = real_path(Path(path))
+        if real.is_fifo() or real.is_socket():
             raise OSError(errno.EINVAL, "it is a pipe, not a file")  # noqa: TRY301 - told as the others are
+        if real.is_char_device() or real.is_block_device():
+            raise OSError(errno.EINVAL, "it is a device, not a file")  # noqa: TRY301
         # One byte more than allowed is enough to know, whatever is at the other end of the path.
         with Path(path).open("rb") as stream:
             return stream.read(limit + 1)
@@ -52,7 +58,14 @@ def as_written(path: Path) -> Path:
     return path.relative_to(here) if path.is_relative_to(here) else path
 
 
-def source_of(data: bytes | str, path: str, spans: Spans, declared: str | None, empty_hint: str) -> Source:
+def source_of(
+    data: bytes | str,
+    path: str,
+    spans: Spans,
+    declared: str | None,
+    empty_hint: str,
+    limit: int = MAX_BYTES,
+) -> Source:
     """Make the source of a file's content.
 
     Args:
@@ -61,12 +74,13 @@ def source_of(data: bytes | str, path: str, spans: Spans, declared: str | None, 
         spans: Finds parts of elements in the text.
         declared: The encoding that the content itself names.
         empty_hint: What to write in an empty file.
+        limit: The most bytes, or characters, that it may have.
 
     Raises:
         TreeError: If the content is too large, empty, or not text.
     """
-    if len(data) > MAX_BYTES:
-        message = f"the file is larger than {MAX_BYTES // 2**20} MiB"
+    if len(data) > limit:
+        message = f"the file is larger than {limit // 2**20} MiB"
         raise TreeError([Diagnostic("file-too-large", message, Source(path, "", spans), _START)])
     encoding = _encoding_of(data, declared) if isinstance(data, bytes) else "utf-8"
     text = data if isinstance(data, str) else _decode(data, path, spans, encoding)

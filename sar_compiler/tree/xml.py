@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from xml.parsers import expat
 
 from sar_compiler.tree.comments import text_of_xml
-from sar_compiler.tree.content import MAX_DEPTH, source_of
+from sar_compiler.tree.content import MAX_DEPTH, MAX_ELEMENTS, source_of
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import MODEL_TAG, Comment, Element, FileBeginning, OpenTag, TreeFile
@@ -135,8 +135,13 @@ class _XmlReader:
         """Return the handlers for start and end tags; closures, which are faster than methods."""
         parser, source, opened, levels = self._parser, self._source, self._open, self._levels
         comments, texts, recovered = self._comments, self._texts, self._recovered
+        count = 0
 
         def start(tag: str, attributes: dict[str, str]) -> None:
+            nonlocal count
+            count += 1
+            if count > MAX_ELEMENTS:
+                self._too_many(tag)
             if recovered is not None:
                 attributes = {name: recovered.original(value) for name, value in attributes.items()}
             opened.append((tag, attributes, parser.CurrentLineNumber, parser.CurrentColumnNumber + 1))
@@ -160,6 +165,10 @@ class _XmlReader:
     def _too_deep(self, tag: str) -> None:
         message = f"elements are nested more than {MAX_DEPTH} deep"
         self._refuse("too-deep", message, self._here(), self._here() + len(tag) + 1)
+
+    def _too_many(self, tag: str) -> None:
+        message = f"the file has more than {MAX_ELEMENTS:,} elements"
+        self._refuse("too-many-nodes", message, self._here(), self._here() + len(tag) + 1)
 
     def _extras(self) -> tuple[str, tuple[Comment, ...]]:
         """Take the text and the comments of the element that ends."""

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from sar_compiler.tree.comments import text_of_yaml
-from sar_compiler.tree.content import MAX_DEPTH, source_of
+from sar_compiler.tree.content import MAX_DEPTH, MAX_ELEMENTS, source_of
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
 from sar_compiler.tree.model import (
     CHILDREN_KEY,
@@ -77,6 +77,7 @@ class _YamlReader:
         self._doubts: list[Diagnostic] = []
         self._report = self._events.report
         self._depth = 0
+        self._count = 0
         self._models = 0
 
     def read(self) -> TreeFile:
@@ -209,6 +210,11 @@ class _YamlReader:
         if not is_name(tag.value):
             self._wrong_name(tag, "a tag")
             return None
+        self._count += 1
+        if self._count > MAX_ELEMENTS:
+            message = f"the file has more than {MAX_ELEMENTS:,} elements"
+            self._report("too-many-nodes", message, *_place(tag))
+            raise TreeError(self._events.findings)
         self._spans.finish(number, parts.places)
         place = self._source.place(tag.start_mark.index)
         children, comments = tuple(parts.children), tuple(parts.comments)

@@ -14,7 +14,7 @@ from sar_compiler.nodes.binding.attributes import CONDITIONS, NOTES
 from sar_compiler.nodes.binding.nesting import MAX_LEVELS, MAX_NODES
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.values import MOST_COMPARED, ConversionError, value_type_of
-from sar_compiler.runtime import script
+from sar_compiler.runtime import operators, script
 from sar_compiler.tree import content, forest
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.model import SUBTREE_TAG
@@ -73,12 +73,15 @@ def limits():
 def test_the_limits_are_those_of_the_code():
     figures = [
         content.MAX_BYTES // 2**20,
+        content.MAX_ELEMENTS,
         content.MAX_DEPTH,
         forest.MAX_FILES,
         forest.MAX_INCLUDE_DEPTH,
         MAX_NODES,
         MAX_LEVELS,
         script.MAX_DEPTH,
+        script.MAX_WORDS,
+        operators.LONGEST_TEXT,
         100,
         MOST,
         MOST_COMPARED,

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sar_compiler.runtime.evaluation import EvaluationError, Program
-from sar_compiler.runtime.operators import as_condition
+from sar_compiler.runtime.operators import LONGEST_TEXT, as_condition
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.tokens import ScriptError
 from sar_compiler.runtime.variables import LARGEST_EXACT, RefusedValueError, UnknownVariableError, fit
@@ -256,6 +256,16 @@ def test_a_value_that_does_not_fit_is_pointed_at_and_explained(text, mark, said)
     error = error_of(text, count=3, label="abc", pose=[], huge=1 << 20_000)
     assert marked(text, error) == mark
     assert said in f"{error.message}; {error.hint}"
+
+
+@pytest.mark.parametrize("text", ["a = a + a", "a += a", "a = a .. a", "a = a .. 1.5"])
+def test_a_text_does_not_grow_without_end(text):
+    error = error_of(text, a="x" * LONGEST_TEXT)
+    assert f"a script makes texts of {LONGEST_TEXT:,} at most" in error.message
+
+
+def test_a_text_that_somebody_else_has_made_may_be_longer():
+    assert value_of("a == a ? a : ''", a="x" * 100_000) == "x" * 100_000
 
 
 def test_any_value_can_be_handed_from_one_variable_to_another():

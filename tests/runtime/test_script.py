@@ -19,7 +19,7 @@ from sar_compiler.runtime.expressions import (
     Script,
     name_uses,
 )
-from sar_compiler.runtime.script import MAX_DEPTH, parse
+from sar_compiler.runtime.script import MAX_DEPTH, MAX_WORDS, parse
 from sar_compiler.runtime.tokens import ScriptError
 
 
@@ -252,7 +252,7 @@ def test_what_looks_like_another_language_but_is_a_script_is_read(text):
 
 @pytest.mark.parametrize("opening", ["(", "-", "a := ", "a ? b : ", "1 || 1 && 1 < 1 | 1 & 1 + 1 * ("])
 def test_nesting_ends_with_a_message_that_says_how_deep_is_too_deep(opening):
-    error = error_of(opening * 10_000 + "1")
+    error = error_of(opening * 5_000 + "1")
     assert str(MAX_DEPTH) in error.message
 
 
@@ -271,6 +271,12 @@ def test_nesting_up_to_the_limit_is_read():
 def test_a_sum_may_be_as_long_as_somebody_likes():
     (total,) = read("+".join(["a"] * 20_000))
     assert len(total.steps) == 19_999
+
+
+def test_there_is_an_end_to_how_long_a_script_may_be():
+    error = error_of("+".join(["a"] * 10_000_000))
+    assert error.message == f"the script has more than {MAX_WORDS:,} words"
+    assert error.start == MAX_WORDS
 
 
 def test_a_script_may_have_thousands_of_expressions():
