@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from sar_compiler.nodes.btcpp.versions import NEWEST, VERSIONS, Version
 from sar_compiler.nodes.palettes import is_palette_name
+from sar_compiler.resources import shipped_root
 from sar_compiler.tree.content import as_written, read_bytes, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.source import Source, Span
@@ -179,16 +180,20 @@ def path_inside(
 
     Args:
         document: The file.
-        folder: Its folder, which counts where there is no repository.
+        folder: Its folder, which counts where there is no repository. A shipped file may name other shipped ones.
         value: The path.
         name: The key that it is the value of.
         otherwise: What else can be done about it, for the hint.
     """
-    text = str(value.data)
-    repository = (repository_of(folder.resolve()) or folder).resolve()
+    text, own = str(value.data), real_path(folder)
+    repository = repository_of(own)
+    around = own if repository is None else repository
+    if repository is None and own.is_relative_to(shipped_root()):
+        around = shipped_root()
     # Links are followed; what goes round in a circle is complained of when it is read.
-    if "\0" not in text and real_path(folder / text).is_relative_to(repository):
+    if "\0" not in text and real_path(folder / text).is_relative_to(around):
         return folder / text
-    message = f"{name}: '{text}' lies outside the repository of this file"
-    document.report(value, "setting-outside", message, hint=f"put it into the repository{otherwise}")
+    where = "folder" if repository is None else "repository"
+    message = f"{name}: '{text}' lies outside the {where} of this file"
+    document.report(value, "setting-outside", message, hint=f"put it into the {where}{otherwise}")
     return None

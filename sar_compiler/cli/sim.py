@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import OK, Parser, add_version, run, seed, speed
 from sar_compiler.cli.sim_sweep import DEFAULT_WORLD, add_sim_sweep, sweep_missions
+from sar_compiler.commands import interruptible, print_text
 from sar_compiler.ros.arguments import init_arguments, split_arguments
 from sar_compiler.ros.faults import NAVIGATION_FAULTS, Fault, FaultError, FaultPlan, parse_fault
 from sar_compiler.ros.middleware import require_middleware
@@ -36,9 +37,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _command(argv: Sequence[str]) -> int:
     split = split_arguments(argv)
     options = _parser().parse_args(split.own)
-    if options.command == "sweep":
-        return sweep_missions(options)
-    return _map(options) if options.command == "map" else _run(options, split.ros)
+    if options.command == "run":
+        return _run(options, split.ros)
+    interruptible()
+    return _map(options) if options.command == "map" else sweep_missions(options)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -118,13 +120,16 @@ def _fault(text: str) -> Fault:
 
 
 def _map(options: argparse.Namespace) -> int:
-    from sar_compiler.sim.occupancy import write_map
+    from sar_compiler.cli.writing import write_bytes
+    from sar_compiler.sim.occupancy import map_files
     from sar_compiler.sim.survey import survey
     from sar_compiler.sim.world_file import find_world
 
     world = find_world(options.world)
-    for path in write_map(survey(world, seed=options.seed), options.output or Path(world.name)):
-        print(path)
+    files = map_files(survey(world, seed=options.seed), options.output or Path(world.name))
+    for path, content in files.items():
+        write_bytes(path, content)
+        print_text(str(path))
     return OK
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from sar_compiler.cli.arguments import speed
 from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_nodes, add_trust, additions
 from sar_compiler.cli.sweep_command import Written, add_sweep_options, swept, varied
+from sar_compiler.cli.writing import write_text
 from sar_compiler.ros.middleware import require_middleware
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ def sweep_missions(options: argparse.Namespace) -> int:
     def write(row: "SweptRow", played: "Played") -> Written:
         command = ["sar-run", *fewest_faults(rows[row], played.seed).command(played.seed)]
         reason = " ".join(played.failure.split())
-        output.write_text(f"#!/bin/sh\n# {reason}\nexec {shlex.join(command)}\n", encoding="utf-8")
+        write_text(output, f"#!/bin/sh\n# {reason}\nexec {shlex.join(command)}\n")
         return output, shlex.join(["sh", str(output)])
 
     return swept(list(rows), 1, in_threads, write, options)

@@ -11,6 +11,7 @@ from sar_compiler.cli.arguments import count
 from sar_compiler.cli.loading import FILE_HELP, add_project_options, additions, workspace
 from sar_compiler.cli.simulate import scenario_files, script
 from sar_compiler.cli.sweep_command import Written, add_sweep_options, probabilities, swept, varied
+from sar_compiler.cli.writing import write_text
 from sar_compiler.errors import SarError
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def sweep_file(arguments: argparse.Namespace) -> int:
         text = smallest_scenario(rows[row], played.seed)
         if text is None:
             return None
-        output.write_text(text, encoding="utf-8")
+        write_text(output, text)
         return output, shlex.join(["sar-compile", "simulate", arguments.file, "--scenario", str(output)])
 
     return swept(list(rows), _BATCH, in_processes, write, arguments)

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from sar_compiler.documents.located import Document, Value
+from sar_compiler.documents.located import MAX_BYTES, Document, Value
 from sar_compiler.tree.content import read_bytes, source_of
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.source import Source
@@ -34,8 +34,10 @@ def read_toml(path: Path, shown: str) -> Document:
         UnreadableFileError: If it does not exist or cannot be read.
         TreeError: If it is not TOML, not text, or too large.
     """
-    data = read_bytes(path)
-    source = source_of(data, shown, NO_SPANS, None, "") if data.strip() else Source(shown, "", NO_SPANS)
+    data = read_bytes(path, MAX_BYTES)
+    source = (
+        source_of(data, shown, NO_SPANS, None, "", MAX_BYTES) if data.strip() else Source(shown, "", NO_SPANS)
+    )
     document = Document(source)
     try:
         content = tomllib.loads(source.text)

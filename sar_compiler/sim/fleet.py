@@ -19,7 +19,7 @@ def check_placements(world: World, placements: Sequence[Placement]) -> None:
     Raises:
         PlacementError: If two have the same name, or if one would start in contact with an obstacle or another
             robot, or outside the world's map.
-        MapError: If the world's map cannot be read.
+        SarError: If the world's map cannot be read.
     """
     for name, count in Counter(placement.name for placement in placements).items():
         if count > 1:

@@ -2,6 +2,7 @@
 
 import io
 import math
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from sar_compiler.checks.configuration import path_inside
 from sar_compiler.documents.yaml_files import read_yaml
 from sar_compiler.errors import SarError
 from sar_compiler.tree.content import read_bytes
@@ -19,11 +21,15 @@ _PIXELS = {UNKNOWN: 205, FREE: 254, OCCUPIED: 0}
 _OCCUPIED_THRESH = 0.65
 # Below the darkness of 205 (50/255 = 0.19608): with map_saver's own 0.25 map_server reads unknown cells as free.
 _FREE_THRESH = 0.196
-_MAX_IMAGE_BYTES = 2**30
+_MAX_IMAGE_BYTES = 64 * 2**20
+# 100 m x 100 m with cells of 5 cm: about as much as the planner takes in within a gigabyte.
+_MAX_CELLS = 4_000_000
+# What map_saver writes and everybody draws. Others of Pillow's decoders start programs, or have seen less use.
+_FORMATS = ("BMP", "JPEG", "PNG", "PPM")
 
 
-class MapError(SarError):
-    """An occupancy map cannot be read or written."""
+class _ImageError(SarError):
+    """An image cannot be read."""
 
 
 @dataclass(frozen=True)
@@ -67,33 +73,36 @@ def read_map(path: Path) -> OccupancyMap:
 
     Raises:
         UnreadableFileError: If the description or its image does not exist or cannot be read.
-        TreeError: If the description has mistakes, or requires unsupported features; carries all findings.
-        MapError: If its image is not a valid one.
+        TreeError: If the description has mistakes, or requires unsupported features, or its image is none, damaged, too
+            large, or outside the repository; carries all findings.
     """
     document = read_yaml(path, "write what nav2_map_server reads: image, resolution, origin, ...")
     said = document.hold("map").data
+    named = document.root.mapping.get("image")
+    image = path_inside(document, path.parent, named, "image") if named and "image" in said else None
     document.raise_findings()
-    shade = _shades(path.parent / said["image"])
+    assert named is not None and image is not None  # noqa: S101, PT018 - else there are findings
+    try:
+        sums, most = _brightness(image)
+    except _ImageError as error:
+        document.report(named, "wrong-value", f"{image}: {error}")
+        document.raise_findings()
+    # One of few values for each pixel, so that not even a large image takes much memory.
+    shade = np.arange(most + 1) / most
     dark = shade if said["negate"] else 1.0 - shade
-    cells = np.full(shade.shape, UNKNOWN, dtype=np.int8)
-    cells[dark < said["free_thresh"]] = FREE
-    cells[dark > said["occupied_thresh"]] = OCCUPIED
-    upright = np.ascontiguousarray(np.flipud(cells))
+    cell_of = np.full(most + 1, UNKNOWN, dtype=np.int8)
+    cell_of[dark < said["free_thresh"]] = FREE
+    cell_of[dark > said["occupied_thresh"]] = OCCUPIED
+    upright = np.ascontiguousarray(np.flipud(cell_of[sums]))
     return OccupancyMap(upright, said["resolution"], *said["origin"][:2])
 
 
-def write_map(occupancy: OccupancyMap, prefix: Path) -> tuple[Path, Path]:
-    """Write a map as `nav2_map_server` does.
+def map_files(occupancy: OccupancyMap, prefix: Path) -> dict[Path, bytes]:
+    """Return the image and the description of a map, as `nav2_map_server` writes them: their paths and contents.
 
     Args:
-        occupancy: The map to write.
+        occupancy: The map.
         prefix: The files' path without suffix; `.pgm` and `.yaml` are added.
-
-    Returns:
-        The image and the description.
-
-    Raises:
-        MapError: If a file cannot be written.
     """
     image, description = prefix.with_name(f"{prefix.name}.pgm"), prefix.with_name(f"{prefix.name}.yaml")
     pixels: NDArray[np.uint8] = np.full(occupancy.cells.shape, _PIXELS[UNKNOWN], dtype=np.uint8)
@@ -105,22 +114,40 @@ def write_map(occupancy: OccupancyMap, prefix: Path) -> tuple[Path, Path]:
         f"origin: [{occupancy.origin_x:.6g}, {occupancy.origin_y:.6g}, 0]\nnegate: 0\n"
         f"occupied_thresh: {_OCCUPIED_THRESH}\nfree_thresh: {_FREE_THRESH}\n"
     )
-    try:
-        image.write_bytes(f"P5\n{width} {height}\n255\n".encode() + np.flipud(pixels).tobytes())
-        description.write_text(text, encoding="utf-8")
-    except OSError as exception:
-        message = f"{exception.filename}: cannot be written ({exception.strerror})"
-        raise MapError(message) from exception
-    return image, description
+    return {
+        image: f"P5\n{width} {height}\n255\n".encode() + np.flipud(pixels).tobytes(),
+        description: text.encode(),
+    }
 
 
-def _shades(path: Path) -> NDArray[np.float64]:
-    """Return the brightness of an image's pixels, 0 black to 1 white, top row first."""
+def _brightness(path: Path) -> tuple[NDArray[np.uint16], int]:
+    """Return the sums of the bands of an image's pixels, top row first, and what they are for white.
+
+    Raises:
+        UnreadableFileError: If the file does not exist or cannot be read.
+        _ImageError: If it is no image of these formats, is damaged, or too large.
+    """
+    data = read_bytes(path, _MAX_IMAGE_BYTES)
+    if len(data) > _MAX_IMAGE_BYTES:
+        message = f"the image has more than {_MAX_IMAGE_BYTES // 2**20} MiB"
+        raise _ImageError(message)
     try:
-        with Image.open(io.BytesIO(read_bytes(path, _MAX_IMAGE_BYTES))) as image:
-            bands = np.asarray(image.convert("RGBA" if "A" in image.getbands() else "RGB"), dtype=np.float64)
-    except (OSError, Image.DecompressionBombError) as exception:
-        message = f"{path}: is not an image that can be read ({exception})"
-        raise MapError(message) from exception
-    shades: NDArray[np.float64] = bands.mean(axis=2) / 255.0
-    return shades
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # judged below
+            # Only now is known how large it is, and it is not decoded yet.
+            with Image.open(io.BytesIO(data), formats=_FORMATS) as image:
+                _require_size(*image.size)
+                bands = np.asarray(image.convert("RGBA" if "A" in image.getbands() else "RGB"))
+    except (_ImageError, MemoryError):
+        raise
+    except Exception as error:
+        # A decoder of damaged data may raise anything: ValueError, SyntaxError, struct.error, ...
+        message = f"it is not an image that can be read ({error})"
+        raise _ImageError(message) from error
+    return bands.sum(axis=2, dtype=np.uint16), 255 * bands.shape[2]
+
+
+def _require_size(width: int, height: int) -> None:
+    if not 0 < width * height <= _MAX_CELLS:
+        message = f"the image has {width} x {height} pixels, and {_MAX_CELLS:,} are the most that are read"
+        raise _ImageError(message)

@@ -35,7 +35,9 @@ STEP_SEC = STEP_NS / 1e9
 _CATCH_UP_SEC = 0.05
 # How long the end of a goal gets to reach its client when the simulation stops, seconds of wall time.
 _FAREWELL_SEC = 0.05
-_JOIN_SEC = 1.0
+# How long the thread may take for a step when it is asked to stop, seconds of wall time: on a busy machine much more
+# than usual, and whoever has sent a goal waits for its end.
+_JOIN_SEC = 30.0
 # How often to look whether this is still the only simulation, seconds of wall time.
 _LOOK_EVERY_SEC = 1.0
 
@@ -70,7 +72,7 @@ class Simulation:
         SimulationError: If the speed is not above 0.
         PlacementError: If the robots cannot be placed as requested.
         FaultError: If a fault names an unknown zone.
-        MapError: If the world's map cannot be read.
+        SarError: If the world's map cannot be read.
     """
 
     def __init__(

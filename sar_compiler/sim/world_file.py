@@ -6,6 +6,7 @@ from types import MappingProxyType
 from typing import Any
 
 from sar_compiler import resources
+from sar_compiler.checks.configuration import path_inside
 from sar_compiler.documents.yaml_files import read_yaml
 from sar_compiler.errors import SarError
 from sar_compiler.sim.geometry import Box, Cylinder, Pose2D
@@ -29,7 +30,7 @@ def find_world(name: str) -> World:
         TreeError: If the file has mistakes, or the robot starts inside an obstacle; carries all findings.
     """
     path = resources.find("worlds", name, ".yaml")
-    if not path.is_file():
+    if not path.exists():
         raise WorldError(resources.not_found("worlds", name, ".yaml"))
     return load_world(path)
 
@@ -43,6 +44,9 @@ def load_world(path: Path) -> World:
     """
     document = read_yaml(path, _EMPTY_HINT)
     said = document.hold("world").data
+    map_path = (
+        path_inside(document, path.parent, document.root.mapping["map"], "map") if "map" in said else None
+    )
     document.raise_findings()
     robot, debris = said["robot"], said.get("debris", ())
     world = World(
@@ -57,7 +61,7 @@ def load_world(path: Path) -> World:
             {name: (point["x"], point["y"]) for name, point in said.get("zones", {}).items()}
         ),
         survey=tuple((point["x"], point["y"]) for point in said.get("survey", ())),
-        map_path=path.parent / said["map"] if "map" in said else None,
+        map_path=map_path,
     )
     if world.solid.clearance(world.start.x, world.start.y) <= world.robot_radius:
         message = "the robot would start in an obstacle"

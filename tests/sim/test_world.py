@@ -134,19 +134,19 @@ MISTAKES: list[tuple[str, int, int, str, str, str]] = [
     (ROBOT + "walls: [3]\n", 2, 9, "wrong-shape", "'walls' is a mapping of x, y, size_x, size_y, yaw", ""),
     (
         ROBOT + "walls:\n  - {x: 1, y: 1, size_x: 0, size_y: 1}\n",
-        *(3, 26, "wrong-value", "'size_x' is a number above 0, and this is '0'", ""),
+        *(3, 26, "wrong-value", "'size_x' is a number above 0, at most 1000000, and this is '0'", ""),
     ),
     (
         ROBOT + "walls:\n  - {x: .nan, y: 1, size_x: 1, size_y: 1}\n",
-        *(3, 9, "wrong-value", "'x' is a number, and this is '.nan'", ""),
+        *(3, 9, "wrong-value", "'x' is a number of at most 1000000, and this is '.nan'", ""),
     ),
     (
         ROBOT + "walls: []\nzones: {a: {x: nan, y: '1'}}\n",
-        *(3, 16, "wrong-value", "'x' is a number, and this is 'nan'", ""),
+        *(3, 16, "wrong-value", "'x' is a number of at most 1000000, and this is 'nan'", ""),
     ),
     (
         ROBOT + "walls: []\nzones: {a: {x: 1, y: '1'}}\n",
-        *(3, 23, "wrong-value", "'y' is a number, and this is the text '1'", ""),
+        *(3, 23, "wrong-value", "'y' is a number of at most 1000000, and this is the text '1'", ""),
     ),
     (
         ROBOT + "walls: []\ndebris:\n  - {shape: bx, x: 1}\n",
