@@ -16,8 +16,13 @@ import yaml
 
 from sar_compiler.errors import SarError
 from sar_compiler.tree.content import read_bytes
+from sar_compiler.tree.showing import in_one_line, shortened
 
 _SECTION = "ros__parameters"
+_PART = r"(?:\*\*?|[A-Za-z_][A-Za-z0-9_]*)"
+_NODE_NAME = re.compile(rf"/?{_PART}(?:/{_PART})*")
+# Room for some 30,000 parameters.
+_MAX_BYTES = 2**20
 
 
 @dataclass(frozen=True)
@@ -52,9 +57,10 @@ class ParameterFileError(SarError):
         super().__init__("\n".join(self._shown(problem) for problem in self.problems))
 
     def _shown(self, problem: FileProblem) -> str:
+        text = in_one_line(shortened(problem.text))
         if not problem.line:
-            return f"{self.file}: {problem.text}"
-        return f"{self.file}:{problem.line}:{problem.column}: {problem.text}"
+            return f"{self.file}: {text}"
+        return f"{self.file}:{problem.line}:{problem.column}: {text}"
 
 
 def check_parameter_file(path: Path | str) -> None:
@@ -132,8 +138,12 @@ def _is_for(section: str, node: str) -> bool:
 
 
 def _text_of(file: Path) -> str:
+    data = read_bytes(file, _MAX_BYTES)
+    if len(data) > _MAX_BYTES:
+        problem = FileProblem(0, 0, f"is larger than {_MAX_BYTES // 2**20} MiB, which no parameter file is")
+        raise ParameterFileError(file, [problem])
     try:
-        return read_bytes(file).decode("utf-8-sig")
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         problem = FileProblem(0, 0, f"is not UTF-8 text (byte {error.start})")
         raise ParameterFileError(file, [problem]) from None
@@ -171,7 +181,7 @@ def _problems(text: str) -> Iterator[FileProblem]:
 
 def _unread_by_ros(text: str) -> Iterator[FileProblem]:
     """Find YAML features that ROS does not support."""
-    documents = 0
+    documents = flow = 0
     for event in yaml.parse(text, Loader=yaml.BaseLoader):
         if isinstance(event, yaml.DocumentStartEvent):
             documents += 1
@@ -181,6 +191,18 @@ def _unread_by_ros(text: str) -> Iterator[FileProblem]:
                 )
             if documents == 2:  # noqa: PLR2004
                 yield _at(event, "a second document (---): ROS mixes it into the first; keep one")
+        elif isinstance(event, yaml.CollectionStartEvent):
+            flow += bool(event.flow_style or flow)
+        elif isinstance(event, yaml.CollectionEndEvent):
+            flow = max(flow - 1, 0)
+        elif isinstance(event, yaml.ScalarEvent) and flow and event.implicit[0]:
+            end = int(event.end_mark.index) if event.end_mark is not None else 0
+            if ":" in event.value or re.match(r":\S", text[end : end + 2]):
+                what = "needs quotes, or a blank behind its ':'"
+                yield _at(
+                    event,
+                    f"'{event.value}' {what}: within [] and {{}} not every ROS takes a ':' in a plain text",
+                )
         elif isinstance(event, yaml.AliasEvent):
             yield _at(event, f"ROS reads no aliases: write out the value of '*{event.anchor}'")
 
@@ -223,6 +245,9 @@ class _Walk:
                 if _is_meant_for_section(key.value, value):
                     yield _at(key, f"'{key.value}': did you mean '{_SECTION}' (two underscores)?")
                 elif isinstance(value, yaml.MappingNode):
+                    if _SECTION in key.value or not _NODE_NAME.fullmatch(key.value):
+                        text = "is no name of a node or a namespace: letters, digits and _, / between them, * or **"
+                        yield _at(key, f"'{key.value}' {text}")
                     yield from self.nodes(value, key.value)
                 else:
                     yield _at(key, f"'{key.value}' stands outside of {_SECTION}: move it below, or indent it")
@@ -252,6 +277,8 @@ class _Walk:
         for key, _ in mapping.value:
             if not isinstance(key, yaml.ScalarNode):
                 yield _at(key, "a key must be a name, not a list or a mapping")
+            elif not key.value:
+                yield _at(key, "a name is missing before this ':'")
             elif key.value in seen:
                 yield _at(key, f"'{key.value}' is given twice (first in line {seen[key.value]})")
             else:
