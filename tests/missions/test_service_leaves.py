@@ -1,9 +1,12 @@
 """DetectSurvivor and NotifyBase against scripted services."""
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from nav_msgs.msg import OccupancyGrid
 from py_trees.common import Status
+from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from sar_compiler.missions.search_and_rescue import DetectSurvivor, IsSurvivorDetected, NotifyBase
 
@@ -12,6 +15,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.ros
 
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 SURVIVORS = {"zone_a": (-2.5, 3.2)}
 
 
@@ -66,6 +70,38 @@ class TestDetectSurvivor:
         assert leaf.survivor_pose() is None
         assert stage.record.survivors == ()
         assert "Survivor detected at zone_a!" not in stage.lines
+
+    @pytest.mark.parametrize(
+        "place", [(math.nan, 0.0), (0.0, math.inf), (-math.inf, math.nan), (1e308, 0.0), (0.0, -100_001.0)]
+    )
+    def test_a_survivor_where_nobody_can_be_is_no_answer(
+        self, stage: "Stage", place: tuple[float, float]
+    ) -> None:
+        stage.detect_service({"zone_a": place})
+        leaf = search(stage)
+        assert stage.run(leaf) is Status.FAILURE
+        assert not leaf.was_found()
+        assert stage.record.survivors == ()
+        assert stage.warnings[0].startswith(
+            "'DetectSurvivor' failed: detect_survivor found a survivor, and ("
+        )
+        assert stage.wakes == 0
+
+    @pytest.mark.parametrize(("place", "expected"), [((-1.0, 2.5), "SUCCESS"), ((1.5, 2.5), "FAILURE")])
+    def test_a_survivor_beyond_the_map_is_no_answer(
+        self, stage: "Stage", place: tuple[float, float], expected: str
+    ) -> None:
+        # A map of 4 m x 2 m, turned by a quarter about its corner (1, 2): it reaches from x = -1 to 1.
+        grid = OccupancyGrid(data=[0] * 8)
+        grid.info.resolution, grid.info.width, grid.info.height = 1.0, 4, 2
+        grid.info.origin.position.x, grid.info.origin.position.y = 1.0, 2.0
+        grid.info.origin.orientation.z = grid.info.origin.orientation.w = math.sqrt(0.5)
+        stage.host().node.create_publisher(OccupancyGrid, "map", LATCHED).publish(grid)
+        stage.detect_service({"zone_a": place})
+        leaf = search(stage)
+        stage.until(lambda: leaf._extent is not None and leaf._extent._info is not None, "the map")
+        assert stage.run(leaf) is Status[expected]
+        assert leaf.was_found() == (expected == "SUCCESS")
 
     def test_the_earlier_answer_is_cleared_when_the_leaf_is_entered_again(self, stage: "Stage") -> None:
         leaf = found(stage)

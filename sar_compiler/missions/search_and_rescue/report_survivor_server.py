@@ -1,5 +1,6 @@
 """The service `report_survivor`: the base station, which acknowledges reports of survivors."""
 
+import math
 from typing import Any
 
 from sar_interfaces.srv import ReportSurvivor
@@ -7,6 +8,7 @@ from sar_interfaces.srv import ReportSurvivor
 from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME
 from sar_compiler.ros.faults import ServiceFaults, create_service
 from sar_compiler.ros.parameters import DataNode
+from sar_compiler.tree.showing import in_one_line, shortened
 
 
 class ReportSurvivorServer(DataNode):
@@ -31,12 +33,15 @@ class ReportSurvivorServer(DataNode):
         frame = request.location.header.frame_id
         if frame != MAP_FRAME:
             self.get_logger().warning(
-                f"Report of {_told(request)} refused: it is in frame '{frame}', and must be in '{MAP_FRAME}'."
+                f"Report of {_told(request)} refused: it is in frame '{_shown(frame)}', and must be in '{MAP_FRAME}'."
             )
             response.acknowledged = False
             return response
+        point = request.location.point
+        if not (math.isfinite(point.x) and math.isfinite(point.y)):
+            return self._refuse(request, response)
         self.get_logger().info(f"Report received: {_told(request)}. Acknowledged.")
-        self.get_logger().info(f"The point of {request.survivor_id} is in frame '{frame}'.")
+        self.get_logger().info(f"The point of {_shown(request.survivor_id)} is in frame '{frame}'.")
         response.acknowledged = True
         return response
 
@@ -48,4 +53,9 @@ class ReportSurvivorServer(DataNode):
 
 def _told(request: Any) -> str:
     point = request.location.point
-    return f"{request.survivor_id} at ({point.x:.2f}, {point.y:.2f})"
+    return f"{_shown(request.survivor_id)} at ({point.x:.2f}, {point.y:.2f})"
+
+
+def _shown(text: str) -> str:
+    """Return a text of somebody else's as the log may have it."""
+    return in_one_line(shortened(text))

@@ -6,6 +6,7 @@ from py_trees.common import Status
 
 from sar_compiler.missions.search_and_rescue.actions.reporting import ReportLeaf
 from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
+from sar_compiler.missions.search_and_rescue.map_extent import MapExtent, map_extent_of
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.static_transforms import StaticTransforms, static_transforms_of
 from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, ZoneManager
@@ -40,7 +41,7 @@ _FORGOTTEN = "found_by_{self} = false; named_by_{self} = false"
 class DetectSurvivor(ServiceLeaf):
     """Search the current zone, and keep the answer: SUCCESS whether or not a survivor was found.
 
-    FAILURE if the service does not answer.
+    FAILURE if the service does not answer, or answers with a position that is none, or not on the map.
 
     Args:
         zone_manager: The mission's zones.
@@ -69,8 +70,14 @@ class DetectSurvivor(ServiceLeaf):
         self._zones = zone_manager
         self._record = record or MissionRecord()
         self._zone_id = ""
+        self._extent: MapExtent | None = None
         self._pose: tuple[float, float] | None = None
         self._survivor_id: str | None = None
+
+    def setup(self, **kwargs: Any) -> None:
+        """Create the client, and listen to the map."""
+        super().setup(**kwargs)
+        self._extent = map_extent_of(self.node)
 
     def was_found(self) -> bool:
         """Return whether the last search found a survivor."""
@@ -103,7 +110,9 @@ class DetectSurvivor(ServiceLeaf):
         self.say(f"Calling {self.service_name} for {self._zone_id}...")
 
     def on_response(self, response: Any) -> Status:
-        """Keep the answer, with or without a survivor."""
+        """Keep the answer, with or without a survivor; one at an impossible place is none."""
+        if objection := self._objection(response):
+            return self.on_failure(f"{self.service_name} found a survivor, and {objection}")
         self.feedback_message = f"nobody in {self._zone_id}"
         if response.found:
             self._pose = (response.survivor_x, response.survivor_y)
@@ -111,6 +120,15 @@ class DetectSurvivor(ServiceLeaf):
             self.feedback_message = f"survivor in {self._zone_id}"
             self.say(f"Survivor detected at {self._zone_id}!")
         return Status.SUCCESS
+
+    def is_good_news(self, response: Any) -> bool:
+        """Return whether the answer can be true."""
+        return not self._objection(response)
+
+    def _objection(self, response: Any) -> str:
+        if not response.found or self._extent is None:
+            return ""
+        return self._extent.objection(response.survivor_x, response.survivor_y)
 
 
 @register(
