@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from sar_compiler.cli.arguments import Parser, add_version, seed, speed
 from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_models, add_nodes, add_trust
 from sar_compiler.cli.terminal import findings_as_text
-from sar_compiler.commands import USAGE, run
+from sar_compiler.commands import USAGE, print_error, run
 from sar_compiler.resources import find
 from sar_compiler.ros.arguments import split_arguments
 from sar_compiler.ros.middleware import require_middleware
@@ -41,6 +41,7 @@ class Options:
         view: How to show the tree: `text` or `none`.
         summary: How to sum up: `text` or `json`.
         check: Whether to stop before the robot moves.
+        guardian: Whether a process of its own cancels the goals of a run that dies.
         engine: The engine that ticks the tree: `own` or `py_trees_ros`.
         mission: The name of the mission; None to choose it by the tree's leaves.
         fault: The faults of the simulated servers, as written.
@@ -62,6 +63,7 @@ class Options:
     view: str
     summary: str
     check: bool
+    guardian: bool
     engine: str
     mission: str | None
     fault: Sequence[str]
@@ -77,7 +79,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run `sar-run` and return its exit status."""
     # Before anything that takes time, so that Ctrl-C ends the command in order from its first moment.
     signals = StopSignals()
-    return run(lambda: _run(_options(sys.argv[1:] if argv is None else argv), signals), PROG)
+    try:
+        return run(lambda: _run(_options(sys.argv[1:] if argv is None else argv), signals), PROG)
+    finally:
+        signals.give_back()
 
 
 def _run(options: Options, signals: StopSignals) -> int:
@@ -91,7 +96,7 @@ def _run(options: Options, signals: StopSignals) -> int:
         return run_mission(options, signals)
     except TreeError as error:
         print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
-        print(f"{PROG}: {options.tree} cannot be run like this; nothing has moved", file=sys.stderr)
+        print_error(f"{PROG}: {options.tree} cannot be run like this; nothing has moved")
         return USAGE
 
 
@@ -193,6 +198,11 @@ def _parser() -> Parser:
     )
     parser.add_argument(
         "--check", action="store_true", help="see that everything the mission needs is there, then end"
+    )
+    parser.add_argument(
+        "--guardian",
+        action="store_true",
+        help="have a small process of its own cancel the goals of a run that is killed or crashes",
     )
     parser.add_argument(
         "--engine",

@@ -3,7 +3,7 @@
 import json
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,7 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from sar_compiler.cli.loading import tell_passed_over
 from sar_compiler.cli.output import RunOutput
-from sar_compiler.commands import FINDINGS, OK
+from sar_compiler.commands import FINDINGS, OK, print_error
 from sar_compiler.compiler import CompiledTree, compile_tree, require_classes
 from sar_compiler.errors import SarError
 from sar_compiler.missions.beginning import begin_run, node_name
@@ -33,12 +33,15 @@ from sar_compiler.ros.arguments import (
     names_parameter_file,
     node_arguments,
     parameter_files,
+    security_arguments,
 )
 from sar_compiler.ros.clock import RosClock
 from sar_compiler.ros.engine import Engine, EngineFactory, find_engine
 from sar_compiler.ros.errors import readable_ros_errors
 from sar_compiler.ros.failure_reports import show_tracebacks, tell
 from sar_compiler.ros.faults import NAVIGATION, NAVIGATION_FAULTS, Fault, FaultPlan, parse_fault
+from sar_compiler.ros.guardian import Guardian
+from sar_compiler.ros.leaves.goals_under_way import goals_under_way
 from sar_compiler.ros.parameter_file import sections_elsewhere
 from sar_compiler.ros.parameter_reader import ParameterReader
 from sar_compiler.ros.parameters import flat_parameters, mission_node
@@ -46,8 +49,10 @@ from sar_compiler.ros.readiness import NotReadyError, Readiness, wait_until_read
 from sar_compiler.ros.run_parameters import RunParameters
 from sar_compiler.ros.setting_up import SetupFailedError
 from sar_compiler.ros.signals import StopSignals
+from sar_compiler.ros.stopping import send_cancels
 from sar_compiler.runtime.clock import Clock
 from sar_compiler.runtime.skipping import was_skipped
+from sar_compiler.tree.showing import in_one_line
 from sar_compiler.views.text import unicode_tree
 
 if TYPE_CHECKING:
@@ -90,6 +95,9 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
             parameter_overrides=_simulated_time(options),
         )
         stack.callback(node.destroy_node)
+        if options.guardian:
+            guardian = stack.enter_context(closing(_guardian(options, node)))
+            goals_under_way(node).listen(guardian.note)
         if options.traceback:
             show_tracebacks(node)
         reader = ParameterReader(flat_parameters(node), _sections_elsewhere(options, node))
@@ -97,15 +105,19 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
         run = _Run(options, signals, node, parameters, begun, make_engine)
         tree = compile_tree(binding, run.context, reader.parameters)
         for note in notes:
-            node.get_logger().warning(note)
+            node.get_logger().warning(in_one_line(note))
         try:
             if world is not None:
                 _require_navigation(tree, world)
                 run.simulation = stack.enter_context(_simulation(options, world, node, begun, faults))
             return run.run(tree)
         except NotReadyError as error:
-            print(f"sar-run: {error}", file=sys.stderr)
+            print_error(f"sar-run: {error}")
             return NOT_READY
+
+
+def _guardian(options: "Options", node: Node) -> Guardian:
+    return Guardian(security_arguments(options.ros), node.get_logger().warning)
 
 
 def _loaded(options: "Options") -> LoadedTree:
@@ -248,7 +260,7 @@ class _Run:
             NotReadyError: If a requirement of the tree is not fulfilled in time.
         """
         for line in self.mission.greeting() if self.mission is not None else []:
-            self.node.get_logger().info(line)
+            self.node.get_logger().info(in_one_line(line))
         executor = SingleThreadedExecutor(context=self.node.context)
         executor.add_node(self.node)
         try:
@@ -279,24 +291,34 @@ class _Run:
         engine.add_post_tick_handler(self._look_for_end)
         try:
             engine.setup(node=self.node)
+            self.signals.last_words = lambda: self._leave_at_once(tree)
             self._started = self._clock.now()
             engine.tick_tock(1000.0 / self.parameters.tick_rate_hz)
             while self._result is None and engine.failure is None and not self._over:
                 _turn(executor)
             elapsed = self._clock.now() - self._started
             for name in engine.settle(executor):
-                self.node.get_logger().warning(f"{name}: the cancel of its goal was not answered.")
+                self.node.get_logger().warning(
+                    f"{in_one_line(name)}: the cancel of its goal was not answered."
+                )
         except SetupFailedError as error:
             tell(self.node, str(error), error.__cause__)
             return self._failed(
                 "the tree was not started, because one of its leaves failed in setup (see above)"
             )
         finally:
+            self.signals.last_words = None
             engine.shutdown()
         try:
             return self._conclude(engine, elapsed)
         except MissionError as error:
             return self._failed(str(error))
+
+    def _leave_at_once(self, tree: CompiledTree) -> None:
+        send_cancels(tree.root, self.node)
+        print_error(
+            "sar-run: ended at once, as asked twice: what is under way was told to stop, the robot may still move"
+        )
 
     @property
     def _over(self) -> bool:
@@ -345,7 +367,7 @@ class _Run:
 
     def _failed(self, reason: str) -> int:
         self._reason = reason
-        print(f"sar-run: {reason}", file=sys.stderr)
+        print_error(f"sar-run: {reason}")
         return FINDINGS
 
 

@@ -11,6 +11,7 @@ _BEGIN, _END = "--ros-args", "--"
 _FILE_FLAG = "--params-file"
 _PARAMETER_FLAGS = ("-p", "--param")
 _REMAP_FLAGS = ("-r", "--remap")
+_ENCLAVE_FLAGS = ("-e", "--enclave")
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,11 @@ def node_arguments(ros: Sequence[str]) -> list[str]:
         if (flag in _PARAMETER_FLAGS and index > last_file) or _names_nodes(flag, rule):
             rules += [flag, rule]
     return [_BEGIN, *rules] if rules else []
+
+
+def security_arguments(ros: Sequence[str]) -> list[str]:
+    """Return those of ROS arguments that name the enclave of SROS 2, for another process of the same mission."""
+    return [part for flag, value in pairwise(ros) if flag in _ENCLAVE_FLAGS for part in (flag, value)]
 
 
 def _names_nodes(flag: str, rule: str) -> bool:

@@ -1,23 +1,51 @@
-"""SIGINT and SIGTERM as a flag to query, instead of an interruption."""
+"""SIGINT, SIGTERM and SIGHUP as a flag to query, instead of an interruption."""
 
+import os
 import signal
+import socket
+import sys
 import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
 from types import FrameType
 
-_NUMBERS = (signal.SIGINT, signal.SIGTERM)
+_NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+# Signals that come together are one request: a terminal that is closed sends two, and so does `timeout`.
+_TOGETHER_SEC = 0.5
+# How long what is done before a hurried end may take, seconds.
+_LAST_WORDS_SEC = 1.0
 
 
 class StopSignals:
-    """Records that the process was asked to stop; handles both signals from its creation on.
+    """Records that the process was asked to stop; handles the signals from its creation on.
 
     rclpy's own handlers would shut ROS down in the middle of a callback, before a goal in flight could be
-    cancelled; Python's own raises `KeyboardInterrupt` at an arbitrary place.
+    cancelled; Python's own raises `KeyboardInterrupt` at an arbitrary place. A signal that whoever started the
+    process has turned off (`nohup`) stays so.
+
+    The first signal asks for an end in order. The second SIGINT or SIGTERM ends the process, whatever its main thread
+    is doing: a thread of its own listens. Only what keeps Python's interpreter lock to itself is not interrupted.
+
+    Attributes:
+        last_words: Called in that thread before a hurried end, which it can delay by 1 s at most.
     """
 
     def __init__(self) -> None:
+        self.last_words: Callable[[], None] | None = None
         self._number = 0
         self._came = threading.Event()
-        self._before = {number: signal.signal(number, self._note) for number in _NUMBERS}
+        # Python writes the number of each signal here as it arrives, not only when the main thread gets to it.
+        self._ear, mouth = socket.socketpair()
+        mouth.settimeout(0.0)  # it never blocks
+        self._mouth = mouth
+        self._listener_before = signal.set_wakeup_fd(mouth.fileno(), warn_on_full_buffer=False)
+        self._before = {
+            number: signal.signal(number, _let_go)
+            for number in _NUMBERS
+            if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN
+        }
+        threading.Thread(target=self._listen, name="signals", daemon=True).start()
 
     @property
     def came(self) -> bool:
@@ -26,7 +54,7 @@ class StopSignals:
 
     @property
     def exit_status(self) -> int:
-        """The exit status of a process ended by the received signal (130, 143)."""
+        """The exit status of a process ended by the received signal (129, 130, 143)."""
         return 128 + self._number
 
     def wait(self, timeout_sec: float) -> bool:
@@ -37,7 +65,35 @@ class StopSignals:
         """Restore the previous handlers."""
         for number, handler in self._before.items():
             signal.signal(number, handler)
+        signal.set_wakeup_fd(self._listener_before)
+        self._mouth.close()
 
-    def _note(self, number: int, _: FrameType | None) -> None:
-        self._number = number
-        self._came.set()
+    def _listen(self) -> None:
+        since = 0.0
+        while numbers := self._ear.recv(64):
+            for number in (each for each in numbers if each in self._before):
+                if not self.came:
+                    since, self._number = time.monotonic(), number
+                    self._came.set()
+                elif number != signal.SIGHUP and time.monotonic() - since > _TOGETHER_SEC:
+                    self._number = number
+                    self._leave()
+        self._ear.close()
+
+    def _leave(self) -> None:
+        """End the process at once."""
+        speaker = threading.Thread(target=self._say_last_words, daemon=True)
+        speaker.start()
+        speaker.join(_LAST_WORDS_SEC)
+        os._exit(self.exit_status)
+
+    def _say_last_words(self) -> None:
+        if self.last_words is not None:
+            self.last_words()
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(Exception):
+                stream.flush()
+
+
+def _let_go(_number: int, _frame: FrameType | None) -> None:
+    """Do nothing: what waits for the system goes on waiting, and the thread that listens knows of the signal."""

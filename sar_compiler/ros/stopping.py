@@ -66,6 +66,17 @@ def stop_leaves(behaviours: Iterable[Behaviour], node: Node | None) -> None:
             _stop_one(behaviour, node)
 
 
+def send_cancels(root: Behaviour, node: Node | None) -> None:
+    """Have the leaves of a tree cancel their goals, from another thread: that of the executor is blocked.
+
+    The requests are sent; nobody will see their answers. Leaves that can have work in progress come first.
+    """
+    leaves = [each for each in root.iterate() if not each.children]
+    for leaf in sorted(leaves, key=lambda each: not isinstance(each, Settling)):
+        if isinstance(leaf, Settling) or leaf.status == Status.RUNNING:
+            _stop_one(leaf, node)
+
+
 def shut_down(behaviours: Iterable[Behaviour], node: Node | None) -> None:
     """Shut down all behaviours, even if some of them raise."""
     for behaviour in behaviours:

@@ -12,7 +12,9 @@ from weakref import WeakMethod
 
 from sar_compiler.ros.leaves.client_leaf import Exchange
 from sar_compiler.ros.leaves.deadline import Deadline
+from sar_compiler.ros.leaves.goals_under_way import goals_under_way
 from sar_compiler.ros.leaves.leaf import alive
+from sar_compiler.tree.showing import in_one_line
 
 if TYPE_CHECKING:
     from rclpy.action.client import ClientGoalHandle
@@ -47,6 +49,7 @@ class ActionPort:
         self.client = ActionClient(node, action_type, name)
         # rclpy's action client cancels only goals whose acceptance it has seen.
         self.canceller = node.create_client(CancelGoal, f"{name}/_action/cancel_goal")
+        self.goals = goals_under_way(node)
 
     @property
     def server_is_ready(self) -> bool:
@@ -60,7 +63,7 @@ class ActionPort:
 
     def warn(self, text: str) -> None:
         """Write a warning to the node's log."""
-        self._node.get_logger().warning(text)
+        self._node.get_logger().warning(in_one_line(text))
 
     def release(self) -> None:
         """Destroy the clients; does nothing if the node, which owned them, is gone."""
@@ -154,6 +157,7 @@ class ActionGoal(Exchange):
         return self._port.server_is_ready
 
     def _send(self) -> None:
+        self._port.goals.sending(self._id, self._port.canceller.service_name)
         answer = self._port.client.send_goal_async(self._message, self._weak_on_feedback(), self._id)
         answer.add_done_callback(self._on_answer)
 
@@ -198,6 +202,7 @@ class ActionGoal(Exchange):
         handle: ClientGoalHandle = answer.result()
         if not handle.accepted:
             self.rejected = True
+            self._port.goals.ended(self._id)
             if not self._abandoned:
                 self.trouble = "the server rejected the goal; is it active (its lifecycle state)?"
             return
@@ -232,6 +237,7 @@ class ActionGoal(Exchange):
             self._silence = Deadline(self._deadlines.feedback_sec)
 
     def _on_result(self, answer: "Future") -> None:
+        self._port.goals.ended(self._id)
         if self.over or self._abandoned:
             return
         self.answer = answer.result()
@@ -249,7 +255,9 @@ class ActionGoal(Exchange):
 
     def _judge_cancel(self, response: Any) -> None:
         # A server that refuses says so by an empty list; its return code may still be "no error".
-        if not response.goals_canceling and response.return_code != response.ERROR_GOAL_TERMINATED:
+        if response.goals_canceling:
+            self._port.goals.ended(self._id)
+        elif response.return_code != response.ERROR_GOAL_TERMINATED:
             self._port.warn(
                 f"The server of '{self._port.name}' did not cancel the goal (return code "
                 f"{response.return_code}): the robot may still be moving."

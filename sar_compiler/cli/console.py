@@ -1,0 +1,57 @@
+"""What the console scripts call: from its first line on, Ctrl-C ends a command without a traceback.
+
+The import of a command takes a moment, in which Python would answer Ctrl-C with a traceback. This module therefore
+imports nothing that takes time, and handles Ctrl-C before it imports a command, which then does it in its own way.
+"""
+
+import importlib
+import os
+import signal
+import sys
+from types import FrameType
+
+
+def sar_compile() -> int:
+    """Run `sar-compile` and return its exit status."""
+    return _command("cli.compile")
+
+
+def sar_run() -> int:
+    """Run `sar-run` and return its exit status."""
+    return _command("cli.run")
+
+
+def sar_sim() -> int:
+    """Run `sar-sim` and return its exit status."""
+    return _command("cli.sim", is_server=sys.argv[1:2] == ["run"])
+
+
+def sar_detect_survivor_server() -> int:
+    """Run `sar-detect-survivor-server` and return its exit status."""
+    return _command("missions.survivor_servers", "detect", is_server=True)
+
+
+def sar_report_survivor_server() -> int:
+    """Run `sar-report-survivor-server` and return its exit status."""
+    return _command("missions.survivor_servers", "report", is_server=True)
+
+
+def _command(module: str, function: str = "main", *, is_server: bool = False) -> int:
+    """Import a command and run it; Ctrl-C before and after that ends the process at once.
+
+    Args:
+        module: The module, in this package.
+        function: Its function, which returns the exit status.
+        is_server: Whether to be stopped is its normal end.
+    """
+
+    def leave(number: int, _frame: FrameType | None) -> None:
+        os._exit(0 if is_server else 128 + number)
+
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        signal.signal(signal.SIGINT, leave)
+    command = getattr(importlib.import_module(f"sar_compiler.{module}"), function)
+    try:
+        return int(command())
+    finally:
+        signal.signal(signal.SIGINT, leave)
