@@ -19,6 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from sar_compiler.cli.loading import tell_passed_over
 from sar_compiler.cli.output import RunOutput
+from sar_compiler.cli.run_mission_check import RouteCheck
 from sar_compiler.commands import FINDINGS, OK, print_error
 from sar_compiler.compiler import CompiledTree, compile_tree, require_classes
 from sar_compiler.errors import SarError
@@ -42,6 +43,7 @@ from sar_compiler.ros.failure_reports import show_tracebacks, tell
 from sar_compiler.ros.faults import NAVIGATION, NAVIGATION_FAULTS, Fault, FaultPlan, parse_fault
 from sar_compiler.ros.guardian import Guardian
 from sar_compiler.ros.leaves.goals_under_way import goals_under_way
+from sar_compiler.ros.leaves.interfaces import declared_types
 from sar_compiler.ros.parameter_file import sections_elsewhere
 from sar_compiler.ros.parameter_reader import ParameterReader
 from sar_compiler.ros.parameters import flat_parameters, mission_node
@@ -102,7 +104,7 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
             show_tracebacks(node)
         reader = ParameterReader(flat_parameters(node), _sections_elsewhere(options, node))
         begun, parameters, notes = begin_run(mission, reader, binding)
-        run = _Run(options, signals, node, parameters, begun, make_engine)
+        run = _Run(options, signals, node, parameters, begun, make_engine, world)
         tree = compile_tree(binding, run.context, reader.parameters)
         for note in notes:
             node.get_logger().warning(in_one_line(note))
@@ -215,6 +217,7 @@ class _Run:
 
     Attributes:
         context: The objects passed to the leaves, by type.
+        world: The world that is simulated, if one is.
         simulation: The simulation, if there is one.
     """
 
@@ -224,6 +227,7 @@ class _Run:
     parameters: RunParameters
     mission: MissionRun | None
     make_engine: EngineFactory
+    world: "World | None" = None
     simulation: "Simulation | None" = None
 
     def __post_init__(self) -> None:
@@ -263,14 +267,18 @@ class _Run:
             self.node.get_logger().info(in_one_line(line))
         executor = SingleThreadedExecutor(context=self.node.context)
         executor.add_node(self.node)
+        route = self._route_check(tree) if self.options.check else None
         try:
             self._wait(executor, tree)
             if self._over:
                 return self._interrupted()
             if self.options.check:
-                self._output.say("Everything that the tree needs is there.")
-                return OK
+                return self._checked(executor, route)
             return self._tick(executor, tree)
+        except NotReadyError:
+            if route is not None:
+                route.tell(executor, self._output.say)
+            raise
         finally:
             executor.shutdown()
 
@@ -279,10 +287,27 @@ class _Run:
         told = self.parameters.set_initial_pose and (not self.options.check or self.simulation is not None)
         with readable_ros_errors():
             start = self.parameters.initial_pose if told else None
-            readiness = Readiness(self.node, tree.uses(), initial_pose=start)
+            types = declared_types(tree.root)
+            readiness = Readiness(self.node, tree.uses(), initial_pose=start, types=types)
         wait_until_ready(executor, readiness, self.parameters.startup_timeout_sec, lambda: self._over)
         if readiness.uses_nav2 and not self._over:
             self.node.get_logger().info("Nav2 is active.")
+
+    def _route_check(self, tree: CompiledTree) -> RouteCheck | None:
+        """Return the check of the mission's way; None for a run that does not navigate."""
+        if self.mission is None or Use.nav2() not in tree.uses():
+            return None
+        return RouteCheck(self.node, self.mission, self.parameters, self.world)
+
+    def _checked(self, executor: SingleThreadedExecutor, route: RouteCheck | None) -> int:
+        """Conclude a check for which everything is there; returns the exit status."""
+        if route is not None and (problems := route.tell(executor, self._output.say)):
+            count = "one problem" if problems == 1 else f"{problems} problems"
+            return self._failed(
+                f"everything that the tree needs is there, and the way has {count} (see above)"
+            )
+        self._output.say("Everything that the tree needs is there.")
+        return OK
 
     def _tick(self, executor: SingleThreadedExecutor, tree: CompiledTree) -> int:
         engine = self.make_engine(tree.root)

@@ -6,7 +6,7 @@ initialised, and a laptop without ROS must be able to.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,6 +41,17 @@ class MissionRun:
     def places(self) -> Mapping[str, tuple[float, float]] | None:
         """Return the places that a fault may name: x and y in metres, frame `map`; None for the world's zones."""
         return None
+
+    def route(self) -> Sequence[tuple[str, float, float]]:
+        """Return the names and positions to which the robot will drive, in their order, for a check before the flight.
+
+        x and y in metres, frame `map`; by default its `places`.
+        """
+        return [(name, *place) for name, place in (self.places() or {}).items()]
+
+    def allows(self, x: float, y: float) -> bool:  # noqa: ARG002 - for subclasses
+        """Return whether the robot may be at a position in the frame `map`, metres: whether it is inside its geofence."""
+        return True
 
     def servers(self, faults: "FaultPlan", **options: Any) -> "list[Node]":  # noqa: ARG002
         """Create the nodes that a simulation must serve in addition to the world's own.

@@ -208,6 +208,20 @@ class ParameterReader:
             return 0.0
         return number
 
+    def numbers(self, key: str) -> list[float]:
+        """Return a list of finite numbers; a missing one is empty."""
+        value = self.parameters.get(key, ())
+        if isinstance(value, str | bytes) or not isinstance(value, Iterable):
+            self.report(key, f"must be a list of numbers, is {_shown(value)}")
+            return []
+        entries = list(value)
+        for entry in entries:
+            number = isinstance(entry, int | float) and not isinstance(entry, bool)
+            if not (number and math.isfinite(entry)):
+                self.report(key, f"must be a list of finite numbers, holds {_shown(entry)}")
+                return []
+        return [float(entry) for entry in entries]
+
     def complain(self) -> None:
         """Raise an error with all mistakes, if there are any.
 
@@ -218,7 +232,7 @@ class ParameterReader:
             raise ParameterError(self.problems)
 
     def duration(self, key: str, default: float) -> float:
-        """Return a time span above 0, in seconds."""
+        """Return a number above 0, such as a time span in seconds."""
         before = len(self.problems)
         seconds = self.number(key, default)
         if seconds <= 0 and key in self.parameters and len(self.problems) == before:

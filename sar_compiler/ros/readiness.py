@@ -1,7 +1,7 @@
 """Waiting, before the first tick, for the resources that a tree's leaves declare."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor, ExternalShutdownException
@@ -13,6 +13,7 @@ from sar_compiler.ros.requirements import (
     ClockRuns,
     InitialPose,
     Localised,
+    NavigatorActive,
     NodeActive,
     OneServer,
     Published,
@@ -53,6 +54,7 @@ class Readiness:
         uses: The resources that the tree's leaves use, with resolved names; may contain duplicates.
         initial_pose: The initial pose for the localisation, if Nav2 is used: x, y (m), yaw (rad) in the
             frame `map`; None to send none and not to wait for it.
+        types: The types that actions, services and topics must have; those without one may have any.
         localizer: The lifecycle node that localises, by its relative name.
         navigator: The lifecycle node that navigates, by its relative name.
     """
@@ -63,6 +65,7 @@ class Readiness:
         uses: Iterable[Use],
         *,
         initial_pose: InitialPose | None,
+        types: Mapping[Use, str] | None = None,
         localizer: str = "amcl",
         navigator: str = "bt_navigator",
     ) -> None:
@@ -74,12 +77,13 @@ class Readiness:
         if self.uses_nav2:
             if initial_pose is not None:
                 self._requirements.append(Localised(node, initial_pose))
-            self._requirements += [NodeActive(node, name) for name in (localizer, navigator)]
+            self._requirements += [NodeActive(node, localizer), NavigatorActive(node, navigator)]
         for use in self._uses:
+            type_name = (types or {}).get(use)
             if use.kind in ("action", "service"):
-                self._requirements.append(OneServer(node, use.kind, use.name))
+                self._requirements.append(OneServer(node, use.kind, use.name, type_name))
             elif use.kind == "topic":
-                self._requirements.append(Published(node, use.name))
+                self._requirements.append(Published(node, use.name, type_name))
 
     @property
     def uses_nav2(self) -> bool:

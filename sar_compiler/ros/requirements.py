@@ -3,13 +3,16 @@
 import math
 import time
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from contextlib import suppress
 from typing import Any
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from lifecycle_msgs.srv import GetState
-from rclpy.node import Node
+from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.qos import QoSProfile
 from rclpy.task import Future
+from std_srvs.srv import Trigger
 
 InitialPose = tuple[float, float, float]
 """x and y in metres, yaw in radians."""
@@ -17,6 +20,18 @@ InitialPose = tuple[float, float, float]
 _INITIAL_POSE_PERIOD_SEC = 1.0
 _ASK_PERIOD_SEC = 0.5
 _ANSWER_DEADLINE_SEC = 2.0
+
+# Nav2's bring-up: its lifecycle manager, and the nodes that it activates before the navigator, in this order.
+_MANAGER = "lifecycle_manager_navigation"
+_BEFORE_NAVIGATOR = (
+    "controller_server",
+    "smoother_server",
+    "planner_server",
+    "route_server",
+    "behavior_server",
+    "velocity_smoother",
+    "collision_monitor",
+)
 
 # Half a metre and 15 degrees of standard deviation, as variances: x, y, yaw.
 _INITIAL_VARIANCES = {0: 0.25, 7: 0.25, 35: 0.068}
@@ -40,10 +55,12 @@ class OneServer(Requirement):
         node: The node that will call it.
         kind: `action` or `service`.
         name: Its relative name.
+        type_name: Its type, `package/srv/Name`; None for any.
     """
 
-    def __init__(self, node: Node, kind: str, name: str) -> None:
+    def __init__(self, node: Node, kind: str, name: str, type_name: str | None = None) -> None:
         self._node = node
+        self._type = type_name
         self._service = node.resolve_service_name(f"{name}/_action/send_goal" if kind == "action" else name)
         self._resolved = self._service.removesuffix("/_action/send_goal")
         self._title = f"{kind} {_with_full_name(name, self._resolved)}"
@@ -54,10 +71,11 @@ class OneServer(Requirement):
         return int(self._node.count_services(self._service)) > 1
 
     def missing(self) -> str | None:
-        """Describe a missing server, or several of them; None for exactly one."""
+        """Describe a missing server, one of another type, or several of them; None for exactly one."""
         servers = int(self._node.count_services(self._service))
         if servers == 1:
-            return None
+            types = _types_served(self._node, self._service) if self._type else ()
+            return _wrong_type(self._title, "served", types, self._type)
         if not servers:
             return f"{self._title}: no server"
         number, which = ("two", "one") if servers == 2 else (servers, "all but one")  # noqa: PLR2004
@@ -65,16 +83,26 @@ class OneServer(Requirement):
 
 
 class Published(Requirement):
-    """A topic that must have a publisher."""
+    """A topic that must have a publisher.
 
-    def __init__(self, node: Node, name: str) -> None:
+    Args:
+        node: The node that will subscribe to it.
+        name: Its relative name.
+        type_name: Its type, `package/msg/Name`; None for any.
+    """
+
+    def __init__(self, node: Node, name: str, type_name: str | None = None) -> None:
         self._node = node
+        self._type = type_name
         self._topic = node.resolve_topic_name(name)
         self._title = f"topic {_with_full_name(name, self._topic)}"
 
     def missing(self) -> str | None:
-        """Describe a missing publisher; None if there is one."""
-        return None if self._node.count_publishers(self._topic) else f"{self._title}: no publisher"
+        """Describe a missing publisher, or that there are only those of another type; None if there is one."""
+        publishers = self._node.get_publishers_info_by_topic(self._topic)
+        if not publishers:
+            return f"{self._title}: no publisher"
+        return _wrong_type(self._title, "published", [each.topic_type for each in publishers], self._type)
 
 
 class ClockRuns(Requirement):
@@ -148,41 +176,41 @@ class Localised(Requirement):
         return message
 
 
-class NodeActive(Requirement):
-    """A lifecycle node that must be active.
+class _Asked:
+    """A service that is asked again and again for its answer of now.
 
-    It is asked repeatedly, even after it was active: it may no longer be when the other requirements are fulfilled.
     An answer that is lost, as may happen while the two sides still discover each other, is not waited for.
 
     Args:
         node: The node to ask with.
-        name: The relative name of the lifecycle node.
+        service_type: The Python class of the service, whose request is empty.
+        name: Its relative name.
+
+    Attributes:
+        answer: The last answer; None while there is none, or since one was lost.
+        lost: How many answers were lost.
     """
 
-    def __init__(self, node: Node, name: str) -> None:
+    def __init__(self, node: Node, service_type: Any, name: str) -> None:
+        self.answer: Any = None
+        self.lost = 0
         self._node = node
-        self._client: Any = node.create_client(GetState, f"{name}/get_state")
-        self._service = node.resolve_service_name(f"{name}/get_state")
-        self._name = name
-        self._title = f"node {_with_full_name(name, self._service.removesuffix('/get_state'))}"
+        self._type = service_type
+        self._client: Any = node.create_client(service_type, name)
         self._call: Future | None = None
         self._asked_at = -math.inf
-        self._state: str | None = None
-        self._lost = 0
 
-    def missing(self) -> str | None:
-        """Ask if it is due, and describe the last answer; None if that was `active`."""
+    def ask(self) -> bool:
+        """Take the answer, and ask again if it is due; return whether there is a server."""
         if not self._client.service_is_ready():
             self._drop()
-            self._state = None
-            return f"node {self._name}: not there (no service {self._service})"
+            self.answer = None
+            return False
         self._take_answer()
         if self._call is None and time.monotonic() - self._asked_at >= _ASK_PERIOD_SEC:
             self._asked_at = time.monotonic()
-            self._call = self._client.call_async(GetState.Request())
-        if self._state is None:
-            return f"node {self._name}: {self._service} has not answered" + (" in time" if self._lost else "")
-        return None if self._state == "active" else f"{self._title}: state '{self._state}', must be 'active'"
+            self._call = self._client.call_async(self._type.Request())
+        return True
 
     def close(self) -> None:
         """Destroy the client."""
@@ -193,18 +221,127 @@ class NodeActive(Requirement):
         if self._call is None:
             return
         if self._call.done():
-            answer = self._call.result()
-            self._call = None
-            self._state = _name_of(answer.current_state) if answer is not None else None
+            self.answer, self._call = self._call.result(), None
         elif time.monotonic() - self._asked_at > _ANSWER_DEADLINE_SEC:
-            self._lost += 1
-            self._state = None
+            self.lost += 1
+            self.answer = None
             self._drop()
 
     def _drop(self) -> None:
         call, self._call = self._call, None
         if call is not None:
             self._client.remove_pending_request(call)
+
+
+class NodeActive(Requirement):
+    """A lifecycle node that must be active.
+
+    It is asked repeatedly, even after it was active: it may no longer be when the other requirements are fulfilled.
+
+    Args:
+        node: The node to ask with.
+        name: The relative name of the lifecycle node.
+    """
+
+    def __init__(self, node: Node, name: str) -> None:
+        self._asked = _Asked(node, GetState, f"{name}/get_state")
+        self._service = node.resolve_service_name(f"{name}/get_state")
+        self._name = name
+        self._title = f"node {_with_full_name(name, self._service.removesuffix('/get_state'))}"
+
+    @property
+    def state(self) -> str | None:
+        """The state that it has answered last; None if it has not."""
+        return _name_of(self._asked.answer.current_state) if self._asked.answer is not None else None
+
+    def missing(self) -> str | None:
+        """Ask if it is due, and describe the last answer; None if that was `active`."""
+        if not self._asked.ask():
+            return f"node {self._name}: not there (no service {self._service})"
+        if self.state is None:
+            late = " in time" if self._asked.lost else ""
+            return f"node {self._name}: {self._service} has not answered{late}"
+        return None if self.state == "active" else f"{self._title}: state '{self.state}', must be 'active'"
+
+    def close(self) -> None:
+        """Destroy the client."""
+        self._asked.close()
+
+
+class NavigatorActive(NodeActive):
+    """Nav2's navigator, which must be active; where it stays inactive, the reason is looked for.
+
+    Nav2's lifecycle manager activates its nodes in an order, the navigator late. Where one before it cannot be
+    activated, it gives up for good: the most frequent is `planner_server`, which waits for the frame `map`, thus for the
+    initial pose, no longer than `initial_transform_timeout`.
+
+    Args:
+        node: The node to ask with.
+        name: The relative name of the navigator.
+    """
+
+    def __init__(self, node: Node, name: str) -> None:
+        super().__init__(node, name)
+        self._node = node
+        self._manager: _Asked | None = None
+        self._before: dict[str, NodeActive] = {}
+
+    def missing(self) -> str | None:
+        """Ask if it is due, and describe the last answer and its reason; None if that was `active`."""
+        line = super().missing()
+        if line is None or self.state is None:
+            return line
+        return line + self._reason()
+
+    def close(self) -> None:
+        """Destroy the clients."""
+        super().close()
+        for each in (self._manager, *self._before.values()):
+            if each is not None:
+                each.close()
+
+    def _reason(self) -> str:
+        """Ask the manager, and the nodes that it activates before; return what they have answered."""
+        if self._manager is None:
+            self._manager = _Asked(self._node, Trigger, f"{_MANAGER}/is_active")
+            self._before = {name: NodeActive(self._node, name) for name in _BEFORE_NAVIGATOR}
+        self._manager.ask()
+        for each in self._before.values():
+            each.missing()
+        states = {name: each.state for name, each in self._before.items() if each.state is not None}
+        asleep = [f"{name} is '{state}'" for name, state in states.items() if state != "active"]
+        # It does not answer while it is at work.
+        if self._manager.answer is None or self._manager.answer.success:
+            return f"; {asleep[0]}, too" if asleep else ""
+        if {self.state, *states.values()} == {"unconfigured"}:
+            call = self._node.resolve_service_name(f"{_MANAGER}/manage_nodes")
+            return (
+                f"; {_MANAGER} has not started Nav2 up (autostart is off): "
+                f'ros2 service call {call} nav2_msgs/srv/ManageLifecycleNodes "{{command: 0}}"'
+            )
+        return (
+            f"; {_MANAGER} has given up starting Nav2 up{f', {asleep[0]}' if asleep else ''}: start Nav2 again, "
+            "and give the initial pose within its initial_transform_timeout"
+        )
+
+
+def _types_served(node: Node, service: str) -> set[str]:
+    """Return the types under which nodes serve a service, by its full name."""
+    types: set[str] = set()
+    for name, namespace in node.get_node_names_and_namespaces():
+        with suppress(NodeNameNonExistentError):  # it has gone meanwhile
+            served = dict(node.get_service_names_and_types_by_node(name, namespace))
+            types.update(served.get(service, ()))
+    return types
+
+
+def _wrong_type(title: str, how: str, types: Iterable[str], wanted: str | None) -> str | None:
+    """Describe a resource that exists in other types only; None if it has the wanted one, or nothing is known."""
+    # The service of an action that takes goals is of a type of its own.
+    there = sorted({each.removesuffix("_SendGoal") for each in types})
+    if wanted is None or not there or wanted in there:
+        return None
+    return f"{title}: {how} as {', '.join(there)}, must be {wanted}"
 
 
 def _with_full_name(name: str, resolved: str) -> str:

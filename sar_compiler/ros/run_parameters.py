@@ -19,6 +19,8 @@ class RunParameters:
         initial_pose: The initial pose: x, y (m), yaw (rad), in the frame `map`.
         startup_timeout_sec: The longest wait for the tree's requirements before the first tick, in seconds.
         time_limit_sec: The time limit of the run, in seconds of the node's clock; None for no limit.
+        robot_radius_m: The radius of the robot's body, for planning before the flight, in metres.
+        cruise_speed_mps: The speed that estimates of time assume, in m/s.
     """
 
     tick_rate_hz: float = 2.0
@@ -26,6 +28,8 @@ class RunParameters:
     initial_pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
     startup_timeout_sec: float = 60.0
     time_limit_sec: float | None = None
+    robot_radius_m: float = 0.22
+    cruise_speed_mps: float = 0.4
 
 
 RUN_PARAMETER_NAMES = tuple(field.name for field in fields(RunParameters))
@@ -40,6 +44,8 @@ def read_run(reader: ParameterReader) -> RunParameters:
         initial_pose=(start["x"], start["y"], start["yaw"]),
         startup_timeout_sec=reader.duration("startup_timeout_sec", RunParameters.startup_timeout_sec),
         time_limit_sec=reader.duration(limit, 0.0) if limit in reader.parameters else None,
+        robot_radius_m=reader.duration("robot_radius_m", RunParameters.robot_radius_m),
+        cruise_speed_mps=reader.duration("cruise_speed_mps", RunParameters.cruise_speed_mps),
     )
 
 

@@ -3,14 +3,21 @@
 import math
 from typing import Any
 
+import numpy as np
 from builtin_interfaces.msg import Duration, Time
 from geometry_msgs.msg import Pose, Quaternion, TransformStamped
+from nav_msgs.msg import OccupancyGrid
 
 from sar_compiler.sim.geometry import Pose2D
+from sar_compiler.sim.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
 NANOSECONDS = 1_000_000_000
 # A quaternion whose length is off by more than this is no rotation.
 _UNIT_TOLERANCE = 0.1
+# A quaternion whose imaginary parts are below this turns by a degree at most.
+_STRAIGHT = 0.01
+# Of a map that is published, in percent, by nav2_map_server's thresholds.
+_FREE_BELOW, _OCCUPIED_ABOVE = 20, 65
 
 
 def to_stamp(now_ns: int) -> Time:
@@ -54,3 +61,22 @@ def from_pose(message: Any) -> Pose2D | None:
     yaw = math.atan2(2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y**2 + turn.z**2))
     pose = Pose2D(message.position.x, message.position.y, yaw)
     return pose if pose.is_finite else None
+
+
+def from_grid(message: OccupancyGrid) -> OccupancyMap | None:
+    """Return a map message as an occupancy map; None if it is empty, turned, or not what it says.
+
+    Cells between free and occupied count as unknown.
+    """
+    info, turn = message.info, message.info.origin.orientation
+    cells = np.array(message.data, dtype=np.int8)
+    straight = max(abs(turn.x), abs(turn.y), abs(turn.z)) < _STRAIGHT
+    place = (info.origin.position.x, info.origin.position.y)
+    if not (cells.size and cells.size == info.width * info.height and straight):
+        return None
+    if not (info.resolution > 0.0 and all(map(math.isfinite, (info.resolution, *place)))):
+        return None
+    known = np.full(cells.shape, UNKNOWN, dtype=np.int8)
+    known[(cells >= 0) & (cells < _FREE_BELOW)] = FREE
+    known[cells > _OCCUPIED_ABOVE] = OCCUPIED
+    return OccupancyMap(known.reshape(info.height, info.width), float(info.resolution), *place)

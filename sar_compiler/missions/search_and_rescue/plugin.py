@@ -4,6 +4,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sar_compiler.missions.fence import Fence, read_fence
 from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase
 from sar_compiler.missions.search_and_rescue.conditions import ZonesRemaining
@@ -25,7 +26,7 @@ class SearchAndRescue(Mission):
 
     name = "search_and_rescue"
     context_types = (ZoneManager, MissionRecord, KeptReports)
-    parameter_names = ("zone_order", "zones", "base_station", "survivors")
+    parameter_names = ("zone_order", "zones", "base_station", "survivors", "geofence")
     faults = {"detect_survivor": ("drop", "delay"), "report_survivor": ("drop", "delay", "refuse")}  # noqa: RUF012
     default_tree = "search_and_rescue"
 
@@ -43,7 +44,7 @@ class SearchAndRescue(Mission):
 
     def begin(self, reader: ParameterReader) -> "Search":
         """Begin a run with no zone visited."""
-        return Search(reader.places("zone"), reader.pose("base_station"))
+        return Search(reader.places("zone"), reader.pose("base_station"), read_fence(reader))
 
 
 class Search(MissionRun):
@@ -52,15 +53,20 @@ class Search(MissionRun):
     Args:
         zones: The zones in the order of their visit, each with `id`, `x`, `y` (m) and `yaw` (rad).
         base_station: The pose to return to: `x`, `y` (m) and `yaw` (rad).
+        fence: The geofence.
     """
 
-    def __init__(self, zones: list[dict[str, Any]], base_station: dict[str, float]) -> None:
+    def __init__(
+        self, zones: list[dict[str, Any]], base_station: dict[str, float], fence: Fence | None = None
+    ) -> None:
+        self._fence = fence or Fence()
         self._zones = ZoneManager(zones, base_station)
         self._record = MissionRecord()
         self.context = {
             ZoneManager: self._zones,
             MissionRecord: self._record,
             KeptReports: KeptReports(),
+            Fence: self._fence,
         }
 
     def greeting(self) -> list[str]:
@@ -78,6 +84,16 @@ class Search(MissionRun):
     def places(self) -> dict[str, tuple[float, float]]:
         """Return the positions of the zones."""
         return {zone["id"]: (zone["x"], zone["y"]) for zone in self._zones.remaining_zones()}
+
+    def route(self) -> list[tuple[str, float, float]]:
+        """Return the zones that are left, and the base station."""
+        base = self._zones.base_pose()
+        zones = [(zone["id"], zone["x"], zone["y"]) for zone in self._zones.remaining_zones()]
+        return [*zones, ("base station", base["x"], base["y"])]
+
+    def allows(self, x: float, y: float) -> bool:
+        """Return whether a position is inside the geofence."""
+        return self._fence.contains(x, y)
 
     def servers(self, faults: "FaultPlan", **options: Any) -> "list[Node]":
         """Create the two servers."""

@@ -4,6 +4,9 @@ import difflib
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from py_trees.behaviour import Behaviour
+
+from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.leaves.errors import LeafDefinitionError
 
 if TYPE_CHECKING:
@@ -42,6 +45,23 @@ def find_interface(owner: str, kind: str, name: str, written: Any) -> Any:
         message = f"{owner}: {word}_type is '{written}'; write it as 'package/{kind}/Name'"
         raise LeafDefinitionError(message)
     return _imported(owner, written, package, kind, cls)
+
+
+def declared_types(root: Behaviour) -> dict[Use, str]:
+    """Return the types of the actions, services and topics that a tree's leaves declare, as the graph of ROS names them."""
+    types: dict[Use, str] = {}
+    for leaf in root.iterate():
+        for word in _WORDS.values():
+            name, written = getattr(leaf, f"{word}_name", None), getattr(leaf, f"{word}_type", None)
+            if isinstance(name, str) and written:
+                types[Use(word, name)] = written if isinstance(written, str) else _graph_name(written)
+    return types
+
+
+def _graph_name(interface: Any) -> str:
+    """Return `package/srv/Name` for a Python class of an interface."""
+    package, kind, *_ = f"{interface.__module__}.".split(".")
+    return f"{package}/{kind}/{interface.__name__}"
 
 
 def qos_profile(owner: str, written: Any) -> "QoSProfile":
