@@ -191,6 +191,134 @@ class TestServers:
         wait(ros, ready)
 
 
+class TestTypes:
+    WANTED = "sar_interfaces/srv/DetectSurvivor"
+
+    def ready(self, node: Any, use: Use, type_name: str) -> Readiness:
+        from sar_compiler.ros.readiness import Readiness
+
+        return Readiness(node, [use], initial_pose=None, types={use: type_name})
+
+    def test_names_the_type_of_a_service_that_is_another_one(self, ros: Ros) -> None:
+        from std_srvs.srv import SetBool
+
+        ros.node("other").create_service(SetBool, "detect_survivor", lambda _, response: response)
+        ready = self.ready(ros.node(), Use.service("detect_survivor"), self.WANTED)
+        assert missing(ros, ready, 1.0) == [
+            f"service detect_survivor: served as std_srvs/srv/SetBool, must be {self.WANTED}"
+        ]
+
+    def test_a_client_of_the_right_type_does_not_hide_a_server_of_another_one(self, ros: Ros) -> None:
+        from sar_interfaces.srv import DetectSurvivor
+        from std_srvs.srv import SetBool
+
+        ros.node("other").create_service(SetBool, "detect_survivor", lambda _, response: response)
+        ros.node("asking").create_client(DetectSurvivor, "detect_survivor")
+        ready = self.ready(ros.node(), Use.service("detect_survivor"), self.WANTED)
+        [line] = missing(ros, ready, 1.0)
+        assert "served as std_srvs/srv/SetBool" in line
+
+    def test_names_the_type_of_an_action_that_is_another_one(self, ros: Ros) -> None:
+        server = navigator(ros.node("other"))
+        wanted = "nav2_msgs/action/DockRobot"
+        assert missing(ros, self.ready(ros.node(), Use.action("navigate_to_pose"), wanted), 1.0) == [
+            f"action navigate_to_pose: served as nav2_msgs/action/NavigateToPose, must be {wanted}"
+        ]
+        server.destroy()
+
+    def test_names_the_type_of_a_topic_that_is_another_one(self, ros: Ros) -> None:
+        from std_msgs.msg import String
+
+        ros.node("other").create_publisher(String, "battery_state", 1)
+        wanted = "sensor_msgs/msg/BatteryState"
+        assert missing(ros, self.ready(ros.node(), Use.topic("battery_state"), wanted), 1.0) == [
+            f"topic battery_state: published as std_msgs/msg/String, must be {wanted}"
+        ]
+
+    def test_is_ready_when_everything_is_of_its_type(self, ros: Ros) -> None:
+        from std_msgs.msg import String
+
+        other = ros.node("other")
+        detector(other)
+        server = navigator(other)
+        other.create_publisher(String, "news", 1)
+        for use, name in (
+            (Use.service("detect_survivor"), self.WANTED),
+            (Use.action("navigate_to_pose"), "nav2_msgs/action/NavigateToPose"),
+            (Use.topic("news"), "std_msgs/msg/String"),
+        ):
+            wait(ros, self.ready(ros.node(), use, name))
+        server.destroy()
+
+    def test_the_leaves_of_the_mission_say_their_types(self) -> None:
+        from sar_compiler import load
+        from sar_compiler.compiler import preview_tree
+        from sar_compiler.ros.leaves.interfaces import declared_types
+
+        tree = preview_tree(load("search_and_rescue").binding())
+        assert declared_types(tree.root) == {
+            Use.action("navigate_to_pose"): "nav2_msgs/action/NavigateToPose",
+            Use.service("detect_survivor"): self.WANTED,
+            Use.service("report_survivor"): "sar_interfaces/srv/ReportSurvivor",
+        }
+
+
+class TestTheBringUpOfNav2:
+    """A navigator that is not active, with the nodes before it and the lifecycle manager."""
+
+    @staticmethod
+    def stack(ros: Ros, *, up: bool | None, **states: str) -> None:
+        from lifecycle_msgs.srv import GetState
+        from std_srvs.srv import Trigger
+
+        node = ros.node("nav2")
+        for name, state in {"amcl": "active", **states}.items():
+
+            def answer(_: Any, response: Any, state: str = state) -> Any:
+                response.current_state.label = state
+                return response
+
+            node.create_service(GetState, f"{name}/get_state", answer)
+        if up is not None:
+
+            def is_active(_: Any, response: Any) -> Any:
+                response.success = up
+                return response
+
+            node.create_service(Trigger, "lifecycle_manager_navigation/is_active", is_active)
+
+    def test_says_where_the_lifecycle_manager_has_given_up(self, ros: Ros) -> None:
+        self.stack(
+            ros, up=False, controller_server="active", planner_server="inactive", bt_navigator="inactive"
+        )
+        assert missing(ros, readiness(ros.node(), Use.nav2(), initial_pose=None), 3.0) == [
+            "node bt_navigator: state 'inactive', must be 'active'; lifecycle_manager_navigation has given up starting "
+            "Nav2 up, planner_server is 'inactive': start Nav2 again, and give the initial pose within its "
+            "initial_transform_timeout"
+        ]
+
+    def test_says_which_node_is_waited_for_while_the_manager_is_at_work(self, ros: Ros) -> None:
+        self.stack(ros, up=None, planner_server="activating", bt_navigator="inactive")
+        assert missing(ros, readiness(ros.node(), Use.nav2(), initial_pose=None), 3.0) == [
+            "node bt_navigator: state 'inactive', must be 'active'; planner_server is 'activating', too"
+        ]
+
+    def test_says_how_to_start_up_a_stack_that_nobody_has_started(self, ros: Ros) -> None:
+        self.stack(ros, up=False, planner_server="unconfigured", bt_navigator="unconfigured")
+        [line] = missing(ros, readiness(ros.node(), Use.nav2(), initial_pose=None), 3.0)
+        assert line.endswith(
+            "has not started Nav2 up (autostart is off): ros2 service call "
+            '/lifecycle_manager_navigation/manage_nodes nav2_msgs/srv/ManageLifecycleNodes "{command: 0}"'
+        )
+
+    def test_leaves_nothing_behind_on_the_node(self, ros: Ros) -> None:
+        self.stack(ros, up=False, planner_server="inactive", bt_navigator="inactive")
+        node = ros.node()
+        before = len(list(node.clients))
+        missing(ros, readiness(node, Use.nav2(), initial_pose=None), 1.0)
+        assert len(list(node.clients)) == before
+
+
 class TestNav2:
     def test_is_ready_when_both_nodes_are_active_and_the_pose_was_answered(self, ros: Ros) -> None:
         nav2 = FakeNav2(ros.node("nav2"))

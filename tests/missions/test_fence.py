@@ -1,0 +1,46 @@
+"""The geofence: reading it, and what is inside."""
+
+import pytest
+
+from sar_compiler.missions.fence import Fence, read_fence
+from sar_compiler.ros.parameter_reader import ParameterError, ParameterReader
+
+ELL = Fence([(0.0, 0.0), (4.0, 0.0), (4.0, 2.0), (2.0, 2.0), (2.0, 4.0), (0.0, 4.0)])
+
+
+@pytest.mark.parametrize("corners", [ELL.corners, ELL.corners[::-1]], ids=["one way round", "the other"])
+@pytest.mark.parametrize(
+    ("x", "y", "inside"),
+    [(1.0, 1.0, True), (3.0, 1.0, True), (1.0, 3.0, True), (3.0, 3.0, False), (-1.0, 1.0, False), (5.0, 2.0, False)],
+)  # fmt: skip
+def test_a_fence_contains_what_is_inside_its_corners(corners, x, y, inside):
+    assert Fence(corners).contains(x, y) is inside
+
+
+def test_without_a_fence_every_place_is_allowed():
+    assert not Fence()
+    assert Fence().contains(1e9, -1e9)
+
+
+def test_the_parameter_lists_the_corners():
+    reader = ParameterReader({"geofence": [0.0, 0.0, 4.0, 0.0, 0.0, 3.0]})
+    assert read_fence(reader).corners == ((0.0, 0.0), (4.0, 0.0), (0.0, 3.0))
+    assert reader.problems == []
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        ([0.0, 1.0, 2.0, 3.0], "holds 4 numbers"),
+        ([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0], "holds 7 numbers"),
+        ([0.0, 1.0, 2.0, 3.0, 4.0, float("nan")], "holds the number nan"),
+        ("everywhere", "must be a list of numbers, is the text 'everywhere'"),
+        (["a"], "holds the text 'a'"),
+        ([True] * 6, "holds true"),
+    ],
+)
+def test_a_parameter_that_is_no_area_is_a_mistake(value, said):
+    reader = ParameterReader({"geofence": value})
+    assert not read_fence(reader)
+    with pytest.raises(ParameterError, match=said):
+        reader.complain()
