@@ -291,11 +291,12 @@ class TestTheBringUpOfNav2:
         self.stack(
             ros, up=False, controller_server="active", planner_server="inactive", bt_navigator="inactive"
         )
-        assert missing(ros, readiness(ros.node(), Use.nav2(), initial_pose=None), 3.0) == [
+        [line] = missing(ros, readiness(ros.node(), Use.nav2(), initial_pose=None), 3.0)
+        assert line == (
             "node bt_navigator: state 'inactive', must be 'active'; lifecycle_manager_navigation has given up starting "
             "Nav2 up, planner_server is 'inactive': start Nav2 again, and give the initial pose within its "
             "initial_transform_timeout"
-        ]
+        )
 
     def test_says_which_node_is_waited_for_while_the_manager_is_at_work(self, ros: Ros) -> None:
         self.stack(ros, up=None, planner_server="activating", bt_navigator="inactive")
