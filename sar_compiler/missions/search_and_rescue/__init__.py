@@ -12,31 +12,55 @@ from sar_compiler.missions.search_and_rescue.actions.survivors import (
     LogNoDetection,
     NotifyBase,
 )
-from sar_compiler.missions.search_and_rescue.actions.zones import AbandonZone, AdvanceZone, PostponeZone
+from sar_compiler.missions.search_and_rescue.actions.zones import (
+    AbandonZone,
+    AbandonZones,
+    AdvanceZone,
+    PostponeZone,
+)
 from sar_compiler.missions.search_and_rescue.conditions import (
     IsSurvivorDetected,
     MissionComplete,
     ZonesRemaining,
 )
+from sar_compiler.missions.search_and_rescue.failsafes import (
+    BaseInReach,
+    BatterySuffices,
+    InsideFence,
+    MissionTimeLeft,
+    NotAborted,
+    NotRecalled,
+)
 from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports
+from sar_compiler.missions.search_and_rescue.operating import NotHeld
+from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 
 __all__ = [
     "AbandonZone",
+    "AbandonZones",
     "AdvanceZone",
+    "BaseInReach",
+    "BatterySuffices",
     "BroadcastSurvivorTF",
     "DeliverReports",
     "DetectSurvivor",
+    "InsideFence",
     "IsSurvivorDetected",
     "KeepReport",
     "KeptReports",
     "LogNoDetection",
     "MissionComplete",
     "MissionRecord",
+    "MissionTimeLeft",
     "NavigateToBase",
     "NavigateToZone",
+    "NotAborted",
+    "NotHeld",
+    "NotRecalled",
     "NotifyBase",
+    "OperatorOrders",
     "PostponeZone",
     "ZoneManager",
     "ZonesRemaining",

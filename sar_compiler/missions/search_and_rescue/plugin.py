@@ -9,7 +9,8 @@ from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase
 from sar_compiler.missions.search_and_rescue.conditions import ZonesRemaining
 from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports
-from sar_compiler.missions.search_and_rescue.record import MissionRecord
+from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
+from sar_compiler.missions.search_and_rescue.record import DUPLICATE_RADIUS_M, MissionRecord
 from sar_compiler.missions.search_and_rescue.summary import mission_summary
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.resources import shipped
@@ -25,8 +26,15 @@ class SearchAndRescue(Mission):
     """Search zones for survivors, report them, come home."""
 
     name = "search_and_rescue"
-    context_types = (ZoneManager, MissionRecord, KeptReports)
-    parameter_names = ("zone_order", "zones", "base_station", "survivors", "geofence")
+    context_types = (ZoneManager, MissionRecord, KeptReports, OperatorOrders, Fence)
+    parameter_names = (
+        "zone_order",
+        "zones",
+        "base_station",
+        "survivors",
+        "geofence",
+        "duplicate_radius_m",
+    )
     faults = {"detect_survivor": ("drop", "delay"), "report_survivor": ("drop", "delay", "refuse")}  # noqa: RUF012
     default_tree = "search_and_rescue"
 
@@ -44,7 +52,9 @@ class SearchAndRescue(Mission):
 
     def begin(self, reader: ParameterReader) -> "Search":
         """Begin a run with no zone visited."""
-        return Search(reader.places("zone"), reader.pose("base_station"), read_fence(reader))
+        zones, base = reader.places("zone"), reader.pose("base_station")
+        radius = reader.duration("duplicate_radius_m", DUPLICATE_RADIUS_M)
+        return Search(zones, base, fence=read_fence(reader), duplicate_radius_m=radius)
 
 
 class Search(MissionRun):
@@ -54,18 +64,25 @@ class Search(MissionRun):
         zones: The zones in the order of their visit, each with `id`, `x`, `y` (m) and `yaw` (rad).
         base_station: The pose to return to: `x`, `y` (m) and `yaw` (rad).
         fence: The geofence.
+        duplicate_radius_m: Finds that are this near to each other may be the same survivor, metres.
     """
 
     def __init__(
-        self, zones: list[dict[str, Any]], base_station: dict[str, float], fence: Fence | None = None
+        self,
+        zones: list[dict[str, Any]],
+        base_station: dict[str, float],
+        *,
+        fence: Fence | None = None,
+        duplicate_radius_m: float = DUPLICATE_RADIUS_M,
     ) -> None:
         self._fence = fence or Fence()
         self._zones = ZoneManager(zones, base_station)
-        self._record = MissionRecord()
+        self._record = MissionRecord(duplicate_radius_m)
         self.context = {
             ZoneManager: self._zones,
             MissionRecord: self._record,
             KeptReports: KeptReports(),
+            OperatorOrders: OperatorOrders(),
             Fence: self._fence,
         }
 

@@ -1,9 +1,27 @@
 """The record of a mission's events, for its summary and its exit status."""
 
+import math
 from dataclasses import dataclass, replace
+from enum import Enum
+from typing import Any
 
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.runtime.context import mission_context
+
+DUPLICATE_RADIUS_M = 3.0
+
+
+class Standing(str, Enum):
+    """What the operator says of a find."""
+
+    CANDIDATE = "candidate"
+    """Nothing yet."""
+    CONFIRMED = "confirmed"
+    """It is a survivor."""
+    REJECTED = "rejected"
+    """It is none."""
+    MERGED = "merged"
+    """It is a survivor who has another name already."""
 
 
 @dataclass(frozen=True)
@@ -17,6 +35,8 @@ class FoundSurvivor:
         survivor_id: The survivor's name once there is one, which is also the name of the TF frame.
         acknowledged: Whether the base station has confirmed the report.
         kept: Whether the report is kept, to be delivered later.
+        possibly: The name of a survivor found earlier, so near that it may be the same one.
+        standing: What the operator says of it.
     """
 
     zone_id: str
@@ -25,11 +45,25 @@ class FoundSurvivor:
     survivor_id: str | None = None
     acknowledged: bool = False
     kept: bool = False
+    possibly: str | None = None
+    standing: Standing = Standing.CANDIDATE
 
     def __str__(self) -> str:
         name = self.survivor_id or "a survivor without a name"
         place = f" in {self.zone_id}" if self.zone_id else ""
-        return f"{name}{place} at ({self.x:.2f}, {self.y:.2f})"
+        said = "" if self.standing is Standing.CANDIDATE else f", {self.standing.value}"
+        if self.possibly is not None:
+            said += (
+                f" with {self.possibly}"
+                if self.standing is Standing.MERGED
+                else f", possibly {self.possibly}"
+            )
+        return f"{name}{place} at ({self.x:.2f}, {self.y:.2f}){said}"
+
+    @property
+    def counts(self) -> bool:
+        """Whether base must know of it: unless the operator has said that it is nobody, or somebody known."""
+        return self.standing in (Standing.CANDIDATE, Standing.CONFIRMED)
 
 
 @mission_context
@@ -37,12 +71,17 @@ class MissionRecord:
     """The events of one mission as its leaves report them.
 
     It has no influence on the running mission. A survivor who is found again, in the same zone and at the same
-    place, is the same survivor.
+    place, is the same survivor. One found near another is kept apart and marked; only the operator merges.
+
+    Args:
+        duplicate_radius_m: Finds that are this near to each other may be the same survivor, metres.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, duplicate_radius_m: float = DUPLICATE_RADIUS_M) -> None:
+        self._duplicate_radius_m = duplicate_radius_m
         self._zones_visited: list[str] = []
-        self._attempts_on_abandoned: dict[str, int] = {}
+        self._abandoned: dict[str, str] = {}
+        self._alarm = ""
         self._survivors: list[FoundSurvivor] = []
         self._home = False
 
@@ -54,7 +93,7 @@ class MissionRecord:
     @property
     def zones_abandoned(self) -> tuple[str, ...]:
         """The abandoned zones, in the order in which they were abandoned."""
-        return tuple(self._attempts_on_abandoned)
+        return tuple(self._abandoned)
 
     @property
     def reports_kept(self) -> tuple[str, ...]:
@@ -81,7 +120,20 @@ class MissionRecord:
 
     def zone_abandoned(self, zone_id: str, attempts: int) -> None:
         """Note that a zone was abandoned after a number of attempts."""
-        self._attempts_on_abandoned[zone_id] = attempts
+        self._abandoned[zone_id] = f"was abandoned after attempt {attempts}."
+
+    def zone_given_up(self, zone_id: str, reason: str) -> None:
+        """Note that a zone was given up untried, with the reason in words."""
+        self._abandoned[zone_id] = f"was given up: {reason}."
+
+    @property
+    def alarm(self) -> str:
+        """The last reason to cut the mission short, in words; empty if there was none."""
+        return self._alarm
+
+    def alarmed(self, reason: str) -> None:
+        """Note a reason to cut the mission short, in words."""
+        self._alarm = reason
 
     def survivor_found(self, zone_id: str, x: float, y: float) -> None:
         """Note that a survivor was found; coordinates in the frame `map`, metres."""
@@ -94,9 +146,25 @@ class MissionRecord:
         for index in reversed(range(len(self._survivors))):
             known = self._survivors[index]
             if (known.x, known.y) == (x, y):
-                self._survivors[index] = replace(known, survivor_id=survivor_id)
+                near = self._near(index, x, y)
+                self._survivors[index] = replace(known, survivor_id=survivor_id, possibly=near)
                 return
-        self._survivors.append(FoundSurvivor("", x, y, survivor_id))
+        near = self._near(len(self._survivors), x, y)
+        self._survivors.append(FoundSurvivor("", x, y, survivor_id, possibly=near))
+
+    def survivor(self, survivor_id: str) -> FoundSurvivor | None:
+        """Return a survivor by the name; None if nobody has it."""
+        return next((known for known in self._survivors if known.survivor_id == survivor_id), None)
+
+    def survivor_judged(self, survivor_id: str, standing: Standing, same_as: str | None = None) -> None:
+        """Note what the operator says of a find.
+
+        Args:
+            survivor_id: Its name.
+            standing: What the operator says.
+            same_as: The name of the survivor that it is merged with.
+        """
+        self._set(survivor_id, standing=standing, **({"possibly": same_as} if same_as else {}))
 
     def survivor_acknowledged(self, survivor_id: str) -> None:
         """Note that the base station has confirmed the report of a survivor, which need no longer be kept."""
@@ -117,20 +185,25 @@ class MissionRecord:
     def shortfalls(self, zones: ZoneManager) -> list[str]:
         """Return in sentences what is missing for a complete mission; empty if it is complete."""
         lacking = [f"{zone['id']} was not visited." for zone in zones.remaining_zones()]
-        lacking += [
-            f"{zone_id} was abandoned after attempt {attempts}."
-            for zone_id, attempts in self._attempts_on_abandoned.items()
-        ]
+        lacking += [f"{zone_id} {what}" for zone_id, what in self._abandoned.items()]
         lacking += [
             f"The base station did not acknowledge {survivor}."
             for survivor in self._survivors
-            if not survivor.acknowledged
+            if survivor.counts and not survivor.acknowledged
         ]
         if not self._home:
             lacking.append("The robot did not return to the base station.")
         return lacking
 
-    def _set(self, survivor_id: str, *, acknowledged: bool, kept: bool) -> None:
+    def _near(self, before: int, x: float, y: float) -> str | None:
+        """Return the name of the nearest survivor found before one that may be the same; None if there is none."""
+        named = [known for known in self._survivors[:before] if known.survivor_id and known.counts]
+        nearest = min(named, key=lambda known: math.hypot(known.x - x, known.y - y), default=None)
+        if nearest is None or math.hypot(nearest.x - x, nearest.y - y) > self._duplicate_radius_m:
+            return None
+        return nearest.survivor_id
+
+    def _set(self, survivor_id: str, **changes: Any) -> None:
         for index, known in enumerate(self._survivors):
             if known.survivor_id == survivor_id:
-                self._survivors[index] = replace(known, acknowledged=acknowledged, kept=kept)
+                self._survivors[index] = replace(known, **changes)

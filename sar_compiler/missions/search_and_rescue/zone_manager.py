@@ -67,6 +67,14 @@ class ZoneManager:
         """Return the zones left to be visited, the current one first."""
         return deepcopy(self._zones[self._index :])
 
+    def knows(self, zone_id: str) -> bool:
+        """Return whether there is, or was, a zone of this name."""
+        return any(zone["id"] == zone_id for zone in (*self._zones, *self._abandoned))
+
+    def add(self, zone: Zone) -> None:
+        """Put a further zone behind all others."""
+        self._zones.append(deepcopy(zone))
+
     def advance(self) -> None:
         """Advance to the next zone; past the last one, nothing happens."""
         if self.has_remaining():

@@ -4,6 +4,7 @@ from typing import Any
 
 from py_trees.common import Status
 
+from sar_compiler.missions.search_and_rescue.actions.backoff import Backoff
 from sar_compiler.missions.search_and_rescue.actions.reporting import ReportLeaf
 from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor
 from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports, SurvivorReport
@@ -13,8 +14,11 @@ from sar_compiler.nodes.spec import Kind, Use
 from sar_compiler.nodes.values import Seconds
 from sar_compiler.ros.leaves.leaf import RosLeaf
 from sar_compiler.runtime.answers import Answer
+from sar_compiler.runtime.clock import Clock, WallClock
 
+_LONGEST_BACKOFF_SEC = 60.0
 _FACTS = {"reports_kept": 0}
+_KEPT = "reports_kept += kept_by_{detect_node} ? 0 : 1; kept_by_{detect_node} = true"
 
 
 @register(
@@ -23,10 +27,10 @@ _FACTS = {"reports_kept": 0}
     outcomes={Status.SUCCESS, Status.FAILURE},
     effects="keeps the report of the survivor for later",
     answers=[
-        Answer("SUCCESS", "kept", "named_by_{detect_node}", "reports_kept += 1"),
+        Answer("SUCCESS", "kept", "named_by_{detect_node}", _KEPT),
         Answer("FAILURE", "nothing to keep", "!named_by_{detect_node}"),
     ],
-    facts={**_FACTS, "named_by_{detect_node}": False},
+    facts={**_FACTS, "named_by_{detect_node}": False, "kept_by_{detect_node}": False},
 )
 class KeepReport(RosLeaf):
     """Keep the report of the survivor that was found, for `DeliverReports`; FAILURE if there is none with a name.
@@ -59,7 +63,8 @@ class KeepReport(RosLeaf):
             return Status.FAILURE
         self._kept.keep(SurvivorReport(survivor_id, *pose))
         self._record.report_kept(survivor_id)
-        self.complain(f"The report of {survivor_id} is kept until base acknowledges it.")
+        self.feedback_message = f"the report of {survivor_id} is kept"
+        self.say(f"The report of {survivor_id} is kept until base acknowledges it.")
         return Status.SUCCESS
 
 
@@ -81,12 +86,16 @@ class KeepReport(RosLeaf):
 class DeliverReports(ReportLeaf):
     """Report each survivor whose report was kept: SUCCESS if none is left, at once if there was none.
 
-    FAILURE if a report was refused, after all others were tried; or as soon as the base station gives no answer.
+    FAILURE if a report was refused, after all others were tried; or as soon as the base station gives no answer. With a
+    back-off it is RUNNING for a while after a failure before it sends again: for `backoff_sec` at first, twice as long
+    after each further failure, a minute at most. A report that was not among those tried is sent at once.
 
     Args:
         kept_reports: Where the reports are kept.
         record: Where acknowledgements are noted.
+        clock: The clock of the back-off.
         timeout_sec: How long to wait for each answer, seconds.
+        backoff_sec: How long to send nothing after the first failure, seconds; 0 to send again at once.
     """
 
     def __init__(
@@ -95,13 +104,16 @@ class DeliverReports(ReportLeaf):
         kept_reports: KeptReports,
         *,
         record: MissionRecord | None = None,
+        clock: Clock | None = None,
         service: str = "report_survivor",
         server_timeout_sec: Seconds = 10.0,
         timeout_sec: Seconds = 5.0,
+        backoff_sec: Seconds = 0.0,
     ) -> None:
-        super().__init__(name, record, service, server_timeout_sec, timeout_sec)
-        self._kept = kept_reports
+        super().__init__(name, record, kept_reports, service, server_timeout_sec, timeout_sec)
         self._untried: list[SurvivorReport] = []
+        self._tried: set[str] = set()
+        self._backoff = Backoff(clock or WallClock(), backoff_sec, _LONGEST_BACKOFF_SEC)
 
     def initialise(self) -> None:
         """Begin with the oldest report."""
@@ -109,16 +121,30 @@ class DeliverReports(ReportLeaf):
         super().initialise()
 
     def request(self) -> Any:
-        """Return the request for the oldest report not tried yet; SUCCESS if none is kept."""
-        if self._untried:
-            return self._request_for(self._untried.pop(0))
-        self.feedback_message = "no report is kept"
-        return Status.SUCCESS
+        """Return the request for the oldest report not tried yet; SUCCESS if none is kept, RUNNING in a back-off."""
+        if not self._untried:
+            self.feedback_message = "no report is kept"
+            return Status.SUCCESS
+        if self._backoff.waits and {report.survivor_id for report in self._untried} <= self._tried:
+            self.feedback_message = f"base is tried again in {self._backoff.left_sec:.0f} s"
+            return Status.RUNNING
+        report = self._untried.pop(0)
+        self._tried.add(report.survivor_id)
+        return self._request_for(report)
 
     def on_response(self, response: Any) -> Status:
         """Continue with the next report: a refused one must not block the others."""
-        if super().on_response(response) is Status.SUCCESS:
-            self._kept.delivered(self._survivor_id)
+        super().on_response(response)
         if self._untried:
             return Status.RUNNING
-        return Status.FAILURE if self._kept else Status.SUCCESS
+        if self._kept:
+            self._backoff.failed()
+            return Status.FAILURE
+        self._backoff.reset()
+        self._tried.clear()
+        return Status.SUCCESS
+
+    def on_failure(self, reason: str) -> Status:
+        """Return FAILURE, and begin a back-off."""
+        self._backoff.failed()
+        return super().on_failure(reason)

@@ -5,7 +5,7 @@ from typing import Any
 from py_trees.common import Status
 
 from sar_compiler.missions.search_and_rescue.actions.reporting import ReportLeaf
-from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
+from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports, SurvivorReport
 from sar_compiler.missions.search_and_rescue.map_extent import MapExtent, map_extent_of
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.static_transforms import StaticTransforms, static_transforms_of
@@ -19,7 +19,8 @@ from sar_compiler.runtime.answers import Answer
 
 _ANY_STATUS = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
 # The result of the last search of a DetectSurvivor, which a new search resets.
-_FORGOTTEN = "found_by_{self} = false; named_by_{self} = false"
+_FOUND = "found_by_{self} = true; named_by_{self} = false; kept_by_{self} = false"
+_FORGOTTEN = "found_by_{self} = false; named_by_{self} = false; kept_by_{self} = false"
 
 
 @register(
@@ -29,13 +30,13 @@ _FORGOTTEN = "found_by_{self} = false; named_by_{self} = false"
     effects="searches the current zone for a survivor",
     uses=[Use.service("{service}")],
     answers=[
-        Answer("SUCCESS", "found", "zones_left > 0", "found_by_{self} = true; named_by_{self} = false"),
+        Answer("SUCCESS", "found", "zones_left > 0", _FOUND),
         Answer("SUCCESS", "nothing", "zones_left > 0", _FORGOTTEN),
         Answer("FAILURE", "no answer", "zones_left > 0", _FORGOTTEN),
         Answer("FAILURE", "no zone", "zones_left == 0", _FORGOTTEN),
         Answer("RUNNING", "searching", "zones_left > 0", _FORGOTTEN),
     ],
-    facts={"zones_left": 3, "found_by_{self}": False, "named_by_{self}": False},
+    facts={"zones_left": 3, "found_by_{self}": False, "named_by_{self}": False, "kept_by_{self}": False},
     reads=["at"],
 )
 class DetectSurvivor(ServiceLeaf):
@@ -194,6 +195,9 @@ class BroadcastSurvivorTF(RosLeaf):
         self._record.survivor_named(survivor_id, *pose)
         self.feedback_message = f"{survivor_id} at ({pose[0]:.2f}, {pose[1]:.2f})"
         self.say(f"Broadcasting TF frame: {self.feedback_message} in {MAP_FRAME} frame.")
+        named = self._record.survivor(survivor_id)
+        if named is not None and named.possibly is not None:
+            self.say(f"{survivor_id} is possibly {named.possibly}: the operator decides.")
         return Status.SUCCESS
 
     def _publish(self, survivor_id: str, x: float, y: float) -> None:
@@ -218,12 +222,17 @@ class BroadcastSurvivorTF(RosLeaf):
     effects="reports the survivor to the base station",
     uses=[Use.service("{service}")],
     answers=[
-        Answer("SUCCESS", "acknowledged", "named_by_{detect_node}"),
+        Answer(
+            "SUCCESS",
+            "acknowledged",
+            "named_by_{detect_node}",
+            "reports_kept -= kept_by_{detect_node} ? 1 : 0; kept_by_{detect_node} = false",
+        ),
         Answer("FAILURE", "refused", "named_by_{detect_node}"),
         Answer("FAILURE", "nothing to report", "!named_by_{detect_node}"),
         Answer("RUNNING", "reporting", "named_by_{detect_node}"),
     ],
-    facts={"named_by_{detect_node}": False},
+    facts={"named_by_{detect_node}": False, "kept_by_{detect_node}": False, "reports_kept": 0},
 )
 class NotifyBase(ReportLeaf):
     """Report the survivor that was found: SUCCESS if the base station acknowledges the report.
@@ -238,11 +247,12 @@ class NotifyBase(ReportLeaf):
         detect_node: DetectSurvivor,
         *,
         record: MissionRecord | None = None,
+        kept_reports: KeptReports | None = None,
         service: str = "report_survivor",
         server_timeout_sec: Seconds = 10.0,
         timeout_sec: Seconds = 5.0,
     ) -> None:
-        super().__init__(name, record, service, server_timeout_sec, timeout_sec)
+        super().__init__(name, record, kept_reports, service, server_timeout_sec, timeout_sec)
         self._detect_node = detect_node
 
     def request(self) -> Any:

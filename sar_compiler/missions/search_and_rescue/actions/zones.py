@@ -146,3 +146,34 @@ class AbandonZone(RosLeaf):
             self._record.zone_abandoned(zone_id, attempts)
             self.complain(f"{zone_id} is abandoned after attempt {attempts}.")
         return Status.SUCCESS
+
+
+@register(
+    "AbandonZones",
+    kind=Kind.ACTION,
+    outcomes={Status.SUCCESS},
+    effects="takes all zones that are left out of the plan, unvisited",
+    answers=[Answer("SUCCESS", "abandoned", then="zones_abandoned += zones_left; zones_left = 0")],
+    facts={"zones_left": 3, "zones_abandoned": 0},
+)
+class AbandonZones(RosLeaf):
+    """Take all zones that are left out of the plan, unvisited, for the reason that a failsafe has given.
+
+    Args:
+        zone_manager: The mission's zones.
+        record: Where it is noted; knows the reason.
+    """
+
+    def __init__(self, name: str, zone_manager: ZoneManager, *, record: MissionRecord | None = None) -> None:
+        super().__init__(name)
+        self._zones = zone_manager
+        self._record = record or MissionRecord()
+
+    def update(self) -> Status:
+        """Abandon the zones, if any are left."""
+        reason = self._record.alarm or "the tree has cut the mission short"
+        for zone in self._zones.remaining_zones():
+            self._zones.abandon()
+            self._record.zone_given_up(zone["id"], reason)
+            self.complain(f"{zone['id']} is given up: {reason}.")
+        return Status.SUCCESS

@@ -1,0 +1,337 @@
+"""The conditions of failsafes: SUCCESS while all is well, FAILURE with a reason where the mission is to be cut short."""
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from py_trees.common import Status
+
+from sar_compiler.missions.fence import Fence
+from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
+from sar_compiler.missions.search_and_rescue.record import MissionRecord
+from sar_compiler.nodes.register import register
+from sar_compiler.nodes.spec import Kind, Use
+from sar_compiler.nodes.values import Seconds
+from sar_compiler.ros.leaves.interfaces import find_interface
+from sar_compiler.ros.leaves.leaf import RosLeaf, alive
+from sar_compiler.ros.leaves.topic_leaf import TopicLeaf
+from sar_compiler.runtime.answers import Answer
+from sar_compiler.runtime.clock import Clock
+
+if TYPE_CHECKING:
+    from rclpy.client import Client
+
+_YES_OR_NO = {Status.SUCCESS, Status.FAILURE}
+
+
+class _Alarm:
+    """Says once what is wrong, until all is well again.
+
+    Args:
+        leaf: The condition.
+        record: Where the reason is noted; for `AbandonZones`.
+    """
+
+    def __init__(self, leaf: RosLeaf, record: MissionRecord | None) -> None:
+        self._leaf = leaf
+        self._record = record or MissionRecord()
+        self._raised = False
+
+    def status(self, problem: str) -> Status:
+        """Return FAILURE for a problem in words, and SUCCESS for an empty one."""
+        if problem and not self._raised:
+            self._leaf.complain(f"Failsafe: {problem}.")
+            self._record.alarmed(problem)
+        self._raised = bool(problem)
+        self._leaf.feedback_message = problem
+        return Status.FAILURE if problem else Status.SUCCESS
+
+
+class _OrderCondition(RosLeaf):
+    """The common base of conditions on an order of the operator that cuts the mission short.
+
+    Args:
+        orders: What the operator has ordered.
+        record: Where the reason is noted.
+    """
+
+    verb = ""
+    reason = ""
+
+    def __init__(self, name: str, orders: OperatorOrders, *, record: MissionRecord | None = None) -> None:
+        super().__init__(name)
+        self._orders = orders
+        self._alarm = _Alarm(self, record)
+
+    def setup(self, **kwargs: Any) -> None:
+        """Offer the service."""
+        from std_srvs.srv import Trigger
+
+        super().setup(**kwargs)
+        self._orders.offer(self.node, self.verb, Trigger, self._on_order)
+
+    def shutdown(self) -> None:
+        """Withdraw the service."""
+        if self._node is not None:
+            self._orders.withdraw(self._node)
+        super().shutdown()
+
+    def update(self) -> Status:
+        """Look at the orders."""
+        return self._alarm.status(self.reason if self._ordered() else "")
+
+    def _ordered(self) -> bool:
+        """Return whether it was ordered."""
+        raise NotImplementedError
+
+    def _order(self) -> None:
+        """Note the order."""
+        raise NotImplementedError
+
+    def _on_order(self, _: Any, response: Any) -> Any:
+        self._order()
+        self._wake()
+        response.success, response.message = True, f"{self.reason}"
+        return response
+
+
+@register(
+    "NotAborted",
+    kind=Kind.CONDITION,
+    outcomes=_YES_OR_NO,
+    answers=[Answer("SUCCESS", "not aborted"), Answer("FAILURE", "aborted")],
+)
+class NotAborted(_OrderCondition):
+    """Has the operator not aborted the mission? FAILURE since the service `~/abort` (`std_srvs/srv/Trigger`) was called."""
+
+    verb = "abort"
+    reason = "the operator has aborted the mission"
+
+    def _ordered(self) -> bool:
+        return self._orders.aborted
+
+    def _order(self) -> None:
+        self._orders.abort()
+
+
+@register(
+    "NotRecalled",
+    kind=Kind.CONDITION,
+    outcomes=_YES_OR_NO,
+    answers=[Answer("SUCCESS", "not recalled"), Answer("FAILURE", "recalled")],
+)
+class NotRecalled(_OrderCondition):
+    """Has the operator not called the robot home? FAILURE since `~/go_home` (`std_srvs/srv/Trigger`) was called."""
+
+    verb = "go_home"
+    reason = "the operator has called the robot home"
+
+    def _ordered(self) -> bool:
+        return self._orders.recalled
+
+    def _order(self) -> None:
+        self._orders.recall()
+
+
+@register(
+    "BatterySuffices",
+    kind=Kind.CONDITION,
+    outcomes=_YES_OR_NO,
+    uses=[Use.topic("{topic}")],
+    answers=[Answer("SUCCESS", "enough"), Answer("FAILURE", "low")],
+)
+class BatterySuffices(TopicLeaf):
+    """Is there enough in the battery? FAILURE below a limit, or if it is not known for too long.
+
+    Args:
+        record: Where the reason is noted.
+        at_least: The limit, of 1 for a full battery.
+        topic: A topic of `sensor_msgs/msg/BatteryState`, whose `percentage` counts.
+        max_age_sec: How long it may be silent, seconds of the node's clock.
+    """
+
+    topic_type = "sensor_msgs/msg/BatteryState"
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        record: MissionRecord | None = None,
+        at_least: float = 0.2,
+        topic: str = "battery_state",
+        max_age_sec: Seconds = 30.0,
+    ) -> None:
+        super().__init__(name)
+        self.topic_name = topic
+        self.max_age_sec = max_age_sec
+        self._at_least = at_least
+        self._alarm = _Alarm(self, record)
+        self._silent_since: float | None = None
+
+    def on_message(self, message: Any) -> Status:
+        """Look at the percentage."""
+        self._silent_since = None
+        share = float(message.percentage)
+        if not math.isfinite(share):
+            return self._alarm.status(f"the battery's percentage on '{self.topic_name}' is {share}")
+        low = f"the battery is at {share:.0%}, below {self._at_least:.0%}"
+        return self._alarm.status(low if share < self._at_least else "")
+
+    def on_silence(self) -> Status:
+        """Give the first message time, too."""
+        if self._silent_since is None:
+            self._silent_since = self._now_sec()
+        # After a message, the base class has waited already.
+        waited = math.isfinite(self._received_sec) or self._now_sec() - self._silent_since > self._limit_sec
+        return self._alarm.status(
+            f"nothing on '{self.topic_name}' for {self._limit_sec:g} s" if waited else ""
+        )
+
+    @property
+    def _limit_sec(self) -> float:
+        return self.max_age_sec or 0.0
+
+
+@register(
+    "InsideFence",
+    kind=Kind.CONDITION,
+    outcomes=_YES_OR_NO,
+    answers=[Answer("SUCCESS", "inside"), Answer("FAILURE", "outside")],
+)
+class InsideFence(TopicLeaf):
+    """Is the robot inside its geofence, the parameter `geofence`? SUCCESS without one, and while no pose has come.
+
+    Args:
+        fence: The geofence.
+        record: Where the reason is noted.
+        topic: A topic of `geometry_msgs/msg/PoseWithCovarianceStamped` in the frame `map`.
+    """
+
+    topic_type = "geometry_msgs/msg/PoseWithCovarianceStamped"
+    qos = "transient_local"
+
+    def __init__(
+        self, name: str, fence: Fence, *, record: MissionRecord | None = None, topic: str = "amcl_pose"
+    ) -> None:
+        super().__init__(name)
+        self.topic_name = topic
+        self._fence = fence
+        self._alarm = _Alarm(self, record)
+
+    def on_message(self, message: Any) -> Status:
+        """Look at the position."""
+        place = message.pose.pose.position
+        inside = self._fence.contains(place.x, place.y)
+        return self._alarm.status(
+            "" if inside else f"the robot, at ({place.x:.2f}, {place.y:.2f}), is outside the geofence"
+        )
+
+    def on_silence(self) -> Status:
+        """Go on: the start has waited for the localisation."""
+        return self._alarm.status("")
+
+
+@register(
+    "MissionTimeLeft",
+    kind=Kind.CONDITION,
+    outcomes=_YES_OR_NO,
+    answers=[Answer("SUCCESS", "time left"), Answer("FAILURE", "time is up")],
+)
+class MissionTimeLeft(RosLeaf):
+    """Is there time left? FAILURE when it is up; it counts from the first tick on, whatever is halted meanwhile.
+
+    Args:
+        limit: How long the mission may take, seconds of the mission's clock.
+        clock: The clock.
+        record: Where the reason is noted.
+    """
+
+    def __init__(
+        self, name: str, limit: Seconds, clock: Clock, *, record: MissionRecord | None = None
+    ) -> None:
+        super().__init__(name)
+        self._limit_sec = limit
+        self._clock = clock
+        self._alarm = _Alarm(self, record)
+        self._began: float | None = None
+
+    def update(self) -> Status:
+        """Look at the clock."""
+        now = self._clock.now()
+        if self._began is None:
+            self._began = now
+        up = now - self._began > self._limit_sec
+        return self._alarm.status(f"the mission's time of {self._limit_sec:g} s is up" if up else "")
+
+
+@register(
+    "BaseInReach",
+    kind=Kind.CONDITION,
+    outcomes=_YES_OR_NO,
+    uses=[Use.service("{service}")],
+    answers=[
+        Answer("SUCCESS", "in reach", then="base_lost = false"),
+        Answer(
+            "FAILURE",
+            "lost",
+            "base_lost || losses_left > 0",
+            "losses_left -= base_lost ? 0 : 1; base_lost = true",
+        ),
+    ],
+    facts={"base_lost": False, "losses_left": 1},
+)
+class BaseInReach(RosLeaf):
+    """Is the base station there? FAILURE if its service was in no network for too long.
+
+    A base that was killed is seen for some 20 s more (the lease of the middleware), which come before the patience.
+
+    Args:
+        clock: The clock of the patience.
+        record: Where the reason is noted.
+        service: Its service, of the type `sar_interfaces/srv/ReportSurvivor`.
+        patience: How long it may be away, seconds of the mission's clock.
+    """
+
+    service_type = "sar_interfaces/srv/ReportSurvivor"
+
+    def __init__(
+        self,
+        name: str,
+        clock: Clock,
+        *,
+        record: MissionRecord | None = None,
+        service: str = "report_survivor",
+        patience: Seconds = 60.0,
+    ) -> None:
+        super().__init__(name)
+        self.service_name = service
+        self._clock = clock
+        self._patience_sec = patience
+        self._alarm = _Alarm(self, record)
+        self._client: Client | None = None
+        self._seen: float | None = None
+
+    def setup(self, **kwargs: Any) -> None:
+        """Create a client, by which the server is seen."""
+        self.shutdown()
+        super().setup(**kwargs)
+        interface = find_interface(type(self).__name__, "srv", self.service_name, self.service_type)
+        self._client = self.node.create_client(interface, self.service_name)
+
+    def update(self) -> Status:
+        """Look whether there is a server."""
+        now = self._clock.now()
+        if self._seen is None or (self._client is not None and self._client.service_is_ready()):
+            self._seen = now
+        away = now - self._seen
+        lost = away > self._patience_sec
+        return self._alarm.status(
+            f"base ('{self.service_name}') is out of reach for {away:.0f} s" if lost else ""
+        )
+
+    def shutdown(self) -> None:
+        """Release the client, which is gone already if the node is."""
+        if self._client is not None:
+            if alive(self.node):
+                self.node.destroy_client(self._client)
+            self._client = None
+        super().shutdown()
