@@ -7,7 +7,7 @@ import numpy as np
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import qos_profile_sensor_data
-from sensor_msgs.msg import LaserScan
+from sensor_msgs.msg import BatteryState, LaserScan
 from tf2_msgs.msg import TFMessage
 
 from sar_compiler.sim.lidar import Lidar
@@ -17,11 +17,13 @@ from sar_compiler.sim.robot import Robot, Twist2D
 
 # One scan in this many steps (5 Hz at 0.05 s).
 _SCAN_EVERY = 4
+# One state of the battery in this many steps (1 Hz), which goes from full to empty in this many seconds.
+_BATTERY_EVERY, _BATTERY_SEC = 20, 4 * 3600.0
 _BASE, _ODOM = "base_link", "odom"
 
 
 class RobotInterface:
-    """Connects a robot to its topics: `cmd_vel` in; `odometry/filtered`, `scan` and `/tf` out.
+    """Connects a robot to its topics: `cmd_vel` in; `odometry/filtered`, `scan`, `battery_state` and `/tf` out.
 
     Args:
         host: Creates the node.
@@ -36,6 +38,7 @@ class RobotInterface:
         self._node = host.create("rosbot")
         self._odometry = self._node.create_publisher(Odometry, "odometry/filtered", 10)
         self._scan = self._node.create_publisher(LaserScan, "scan", qos_profile_sensor_data)
+        self._battery = self._node.create_publisher(BatteryState, "battery_state", 10)
         # Absolute, as tf2 has it; in a namespace it is remapped, as Nav2 does.
         self._tf = self._node.create_publisher(TFMessage, "/tf", 100)
         self._node.create_subscription(TwistStamped, "cmd_vel", self._on_command, 10)
@@ -59,6 +62,11 @@ class RobotInterface:
         message.twist.twist.angular.z = state.velocity.w
         self._odometry.publish(message)
         self._tf.publish(TFMessage(transforms=[to_transform(_ODOM, _BASE, state.odometry, stamp)]))
+        if step % _BATTERY_EVERY == 0:
+            left = max(0.0, 1.0 - now_ns / 1e9 / _BATTERY_SEC)
+            battery = BatteryState(percentage=left, present=True)
+            battery.header.stamp = stamp
+            self._battery.publish(battery)
         # The noise depends on the step alone, not on subscribers.
         if step % _SCAN_EVERY == 0 and self._scan.get_subscription_count():
             random = np.random.default_rng([self._seed, 3, step])

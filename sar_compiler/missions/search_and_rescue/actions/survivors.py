@@ -19,8 +19,7 @@ from sar_compiler.runtime.answers import Answer
 
 _ANY_STATUS = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
 # The result of the last search of a DetectSurvivor, which a new search resets.
-_FOUND = "found_by_{self} = true; named_by_{self} = false; kept_by_{self} = false"
-_FORGOTTEN = "found_by_{self} = false; named_by_{self} = false; kept_by_{self} = false"
+_FORGOTTEN = "found_by_{self} = false; named_by_{self} = false"
 
 
 @register(
@@ -30,13 +29,13 @@ _FORGOTTEN = "found_by_{self} = false; named_by_{self} = false; kept_by_{self} =
     effects="searches the current zone for a survivor",
     uses=[Use.service("{service}")],
     answers=[
-        Answer("SUCCESS", "found", "zones_left > 0", _FOUND),
+        Answer("SUCCESS", "found", "zones_left > 0", "found_by_{self} = true; named_by_{self} = false"),
         Answer("SUCCESS", "nothing", "zones_left > 0", _FORGOTTEN),
         Answer("FAILURE", "no answer", "zones_left > 0", _FORGOTTEN),
         Answer("FAILURE", "no zone", "zones_left == 0", _FORGOTTEN),
         Answer("RUNNING", "searching", "zones_left > 0", _FORGOTTEN),
     ],
-    facts={"zones_left": 3, "found_by_{self}": False, "named_by_{self}": False, "kept_by_{self}": False},
+    facts={"zones_left": 3, "found_by_{self}": False, "named_by_{self}": False},
     reads=["at"],
 )
 class DetectSurvivor(ServiceLeaf):
@@ -138,10 +137,19 @@ class DetectSurvivor(ServiceLeaf):
     outcomes={Status.SUCCESS, Status.FAILURE},
     effects="gives the survivor a new name, with a static frame there",
     answers=[
-        Answer("SUCCESS", "named", "found_by_{detect_node}", "named_by_{detect_node} = true"),
+        Answer(
+            "SUCCESS",
+            "named",
+            "found_by_{detect_node}",
+            "named_by_{detect_node} = true; kept_by_{detect_node} = false",
+        ),
         Answer("FAILURE", "nobody found", "!found_by_{detect_node}"),
     ],
-    facts={"found_by_{detect_node}": False, "named_by_{detect_node}": False},
+    facts={
+        "found_by_{detect_node}": False,
+        "named_by_{detect_node}": False,
+        "kept_by_{detect_node}": False,
+    },
 )
 class BroadcastSurvivorTF(RosLeaf):
     """Give the survivor that was found a name, and publish a static frame of that name under `map`.
@@ -226,7 +234,7 @@ class BroadcastSurvivorTF(RosLeaf):
             "SUCCESS",
             "acknowledged",
             "named_by_{detect_node}",
-            "reports_kept -= kept_by_{detect_node} ? 1 : 0; kept_by_{detect_node} = false",
+            "reports_kept -= kept_by_{detect_node} && reports_kept > 0 ? 1 : 0; kept_by_{detect_node} = false",
         ),
         Answer("FAILURE", "refused", "named_by_{detect_node}"),
         Answer("FAILURE", "nothing to report", "!named_by_{detect_node}"),
