@@ -1,5 +1,6 @@
-"""Faults are tried with the means of whole missions."""
+"""What the tests of faults share."""
 
 from tests.e2e.conftest import start, witness
+from tests.ros.conftest import make_ros, ros, said
 
-__all__ = ["start", "witness"]
+__all__ = ["make_ros", "ros", "said", "start", "witness"]

@@ -7,6 +7,7 @@ from py_trees.common import Status
 
 from sar_compiler.missions.search_and_rescue import DeliverReports, DetectSurvivor, KeepReport, KeptReports
 from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
+from sar_compiler.runtime.clock import ManualClock
 
 if TYPE_CHECKING:
     from tests.missions.mission_stage import ScriptedService, Stage
@@ -49,7 +50,8 @@ class TestKeepReport:
         assert stage.run(keep(stage, kept, (-2.5, 3.2), "survivor_1")) is Status.SUCCESS
         assert list(kept) == [FIRST]
         assert stage.record.reports_kept == ("survivor_1",)
-        assert stage.warnings == ["The report of survivor_1 is kept until base acknowledges it."]
+        assert stage.lines == ["The report of survivor_1 is kept until base acknowledges it."]
+        assert stage.warnings == []
 
     @pytest.mark.parametrize(
         ("pose", "missing"), [(None, "nobody was found"), ((1.0, 2.0), "the survivor has no name yet")]
@@ -122,6 +124,38 @@ class TestDeliverReports:
         service.answer = lambda _, response: setattr(response, "acknowledged", True)
         assert stage.run(leaf) is Status.SUCCESS
         assert ids(service) == ["survivor_1", "survivor_1"]
+
+    def test_with_a_back_off_it_waits_before_it_sends_again(self, stage: "Stage", kept: KeptReports) -> None:
+        service, clock = stage.report_service(acknowledged=False), ManualClock()
+        leaf = deliver(stage, kept, FIRST, backoff_sec=5.0, clock=clock)
+        assert stage.run(leaf) is Status.FAILURE
+        leaf.tick_once()
+        assert (leaf.status, leaf.feedback_message) == (Status.RUNNING, "base is tried again in 5 s")
+        clock.advance(4.0)
+        leaf.tick_once()
+        assert leaf.status is Status.RUNNING
+        assert ids(service) == ["survivor_1"]
+        clock.advance(1.5)
+        assert stage.run(leaf) is Status.FAILURE
+        assert ids(service) == ["survivor_1", "survivor_1"]
+
+    def test_a_new_report_does_not_wait_for_the_end_of_a_back_off(
+        self, stage: "Stage", kept: KeptReports
+    ) -> None:
+        service = stage.report_service(acknowledged=False)
+        leaf = deliver(stage, kept, FIRST, backoff_sec=5.0, clock=ManualClock())
+        stage.run(leaf)
+        kept.keep(SECOND)
+        stage.run(leaf)
+        assert ids(service) == ["survivor_1", "survivor_1", "survivor_2"]
+
+    def test_an_absent_base_is_not_sought_again_in_a_back_off(
+        self, stage: "Stage", kept: KeptReports
+    ) -> None:
+        leaf = deliver(stage, kept, FIRST, backoff_sec=5.0, clock=ManualClock(), server_timeout_sec=0.0)
+        assert stage.run(leaf) is Status.FAILURE
+        leaf.tick_once()
+        assert leaf.status is Status.RUNNING
 
     def test_a_delivery_that_is_interrupted_begins_anew_with_what_is_kept(
         self, stage: "Stage", kept: KeptReports

@@ -1,0 +1,471 @@
+"""The failsafes: which response wins, what it leaves behind, and the operator's orders over ROS."""
+
+from collections.abc import Callable, Sequence
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from py_trees.common import Status
+
+from sar_compiler import load
+from sar_compiler.cli.compile import main
+from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
+from sar_compiler.missions.fence import Fence
+from sar_compiler.missions.search_and_rescue import (
+    AbandonZones,
+    BatterySuffices,
+    InsideFence,
+    MissionRecord,
+    MissionTimeLeft,
+    NotAborted,
+    NotHeld,
+    NotRecalled,
+    OperatorOrders,
+    ZoneManager,
+)
+from sar_compiler.runtime.answers import Answer, nominal
+from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.runtime.stub_leaf import ANSWERED, StubLeaf
+
+GUARDED = Path("trees/search_and_rescue_guarded.xml")
+
+# What each condition says when it is not well.
+TROUBLES = {
+    "NotHeld?": "held",
+    "NotAborted?": "aborted",
+    "InsideFence?": "outside",
+    "NotRecalled?": "recalled",
+    "BatterySuffices?": "low",
+    "MissionTimeLeft?": "time is up",
+    "BaseInReach?": "lost",
+}
+EMERGENCIES = ("NotAborted?", "InsideFence?")
+CONTINGENCIES = ("NotRecalled?", "BatterySuffices?", "MissionTimeLeft?", "BaseInReach?")
+
+
+class Day:
+    """Has leaves answer what is wrong today, and what is usual otherwise; a drive to a zone takes its time."""
+
+    def __init__(self) -> None:
+        self.wrong: dict[str, str] = {"NavigateToZone": "driving"}
+
+    def choose(self, leaf: StubLeaf, options: Sequence[Answer]) -> Answer:
+        said = self.wrong.get(leaf.name)
+        return next((answer for answer in options if answer.name == said), nominal(options))
+
+
+class Flight:
+    """The guarded mission on the way to its first zone."""
+
+    def __init__(self, **facts: int) -> None:
+        self.day = Day()
+        self.tree: SimulatedTree = compile_simulated(load(GUARDED).binding(), {}, Assumptions(facts))
+        self.tree.policy = self.day
+        self.tick()
+
+    def tick(self, seconds: float = 1.0) -> Status:
+        self.tree.clock.advance(seconds)
+        self.tree.root.tick_once()
+        return self.tree.root.status
+
+    def trouble(self, *conditions: str) -> None:
+        self.day.wrong |= {condition: TROUBLES[condition] for condition in conditions}
+
+    def fly(self) -> Status:
+        for _ in range(100):
+            if self.tick(40.0) is not Status.RUNNING:
+                return self.tree.root.status
+        message = f"the flight did not end; facts: {self.tree.fact_values()}"
+        raise AssertionError(message)
+
+    def answered(self) -> list[str]:
+        return [
+            f"{event.leaf.name} {event.answer.name}"
+            for event in self.tree.events
+            if event.what == ANSWERED and event.answer is not None
+        ]
+
+
+def test_while_all_is_well_the_mission_is_flown() -> None:
+    flight = Flight()
+    flight.day.wrong.clear()
+    assert flight.fly() is Status.SUCCESS
+    assert flight.answered().count("AdvanceZone advanced") == 3
+    assert "ComeHome arrived" not in flight.answered()
+
+
+@pytest.mark.parametrize("condition", CONTINGENCIES)
+def test_a_contingency_brings_the_robot_home_and_ends_the_mission(condition: str) -> None:
+    flight = Flight()
+    flight.trouble(condition)
+    assert flight.fly() is Status.FAILURE
+    facts = flight.tree.fact_values()
+    assert (facts["at"], facts["zones_left"], facts["zones_abandoned"]) == ("base", 0, 3)
+
+
+@pytest.mark.parametrize("condition", EMERGENCIES)
+def test_an_emergency_ends_the_mission_where_the_robot_stands(condition: str) -> None:
+    flight = Flight()
+    flight.trouble(condition)
+    assert flight.tick() is Status.FAILURE
+    facts = flight.tree.fact_values()
+    assert (facts["at"], facts["zones_left"]) == ("", 0)
+    assert not any("ComeHome" in line for line in flight.answered())
+
+
+@pytest.mark.parametrize("milder", CONTINGENCIES)
+@pytest.mark.parametrize("severer", EMERGENCIES)
+def test_of_two_the_severer_one_wins(severer: str, milder: str) -> None:
+    flight = Flight()
+    flight.trouble(milder, severer)
+    assert flight.tick() is Status.FAILURE
+    assert flight.tree.fact_values()["at"] == ""
+
+
+def test_an_emergency_takes_over_from_the_way_home() -> None:
+    flight = Flight()
+    flight.day.wrong["ComeHome"] = "driving"
+    flight.trouble("BatterySuffices?")
+    assert flight.tick() is Status.RUNNING
+    flight.trouble("InsideFence?")
+    assert flight.tick() is Status.FAILURE
+    assert flight.tree.fact_values()["at"] == ""
+
+
+def test_the_way_home_is_not_left_when_its_reason_has_gone() -> None:
+    flight = Flight()
+    flight.day.wrong["ComeHome"] = "driving"
+    flight.trouble("BatterySuffices?")
+    flight.tick()
+    del flight.day.wrong["BatterySuffices?"]
+    assert flight.tick() is Status.RUNNING
+    assert flight.answered()[-1] == "ComeHome driving"
+
+
+def test_a_hold_comes_before_everything_else() -> None:
+    flight = Flight(orders_left=9)
+    flight.tree.events.clear()
+    flight.trouble("NotHeld?", *EMERGENCIES, *CONTINGENCIES)
+    assert [flight.tick() for _ in range(3)] == [Status.RUNNING] * 3
+    assert flight.answered() == ["NotHeld? held"] * 3
+
+
+def test_a_mission_that_was_held_goes_on_with_the_same_zone() -> None:
+    flight = Flight(orders_left=9)
+    flight.trouble("NotHeld?")
+    flight.tick()
+    flight.day.wrong.clear()
+    assert flight.fly() is Status.SUCCESS
+    assert flight.answered().count("AdvanceZone advanced") == 3
+
+
+def test_base_out_of_reach_is_waited_for_before_the_robot_comes_home() -> None:
+    flight = Flight()
+    flight.trouble("BaseInReach?")
+    assert [flight.tick(30.0) for _ in range(2)] == [Status.RUNNING] * 2
+    assert "ComeHome arrived" not in flight.answered()
+    flight.day.wrong.clear()
+    assert flight.fly() is Status.SUCCESS
+
+
+def verified(text: str, *options: str) -> tuple[int, str]:
+    """Return the exit status of `verify` for the guarded tree with one zone, and what is printed."""
+    out = StringIO()
+    with redirect_stdout(out), redirect_stderr(StringIO()):
+        status = main(["verify", text, "--set", "zones_left=1", "--jobs", "1", *options])
+    return status, out.getvalue()
+
+
+@pytest.mark.unmeasured
+def test_the_mission_behind_failsafes_is_proved_like_the_mission_alone() -> None:
+    status, output = verified(str(GUARDED))
+    assert status == 0, output
+    assert output.count("proved") > 10
+
+
+NEEDED = {
+    "the zone that is left before anybody is told": (
+        "          <AdvanceZone/>\n          <!-- If base does not answer, the outbox goes on; the next zone does not wait for it. -->\n"
+        '          <ForceSuccess name="ReportAtOnce">\n            <NotifyBase server_timeout_sec="5"/>\n'
+        "          </ForceSuccess>\n",
+        '<ForceSuccess><NotifyBase server_timeout_sec="5"/></ForceSuccess><AdvanceZone/>',
+        "one id per survivor",
+    ),
+    "the zones that are given up": (
+        '<AbandonZones name="AbandonZonesAndGoHome"/>',
+        "<AlwaysSuccess/>",
+        "home only when no zone remains",
+    ),
+    "the failure at the end of the way home": (
+        "<AlwaysFailure/>\n    </Sequence>\n  </BehaviorTree>\n</root>",
+        "<AlwaysSuccess/>\n    </Sequence>\n  </BehaviorTree>\n</root>",
+        "every run ends",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.unmeasured
+@pytest.mark.parametrize(("old", "new", "question"), NEEDED.values(), ids=NEEDED)
+def test_what_the_failsafes_need_is_needed(tmp_path: Path, old: str, new: str, question: str) -> None:
+    found = False
+    for name in ("failsafes.xml", "search_and_rescue_resilient.xml", "search_and_rescue_guarded.xml"):
+        text = (GUARDED.parent / name).read_text(encoding="utf-8")
+        found |= old in text
+        (tmp_path / name).write_text(text.replace(old, new), encoding="utf-8")
+    assert found
+    status, output = verified(str(tmp_path / GUARDED.name))
+    assert status == 1
+    assert f"{question}: does not hold" in " ".join(output.split()), output
+
+
+@pytest.mark.unmeasured
+def test_a_kept_report_can_be_demanded_before_the_mission_is_put_aside(tmp_path: Path) -> None:
+    properties = tmp_path / "p.yaml"
+    properties.write_text(
+        "properties:\n"
+        "  nothing is named twice over a hold:\n"
+        "    at_most_once: BroadcastSurvivorTF named\n"
+        "    per: AdvanceZone advanced\n"
+        "  after an abort nothing drives:\n"
+        "    before: [ComeHome starts, NavigateToZone starts, NavigateToBase starts]\n"
+        '    comes: "NotAborted? not aborted"\n'
+        '    since: "NotAborted? aborted"\n',
+        encoding="utf-8",
+    )
+    status, output = verified(str(GUARDED), "--properties", str(properties))
+    assert status == 0, output
+
+
+class Listening:
+    """Makes a leaf say into a list, without a node."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.warnings: list[str] = []
+        self._patch = monkeypatch
+
+    def to(self, leaf: Any, now: Callable[[], float] = lambda: 0.0) -> Any:
+        self._patch.setattr(leaf, "complain", self.warnings.append)
+        if hasattr(leaf, "_now_sec"):
+            self._patch.setattr(leaf, "_now_sec", now)
+        return leaf
+
+
+@pytest.fixture
+def listening(monkeypatch: pytest.MonkeyPatch) -> Listening:
+    return Listening(monkeypatch)
+
+
+@pytest.fixture
+def record() -> MissionRecord:
+    return MissionRecord()
+
+
+class TestConditions:
+    def test_the_time_counts_from_the_first_tick_and_over_a_halt(
+        self, listening: Listening, record: MissionRecord
+    ) -> None:
+        clock = ManualClock(1000.0)
+        leaf = listening.to(MissionTimeLeft("Left?", 60.0, clock, record=record))
+        assert leaf.update() is Status.SUCCESS
+        clock.advance(59.0)
+        leaf.stop(Status.INVALID)
+        assert leaf.update() is Status.SUCCESS
+        clock.advance(2.0)
+        assert leaf.update() is Status.FAILURE
+        assert record.alarm == "the mission's time of 60 s is up"
+
+    @pytest.mark.parametrize(
+        ("share", "status", "alarm"),
+        [
+            (0.21, Status.SUCCESS, ""),
+            (0.19, Status.FAILURE, "the battery is at 19%, below 20%"),
+            (float("nan"), Status.FAILURE, "the battery's percentage on 'battery_state' is nan"),
+        ],
+    )
+    def test_the_battery_is_judged_by_its_percentage(
+        self, listening: Listening, record: MissionRecord, share: float, status: Status, alarm: str
+    ) -> None:
+        leaf = listening.to(BatterySuffices("Battery?", record=record))
+        assert leaf.on_message(SimpleNamespace(percentage=share)) is status
+        assert record.alarm == alarm
+
+    def test_a_battery_that_says_nothing_is_given_time_and_then_counts_as_low(
+        self, listening: Listening, record: MissionRecord
+    ) -> None:
+        clock = ManualClock(5.0)
+        leaf = listening.to(BatterySuffices("Battery?", record=record), clock.now)
+        assert leaf.update() is Status.SUCCESS
+        clock.advance(31.0)
+        assert leaf.update() is Status.FAILURE
+        assert record.alarm == "nothing on 'battery_state' for 30 s"
+
+    def test_a_battery_that_falls_silent_counts_as_low(
+        self, listening: Listening, record: MissionRecord
+    ) -> None:
+        clock = ManualClock(5.0)
+        leaf = listening.to(BatterySuffices("Battery?", record=record), clock.now)
+        leaf._take(SimpleNamespace(percentage=0.9))
+        assert leaf.update() is Status.SUCCESS
+        clock.advance(31.0)
+        assert leaf.update() is Status.FAILURE
+
+    def test_a_robot_outside_the_fence_is_told_with_its_place(
+        self, listening: Listening, record: MissionRecord
+    ) -> None:
+        fence = Fence([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)])
+        leaf = listening.to(InsideFence("Inside?", fence, record=record))
+        assert leaf.update() is Status.SUCCESS
+        assert leaf.on_message(pose(1.0, 1.0)) is Status.SUCCESS
+        assert leaf.on_message(pose(3.0, 1.0)) is Status.FAILURE
+        assert record.alarm == "the robot, at (3.00, 1.00), is outside the geofence"
+        assert leaf.on_message(pose(float("nan"), 1.0)) is Status.FAILURE
+
+    def test_what_is_wrong_is_said_once_until_it_is_well_again(self, listening: Listening) -> None:
+        leaf = listening.to(BatterySuffices("Battery?"))
+        for share in (0.19, 0.18, 0.5, 0.17):
+            leaf.on_message(SimpleNamespace(percentage=share))
+        assert listening.warnings == [
+            "Failsafe: the battery is at 19%, below 20%.",
+            "Failsafe: the battery is at 17%, below 20%.",
+        ]
+
+    def test_zones_are_given_up_for_the_reason_of_the_alarm(
+        self, listening: Listening, record: MissionRecord
+    ) -> None:
+        zones = ZoneManager(
+            [{"id": name, "x": 0, "y": 0, "yaw": 0} for name in ("zone_a", "zone_b")], {"x": 0, "y": 0, "yaw": 0}
+        )  # fmt: skip
+        record.alarmed("the battery is low")
+        assert listening.to(AbandonZones("Abandon", zones, record=record)).update() is Status.SUCCESS
+        assert not zones.has_remaining()
+        assert record.shortfalls(zones)[:2] == [
+            "zone_a was given up: the battery is low.",
+            "zone_b was given up: the battery is low.",
+        ]
+
+
+def pose(x: float, y: float) -> Any:
+    return SimpleNamespace(pose=SimpleNamespace(pose=SimpleNamespace(position=SimpleNamespace(x=x, y=y))))
+
+
+@pytest.mark.ros
+class TestOrders:
+    """The services on the mission's node, called as an operator would."""
+
+    @pytest.fixture
+    def orders(self) -> OperatorOrders:
+        return OperatorOrders()
+
+    @pytest.fixture
+    def zones(self) -> ZoneManager:
+        return ZoneManager(
+            [{"id": name, "x": 0, "y": 0, "yaw": 0} for name in ("zone_a", "zone_b")], {"x": 0, "y": 0, "yaw": 0}
+        )  # fmt: skip
+
+    @pytest.fixture
+    def held(self, ros: Any, orders: OperatorOrders, zones: ZoneManager, record: MissionRecord) -> Any:
+        fence = Fence([(-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0)])
+        leaf = NotHeld("NotHeld?", orders, zones, fence=fence, record=record)
+        leaf.setup(node=ros.node("mission"))
+        yield leaf
+        leaf.shutdown()
+
+    def call(self, ros: Any, verb: str, **fields: Any) -> tuple[bool, str]:
+        from sar_interfaces.srv import AddZone, JudgeSurvivor
+        from std_srvs.srv import Trigger
+
+        kind = {"add_zone": AddZone, "judge_survivor": JudgeSurvivor}.get(verb, Trigger)
+        node = ros.node("operator")
+        client = node.create_client(kind, f"/mission/{verb}")
+        ros.spin_until(client.service_is_ready, f"the service {verb}")
+        answer = client.call_async(kind.Request(**fields))
+        ros.spin_until(answer.done, f"the answer of {verb}")
+        ros.remove(node)
+        response = answer.result()
+        return response.success, response.message
+
+    def test_pause_holds_and_resume_lets_go(self, ros: Any, held: NotHeld) -> None:
+        assert held.update() is Status.SUCCESS
+        assert self.call(ros, "pause") == (True, "done")
+        assert [held.update(), held.update()] == [Status.FAILURE] * 2
+        assert self.call(ros, "resume") == (True, "done")
+        assert held.update() is Status.SUCCESS
+
+    def test_a_skipped_zone_is_given_up_and_the_mission_looks_at_its_plan_anew(
+        self, ros: Any, held: NotHeld, zones: ZoneManager, record: MissionRecord
+    ) -> None:
+        assert self.call(ros, "skip_zone") == (True, "done")
+        assert zones.current_zone()["id"] == "zone_b"
+        assert "zone_a was given up: the operator has skipped it." in record.shortfalls(zones)
+        assert [held.update(), held.update()] == [Status.FAILURE, Status.SUCCESS]
+
+    def test_without_a_zone_there_is_nothing_to_skip(
+        self, ros: Any, held: NotHeld, zones: ZoneManager
+    ) -> None:
+        zones.abandon()
+        zones.abandon()
+        assert self.call(ros, "skip_zone") == (False, "no zone is left")
+        assert held.update() is Status.SUCCESS
+
+    def place(self, x: float = 1.0, y: float = 2.0, frame: str = "map") -> Any:
+        from geometry_msgs.msg import PoseStamped
+
+        message = PoseStamped()
+        message.header.frame_id = frame
+        message.pose.position.x, message.pose.position.y = x, y
+        message.pose.orientation.z = message.pose.orientation.w = 0.5**0.5
+        return message
+
+    def test_a_zone_that_is_added_comes_last(self, ros: Any, held: NotHeld, zones: ZoneManager) -> None:
+        assert self.call(ros, "add_zone", zone_id="zone_e", pose=self.place()) == (True, "done")
+        added = zones.remaining_zones()[-1]
+        assert added == {"id": "zone_e", "x": 1.0, "y": 2.0, "yaw": pytest.approx(1.5708, abs=1e-3)}
+        assert held.update() is Status.SUCCESS
+
+    def test_a_zone_that_is_added_on_the_way_home_turns_the_mission_round(
+        self, ros: Any, held: NotHeld, zones: ZoneManager
+    ) -> None:
+        zones.advance()
+        zones.advance()
+        self.call(ros, "add_zone", zone_id="zone_e", pose=self.place())
+        assert [held.update(), held.update()] == [Status.FAILURE, Status.SUCCESS]
+        assert zones.current_zone()["id"] == "zone_e"
+
+    @pytest.mark.parametrize(
+        ("zone_id", "x", "frame", "said"),
+        [
+            ("zone_a", 1.0, "map", "there is a zone 'zone_a' already"),
+            ("", 1.0, "map", "the zone has no name"),
+            ("zone_e", 1.0, "odom", "the pose is in the frame 'odom', and must be in 'map'"),
+            ("zone_e", float("nan"), "map", "the pose is not finite"),
+            ("zone_e", 20.0, "map", "(20.00, 2.00) is outside the geofence"),
+        ],
+    )
+    def test_a_zone_that_cannot_be_searched_is_refused(
+        self, ros: Any, held: NotHeld, zones: ZoneManager, zone_id: str, x: float, frame: str, said: str
+    ) -> None:
+        assert self.call(ros, "add_zone", zone_id=zone_id, pose=self.place(x, frame=frame)) == (False, said)
+        assert len(zones.remaining_zones()) == 2
+
+    @pytest.mark.parametrize(
+        ("make", "verb", "said"),
+        [
+            (NotAborted, "abort", "the operator has aborted the mission"),
+            (NotRecalled, "go_home", "the operator has called the robot home"),
+        ],
+    )
+    def test_an_order_that_cuts_the_mission_short_ends_a_hold(
+        self, ros: Any, orders: OperatorOrders, record: MissionRecord, make: Any, verb: str, said: str
+    ) -> None:
+        leaf = make("Condition?", orders, record=record)
+        leaf.setup(node=ros.node("mission"))
+        orders.held = True
+        assert leaf.update() is Status.SUCCESS
+        assert self.call(ros, verb) == (True, said)
+        assert leaf.update() is Status.FAILURE
+        assert not orders.held
+        assert record.alarm == said
+        leaf.shutdown()
