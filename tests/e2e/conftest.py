@@ -3,6 +3,9 @@
 import pytest
 
 from tests.processes import Command
+from tests.ros.conftest import make_ros, ros
+
+__all__ = ["make_ros", "ros", "start", "witness"]
 
 
 @pytest.fixture

@@ -154,6 +154,42 @@ def test_a_check_sees_that_everything_is_there_and_ends(start):
     assert run.end() == 0
     assert run.output.endswith("Everything that the tree needs is there.")
     assert "Navigating" not in run.output
+    way = [line.split() for line in run.output.splitlines() if re.fullmatch(r"  \w.* m +\d+ s", line)]
+    assert [words[0] for words in way] == ["zone_a", "zone_b", "zone_c", "zone_d", "base", "total"]
+    assert 25.0 < float(way[-1][1]) < 50.0
+
+
+def test_a_check_names_the_places_that_cannot_be_reached(start):
+    run = start(
+        "sar-run", "--sim", "--speed", 20, "--check", "--ros-args", "-p", "zones.zone_b.x:=99.0", "-p", "zones.zone_c.y:=0.0",
+        "-p", "geofence:=[-3.2, -9.0, 9.0, -9.0, 9.0, 9.0, -3.2, 9.0]",
+    )  # fmt: skip
+    assert run.end() == 1
+    for problem in (
+        "zone_b (99.00, 3.00): it is outside the map.",
+        "zone_c (4.00, 0.00): the robot does not fit on free ground there.",
+        "zone_d (-3.50, -3.00): it is outside the geofence.",
+        "everything that the tree needs is there, and the way has 3 problems (see above)",
+    ):
+        assert f"sar-run: {problem}" in run.output, run.output
+
+
+def test_a_check_looks_at_the_map_that_a_robot_publishes(start, ros):
+    from nav_msgs.msg import OccupancyGrid
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    grid = OccupancyGrid()
+    grid.info.resolution, grid.info.width, grid.info.height = 0.5, 40, 40
+    grid.info.origin.position.x = grid.info.origin.position.y = -10.0
+    grid.data = [0] * 1600
+    ros.node("map_server").create_publisher(OccupancyGrid, "map", latched).publish(grid)
+    run = start(
+        "sar-run", "--check", "--ros-args", "-p", "startup_timeout_sec:=3.0", "-p", "zones.zone_b.x:=99.0"
+    )
+    assert run.end() == 3
+    assert "zone_b (99.00, 3.00): it is outside the map." in run.output, run.output
+    assert re.search(r"  zone_a +4\.\d m", run.output), run.output
 
 
 def test_a_check_does_not_tell_a_robot_where_it_is(start):

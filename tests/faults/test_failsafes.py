@@ -29,6 +29,7 @@ from sar_compiler.missions.search_and_rescue import (
 from sar_compiler.runtime.answers import Answer, nominal
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.stub_leaf import ANSWERED, StubLeaf
+from tests.processes import in_order
 
 GUARDED = Path("trees/search_and_rescue_guarded.xml")
 
@@ -186,43 +187,45 @@ def test_the_mission_behind_failsafes_is_proved_like_the_mission_alone() -> None
     assert output.count("proved") > 10
 
 
+_LAST = "AlwaysFailure/>\n    </Sequence>\n  </BehaviorTree>\n</root>"
+# What is changed in the files, and what does not hold any more.
 NEEDED = {
     "the zone that is left before anybody is told": (
-        "          <AdvanceZone/>\n          <!-- If base does not answer, the outbox goes on; the next zone does not wait for it. -->\n"
-        '          <ForceSuccess name="ReportAtOnce">\n            <NotifyBase server_timeout_sec="5"/>\n'
-        "          </ForceSuccess>\n",
-        '<ForceSuccess><NotifyBase server_timeout_sec="5"/></ForceSuccess><AdvanceZone/>',
+        {
+            "<KeepReport/>\n          <AdvanceZone/>": "<KeepReport/>",
+            '<NotifyBase server_timeout_sec="5"/>\n          </ForceSuccess>': (
+                '<NotifyBase server_timeout_sec="5"/></ForceSuccess><AdvanceZone/>'
+            ),
+        },
         "one id per survivor",
     ),
     "the zones that are given up": (
-        '<AbandonZones name="AbandonZonesAndGoHome"/>',
-        "<AlwaysSuccess/>",
+        {'<AbandonZones name="AbandonZonesAndGoHome"/>': "<AlwaysSuccess/>"},
         "home only when no zone remains",
     ),
     "the failure at the end of the way home": (
-        "<AlwaysFailure/>\n    </Sequence>\n  </BehaviorTree>\n</root>",
-        "<AlwaysSuccess/>\n    </Sequence>\n  </BehaviorTree>\n</root>",
+        {_LAST: _LAST.replace("Failure", "Success")},
         "every run ends",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.unmeasured
-@pytest.mark.parametrize(("old", "new", "question"), NEEDED.values(), ids=NEEDED)
-def test_what_the_failsafes_need_is_needed(tmp_path: Path, old: str, new: str, question: str) -> None:
-    found = False
-    for name in ("failsafes.xml", "search_and_rescue_resilient.xml", "search_and_rescue_guarded.xml"):
-        text = (GUARDED.parent / name).read_text(encoding="utf-8")
-        found |= old in text
-        (tmp_path / name).write_text(text.replace(old, new), encoding="utf-8")
-    assert found
+@pytest.mark.parametrize(("changes", "question"), NEEDED.values(), ids=NEEDED)
+def test_what_the_failsafes_need_is_needed(tmp_path: Path, changes: dict[str, str], question: str) -> None:
+    texts = {path.name: path.read_text(encoding="utf-8") for path in GUARDED.parent.glob("*.xml")}
+    for old, new in changes.items():
+        assert sum(old in text for text in texts.values()) == 1, old
+        texts = {name: text.replace(old, new) for name, text in texts.items()}
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
     status, output = verified(str(tmp_path / GUARDED.name))
     assert status == 1
     assert f"{question}: does not hold" in " ".join(output.split()), output
 
 
 @pytest.mark.unmeasured
-def test_a_kept_report_can_be_demanded_before_the_mission_is_put_aside(tmp_path: Path) -> None:
+def test_nothing_drives_after_an_abort_and_nobody_is_named_twice_over_a_hold(tmp_path: Path) -> None:
     properties = tmp_path / "p.yaml"
     properties.write_text(
         "properties:\n"
@@ -469,3 +472,56 @@ class TestOrders:
         assert not orders.held
         assert record.alarm == said
         leaf.shutdown()
+
+
+@pytest.mark.ros
+def test_the_operator_holds_skips_and_calls_home_a_flight(start: Any, ros: Any) -> None:
+    from std_srvs.srv import Trigger
+
+    run = start(
+        "sar-run", "search_and_rescue_guarded", "--sim", "--speed", 5, "--ros-args", "-p",
+        "zone_order:=[zone_b, zone_c, zone_d]",
+    )  # fmt: skip
+    operator = ros.node("operator")
+
+    def order(verb: str) -> None:
+        client = operator.create_client(Trigger, f"/search_and_rescue/{verb}")
+        ros.spin_until(client.service_is_ready, f"the service {verb}")
+        answer = client.call_async(Trigger.Request())
+        ros.spin_until(answer.done, f"the answer of {verb}")
+        assert answer.result().success, answer.result().message
+
+    run.wait_for("Navigating to zone_b...")
+    order("pause")
+    run.wait_for("Canceling the goal of 'NavigateToZone'.")
+    order("resume")
+    ros.spin_until(lambda: run.log.count("Navigating to zone_b...") == 2, "the second drive to zone_b")
+    order("skip_zone")
+    run.wait_for("Navigating to zone_c...")
+    order("go_home")
+    assert run.end() == 1, run.output
+    told = [
+        "Operator: pause.",
+        "Canceling the goal of 'NavigateToZone'.",
+        "Operator: resume.",
+        "Operator: skip_zone.",
+        "Navigating to zone_c...",
+        "Failsafe: the operator has called the robot home.",
+        "zone_d is given up: the operator has called the robot home.",
+        "Reached base station.",
+    ]
+    assert in_order(told, run.log) is None, run.output
+    assert "missing:         zone_b was given up: the operator has skipped it." in run.output
+    assert "  back at base:    yes" in run.output
+
+
+@pytest.mark.ros
+def test_a_robot_that_leaves_its_fence_is_stopped_where_it_is(start: Any) -> None:
+    run = start(
+        "sar-run", "search_and_rescue_guarded", "--sim", "--speed", 10, "--ros-args", "-p",
+        "zone_order:=[zone_b]", "-p", "geofence:=[-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0]",
+    )  # fmt: skip
+    assert run.end() == 1, run.output
+    assert "is outside the geofence." in run.output
+    assert "Navigating to base station..." not in run.log
+    assert "  back at base:    no" in run.output
