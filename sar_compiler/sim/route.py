@@ -8,6 +8,7 @@ import numpy as np
 from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.occupancy import OccupancyMap
 from sar_compiler.sim.planner import NavCode, Planner, PlanningError
+from sar_compiler.sim.world import Floats
 
 _WORDS = {
     NavCode.START_OUTSIDE_MAP: "the robot's start is outside the map",
@@ -67,7 +68,7 @@ def plan_route(
     return legs
 
 
-def _outside(points: Sequence[Sequence[float]], allowed: Callable[[float, float], bool]) -> str:
+def _outside(points: Floats, allowed: Callable[[float, float], bool]) -> str:
     """Return where a path is not allowed; empty if it is everywhere."""
     inside = [allowed(float(x), float(y)) for x, y in points]
     if not inside[-1]:

@@ -206,9 +206,10 @@ class TestJudging:
     def test_a_find_is_a_candidate_until_it_is_confirmed(
         self, ros: Any, record: MissionRecord, kept: KeptReports
     ) -> None:
-        assert record.survivors[0].standing is Standing.CANDIDATE
+        standings = [record.survivors[0].standing]
         assert self.judge(ros, "survivor_1", 1) == (True, "done")
-        assert record.survivors[0].standing is Standing.CONFIRMED
+        standings.append(record.survivors[0].standing)
+        assert standings == [Standing.CANDIDATE, Standing.CONFIRMED]
         assert len(kept) == 2
 
     def test_a_find_that_is_rejected_is_reported_no_more(
