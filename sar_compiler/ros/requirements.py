@@ -309,18 +309,19 @@ class NavigatorActive(NodeActive):
         for each in self._before.values():
             each.missing()
         states = {name: each.state for name, each in self._before.items() if each.state is not None}
-        asleep = [f"{name} is '{state}'" for name, state in states.items() if state != "active"]
+        asleep = next((each for each in states.items() if each[1] != "active"), None)
         # It does not answer while it is at work.
         if self._manager.answer is None or self._manager.answer.success:
-            return f"; {asleep[0]}, too" if asleep else ""
+            return f"; {asleep[0]} is '{asleep[1]}', too" if asleep else ""
         if {self.state, *states.values()} == {"unconfigured"}:
             call = self._node.resolve_service_name(f"{_MANAGER}/manage_nodes")
             return (
                 f"; {_MANAGER} has not started Nav2 up (autostart is off): "
                 f'ros2 service call {call} nav2_msgs/srv/ManageLifecycleNodes "{{command: 0}}"'
             )
+        stuck = f", {asleep[0]} is '{asleep[1]}'" if asleep else ""
         return (
-            f"; {_MANAGER} has given up starting Nav2 up{f', {asleep[0]}' if asleep else ''}: start Nav2 again, "
+            f"; {_MANAGER} has given up starting Nav2 up{stuck}: start Nav2 again, "
             "and give the initial pose within its initial_transform_timeout"
         )
 

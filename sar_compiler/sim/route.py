@@ -57,6 +57,9 @@ def plan_route(
     here, legs = Pose2D(*start), []
     for name, x, y in stops:
         there = Pose2D(x, y)
+        if not allowed(x, y):
+            legs.append(Leg(name, x, y, None, "it is outside the geofence"))
+            continue
         try:
             path = planner.plan(here, there)
         except PlanningError as error:
@@ -69,8 +72,6 @@ def plan_route(
 
 
 def _outside(points: Floats, allowed: Callable[[float, float], bool]) -> str:
-    """Return where a path is not allowed; empty if it is everywhere."""
-    inside = [allowed(float(x), float(y)) for x, y in points]
-    if not inside[-1]:
-        return "it is outside the geofence"
-    return "" if all(inside) else "the way there leaves the geofence"
+    """Return that a path is not allowed somewhere; empty if it is everywhere."""
+    inside = all(allowed(float(x), float(y)) for x, y in points)
+    return "" if inside else "the way there leaves the geofence"
