@@ -57,13 +57,13 @@ def plan_route(
     here, legs = Pose2D(*start), []
     for name, x, y in stops:
         there = Pose2D(x, y)
-        if not allowed(x, y):
-            legs.append(Leg(name, x, y, None, "it is outside the geofence"))
-            continue
         try:
             path = planner.plan(here, there)
         except PlanningError as error:
             legs.append(Leg(name, x, y, None, _WORDS[error.code]))
+            continue
+        if not allowed(x, y):
+            legs.append(Leg(name, x, y, None, "it is outside the geofence"))
             continue
         steps = np.hypot(*np.diff(np.vstack(([here.x, here.y], path.points)), axis=0).T)
         legs.append(Leg(name, x, y, float(steps.sum()), _outside(path.points, allowed)))
