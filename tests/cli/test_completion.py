@@ -76,7 +76,11 @@ def choices(shell, line, folder):
 def test_a_shell_completes_commands_options_and_names(shell, folder):
     assert choices(shell, "sar-compile va", folder) == {"validate"}
     assert {"--strict", "--fix"} <= choices(shell, "sar-compile validate --", folder)
-    assert choices(shell, "sar-run search", folder) == {"search_and_rescue", "search_and_rescue_guarded", "search_and_rescue_resilient"}
+    assert choices(shell, "sar-run search", folder) == {
+        "search_and_rescue",
+        "search_and_rescue_guarded",
+        "search_and_rescue_resilient",
+    }
 
 
 @pytest.mark.parametrize(
