@@ -16,6 +16,7 @@ from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, com
 from sar_compiler.missions.fence import Fence
 from sar_compiler.missions.search_and_rescue import (
     AbandonZones,
+    BaseInReach,
     BatterySuffices,
     InsideFence,
     MissionRecord,
@@ -29,9 +30,11 @@ from sar_compiler.missions.search_and_rescue import (
 from sar_compiler.runtime.answers import Answer, nominal
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.stub_leaf import ANSWERED, StubLeaf
+from sar_compiler.testing import assert_scenario_holds
 from tests.processes import in_order
 
 GUARDED = Path("trees/search_and_rescue_guarded.xml")
+EXAMPLE = Path("examples/failsafes")
 
 # What each condition says when it is not well.
 TROUBLES = {
@@ -225,21 +228,13 @@ def test_what_the_failsafes_need_is_needed(tmp_path: Path, changes: dict[str, st
 
 
 @pytest.mark.unmeasured
-def test_nothing_drives_after_an_abort_and_nobody_is_named_twice_over_a_hold(tmp_path: Path) -> None:
-    properties = tmp_path / "p.yaml"
-    properties.write_text(
-        "properties:\n"
-        "  nothing is named twice over a hold:\n"
-        "    at_most_once: BroadcastSurvivorTF named\n"
-        "    per: AdvanceZone advanced\n"
-        "  after an abort nothing drives:\n"
-        "    before: [ComeHome starts, NavigateToZone starts, NavigateToBase starts]\n"
-        '    comes: "NotAborted? not aborted"\n'
-        '    since: "NotAborted? aborted"\n',
-        encoding="utf-8",
-    )
-    status, output = verified(str(GUARDED), "--properties", str(properties))
+def test_nothing_drives_after_an_abort_and_nobody_is_named_twice_over_a_hold() -> None:
+    status, output = verified(str(GUARDED), "--properties", str(EXAMPLE / "abort.yaml"))
     assert status == 0, output
+
+
+def test_the_example_of_a_low_battery_holds() -> None:
+    assert_scenario_holds(GUARDED, EXAMPLE / "low_battery.yaml")
 
 
 class Listening:
@@ -472,6 +467,29 @@ class TestOrders:
         assert not orders.held
         assert record.alarm == said
         leaf.shutdown()
+
+
+@pytest.mark.ros
+def test_base_is_lost_when_it_was_away_for_longer_than_the_patience(ros: Any, record: MissionRecord) -> None:
+    from sar_interfaces.srv import ReportSurvivor
+
+    base, clock = ros.node("base"), ManualClock()
+    base.create_service(ReportSurvivor, "report_survivor", lambda _, response: response)
+    leaf = BaseInReach("Base?", clock, record=record, patience=60.0)
+    node = ros.node("mission")
+    leaf.setup(node=node)
+    ros.spin_until(lambda: node.count_services("/report_survivor") == 1, "base")
+    clock.advance(100.0)
+    assert leaf.update() is Status.SUCCESS
+    clock.advance(100.0)
+    ros.spin_until(lambda: leaf.update() is Status.SUCCESS, "base in reach")
+    ros.remove(base)
+    ros.spin_until(lambda: node.count_services("/report_survivor") == 0, "base gone")
+    assert leaf.update() is Status.SUCCESS
+    clock.advance(61.0)
+    assert leaf.update() is Status.FAILURE
+    assert record.alarm == "base ('report_survivor') is out of reach for 61 s"
+    leaf.shutdown()
 
 
 @pytest.mark.ros

@@ -51,7 +51,15 @@ def test_everything_of_a_robot_is_in_its_namespace_with_its_transforms(
     wanted = {
         f"/{robot}/{name}"
         for robot in ("robot1", "robot2")
-        for name in ("tf", "odometry/filtered", "scan", "cmd_vel", "amcl_pose", "initialpose")
+        for name in (
+            "tf",
+            "odometry/filtered",
+            "scan",
+            "battery_state",
+            "cmd_vel",
+            "amcl_pose",
+            "initialpose",
+        )
     } | {"/clock"}
     node = clients[0].node
 
