@@ -151,6 +151,14 @@ class TestReporting:
         assert said.has("WARN", "survivor_1", f"in frame '{frame}'")
         assert not said.has("Acknowledged")
 
+    def test_a_report_that_comes_again_is_acknowledged_and_counts_once(self, ros: Ros, said: Said) -> None:
+        caller = self.serve(ros)
+        assert [caller.report("survivor_1", 1.0, 2.0) for _ in range(2)] == [True, True]
+        assert said.has("Report received again: survivor_1 at (1.00, 2.00). Acknowledged.")
+        assert sum("Report received: survivor_1" in line for line in said.lines()) == 1
+        assert caller.report("survivor_1", 5.0, 2.0)
+        assert said.has("Report received: survivor_1 at (5.00, 2.00).")
+
     def test_refuses_on_request_and_then_acknowledges(self, ros: Ros) -> None:
         from sar_compiler.ros.faults import FaultPlan, parse_fault
 

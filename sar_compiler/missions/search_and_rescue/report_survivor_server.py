@@ -14,6 +14,8 @@ from sar_compiler.tree.showing import in_one_line, shortened
 class ReportSurvivorServer(DataNode):
     """Acknowledges every report that is given in the frame `map`.
 
+    One that comes again, because its sender has not had the answer, is acknowledged again and counts once.
+
     Args:
         faults: The faults to inject.
         options: Keyword arguments of `DataNode`: `context`, `cli_args` and so on.
@@ -24,6 +26,7 @@ class ReportSurvivorServer(DataNode):
 
     def __init__(self, faults: ServiceFaults | None = None, **options: Any) -> None:
         super().__init__("report_survivor_server", **options)
+        self._received: set[str] = set()
         create_service(
             self, ReportSurvivor, "report_survivor", self._answer, refuse=self._refuse, faults=faults
         )
@@ -40,9 +43,13 @@ class ReportSurvivorServer(DataNode):
         point = request.location.point
         if not (math.isfinite(point.x) and math.isfinite(point.y)):
             return self._refuse(request, response)
+        response.acknowledged = True
+        if _told(request) in self._received:
+            self.get_logger().info(f"Report received again: {_told(request)}. Acknowledged.")
+            return response
+        self._received.add(_told(request))
         self.get_logger().info(f"Report received: {_told(request)}. Acknowledged.")
         self.get_logger().info(f"The point of {_shown(request.survivor_id)} is in frame '{frame}'.")
-        response.acknowledged = True
         return response
 
     def _refuse(self, request: Any, response: Any) -> Any:
