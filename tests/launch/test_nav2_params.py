@@ -189,3 +189,7 @@ def test_the_map_is_one_that_nav2s_map_server_reads():
     }  # fmt: skip
     assert (MAP.parent / content["image"]).is_file()
     assert content["resolution"] == costmap("global_costmap")["resolution"]
+
+
+def test_the_planner_waits_for_an_initial_pose_longer_than_anybody_takes_to_give_it():
+    assert costmap("global_costmap")["initial_transform_timeout"] >= 600.0

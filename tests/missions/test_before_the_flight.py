@@ -1,0 +1,120 @@
+"""What the mission says of its way before the flight, and what is made of it."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sar_compiler.missions.mission import MissionRun
+from sar_compiler.missions.search_and_rescue.plugin import MISSION
+from sar_compiler.ros.parameter_reader import ParameterReader
+from sar_compiler.ros.run_parameters import RunParameters
+
+PARAMETERS: dict[str, object] = {
+    "zone_order": ["zone_b", "zone_a"],
+    **{f"zones.zone_a.{key}": value for key, value in {"x": -3.0, "y": 3.0, "yaw": 0.0}.items()},
+    **{f"zones.zone_b.{key}": value for key, value in {"x": 3.5, "y": 3.0, "yaw": 0.0}.items()},
+    "base_station.x": 0.5,
+}
+
+
+def begun(**more: object) -> MissionRun:
+    reader = ParameterReader(PARAMETERS | more)
+    run = MISSION.begin(reader)
+    reader.complain()
+    return run
+
+
+def test_the_way_leads_through_the_zones_in_their_order_and_home() -> None:
+    assert begun().route() == [("zone_b", 3.5, 3.0), ("zone_a", -3.0, 3.0), ("base station", 0.5, 0.0)]
+
+
+def test_the_fence_says_where_the_robot_may_be() -> None:
+    fenced = begun(geofence=[0.0, -5.0, 5.0, -5.0, 5.0, 5.0, 0.0, 5.0])
+    assert [fenced.allows(3.5, 3.0), fenced.allows(-3.0, 3.0)] == [True, False]
+    assert begun().allows(-3.0, 3.0)
+
+
+def test_a_mission_that_names_places_drives_to_them() -> None:
+    class Tour(MissionRun):
+        def places(self) -> dict[str, tuple[float, float]]:
+            return {"gate": (1.0, 2.0), "yard": (3.0, 4.0)}
+
+    assert Tour().route() == [("gate", 1.0, 2.0), ("yard", 3.0, 4.0)]
+    assert MissionRun().route() == []
+
+
+@pytest.mark.ros
+class TestTheReport:
+    def report(self, mission: MissionRun, **parameters: Any) -> Any:
+        from sar_compiler.cli.run_mission_check import RouteReport
+        from sar_compiler.sim.occupancy import read_map
+
+        occupancy = read_map(Path("maps/disaster_zone.yaml"))
+        return RouteReport(mission, RunParameters(**parameters), occupancy)
+
+    def test_each_leg_has_its_distance_and_its_time_at_the_cruise_speed(self) -> None:
+        lines = self.report(begun(), cruise_speed_mps=0.5).lines
+        assert lines[0] == "The way on the map (estimated; robot radius 0.22 m, 0.5 m/s):"
+        legs = [line.split() for line in lines[1:]]
+        assert [words[0] for words in legs] == ["zone_b", "zone_a", "base", "total"]
+        distances = [float(words[-4]) for words in legs]
+        assert sum(distances[:-1]) == pytest.approx(distances[-1], abs=0.2)
+        assert float(legs[-1][-2]) == pytest.approx(distances[-1] / 0.5, abs=1.0)
+
+    def test_a_time_limit_too_short_for_the_driving_alone_is_a_problem(self) -> None:
+        [problem] = self.report(begun(), time_limit_sec=10.0).problems
+        assert problem.startswith("Driving takes ")
+        assert problem.endswith(" s (estimated), and time_limit_sec is 10.")
+
+    def test_a_start_outside_the_fence_is_a_problem(self) -> None:
+        fence = [1.0, 1.0, 5.0, 1.0, 5.0, 5.0, 1.0, 5.0]
+        problems = self.report(begun(geofence=fence)).problems
+        assert problems[0] == "The start (0.00, 0.00) is outside the geofence."
+        assert "zone_a (-3.00, 3.00): it is outside the geofence." in problems
+
+    def test_a_wider_robot_does_not_fit_where_a_narrow_one_does(self) -> None:
+        assert self.report(begun()).problems == []
+        assert self.report(begun(), robot_radius_m=1.5).problems != []
+
+    def test_a_mission_that_drives_nowhere_has_nothing_to_tell(self) -> None:
+        report = self.report(MissionRun())
+        assert (report.lines, report.problems) == ([], [])
+
+
+@pytest.mark.ros
+class TestTheMap:
+    def grid(self, data: list[int], **changes: float) -> Any:
+        from nav_msgs.msg import OccupancyGrid
+
+        grid = OccupancyGrid()
+        grid.info.resolution, grid.info.width, grid.info.height = 0.5, 3, 1
+        grid.info.origin.position.x = 2.0
+        grid.info.origin.orientation.z = changes.get("turn", 0.0)
+        grid.info.resolution = changes.get("resolution", 0.5)
+        grid.data = data
+        return grid
+
+    def test_a_published_map_is_read_as_nav2_means_it(self) -> None:
+        from sar_compiler.sim.messages import from_grid
+        from sar_compiler.sim.occupancy import FREE, OCCUPIED, UNKNOWN
+
+        occupancy = from_grid(self.grid([0, 100, -1]))
+        assert occupancy is not None
+        assert occupancy.cells.tolist() == [[FREE, OCCUPIED, UNKNOWN]]
+        assert (occupancy.resolution, occupancy.origin_x) == (0.5, 2.0)
+
+    @pytest.mark.parametrize(
+        ("data", "changes"),
+        [
+            ([], {}),
+            ([0, 0], {}),
+            ([0, 0, 0], {"turn": 0.7}),
+            ([0, 0, 0], {"resolution": 0.0}),
+            ([0, 0, 0], {"resolution": float("nan")}),
+        ],
+    )
+    def test_a_map_that_is_none_is_not_read(self, data: list[int], changes: dict[str, float]) -> None:
+        from sar_compiler.sim.messages import from_grid
+
+        assert from_grid(self.grid(data, **changes)) is None
