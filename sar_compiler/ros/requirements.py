@@ -333,7 +333,8 @@ def _types_served(node: Node, service: str) -> set[str]:
         with suppress(NodeNameNonExistentError):  # it has gone meanwhile
             served = dict(node.get_service_names_and_types_by_node(name, namespace))
             types.update(served.get(service, ()))
-    return types
+    # Whose a server is may be known later than the server; until then clients of the name count, too.
+    return types or set(dict(node.get_service_names_and_types()).get(service, ()))
 
 
 def _wrong_type(title: str, how: str, types: Iterable[str], wanted: str | None) -> str | None:
