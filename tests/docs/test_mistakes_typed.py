@@ -58,6 +58,7 @@ TYPED = {
 }
 # What is typed into a shell.
 IN_A_SHELL = {
+    "cannot read …: it is a device, not a file": "sar-compile validate /dev/zero",
     "cannot read …: it is a pipe, not a file": "mkfifo {folder}/pipe; sar-compile validate {folder}/pipe",
     "the name of a tree file is empty": "sar-compile validate ''",
     "there is no tree file in …": "mkdir {folder}/empty; sar-compile validate {folder}/empty",
