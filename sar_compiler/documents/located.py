@@ -14,7 +14,7 @@ from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.source import Source, Span
 from sar_compiler.tree.yaml_spans import offsets_in_scalar, unquoted
 
-MAX_BYTES = 4 * 2**20
+MAX_BYTES = 2**20
 """Larger files are refused: somebody reads these, and each value takes some thousand times its letters in memory."""
 
 _CONSTANTS: dict[str, bool | None] = {"true": True, "false": False, "": None}

@@ -11,6 +11,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -19,10 +20,13 @@ from sar_compiler.tree.content import read_bytes
 from sar_compiler.tree.showing import in_one_line, shortened
 
 _SECTION = "ros__parameters"
+# libyaml where PyYAML has it, which is what ROS reads with: ten times as fast.
+_LOADER: Any = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
 _PART = r"(?:\*\*?|[A-Za-z_][A-Za-z0-9_]*)"
 _NODE_NAME = re.compile(rf"/?{_PART}(?:/{_PART})*")
 # Room for some 30,000 parameters.
 _MAX_BYTES = 2**20
+_MAX_DEPTH = 64
 
 
 @dataclass(frozen=True)
@@ -86,7 +90,7 @@ def sections_elsewhere(paths: Iterable[Path | str], node: str) -> str:
     Returns:
         The note; empty if there are no files, or a section is for the node.
     """
-    files = [yaml.compose(_text_of(Path(path)), Loader=yaml.BaseLoader) for path in paths]
+    files = [yaml.compose(_text_of(Path(path)), Loader=_LOADER) for path in paths]
     names = list(dict.fromkeys(name for root in files if root is not None for name, _ in _sections(root, "")))
     if not names or any(_is_for(name, node) for name in names):
         return ""
@@ -110,7 +114,7 @@ def read_parameter_file(path: Path | str, node: str) -> dict[str, object]:
     check_parameter_file(path)
     text = _text_of(Path(path))
     walk, sections = _Walk(text), dict[str, dict[str, object]]()
-    for name, parameters in _sections(yaml.compose(text, Loader=yaml.BaseLoader), ""):
+    for name, parameters in _sections(yaml.compose(text, Loader=_LOADER), ""):
         sections.setdefault(name, {}).update(walk.values(parameters, ""))
     return {
         key: value
@@ -150,12 +154,12 @@ def _text_of(file: Path) -> str:
 
 
 def _problems(text: str) -> Iterator[FileProblem]:
-    # BaseLoader takes every scalar for text: no date, no number of Python's is in the way.
+    # This loader takes every scalar for text: no date, no number of Python's is in the way.
     try:
-        found = list(_unread_by_ros(text))
-        root = None if found else yaml.compose(text, Loader=yaml.BaseLoader)
+        found = list(_too_deep(text)) or [*_unread_by_ros(text), *_signs_in_brackets(text)]
+        root = None if found else yaml.compose(text, Loader=_LOADER)
     except yaml.MarkedYAMLError as error:
-        yield _not_yaml(error)
+        yield _not_yaml(error, text)
         return
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position)
@@ -163,9 +167,6 @@ def _problems(text: str) -> Iterator[FileProblem]:
         yield FileProblem(
             line + 1, column + 1, f"not YAML: the character {chr(error.character)!r} is not allowed"
         )
-        return
-    except RecursionError:
-        yield FileProblem(1, 1, "nested too deeply")
         return
     if found:
         yield from found
@@ -181,8 +182,8 @@ def _problems(text: str) -> Iterator[FileProblem]:
 
 def _unread_by_ros(text: str) -> Iterator[FileProblem]:
     """Find YAML features that ROS does not support."""
-    documents = flow = 0
-    for event in yaml.parse(text, Loader=yaml.BaseLoader):
+    documents = 0
+    for event in yaml.parse(text, Loader=_LOADER):
         if isinstance(event, yaml.DocumentStartEvent):
             documents += 1
             if event.version is not None and tuple(event.version) != (1, 1):
@@ -191,26 +192,43 @@ def _unread_by_ros(text: str) -> Iterator[FileProblem]:
                 )
             if documents == 2:  # noqa: PLR2004
                 yield _at(event, "a second document (---): ROS mixes it into the first; keep one")
-        elif isinstance(event, yaml.CollectionStartEvent):
-            flow += bool(event.flow_style or flow)
-        elif isinstance(event, yaml.CollectionEndEvent):
-            flow = max(flow - 1, 0)
-        elif isinstance(event, yaml.ScalarEvent) and flow and event.implicit[0]:
-            end = int(event.end_mark.index) if event.end_mark is not None else 0
-            if ":" in event.value or re.match(r":\S", text[end : end + 2]):
-                what = "needs quotes, or a blank behind its ':'"
-                yield _at(
-                    event,
-                    f"'{event.value}' {what}: within [] and {{}} not every ROS takes a ':' in a plain text",
-                )
         elif isinstance(event, yaml.AliasEvent):
             yield _at(event, f"ROS reads no aliases: write out the value of '*{event.anchor}'")
 
 
-def _not_yaml(error: yaml.MarkedYAMLError) -> FileProblem:
+def _too_deep(text: str) -> Iterator[FileProblem]:
+    """Find the first place that is nested too deeply; nothing behind it is read."""
+    depth = 0
+    for event in yaml.parse(text, Loader=_LOADER):
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > _MAX_DEPTH:
+            yield _at(event, "nested too deeply")
+            return
+
+
+def _signs_in_brackets(text: str) -> Iterator[FileProblem]:
+    """Find signs in plain scalars that an older libyaml, which some builds of ROS have, refuses."""
+    brackets = 0
+    for event in yaml.parse(text, Loader=_LOADER):
+        if isinstance(event, yaml.CollectionStartEvent):
+            brackets += bool(event.flow_style)
+        elif isinstance(event, yaml.CollectionEndEvent):
+            brackets = max(brackets - 1, 0)
+        elif brackets and isinstance(event, yaml.ScalarEvent) and event.implicit[0]:
+            end = int(event.end_mark.index) if event.end_mark is not None else 0
+            if re.search("[:?]", event.value):
+                yield _at(
+                    event,
+                    f"'{event.value}' needs quotes within [] and {{}}: not every ROS takes its ':' or '?'",
+                )
+            elif re.match(r":\S", text[end : end + 2]):
+                yield _at(event, f"write a blank behind '{event.value}:'")
+
+
+def _not_yaml(error: yaml.MarkedYAMLError, text: str) -> FileProblem:
     mark = error.problem_mark or error.context_mark
     problem = error.problem or "cannot be parsed"
-    if "'\\t'" in problem:
+    if mark is not None and "cannot start any token" in problem and text[mark.index : mark.index + 1] == "\t":
         problem = "there is a tab: indent with spaces"
     elif error.context:
         problem = f"{error.context}: {problem}"

@@ -22,8 +22,8 @@ _OCCUPIED_THRESH = 0.65
 # Below the darkness of 205 (50/255 = 0.19608): with map_saver's own 0.25 map_server reads unknown cells as free.
 _FREE_THRESH = 0.196
 _MAX_IMAGE_BYTES = 64 * 2**20
-# 100 m x 100 m with cells of 5 cm: about as much as the planner takes in within a gigabyte.
-_MAX_CELLS = 4_000_000
+# 70 m x 70 m with cells of 5 cm: about as much as the planner takes in within a gigabyte.
+_MAX_CELLS = 2_000_000
 # What map_saver writes and everybody draws. Others of Pillow's decoders start programs, or have seen less use.
 _FORMATS = ("BMP", "JPEG", "PNG", "PPM")
 

@@ -87,7 +87,7 @@ class TestDetectSurvivor:
         )
         assert stage.wakes == 0
 
-    @pytest.mark.parametrize(("place", "expected"), [((-1.0, 2.5), "SUCCESS"), ((1.5, 2.5), "FAILURE")])
+    @pytest.mark.parametrize(("place", "expected"), [((-0.9, 5.9), "SUCCESS"), ((1.1, 2.5), "FAILURE")])
     def test_a_survivor_beyond_the_map_is_no_answer(
         self, stage: "Stage", place: tuple[float, float], expected: str
     ) -> None:
