@@ -27,6 +27,7 @@ _NODE_NAME = re.compile(rf"/?{_PART}(?:/{_PART})*")
 # Room for some 30,000 parameters.
 _MAX_BYTES = 2**20
 _MAX_DEPTH = 64
+_SIGNS = re.compile("[:?]")
 
 
 @dataclass(frozen=True)
@@ -214,15 +215,14 @@ def _signs_in_brackets(text: str) -> Iterator[FileProblem]:
             brackets += bool(event.flow_style)
         elif isinstance(event, yaml.CollectionEndEvent):
             brackets = max(brackets - 1, 0)
-        elif brackets and isinstance(event, yaml.ScalarEvent) and event.implicit[0]:
-            end = int(event.end_mark.index) if event.end_mark is not None else 0
-            if re.search("[:?]", event.value):
-                yield _at(
-                    event,
-                    f"'{event.value}' needs quotes within [] and {{}}: not every ROS takes its ':' or '?'",
-                )
-            elif re.match(r":\S", text[end : end + 2]):
-                yield _at(event, f"write a blank behind '{event.value}:'")
+        elif (
+            brackets
+            and isinstance(event, yaml.ScalarEvent)
+            and event.implicit[0]
+            and _SIGNS.search(event.value)
+        ):
+            what = f"'{event.value}' needs quotes within [] and {{}}: not every ROS takes its ':' or '?'"
+            yield _at(event, what)
 
 
 def _not_yaml(error: yaml.MarkedYAMLError, text: str) -> FileProblem:
