@@ -113,15 +113,15 @@ def png(width, height):
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", rows) + chunk(b"IEND", b"")
 
 
-def limited(*command, memory=2**31):
-    """Run a command that may take no more memory than this, bytes of address space."""
+def limited(*command, kind=resource.RLIMIT_AS, most=2**31):
+    """Run a command that may take no more of something than this, by default bytes of address space."""
     return subprocess.run(
         [str(part) for part in command],
         capture_output=True,
         text=True,
         check=False,
         timeout=120.0,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (memory, memory)),
+        preexec_fn=lambda: resource.setrlimit(kind, (most, most)),
         env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
     )
 
@@ -157,6 +157,12 @@ def test_a_file_with_too_many_elements_is_not_read_to_its_end(form, monkeypatch,
     out = capsys.readouterr().out
     assert "error[too-many-nodes]: the file has more than 100 elements" in out
     assert out.count("error") == 1
+
+
+def test_a_map_that_does_not_fit_on_the_disk_is_told_and_nothing_of_it_is_left():
+    done = limited(BIN / "sar-sim", "map", "-o", "map", kind=resource.RLIMIT_FSIZE, most=1000)
+    assert (done.returncode, done.stderr) == (2, "sar-sim: cannot write map.pgm: File too large\n")
+    assert list(Path().glob("*map*")) == []
 
 
 def damaged(rng, data):
