@@ -1,7 +1,8 @@
-"""What every test shares: a ROS domain of its own for each test process, and what coverage is measured of."""
+"""What every test shares: a ROS domain of its own for each test process, signals as a terminal has them, and what coverage is measured of."""
 
 import fcntl
 import os
+import signal
 import tempfile
 from pathlib import Path
 
@@ -40,6 +41,11 @@ settings.load_profile("untimed")
 
 # Folders whose tests are about other things than the rooms that coverage is measured of.
 _ELSEWHERE = ("docs", "e2e", "examples", "fuzz", "launch", "packaging", "sim")
+
+
+# Under nohup, or in the background of a script, they are ignored, and what the tests start would inherit that.
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.hookimpl(wrapper=True)
