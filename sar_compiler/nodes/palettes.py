@@ -5,7 +5,6 @@ which returns the records of the nodes of one of them. It is loaded as modules o
 file chooses it.
 """
 
-import contextlib
 import functools
 import re
 from collections.abc import Iterable, Mapping
@@ -17,6 +16,7 @@ from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.nodes.values import nearest
 
 ENTRY_POINTS = "sar_compiler.palettes"
+_OWN_PACKAGE = "sar_compiler.nodes."
 # A single letter before the colon is a drive of Windows.
 _NAME = re.compile(r"[A-Za-z][\w-]+:[\w.-]*")
 
@@ -55,12 +55,12 @@ def load_palettes(names: Iterable[str], checkout: Path | None = None) -> list[No
 
 
 def palettes_with(tag: str) -> list[str]:
-    """Return the names of the installed palettes that know a tag."""
+    """Return the names of this package's palettes that know a tag; for a hint nobody else's are imported."""
     return [name for name, tags in _tags().items() if tag in tags]
 
 
 def palette_names() -> list[str]:
-    """Return the names of the installed palettes, with their versions."""
+    """Return the names of this package's palettes, with their versions."""
     return [*_tags()]
 
 
@@ -68,7 +68,7 @@ def palette_names() -> list[str]:
 def _tags() -> Mapping[str, frozenset[str]]:
     found = {}
     for each in entry_points(ENTRY_POINTS):
-        with contextlib.suppress(Exception, SystemExit):  # who asks for one by its name is told
+        if each.module.startswith(_OWN_PACKAGE):
             module = import_installed(each.module)
             for version in module.VERSIONS:
                 found[f"{each.name}:{version}"] = frozenset(spec.tag for spec in module.specs(version))

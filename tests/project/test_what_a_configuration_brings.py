@@ -253,6 +253,17 @@ class TestEntryPoints:
         assert "are passed over" in checkout.command("validate", tree, PYTHONPATH="lib").stderr
         assert not checkout.has_run
 
+    def test_of_palettes_are_not_imported_for_a_hint(self, checkout):
+        """A misspelt tag in a folder of a checkout, of which the path has the folder above."""
+        checkout.write_leaves()
+        metadata = pretend_to_be_installed(checkout.folder)
+        (metadata / "entry_points.txt").write_text("[sar_compiler.palettes]\ngripper = gripper\n")
+        checkout.write("trees/tree.xml", document("<RecoveryNode/>"))
+        root, checkout.folder = checkout.folder, checkout.folder / "trees"
+        said = checkout.validate(PYTHONPATH=str(root))
+        assert "a palette knows it: --model nav2:jazzy" in said
+        assert not checkout.has_run
+
     def test_cannot_take_the_place_of_what_is_installed(self, checkout):
         checkout.write("tree.xml", document("<NavigateToBase/>"))
         metadata = pretend_to_be_installed(checkout.folder, "sar_compiler")
