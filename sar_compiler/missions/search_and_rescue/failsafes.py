@@ -1,6 +1,7 @@
 """The conditions of failsafes: SUCCESS while all is well, FAILURE with a reason where the mission is to be cut short."""
 
 import math
+from abc import abstractmethod
 from typing import TYPE_CHECKING, Any
 
 from py_trees.common import Status
@@ -79,13 +80,13 @@ class _OrderCondition(RosLeaf):
         """Look at the orders."""
         return self._alarm.status(self.reason if self._ordered() else "")
 
+    @abstractmethod
     def _ordered(self) -> bool:
         """Return whether it was ordered."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _order(self) -> None:
         """Note the order."""
-        raise NotImplementedError
 
     def _on_order(self, _: Any, response: Any) -> Any:
         self._order()
