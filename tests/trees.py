@@ -1,5 +1,7 @@
 """Short ways to write tree files in tests."""
 
+from pathlib import Path
+
 from sar_compiler.checks import check
 from sar_compiler.tree.diagnostic import Severity
 from sar_compiler.tree.forest import Forest
@@ -9,6 +11,15 @@ from sar_compiler.tree.xml import parse_xml
 def document(body: str, main: str = "Main") -> str:
     """Return a file with one tree; the tree's own lines begin in line 3."""
     return f'<root BTCPP_format="4">\n<BehaviorTree ID="{main}">\n{body}\n</BehaviorTree>\n</root>\n'
+
+
+def write(path: str | Path, *content: str, main: str = "") -> None:
+    """Write a file with some content, line by line, and the folders that it needs."""
+    named = f' main_tree_to_execute="{main}"' if main else ""
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    Path(path).write_text(
+        f'<root BTCPP_format="4"{named}>\n' + "\n".join(content) + "\n</root>\n", encoding="utf-8"
+    )
 
 
 def forest(body: str) -> Forest:

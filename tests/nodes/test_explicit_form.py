@@ -70,6 +70,6 @@ def test_a_mistake_in_the_explicit_form_is_found_where_it_stands(name):
 def test_a_leaf_that_only_asks_the_blackboard_is_a_condition(attributes):
     assert found(f"<Condition {attributes}/>") == []
     findings = check(forest(f"<Action {attributes}/>"), REGISTRY)
-    assert [(f.code, f.suggestion) for f in findings if f.code == "wrong-kind"] == [
-        ("wrong-kind", "Condition")
+    assert [(f.span.line, f.span.column, f.suggestion) for f in findings if f.code == "wrong-kind"] == [
+        (3, 1, "Condition")
     ]

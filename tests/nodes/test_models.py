@@ -60,6 +60,11 @@ def test_a_described_node_is_checked_by_its_description(body, code, suggestion):
     assert found(document(body), palette(FLY)) == [(code, "test.xml", 3, suggestion)]
 
 
+def test_a_described_node_that_is_written_as_another_kind_of_leaf_is_told_of():
+    body = '<Condition ID="Fly"/>'
+    assert slips(document(body), palette(FLY)) == [("wrong-kind", "test.xml", 3, "Action")]
+
+
 TYPES = {
     "int": ("3", "3.5"),
     "unsigned int": ("3", "x"),

@@ -12,6 +12,7 @@ from sar_compiler.tree import forest
 from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
 from sar_compiler.tree.forest import MAX_FILES, MAX_INCLUDE_DEPTH, load_forest
 from sar_compiler.tree.reading import read_tree_file
+from tests.trees import write
 
 A, B, C = (f'<BehaviorTree ID="{name}"><Success/></BehaviorTree>' for name in "ABC")
 
@@ -19,14 +20,6 @@ A, B, C = (f'<BehaviorTree ID="{name}"><Success/></BehaviorTree>' for name in "A
 @pytest.fixture(autouse=True)
 def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-
-
-def write(path, *content, main=""):
-    named = f' main_tree_to_execute="{main}"' if main else ""
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    Path(path).write_text(
-        f'<root BTCPP_format="4"{named}>\n' + "\n".join(content) + "\n</root>\n", encoding="utf-8"
-    )
 
 
 def include(path, **more):

@@ -92,6 +92,7 @@ def test_a_file_is_read_in_the_encoding_it_declares(encoding):
         (b"<root a=1/>", ("malformed-xml", 1, 9)),
         (b'<root a="1" a="2"/>', ("malformed-xml", 1, 13)),
         (b"<root/>\n<root/>", ("malformed-xml", 2, 1)),
+        (b"<!-- a -->\n<?xml version='1.0'?><root/>", ("malformed-xml", 2, 1)),
         (b'<!DOCTYPE root [<!ENTITY a "b">]>\n<root/>', ("doctype", 1, 1)),
         (b"<root>\xff</root>", ("wrong-encoding", 1, 7)),
         (b'<?xml version="1.0" encoding="klingon"?><root/>', ("wrong-encoding", 1, 1)),

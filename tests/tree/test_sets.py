@@ -8,6 +8,7 @@ from sar_compiler.checks import check
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.tree.forest import TreeSet, load_forest
 from sar_compiler.tree.reading import read_tree_file
+from tests.trees import write
 
 A, B, C = (f'<BehaviorTree ID="{name}"><AlwaysSuccess/></BehaviorTree>' for name in "ABC")
 OTHER_B = B.replace("Success", "Failure")
@@ -16,14 +17,6 @@ OTHER_B = B.replace("Success", "Failure")
 @pytest.fixture(autouse=True)
 def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-
-
-def write(path, *content, main=""):
-    named = f' main_tree_to_execute="{main}"' if main else ""
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    Path(path).write_text(
-        f'<root BTCPP_format="4"{named}>\n' + "\n".join(content) + "\n</root>\n", encoding="utf-8"
-    )
 
 
 def using(name, *used):
