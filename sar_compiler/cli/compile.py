@@ -52,15 +52,21 @@ def _run(argv: Sequence[str]) -> int:
 
 
 def _parser(argv: Sequence[str] = ()) -> Parser:
-    """Return the parser; of arguments that begin with a command, with this one alone, since each takes time."""
+    """Return the parser; of arguments that begin with a command, with this one alone, since each takes time.
+
+    Other arguments (`--help`, a slip) need no more than the names of the commands.
+    """
     parser = Parser(PROG, "Check, show and describe behaviour trees, before a robot moves.")
     add_version(parser)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", prog=PROG)
     shared = Parser(add_help=False)
     add_nodes(shared)
-    for name in [name for name in argv[:1] if name in _COMMANDS] or _COMMANDS:
+    named = [name for name in argv[:1] if name in _COMMANDS]
+    for name in named or _COMMANDS:
         text = _COMMANDS[name]
         command = commands.add_parser(name, help=text, description=text, parents=[shared])
+        if argv and not named:
+            continue
         if name in _ADDED_HERE:
             _ADDED_HERE[name](command)
         else:
