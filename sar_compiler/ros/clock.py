@@ -1,16 +1,110 @@
-"""The clock of a node as the clock of its trees."""
+"""The clock of a node as the clock of its trees, watched: it may stand still, and it may jump."""
 
-from rclpy.node import Node
+import math
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
 
 _NANOSECONDS = 1_000_000_000
 
+PATIENCE_SEC = 10.0
+"""How long a clock may stand still before the machine's time counts in its place, steady seconds."""
 
-class RosClock:
-    """The time of a node's clock in seconds, which is the simulator's under `use_sim_time`."""
+# No simulation is so much faster than the machine's time; what is, has jumped.
+_FASTEST = 200.0
+_JUMP_SEC = 10.0
+_INSTANT_SEC = 1e-9
 
-    def __init__(self, node: Node) -> None:
+
+class NodeTime:
+    """Seconds of a node's clock that never go back, never leap, and never stand still for good.
+
+    Simulated time (`use_sim_time`) is counted as it comes, however slow or fast. A jump counts as the machine's time
+    that has passed meanwhile. Of a clock that has stood still for longer than a patience, the machine's time counts in
+    its place, from its last advance on, until it goes on: so every wait ends. Without simulated time the machine's
+    steady clock counts, which nobody sets.
+
+    Args:
+        node: The node.
+        patience_sec: How long simulated time may stand still, steady seconds.
+        fastest: Simulated seconds that are counted for a steady second at most; what exceeds it is cut off.
+        say: Called with a line when the clock stops, goes on, or jumps.
+    """
+
+    def __init__(
+        self,
+        node: "Node",
+        patience_sec: float = PATIENCE_SEC,
+        fastest: float = math.inf,
+        say: Callable[[str], Any] = lambda _: None,
+    ) -> None:
         self._clock = node.get_clock()
+        self._patience_sec, self._fastest, self._say = patience_sec, fastest, say
+        self._ros = self._read()
+        self._advanced_at = self._counted_to = time.monotonic()
+        self._now = self._ros
+        self._stands_still = False
+
+    @property
+    def stands_still(self) -> bool:
+        """Whether the machine's time counts at present, because simulated time stands still."""
+        return self._stands_still
 
     def now(self) -> float:
-        """Return the time in seconds; 0 under `use_sim_time` until the first `/clock`."""
+        """Return the time in seconds; only differences mean anything."""
+        steady, ros = time.monotonic(), self._read()
+        if not self._clock.ros_time_is_active:
+            self._count(steady, ros, steady - self._counted_to)
+        elif ros != self._ros:
+            self._advance(steady, ros)
+        elif steady - self._advanced_at > self._patience_sec:
+            self._stand_still(steady)
+        return self._now
+
+    def _read(self) -> float:
         return int(self._clock.now().nanoseconds) / _NANOSECONDS
+
+    def _count(self, steady: float, ros: float, seconds: float) -> None:
+        self._now += seconds
+        self._advanced_at = self._counted_to = steady
+        self._ros = ros
+
+    def _advance(self, steady: float, ros: float) -> None:
+        step, passed = ros - self._ros, steady - self._counted_to
+        # The first time that comes is no jump.
+        jumped = self._ros > 0.0 and not 0.0 <= step <= _JUMP_SEC + _FASTEST * (steady - self._advanced_at)
+        if jumped:
+            self._say(
+                f"The clock has jumped {'forward' if step > 0.0 else 'back'} by {abs(step):.1f} s; "
+                f"{passed:.1f} s are counted, as the machine's clock has it."
+            )
+            step = passed
+        elif self._ros <= 0.0:
+            step = passed
+        if self._stands_still:
+            self._stands_still = False
+            self._say("The clock goes on.")
+        self._count(steady, ros, min(step, self._fastest * max(passed, _INSTANT_SEC)))
+
+    def _stand_still(self, steady: float) -> None:
+        if not self._stands_still:
+            self._stands_still = True
+            self._say(
+                f"The clock has stood still for {self._patience_sec:g} s (is the simulator running?): until it goes "
+                "on, the machine's time counts."
+            )
+        self._now += steady - self._counted_to
+        self._counted_to = steady
+
+
+class RosClock(NodeTime):
+    """The time of a mission: that of its node's clock, which is the simulator's under `use_sim_time`.
+
+    What becomes of the clock is said in the node's log.
+    """
+
+    def __init__(self, node: "Node") -> None:
+        super().__init__(node, say=lambda text: node.get_logger().warning(text))

@@ -337,9 +337,12 @@ class TestClocks:
 
         node = self.sim_node(ros)
         clock = RosClock(node)
-        assert clock.now() == 0.0
-        self.clock(ros)(12.25)
-        ros.spin_until(lambda: clock.now() == 12.25, "the time that was published")
+        publish = self.clock(ros)
+        publish(12.25)
+        ros.spin_until(lambda: node.get_clock().now().nanoseconds == 12_250_000_000, "the first time")
+        first = clock.now()
+        publish(13.75)
+        ros.spin_until(lambda: clock.now() == first + 1.5, "the time that was published")
 
 
 class TestStopping:

@@ -1,0 +1,105 @@
+"""The watched clock of a node, without ROS."""
+
+import time
+from types import SimpleNamespace
+
+import pytest
+
+from sar_compiler.ros.clock import NodeTime
+
+
+class Bench:
+    """A node whose clock, and a machine whose clock, stand still until they are moved."""
+
+    def __init__(self, monkeypatch, ros_sec=100.0, simulated=True):
+        self.steady_sec, self.ros_sec = 7.0, ros_sec
+        self.clock = SimpleNamespace(now=self._now, ros_time_is_active=simulated)
+        self.said = []
+        monkeypatch.setattr(time, "monotonic", lambda: self.steady_sec)
+
+    def _now(self):
+        return SimpleNamespace(nanoseconds=round(self.ros_sec * 1e9))
+
+    def node_time(self, **options):
+        return NodeTime(SimpleNamespace(get_clock=lambda: self.clock), say=self.said.append, **options)
+
+    def passes(self, counted, steady_sec, ros_sec, steps=100):
+        """Return what the time counts while both clocks go on in small steps."""
+        before = counted.now()
+        for _ in range(steps):
+            self.steady_sec += steady_sec / steps
+            self.ros_sec += ros_sec / steps
+            counted.now()
+        return counted.now() - before
+
+
+@pytest.fixture
+def bench(monkeypatch):
+    return Bench(monkeypatch)
+
+
+@pytest.mark.parametrize("speed", [0.01, 1.0, 20.0, 150.0])
+def test_simulated_time_is_counted_as_it_comes_however_slow_or_fast(bench, speed):
+    counted = bench.node_time()
+    assert bench.passes(counted, 60.0, 60.0 * speed) == pytest.approx(60.0 * speed)
+    assert bench.said == []
+
+
+def test_a_clock_that_stands_still_for_less_than_the_patience_counts_nothing(bench):
+    counted = bench.node_time()
+    assert bench.passes(counted, 9.9, 0.0) == 0.0
+    assert not counted.stands_still
+
+
+def test_after_that_the_machines_time_counts_from_the_last_advance_on(bench):
+    counted = bench.node_time()
+    assert bench.passes(counted, 15.0, 0.0) == pytest.approx(15.0)
+    assert counted.stands_still
+    assert [line[:37] for line in bench.said] == ["The clock has stood still for 10 s (i"]
+
+
+def test_a_clock_that_goes_on_is_counted_again_and_nothing_twice(bench):
+    counted = bench.node_time()
+    bench.passes(counted, 15.0, 0.0)
+    assert bench.passes(counted, 5.0, 5.0) == pytest.approx(5.0)
+    assert bench.said[1:] == ["The clock goes on."]
+    assert not counted.stands_still
+
+
+@pytest.mark.parametrize(("jump", "which"), [(5000.0, "forward by 5000.5 s"), (-90.0, "back by 89.5 s")])
+def test_a_jump_counts_as_the_machines_time_and_is_said(bench, jump, which):
+    counted = bench.node_time()
+    assert bench.passes(counted, 0.5, 0.5 + jump, steps=1) == pytest.approx(0.5)
+    assert bench.said == [f"The clock has jumped {which}; 0.5 s are counted, as the machine's clock has it."]
+
+
+def test_the_first_time_that_comes_is_no_jump(monkeypatch):
+    bench = Bench(monkeypatch, ros_sec=0.0)
+    counted = bench.node_time()
+    assert bench.passes(counted, 2.0, 1.7e9, steps=1) == pytest.approx(2.0)
+    assert bench.said == []
+
+
+def test_without_simulated_time_the_steady_clock_counts_whoever_sets_the_systems(monkeypatch):
+    bench = Bench(monkeypatch, simulated=False)
+    counted = bench.node_time()
+    assert bench.passes(counted, 3.0, 3600.0) == pytest.approx(3.0)
+    assert bench.said == []
+
+
+def test_a_limit_to_its_speed_cuts_off_what_exceeds_it(bench):
+    counted = bench.node_time(fastest=10.0)
+    assert bench.passes(counted, 2.0, 100.0) == pytest.approx(20.0)
+    assert bench.passes(counted, 2.0, 8.0) == pytest.approx(8.0)
+
+
+def test_a_clock_that_comes_in_steps_loses_nothing_between_them(bench):
+    counted = bench.node_time(fastest=10.0)
+    before = counted.now()
+    for _ in range(100):
+        bench.steady_sec += 0.0099
+        counted.now()
+        bench.steady_sec += 0.0001
+        bench.ros_sec += 0.05
+        counted.now()
+    assert counted.now() - before == pytest.approx(5.0)
