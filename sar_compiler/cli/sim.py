@@ -80,6 +80,12 @@ def _parser() -> argparse.ArgumentParser:
         help="misbehave: navigate_to_pose:abort=ZONE, :reject=COUNT, :die@ZONE[,back=SECONDS]; may be repeated. "
         "Each robot of several does so, and counts for itself",
     )
+    live.add_argument(
+        "--keep",
+        type=Path,
+        metavar="FILE",
+        help="keep the robots' places in FILE, and start where they stood when it was written last, also after a kill",
+    )
     text = "Drive through a world with a lidar and write the map that comes of it."
     survey = commands.add_parser("map", help=text, description=text)
     survey.add_argument(
@@ -142,11 +148,15 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     from sar_compiler.ros.errors import readable_ros_errors
     from sar_compiler.sim.fleet import check_placements
     from sar_compiler.sim.isolation import LOOKING_AROUND, refuse_company, stay_on_this_machine
+    from sar_compiler.sim.kept_places import KeptPlaces
     from sar_compiler.sim.simulation import Simulation
     from sar_compiler.sim.world_file import find_world
 
     world = find_world(options.world)
     robots = options.robot or [Placement("")]
+    kept = KeptPlaces(options.keep, world.name) if options.keep is not None else None
+    if kept is not None:
+        robots = kept.placed(robots)
     check_placements(world, robots)
     arguments = init_arguments(ros_arguments)
     stay_on_this_machine()
@@ -158,7 +168,10 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
         if signals.came:
             return OK
         faults = FaultPlan(options.fault)
-        with Simulation(world, robots, speed=options.speed, faults=faults, seed=options.seed) as simulation:
+        simulation = Simulation(world, robots, speed=options.speed, faults=faults, seed=options.seed)
+        if kept is not None:
+            simulation.keep_places(kept)
+        with simulation:
             print(
                 f"sar-sim: '{world.name}' runs{_with(robots)}, "
                 f"at most {options.speed:g} times as fast as real time",

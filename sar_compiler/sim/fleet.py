@@ -59,7 +59,7 @@ def make_robots(world: World, placements: Sequence[Placement], *, seed: int = 0)
     """
     check_placements(world, placements)
     robots = [
-        Robot(world, start=placement.start, seed=seed_of(seed, number))
+        Robot(world, start=placement.start, odometry=placement.odometry, seed=seed_of(seed, number))
         for number, placement in enumerate(placements)
     ]
     for robot in robots:

@@ -5,7 +5,7 @@ import re
 from dataclasses import dataclass
 
 from sar_compiler.errors import SarError
-from sar_compiler.sim.geometry import Pose2D
+from sar_compiler.sim.geometry import ORIGIN, Pose2D
 
 _FORM = "NAME, NAME:X,Y or NAME:X,Y,YAW (metres and radians, frame map)"
 # The valid parts of a ROS namespace; rmw allows some 240 characters for all of it.
@@ -33,10 +33,12 @@ class Placement:
         name: Its name; the robot's nodes are in the namespace `/name`. Without a name ("") they are in the
             namespace of the simulation, with the global `/tf`.
         start: Its pose at time zero, frame `map`; the world's start if None.
+        odometry: Its pose at time zero by its odometry.
     """
 
     name: str
     start: Pose2D | None = None
+    odometry: Pose2D = ORIGIN
 
     @property
     def action(self) -> str:

@@ -69,6 +69,7 @@ class Robot:
     Args:
         world: Its world.
         start: Its pose at time zero, frame `map`; the world's start if None.
+        odometry: Its pose at time zero by its odometry.
         seed: Seed of the odometry's noise.
         limits: The limits of its drive.
         command_timeout: Age of a command after which the robot stops, seconds of simulated time.
@@ -79,12 +80,13 @@ class Robot:
         world: World,
         *,
         start: Pose2D | None = None,
+        odometry: Pose2D = ORIGIN,
         seed: int = 0,
         limits: Limits | None = None,
         command_timeout: float = 0.5,
     ) -> None:
         self.limits = limits or Limits()
-        self.state = RobotState(start or world.start)
+        self.state = RobotState(start or world.start, odometry=odometry)
         self._world = world
         self._others: tuple[Robot, ...] = ()
         self._random = np.random.default_rng([seed, 1])

@@ -64,6 +64,11 @@ class SimulatedRobot:
         """The true pose, frame `map`."""
         return self._robot.state.pose
 
+    @property
+    def place(self) -> tuple[Pose2D, Pose2D]:
+        """The true pose, frame `map`, and that by the odometry."""
+        return self._robot.state.pose, self._robot.state.odometry
+
     def move(self, duration: float) -> None:
         """Move for *duration* seconds."""
         self._robot.step(duration)

@@ -18,6 +18,7 @@ from sar_compiler.ros.faults import NAVIGATION, FaultPlan
 from sar_compiler.sim.fleet import make_robots, seed_of
 from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.isolation import refuse_rivals
+from sar_compiler.sim.kept_places import KeptPlaces
 from sar_compiler.sim.messages import to_stamp
 from sar_compiler.sim.node_host import NodeHost, PacedExecutor
 from sar_compiler.sim.occupancy import read_map
@@ -38,6 +39,8 @@ _FAREWELL_SEC = 0.05
 # How long the thread may take for a step when it is asked to stop, seconds of wall time: on a busy machine much more
 # than usual, and whoever has sent a goal waits for its end.
 _JOIN_SEC = 30.0
+# The robots' places are written in one of so many steps.
+_KEEP_EVERY = 4
 # How often to look whether this is still the only simulation, seconds of wall time.
 _LOOK_EVERY_SEC = 1.0
 
@@ -92,6 +95,7 @@ class Simulation:
             raise SimulationError(message)
         self.failure: BaseException | None = None
         self._period = STEP_SEC / speed
+        self._kept: KeptPlaces | None = None
         bodies = make_robots(world, robots, seed=seed)
         navigation = _navigation(world, faults or FaultPlan())
         self._stopping = threading.Event()
@@ -119,6 +123,10 @@ class Simulation:
     def robot_pose(self, name: str = "") -> Pose2D:
         """Return the true pose of the robot called *name*, frame `map`."""
         return self._robots[name].pose
+
+    def keep_places(self, kept: KeptPlaces) -> None:
+        """Keep the robots' places from the start on; what cannot be written ends the simulation."""
+        self._kept = kept
 
     def start(self) -> None:
         """Start simulated time; may be called only once."""
@@ -180,6 +188,8 @@ class Simulation:
         self._clock.publish(Clock(clock=to_stamp(now_ns)))
         for robot in robots:
             robot.navigate(self._step_count, now_ns)
+        if self._kept is not None and self._step_count % _KEEP_EVERY == 0:
+            self._kept.write({name: robot.place for name, robot in self._robots.items()})
 
     def _farewell(self) -> None:
         """Notify the clients of current goals that these have ended."""
