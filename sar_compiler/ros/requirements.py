@@ -56,14 +56,19 @@ class OneServer(Requirement):
         kind: `action` or `service`.
         name: Its relative name.
         type_name: Its type, `package/srv/Name`; None for any.
+
+    Attributes:
+        is_action: Whether it is an action.
+        title: Its kind and name.
     """
 
     def __init__(self, node: Node, kind: str, name: str, type_name: str | None = None) -> None:
         self._node = node
         self._type = type_name
+        self.is_action = kind == "action"
         self._service = node.resolve_service_name(f"{name}/_action/send_goal" if kind == "action" else name)
         self._resolved = self._service.removesuffix("/_action/send_goal")
-        self._title = f"{kind} {_with_full_name(name, self._resolved)}"
+        self.title = f"{kind} {with_full_name(name, self._resolved)}"
 
     @property
     def contested(self) -> bool:
@@ -75,11 +80,11 @@ class OneServer(Requirement):
         servers = int(self._node.count_services(self._service))
         if servers == 1:
             types = _types_served(self._node, self._service) if self._type else ()
-            return _wrong_type(self._title, "served", types, self._type)
+            return _wrong_type(self.title, "served", types, self._type)
         if not servers:
-            return f"{self._title}: no server"
+            return f"{self.title}: no server"
         number, which = ("two", "one") if servers == 2 else (servers, "all but one")  # noqa: PLR2004
-        return f"{self._title}: {number} servers answer to {self._resolved}: stop {which}"
+        return f"{self.title}: {number} servers answer to {self._resolved}: stop {which}"
 
 
 class Published(Requirement):
@@ -95,14 +100,14 @@ class Published(Requirement):
         self._node = node
         self._type = type_name
         self._topic = node.resolve_topic_name(name)
-        self._title = f"topic {_with_full_name(name, self._topic)}"
+        self.title = f"topic {with_full_name(name, self._topic)}"
 
     def missing(self) -> str | None:
         """Describe a missing publisher, or that there are only those of another type; None if there is one."""
         publishers = self._node.get_publishers_info_by_topic(self._topic)
         if not publishers:
-            return f"{self._title}: no publisher"
-        return _wrong_type(self._title, "published", [each.topic_type for each in publishers], self._type)
+            return f"{self.title}: no publisher"
+        return _wrong_type(self.title, "published", [each.topic_type for each in publishers], self._type)
 
 
 class ClockRuns(Requirement):
@@ -134,7 +139,7 @@ class Localised(Requirement):
         self._sent_at = -math.inf
         self._answered = False
         self._answers, self._poses = (
-            _with_full_name(topic, node.resolve_topic_name(topic)) for topic in ("amcl_pose", "initialpose")
+            with_full_name(topic, node.resolve_topic_name(topic)) for topic in ("amcl_pose", "initialpose")
         )
         self._publisher = node.create_publisher(PoseWithCovarianceStamped, "initialpose", QoSProfile(depth=1))
         # QoSProfile is reliable and volatile unless it is told otherwise.
@@ -200,9 +205,24 @@ class _Asked:
         self._call: Future | None = None
         self._asked_at = -math.inf
 
+    @property
+    def is_there(self) -> bool:
+        """Whether there is a server."""
+        return bool(self._client.service_is_ready())
+
+    @property
+    def is_awaited(self) -> bool:
+        """Whether a question was asked and may still be answered in time."""
+        return self.answer is None and self._call is not None
+
+    def forget(self) -> None:
+        """Forget the last answer."""
+        self._drop()
+        self.answer, self._asked_at = None, -math.inf
+
     def ask(self) -> bool:
         """Take the answer, and ask again if it is due; return whether there is a server."""
-        if not self._client.service_is_ready():
+        if not self.is_there:
             self._drop()
             self.answer = None
             return False
@@ -241,13 +261,31 @@ class NodeActive(Requirement):
     Args:
         node: The node to ask with.
         name: The relative name of the lifecycle node.
+
+    Attributes:
+        name: Its relative name.
+        title: Its kind and name.
     """
 
     def __init__(self, node: Node, name: str) -> None:
         self._asked = _Asked(node, GetState, f"{name}/get_state")
         self._service = node.resolve_service_name(f"{name}/get_state")
-        self._name = name
-        self._title = f"node {_with_full_name(name, self._service.removesuffix('/get_state'))}"
+        self.name = name
+        self.title = f"node {with_full_name(name, self._service.removesuffix('/get_state'))}"
+
+    @property
+    def is_there(self) -> bool:
+        """Whether the node can be asked."""
+        return self._asked.is_there
+
+    @property
+    def is_awaited(self) -> bool:
+        """Whether the node was asked and may still answer in time."""
+        return self._asked.is_awaited
+
+    def forget(self) -> None:
+        """Forget the last answer."""
+        self._asked.forget()
 
     @property
     def state(self) -> str | None:
@@ -257,11 +295,11 @@ class NodeActive(Requirement):
     def missing(self) -> str | None:
         """Ask if it is due, and describe the last answer; None if that was `active`."""
         if not self._asked.ask():
-            return f"node {self._name}: not there (no service {self._service})"
+            return f"node {self.name}: not there (no service {self._service})"
         if self.state is None:
             late = " in time" if self._asked.lost else ""
-            return f"node {self._name}: {self._service} has not answered{late}"
-        return None if self.state == "active" else f"{self._title}: state '{self.state}', must be 'active'"
+            return f"node {self.name}: {self._service} has not answered{late}"
+        return None if self.state == "active" else f"{self.title}: state '{self.state}', must be 'active'"
 
     def close(self) -> None:
         """Destroy the client."""
@@ -346,7 +384,7 @@ def _wrong_type(title: str, how: str, types: Iterable[str], wanted: str | None) 
     return f"{title}: {how} as {', '.join(there)}, must be {wanted}"
 
 
-def _with_full_name(name: str, resolved: str) -> str:
+def with_full_name(name: str, resolved: str) -> str:
     """Return a name, followed by its resolved form in brackets if that is not obvious."""
     return name if resolved == f"/{name.lstrip('/')}" else f"{name} ({resolved})"
 

@@ -9,6 +9,7 @@ import pytest
 from py_trees.common import Status
 
 from sar_compiler.missions.search_and_rescue import NavigateToBase, NavigateToZone
+from sar_compiler.runtime.clock import ManualClock
 
 if TYPE_CHECKING:
     from tests.missions.mission_stage import NavServer, Stage
@@ -219,6 +220,33 @@ class TestFailure:
         assert "\n" not in told
         assert len(told) < 500
 
+    def test_a_goal_in_an_obstacle_is_sent_again_after_a_minute(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        server.script, server.error_code = ["abort"], 206
+        leaf = drive(stage)
+        clock = leaf._clock = ManualClock()
+        stage.run(leaf)
+        clock.advance(59.0)
+        assert stage.run(leaf) is Status.FAILURE
+        assert server.requests == 1
+        clock.advance(2.0)
+        stage.run(leaf)
+        assert server.requests == 2
+
+    def test_a_goal_outside_the_map_is_never_sent_again_but_other_zones_are(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        server.script, server.error_code = ["abort"], 204
+        leaf = drive(stage)
+        clock = leaf._clock = ManualClock()
+        stage.run(leaf)
+        clock.advance(1e6)
+        assert stage.run(leaf) is Status.FAILURE
+        assert "the goal is outside the map; it is not sent again" in stage.warnings[0]
+        assert server.requests == 1
+        stage.zones.advance()
+        server.script = ["succeed"]
+        assert stage.run(leaf) is Status.SUCCESS
+
     def test_a_goal_that_somebody_else_canceled(self, stage: "Stage") -> None:
         from action_msgs.srv import CancelGoal
 
@@ -288,11 +316,11 @@ class TestFailure:
     def test_a_server_that_is_gone_is_given_up(self, stage: "Stage") -> None:
         host = stage.host()
         server = stage.nav_server_on(host)
-        leaf = drive(stage, feedback_timeout_sec=0.2)
+        leaf = drive(stage)
         under_way(stage, leaf, server)
         host.close()
         assert stage.run(leaf) is Status.FAILURE
-        assert "gone for 0.2 s" in stage.warnings[0]
+        assert "gone for 0.5 s; the robot may still be moving" in stage.warnings[0]
         assert leaf.settled(), "nobody is there to answer the cancel"
 
     def test_a_server_that_was_replaced_before_its_first_feedback_is_found_out(self, stage: "Stage") -> None:
@@ -308,6 +336,7 @@ class TestFailure:
     def test_a_server_that_was_restarted_does_not_know_the_goal(self, stage: "Stage") -> None:
         host = stage.host()
         leaf = drive(stage)
+        leaf.absence_timeout_sec = 60.0
         under_way(stage, leaf, stage.nav_server_on(host))
         host.close()
         stage.tick_until(leaf, lambda: not leaf._port.server_is_ready, "the server's absence")  # type: ignore[union-attr]
@@ -404,8 +433,11 @@ class TestHalting:
         leaf = drive(stage)
         under_way(stage, leaf, server)
         leaf.stop(Status.INVALID)
-        stage.until(leaf.settled, "the answer to the cancel")
+        stage.until(lambda: stage.warnings, "the answer to the cancel")
         assert "did not cancel the goal" in stage.warnings[0]
+        assert not leaf.settled()
+        server.order("succeed")
+        stage.until(leaf.settled, "the end of the goal")
 
     def test_a_goal_that_ended_meanwhile_needs_no_cancel(self, stage: "Stage") -> None:
         server = stage.nav_server()
@@ -531,8 +563,8 @@ class TestShuttingDown:
         under_way(stage, leaf, server)
         leaf.shutdown()
         leaf.shutdown()
-        assert leaf.settled()
         stage.until(lambda: server.goals[0].final == "canceled", "the end of the goal")
+        stage.until(leaf.settled, "the end's being known")
 
     def test_a_goal_that_is_accepted_after_the_shutdown_is_still_canceled(self, stage: "Stage") -> None:
         server = stage.nav_server()

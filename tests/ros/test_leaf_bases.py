@@ -8,8 +8,10 @@ import pytest
 from py_trees.common import ClearingPolicy, Status
 
 from sar_compiler import ActionLeaf, Input, Kind, Output, ServiceLeaf, TopicLeaf, Use, register
+from sar_compiler.ros.leaves.deadline import Deadline
 from sar_compiler.ros.leaves.errors import LeafDefinitionError
 from sar_compiler.runtime.blackboard import Board, Scope
+from sar_compiler.runtime.clock import ManualClock
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -150,7 +152,7 @@ class TestActionLeaf:
     ) -> None:
         server = stage.nav_server()
         server.script = ["feedback"]
-        leaf = driver(stage, server_timeout_sec=0.05)
+        leaf = driver(stage, server_timeout_sec=0.5)
         port = leaf._port
         assert port is not None
         stage.until(lambda: port.server_is_ready, "the server")
@@ -160,17 +162,19 @@ class TestActionLeaf:
         server.order("succeed")
         assert stage.run(leaf) is Status.SUCCESS
 
-    def test_a_server_that_is_gone_is_waited_for_as_long_as_at_the_beginning(self, stage: "Stage") -> None:
+    def test_a_server_that_is_gone_is_waited_for_as_long_as_the_leaf_says(self, stage: "Stage") -> None:
         host = stage.host()
         server = stage.nav_server_on(host)
-        leaf = driver(stage, server_timeout_sec=0.2)
+        leaf = driver(stage, absence_timeout_sec=0.2)
         port = leaf._port
         assert port is not None
         stage.until(lambda: port.server_is_ready, "the server")
         under_way(stage, leaf, server)
         host.close()
         assert stage.run(leaf) is Status.FAILURE
-        assert stage.warnings[-1] == "'Drive' failed: the server has been gone for 0.2 s"
+        assert stage.warnings[-1] == (
+            "'Drive' failed: the server has been gone for 0.2 s; the robot may still be moving"
+        )
 
     def test_the_type_can_be_the_python_class_itself(self, stage: "Stage") -> None:
         from nav2_msgs.action import NavigateToPose
@@ -208,7 +212,7 @@ class TestRejection:
     def test_it_is_said_once_until_a_goal_is_accepted(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.accept = False
-        leaf = driver(stage)
+        leaf = driver(stage, pause_sec=0.0)
         for _ in range(4):
             assert stage.run(leaf) is Status.FAILURE
             assert "rejected" in leaf.feedback_message
@@ -222,6 +226,154 @@ class TestRejection:
         stage.run(leaf)
         assert len(stage.warnings) == 4
         assert server.requests == 7
+
+    def test_after_the_second_failure_it_pauses_ever_longer_before_the_next_attempt(
+        self, stage: "Stage"
+    ) -> None:
+        server = stage.nav_server()
+        server.accept = False
+        leaf = driver(stage)
+        clock = leaf._clock = ManualClock()
+        for _ in range(2):
+            assert stage.run(leaf) is Status.FAILURE
+        for number, pause in enumerate((1.0, 2.0, 4.0, 8.0, 8.0), start=3):
+            leaf.tick_once()
+            clock.advance(pause - 0.01)
+            leaf.tick_once()
+            assert leaf.status is Status.RUNNING
+            assert leaf.feedback_message == f"next attempt in 0.0 s, after {number - 1} failures"
+            assert server.requests == number - 1
+            clock.advance(0.02)
+            assert stage.run(leaf) is Status.FAILURE
+            assert server.requests == number
+
+
+class TestHolding:
+    def test_a_lifecycle_node_that_is_not_active_is_waited_for_and_the_goal_sent_again(
+        self, stage: "Stage"
+    ) -> None:
+        server = stage.nav_server()
+        state = lifecycle(stage, "bt_navigator")
+        leaf = knowing(stage, "bt_navigator")
+        server.accept, state.label = False, "inactive"
+        stage.tick_until(leaf, lambda: "waits to send its goal again" in leaf.feedback_message, "the wait")
+        (warning,) = stage.warnings
+        node = f"node bt_navigator ({stage.namespace}/bt_navigator)"
+        assert warning == f"'Drive' waits to send its goal again: {node}: state 'inactive', must be 'active'."
+        assert server.requests == 1
+        server.accept, server.script, state.label = True, ["succeed"], "active"
+        assert stage.run(leaf) is Status.SUCCESS
+        assert server.requests == 2
+
+    def test_a_goal_that_an_active_server_rejects_has_failed(self, stage: "Stage") -> None:
+        stage.nav_server().accept = False
+        lifecycle(stage, "bt_navigator")
+        assert stage.run(knowing(stage, "bt_navigator")) is Status.FAILURE
+        assert "rejected" in stage.warnings[0]
+
+    def test_the_wait_has_a_limit(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        state = lifecycle(stage, "amcl")
+        leaf = knowing(stage, "amcl")
+        server.accept, state.label = False, "unconfigured"
+        stage.tick_until(leaf, lambda: "waits" in leaf.feedback_message, "the wait")
+        assert leaf._hold is not None
+        leaf._hold = Deadline(0.0)
+        assert stage.run(leaf) is Status.FAILURE
+        assert stage.warnings[-1].endswith("state 'unconfigured', must be 'active', for 60 s")
+
+    def test_an_abort_that_has_a_reason_asks_nobody(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        server.script, server.error_code = ["abort"], 208
+        state = lifecycle(stage, "bt_navigator")
+        leaf = knowing(stage, "bt_navigator")
+        state.label = "inactive"
+        assert stage.run(leaf) is Status.FAILURE
+
+    def test_an_abort_without_a_reason_is_held_until_the_localisation_is_active_again(
+        self, stage: "Stage"
+    ) -> None:
+        server = stage.nav_server()
+        server.script = ["abort"]
+        state = lifecycle(stage, "amcl")
+        leaf = knowing(stage, "amcl")
+        state.label = "finalized"
+        stage.tick_until(leaf, lambda: "waits" in leaf.feedback_message, "the wait")
+        server.script, state.label = ["succeed"], "active"
+        assert stage.run(leaf) is Status.SUCCESS
+
+    def test_another_clients_goal_is_waited_for(self, stage: "Stage") -> None:
+        server = stage.nav_server()
+        leaf = driver(stage)
+        under_way(stage, leaf, server)
+        from rclpy.action import ActionClient
+
+        other = ActionClient(stage.node, leaf.interface, "navigate_to_pose")
+        try:
+            other.send_goal_async(leaf.interface.Goal())
+            stage.until(lambda: len(server.goals) == 2, "the other goal")
+            first, second = server.goals
+            first.orders.put("abort")
+            stage.tick_until(leaf, lambda: "another client's goal" in leaf.feedback_message, "the wait")
+            assert server.requests == 2
+            server.script = ["succeed"]
+            second.orders.put("succeed")
+            assert stage.run(leaf) is Status.SUCCESS
+            assert server.requests == 3
+        finally:
+            other.destroy()
+
+
+class TestTheSecondWitness:
+    def test_a_result_that_does_not_come_is_replaced_by_what_the_status_topic_says(
+        self, stage: "Stage", monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        server = stage.nav_server()
+        leaf = driver(stage)
+        clock = leaf._clock = ManualClock()
+        under_way(stage, leaf, server)
+        goal = leaf._exchange
+        assert goal is not None
+        monkeypatch.setattr(goal, "_on_result", lambda _: None)
+        stage.until(lambda: not goal.has_ended, "the goal")
+        goal._on_end(4)
+        leaf.tick_once()
+        clock.advance(1.9)
+        leaf.tick_once()
+        assert stage.warnings == []
+        clock.advance(0.2)
+        assert stage.run(leaf) is Status.SUCCESS
+        assert "is lost; the status topic has its end: 4" in stage.warnings[0]
+
+
+class Lifecycle:
+    """A lifecycle node's state."""
+
+    label = "active"
+
+
+def lifecycle(stage: "Stage", name: str) -> Lifecycle:
+    from lifecycle_msgs.srv import GetState
+
+    from tests.missions.mission_stage import ScriptedService
+
+    state = Lifecycle()
+
+    def answer(_: Any, response: Any) -> None:
+        response.current_state.label = state.label
+
+    ScriptedService(stage.host(), GetState, f"{name}/get_state", answer)
+    return state
+
+
+def knowing(stage: "Stage", name: str) -> DriveTo:
+    """Return a leaf that has seen a lifecycle node of Nav2."""
+    leaf = driver(stage, DriveWithNav2)
+    nodes = leaf._lifecycle
+    assert nodes is not None
+    (node,) = [each for each in nodes._nodes if each.name == name]
+    stage.until(lambda: node.is_there, name)
+    return leaf
 
 
 class Configure(ServiceLeaf):

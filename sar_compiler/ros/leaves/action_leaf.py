@@ -7,9 +7,16 @@ from py_trees.common import Status
 
 from sar_compiler.nodes.spec import MARK, Use
 from sar_compiler.ros.leaves.client_leaf import ClientLeaf
-from sar_compiler.ros.leaves.goal import SUCCEEDED, ActionGoal, ActionPort, GoalDeadlines, describe_status
+from sar_compiler.ros.leaves.deadline import Deadline
+from sar_compiler.ros.leaves.goal import ActionGoal, ActionPort, GoalDeadlines, describe_status
+from sar_compiler.ros.leaves.goal_statuses import SUCCEEDED
+from sar_compiler.ros.leaves.lifecycle import NAV2_NODES, LifecycleNodes, lifecycle_nodes_of
 
 _NAV2 = "nav2_msgs."
+# Nav2's codes for an end without a reason, and for a pose that cannot be transformed: the localisation may be gone.
+_UNEXPLAINED = (0, 102, 202, 9002)
+# The longest pause between two attempts, in multiples of the first.
+_LONGEST_PAUSE = 8.0
 
 
 class ActionLeaf(ClientLeaf[ActionGoal]):
@@ -18,17 +25,24 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
     When the leaf is interrupted the goal is cancelled, even if the server has not accepted it yet. The answers to an
     old goal never affect a new one.
 
+    What is not the goal's fault is waited for, RUNNING, before the goal is sent again: lifecycle nodes that are not active
+    (those of Nav2, for a leaf that uses `Use.nav2()`), and another client's goal. After a second attempt that was
+    rejected or aborted at once the leaf pauses before the next one, whatever the tree does.
+
     A subclass has the attributes `action_type` and `action_name`, of the class or set by its constructor, and the
     method `goal`; also `on_result`, if the result matters beyond success or failure.
 
     Attributes:
         action_type: `"package/action/Name"`, or the Python class.
         action_name: The action's (relative) name.
-        server_timeout_sec: How long a server may be missing, before the goal is sent and while it is under way; this
-            and the following in seconds of the steady clock.
+        server_timeout_sec: How long to wait for a server before the goal is sent.
         acceptance_timeout_sec: How long to wait for the goal to be accepted.
-        feedback_timeout_sec: How long the server may be silent or gone, once it has sent feedback; None for no
-            limit.
+        feedback_timeout_sec: How long the server may be silent, once it has sent feedback; None for no limit. It
+            also limits how long a server without feedback may leave other questions unanswered (None:
+            `server_timeout_sec`).
+        absence_timeout_sec: How long the server may be missing from the ROS graph while the goal is under way.
+        hold_timeout_sec: How long to wait, in an activation, for what keeps the server from taking the goal.
+        pause_sec: The first pause between attempts, which doubles with each failure; 0 for none.
         interface: The Python class of the action, once the leaf is set up.
 
     Example:
@@ -50,11 +64,19 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
     action_name: str = ""
     acceptance_timeout_sec: float = 5.0
     feedback_timeout_sec: float | None = None
+    absence_timeout_sec: float = 0.5
+    hold_timeout_sec: float = 60.0
+    pause_sec: float = 1.0
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
         self._port: ActionPort | None = None
+        self._lifecycle: LifecycleNodes | None = None
         self._goals_given_up: list[ActionGoal] = []
+        self._hold: Deadline | None = None
+        self._pause: Deadline | None = None
+        self._failures = 0
+        self._has_asked = False
 
     @abstractmethod
     def goal(self) -> Any:
@@ -86,8 +108,8 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
     def shutdown(self) -> None:
         """Cancel a goal in flight, and release the clients.
 
-        While a cancel request is unanswered, the clients are left to the node: a goal that is accepted only now
-        must still be cancelled.
+        While a goal may be active, the clients are left to the node: one that is accepted only now must still be
+        cancelled.
         """
         self._drop()
         if self._port is not None and self.settled():
@@ -96,25 +118,109 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         super().shutdown()
 
     def settled(self) -> bool:
-        """Return whether every cancel request is answered, or its server is gone."""
-        self._goals_given_up = [goal for goal in self._goals_given_up if not goal.settled]
-        under_way = bool(self._goals_given_up) or not (self._exchange is None or self._exchange.settled)
-        return not (under_way and self._port is not None and self._port.server_is_ready)
+        """Return whether every goal but the one in flight is seen to have ended; asks again after those that are not.
+
+        A goal that was given up because of its server counts no more once there is no such server.
+        """
+        for goal in (*self._goals_given_up, *filter(None, [self._exchange])):
+            goal.chase()
+        self._goals_given_up = [goal for goal in self._goals_given_up if not self._is_over(goal)]
+        now = self._exchange
+        return not self._goals_given_up and (now is None or now.in_flight or self._is_over(now))
+
+    def _is_over(self, goal: ActionGoal) -> bool:
+        return goal.has_ended or bool(goal.trouble and goal.server_is_gone)
 
     def _server(self) -> tuple[str, str, Any]:
         return "action", self.action_name, self.action_type
 
     def _connect(self) -> None:
         self._port = ActionPort(self.node, self.interface, self.action_name)
+        if self._needs_nav2:
+            self._lifecycle = lifecycle_nodes_of(self.node, NAV2_NODES)
+
+    @property
+    def _needs_nav2(self) -> bool:
+        registration = getattr(type(self), MARK, None)
+        return registration is not None and Use.nav2() in registration.uses
 
     def _message(self) -> Any:
         return self.goal()
 
     def _open(self, message: Any) -> ActionGoal:
         deadlines = GoalDeadlines(
-            self.server_timeout_sec, self.acceptance_timeout_sec, self.feedback_timeout_sec
+            self.server_timeout_sec,
+            self.acceptance_timeout_sec,
+            self.feedback_timeout_sec,
+            self.absence_timeout_sec,
         )
-        return ActionGoal(cast("ActionPort", self._port), message, deadlines, self._announce, self._hear)
+        port = cast("ActionPort", self._port)
+        return ActionGoal(port, message, deadlines, self._announce, self._hear, self._clock)
+
+    def _begin(self) -> Status:
+        self._has_asked = False
+        if self._lifecycle is not None:
+            self._lifecycle.look()
+        if self._pause is not None and not self._pause.passed:
+            self._exchange = None
+            self.feedback_message = (
+                f"next attempt in {self._pause.left:.1f} s, after {self._failures} failures"
+            )
+            return Status.RUNNING
+        return super()._begin()
+
+    def initialise(self) -> None:
+        """Start anew; the goal of the last activation is given up."""
+        self._hold = None
+        super().initialise()
+
+    def _judge(self, exchange: ActionGoal) -> Status:
+        if exchange.rejected or (exchange.answer is not None and exchange.answer.status != SUCCEEDED):
+            return self._fail_or_hold(exchange)
+        if exchange.answer is not None:
+            self._failures = 0
+        return super()._judge(exchange)
+
+    def _fail_or_hold(self, goal: ActionGoal) -> Status:
+        """Go by what keeps the server from taking goals: wait until it is over and send again, or fail at once."""
+        if not self._has_asked:
+            self._has_asked = True
+            if self._lifecycle is not None:
+                self._lifecycle.ask_anew()
+        obstacle = self._obstacle(goal)
+        if obstacle is None:
+            return Status.RUNNING
+        if obstacle:
+            return self._hold_on(obstacle)
+        if self._hold is not None:
+            self._hold = None
+            return self._begin()
+        self._count_failure(goal)
+        return super()._judge(goal)
+
+    def _hold_on(self, obstacle: str) -> Status:
+        if self._hold is None:
+            self._hold = Deadline(self.hold_timeout_sec, self._clock)
+        if self._hold.passed:
+            self._hold = None
+            cast("ActionPort", self._port).statuses.forget()
+            return self.on_failure(f"{obstacle}, for {self.hold_timeout_sec:g} s")
+        self.complain(f"'{self.name}' waits to send its goal again: {obstacle}.")
+        return Status.RUNNING
+
+    def _obstacle(self, goal: ActionGoal) -> str | None:
+        """Return what keeps the server from taking this leaf's goals; empty if nothing does, None if not known yet."""
+        port = cast("ActionPort", self._port)
+        if port.statuses.has_foreign_goal:
+            return f"another client's goal is under way on '{port.name}'"
+        code = 0 if goal.rejected else getattr(goal.answer.result, "error_code", 0)
+        return self._lifecycle.obstacle() if self._lifecycle is not None and code in _UNEXPLAINED else ""
+
+    def _count_failure(self, goal: ActionGoal) -> None:
+        self._failures += 1
+        if self._failures > 1:
+            pause = self.pause_sec * min(2.0 ** (self._failures - 2), _LONGEST_PAUSE)
+            self._pause = Deadline(pause - goal.age_sec, self._clock)
 
     def _progress(self, exchange: ActionGoal) -> Status:
         status = super()._progress(exchange)
@@ -131,7 +237,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         if not (exchange.rejected and self.interface.__module__.startswith(_NAV2)):
             return exchange.trouble
         registration = getattr(type(self), MARK, None)
-        if registration is None or Use.nav2() in registration.uses:
+        if registration is None or self._needs_nav2:
             return f"{exchange.trouble} Nav2 is once it has an initial pose."
         return (
             f"{exchange.trouble} Nav2 is once it has an initial pose: with Use.nav2() among what "
@@ -155,5 +261,5 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         self._cancel()
         super()._drop()
         self._goals_given_up = [
-            each for each in (*self._goals_given_up, goal) if each is not None and not each.settled
+            each for each in (*self._goals_given_up, goal) if each is not None and not self._is_over(each)
         ]

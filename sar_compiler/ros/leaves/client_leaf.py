@@ -2,14 +2,18 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from py_trees.common import Status
 
-from sar_compiler.ros.leaves.deadline import Deadline
+from sar_compiler.ros.leaves.deadline import Deadline, deadline_clock
 from sar_compiler.ros.leaves.errors import LeafDefinitionError, MissingNodeError
 from sar_compiler.ros.leaves.interfaces import find_interface
 from sar_compiler.ros.leaves.leaf import RosLeaf
+from sar_compiler.runtime.clock import WallClock
+
+if TYPE_CHECKING:
+    from sar_compiler.runtime.clock import Clock
 
 
 class Exchange(ABC):
@@ -17,9 +21,10 @@ class Exchange(ABC):
 
     Args:
         server: The name of the action or service.
-        server_sec: How long to wait for a server, seconds of the steady clock.
+        server_sec: How long to wait for a server, seconds.
         reply_sec: How long to wait for the first reply, from the sending on.
         on_sending: Called just before the message is sent.
+        clock: The clock of these and other limits (`deadline.deadline_clock`).
 
     Attributes:
         sent: Whether it was sent.
@@ -31,7 +36,12 @@ class Exchange(ABC):
     _reply: ClassVar[str]
 
     def __init__(
-        self, server: str, server_sec: float, reply_sec: float, on_sending: Callable[[], None]
+        self,
+        server: str,
+        server_sec: float,
+        reply_sec: float,
+        on_sending: Callable[[], None],
+        clock: "Clock",
     ) -> None:
         self.sent = False
         self.answer: Any = None
@@ -40,7 +50,8 @@ class Exchange(ABC):
         self._server_sec = server_sec
         self._reply_sec = reply_sec
         self._on_sending = on_sending
-        self._deadline = Deadline(server_sec)
+        self._clock = clock
+        self._deadline = self._limit(server_sec)
         self._abandoned = False
 
     @property
@@ -58,7 +69,7 @@ class Exchange(ABC):
             # Without a server a message would be lost: it is not delivered to one that appears later.
             self._on_sending()
             self.sent = True
-            self._deadline = Deadline(self._reply_sec)
+            self._deadline = self._limit(self._reply_sec)
             self._send()
         elif self._deadline.passed:
             self._give_up(
@@ -98,6 +109,9 @@ class Exchange(ABC):
         self.abandon()
         self.trouble = trouble
 
+    def _limit(self, seconds: float) -> Deadline:
+        return Deadline(seconds, self._clock)
+
 
 E = TypeVar("E", bound=Exchange)
 
@@ -108,7 +122,8 @@ class ClientLeaf(RosLeaf, Generic[E]):
     Its final status is kept until the next activation.
 
     Attributes:
-        server_timeout_sec: How long to wait for a server, seconds of the steady clock.
+        server_timeout_sec: How long to wait for a server; this and all other limits in simulated seconds where time is
+            simulated, else in those of the machine (`deadline.deadline_clock`).
     """
 
     server_timeout_sec: float = 10.0
@@ -119,6 +134,7 @@ class ClientLeaf(RosLeaf, Generic[E]):
         self._exchange: E | None = None
         self._verdict = Status.INVALID
         self._complaints: set[str] = set()
+        self._clock: Clock = WallClock()
 
     @property
     def interface(self) -> Any:
@@ -141,6 +157,7 @@ class ClientLeaf(RosLeaf, Generic[E]):
         """
         self.shutdown()
         super().setup(**kwargs)
+        self._clock = deadline_clock(self.node)
         self._interface = find_interface(type(self).__name__, *self._server())
         self._connect()
 
@@ -233,6 +250,9 @@ class ClientLeaf(RosLeaf, Generic[E]):
 
     def _progress(self, exchange: E) -> Status:
         exchange.advance()
+        return self._judge(exchange)
+
+    def _judge(self, exchange: E) -> Status:
         if exchange.trouble:
             return self.on_failure(self._explain(exchange))
         if exchange.answer is None:

@@ -4,16 +4,20 @@ The leaf calls `advance` in every tick and reads `answer` and `trouble`. The ser
 each bound to its own goal: the answer to an old goal cannot affect a new one.
 """
 
+import math
 import uuid
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 from weakref import WeakMethod
 
 from sar_compiler.ros.leaves.client_leaf import Exchange
 from sar_compiler.ros.leaves.deadline import Deadline
+from sar_compiler.ros.leaves.goal_statuses import ABORTED, CANCELED, SUCCEEDED, UNKNOWN, goal_statuses_of
 from sar_compiler.ros.leaves.goals_under_way import goals_under_way
 from sar_compiler.ros.leaves.leaf import alive
+from sar_compiler.ros.leaves.pulse import Pulse
 from sar_compiler.tree.showing import in_one_line
 
 if TYPE_CHECKING:
@@ -21,9 +25,19 @@ if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.task import Future
 
-SUCCEEDED = 4
-"""`action_msgs/msg/GoalStatus.STATUS_SUCCEEDED`."""
-_ENDS = {0: "unknown to the server (was it restarted?)", 5: "canceled by somebody else", 6: "aborted"}
+    from sar_compiler.runtime.clock import Clock
+
+_ENDS = {
+    UNKNOWN: "unknown to the server (was it restarted?)",
+    CANCELED: "canceled by somebody else",
+    ABORTED: "aborted",
+}
+# How long the result may take once the status topic has said that the goal is over, seconds.
+_RESULT_SEC = 2.0
+# In how many times its limit an acceptance may still come.
+_LATEST = 4.0
+# How often a goal that was given up is asked after, seconds.
+_CHASE_SEC = 1.0
 
 
 def describe_status(status: int) -> str:
@@ -45,11 +59,14 @@ class ActionPort:
         from rclpy.action import ActionClient
 
         self.name = name
+        self.action_type = action_type
         self._node = node
         self.client = ActionClient(node, action_type, name)
         # rclpy's action client cancels only goals whose acceptance it has seen.
         self.canceller = node.create_client(CancelGoal, f"{name}/_action/cancel_goal")
         self.goals = goals_under_way(node)
+        self.prober = node.create_client(action_type.Impl.GetResultService, f"{name}/_action/get_result")
+        self.statuses = goal_statuses_of(node, name)
 
     @property
     def server_is_ready(self) -> bool:
@@ -70,25 +87,28 @@ class ActionPort:
         if alive(self._node):
             self.client.destroy()
             self._node.destroy_client(self.canceller)
+            self._node.destroy_client(self.prober)
 
 
 @dataclass(frozen=True)
 class GoalDeadlines:
-    """The time limits of a goal, in seconds of the steady clock.
+    """The time limits of a goal, in seconds.
 
     Attributes:
         server_sec: Until there is a server.
         acceptance_sec: From sending to acceptance or rejection.
         feedback_sec: Between two feedback messages, once there was one; None for no limit.
+        absence_sec: How long the server may be missing from the graph while the goal is in flight.
     """
 
     server_sec: float
     acceptance_sec: float
     feedback_sec: float | None
+    absence_sec: float
 
     @property
-    def absence_sec(self) -> float:
-        """How long the server may be missing from the graph while the goal is in flight."""
+    def silence_sec(self) -> float:
+        """How long a server that sends no feedback may leave questions unanswered."""
         return self.server_sec if self.feedback_sec is None else self.feedback_sec
 
 
@@ -101,6 +121,7 @@ class ActionGoal(Exchange):
         deadlines: The limits to keep.
         on_sending: Called just before the goal is sent.
         on_news: Called when the goal is accepted and when it has succeeded.
+        clock: The clock of the limits.
 
     Attributes:
         sent, trouble: As in every `Exchange`.
@@ -119,10 +140,11 @@ class ActionGoal(Exchange):
         deadlines: GoalDeadlines,
         on_sending: Callable[[], None],
         on_news: Callable[[], None],
+        clock: "Clock",
     ) -> None:
         from unique_identifier_msgs.msg import UUID
 
-        super().__init__(port.name, deadlines.server_sec, deadlines.acceptance_sec, on_sending)
+        super().__init__(port.name, deadlines.server_sec, deadlines.acceptance_sec, on_sending, clock)
         self.rejected = False
         self._port = port
         self._message = message
@@ -132,11 +154,18 @@ class ActionGoal(Exchange):
         self._id = UUID(uuid=list(uuid.uuid4().bytes))
         self._handle: ClientGoalHandle | None = None
         self._feedback: Any = None
-        self._answered = False
+        self._final: int | None = None
+        self._result_due: Deadline | None = None
         self._silence: Deadline | None = None
         self._doubt: Deadline | None = None
         self._absence: Deadline | None = None
-        self._cancels_under_way = 0
+        self._pulse: Pulse | None = None
+        self._cancel: Future | None = None
+        self._question: Future | None = None
+        self._granted = False
+        self._chased: Deadline | None = None
+        self._refused = False
+        self._sent_at = math.inf
 
     @property
     def in_flight(self) -> bool:
@@ -144,9 +173,19 @@ class ActionGoal(Exchange):
         return self.sent and not self.over and not self._abandoned
 
     @property
-    def settled(self) -> bool:
-        """Whether all cancel requests are answered, and no acceptance is pending that would have to be cancelled."""
-        return self._cancels_under_way == 0 and not (self._abandoned and self.sent and not self._answered)
+    def has_ended(self) -> bool:
+        """Whether the goal is active nowhere: it was not sent, or a final status was seen, or it was never taken."""
+        return not self.sent or self._final is not None
+
+    @property
+    def age_sec(self) -> float:
+        """The seconds since it was sent."""
+        return self._clock.now() - self._sent_at
+
+    @property
+    def server_is_gone(self) -> bool:
+        """Whether there is no server any more that could have the goal."""
+        return not self._port.server_is_ready
 
     def take_feedback(self) -> Any:
         """Return the latest feedback message, once; None if there is no new one."""
@@ -156,58 +195,116 @@ class ActionGoal(Exchange):
     def _server_is_ready(self) -> bool:
         return self._port.server_is_ready
 
+    def chase(self) -> None:
+        """Ask again, now and then, what has become of a goal that was given up; where no cancel was granted, cancel it."""
+        if self.has_ended:
+            self._drop_questions()
+        if self.has_ended or not self._abandoned or not (self._chased is None or self._chased.passed):
+            return
+        if self._granted:
+            self._ask_after()
+        else:
+            self._withdraw()
+
+    def _ask_after(self) -> None:
+        """Ask for the result once more: a server that does not know the goal, or not any more, answers at once."""
+        self._chased = self._limit(_CHASE_SEC)
+        prober = self._port.prober
+        if not self._port.usable or not prober.service_is_ready():
+            return
+        self._drop_questions()
+        request = prober.srv_type.Request()
+        request.goal_id = self._id
+        self._question = prober.call_async(request)
+        self._question.add_done_callback(self._on_result)
+
+    def _drop_questions(self) -> None:
+        pending = ((self._port.prober, self._question), (self._port.canceller, self._cancel))
+        self._question = self._cancel = None
+        for client, question in pending:
+            if question is not None and self._port.usable:
+                # Without this the client would wait for the answer, and keep the goal, for good.
+                client.remove_pending_request(question)
+
     def _send(self) -> None:
         self._port.goals.sending(self._id, self._port.canceller.service_name)
+        self._sent_at = self._clock.now()
+        self._port.statuses.follow(bytes(self._id.uuid), self._on_end)
         answer = self._port.client.send_goal_async(self._message, self._weak_on_feedback(), self._id)
         answer.add_done_callback(self._on_answer)
 
     def _withdraw(self) -> None:
-        if not self._port.usable:
+        if not self._port.usable or not self._port.canceller.service_is_ready():
             return
-        if self._handle is not None:
-            self._expect(self._handle.cancel_goal_async(), self._judge_cancel)
-        elif self._port.canceller.service_is_ready():
-            # Of use only if the server has the goal already; if not, it answers that it does not know it, and
-            # the goal is cancelled when its acceptance arrives.
-            from action_msgs.srv import CancelGoal
+        # By its own id, which works before the acceptance has come, if the server has the goal already; if not, it
+        # answers that it does not know it, and the goal is cancelled when its acceptance arrives.
+        from action_msgs.srv import CancelGoal
 
-            request = CancelGoal.Request()
-            request.goal_info.goal_id = self._id
-            self._expect(self._port.canceller.call_async(request), lambda _: None)
+        self._chased = self._limit(_CHASE_SEC)
+        request = CancelGoal.Request()
+        request.goal_info.goal_id = self._id
+        self._drop_questions()
+        self._cancel = self._port.canceller.call_async(request)
+        self._cancel.add_done_callback(self._on_cancel_answer)
 
     def _watch(self) -> None:
-        if self._handle is None:
+        if self._final is not None:
+            self._await_result(self._final)
+        elif self._handle is None:
             super()._watch()
-            return
-        # The graph alone does not do: it believes in a killed server for some 20 s. Feedback alone does not do
-        # either: not every server sends any.
-        if self._silence is not None and self._silence.passed:
-            self._give_up(f"the server has sent no feedback for {self._deadlines.feedback_sec:g} s")
-        elif self._silence is None and self._doubt is not None and self._doubt.passed:
-            # It may never send any, or have been replaced unnoticed: ask the server that is there now.
-            self._doubt = Deadline(self._deadlines.absence_sec)
-            self._request_result()
-        elif self._port.server_is_ready:
-            if self._absence is not None:
-                # Perhaps another server than before: one that does not know the goal answers at once.
-                self._absence = None
-                self._request_result()
-        elif self._absence is None:
-            self._absence = Deadline(self._deadlines.absence_sec)
+        elif self._silence is not None and self._silence.passed:
+            self._lose(f"the server has sent no feedback for {self._deadlines.feedback_sec:g} s")
+        elif not self._port.server_is_ready:
+            self._miss_server()
+        else:
+            self._question_server()
+
+    def _await_result(self, status: int) -> None:
+        """Go by the status topic if the result does not come."""
+        if self._result_due is None:
+            self._result_due = self._limit(_RESULT_SEC)
+        elif self._result_due.passed:
+            self._port.warn(
+                f"The result of the goal of '{self._port.name}' is lost; the status topic has its end: {status}."
+            )
+            self.answer = SimpleNamespace(status=status, result=self._port.action_type.Result())
+
+    def _miss_server(self) -> None:
+        # Whoever appears instead of it does not know the goal.
+        if self._absence is None:
+            self._absence = self._limit(self._deadlines.absence_sec)
         elif self._absence.passed:
-            self._give_up(f"the server has been gone for {self._deadlines.absence_sec:g} s")
+            self._lose(f"the server has been gone for {self._deadlines.absence_sec:g} s")
+
+    def _question_server(self) -> None:
+        """Find out whether the server lives, and knows the goal: the graph believes in a killed one for some 20 s."""
+        if self._absence is not None or (
+            self._silence is None and self._doubt is not None and self._doubt.passed
+        ):
+            # Perhaps another server than before: one that does not know the goal answers at once.
+            self._absence = None
+            self._doubt = self._limit(self._deadlines.silence_sec)
+            self._request_result()
+        if self._pulse is not None and self._pulse.has_stopped():
+            self._lose(f"the server has answered nothing for {self._deadlines.silence_sec:g} s")
+
+    def _lose(self, trouble: str) -> None:
+        self._give_up(f"{trouble}; the robot may still be moving")
 
     def _on_answer(self, answer: "Future") -> None:
-        self._answered = True
         handle: ClientGoalHandle = answer.result()
         if not handle.accepted:
             self.rejected = True
-            self._port.goals.ended(self._id)
+            self._on_end(UNKNOWN)
             if not self._abandoned:
                 self.trouble = "the server rejected the goal; is it active (its lifecycle state)?"
             return
         self._handle = handle
-        self._doubt = Deadline(self._deadlines.absence_sec)
+        if self._final == UNKNOWN:  # it was taken for lost
+            self._final = None
+            self._port.goals.sending(self._id, self._port.canceller.service_name)
+        self._doubt = self._limit(self._deadlines.silence_sec)
+        self._pulse = Pulse(self._port.prober, self._deadlines.silence_sec, self._clock)
         self._request_result()
         if self._abandoned:
             self._withdraw()
@@ -233,31 +330,41 @@ class ActionGoal(Exchange):
 
     def _on_feedback(self, message: Any) -> None:
         self._feedback = message.feedback
+        if self._pulse is not None:
+            self._pulse.rest()
         if self._deadlines.feedback_sec is not None:
-            self._silence = Deadline(self._deadlines.feedback_sec)
+            self._silence = self._limit(self._deadlines.feedback_sec)
+
+    def _on_end(self, status: int) -> None:
+        self._final = status
+        self._port.goals.ended(self._id)
 
     def _on_result(self, answer: "Future") -> None:
-        self._port.goals.ended(self._id)
+        result = answer.result()
+        self._on_end(result.status)
         if self.over or self._abandoned:
             return
-        self.answer = answer.result()
-        if self.answer.status == SUCCEEDED:
+        self.answer = result
+        if result.status == SUCCEEDED:
             self._on_news()
 
-    def _expect(self, answer: "Future", judge: Callable[[Any], None]) -> None:
-        self._cancels_under_way += 1
-
-        def on_answer(future: "Future") -> None:
-            self._cancels_under_way -= 1
-            judge(future.result())
-
-        answer.add_done_callback(on_answer)
-
-    def _judge_cancel(self, response: Any) -> None:
-        # A server that refuses says so by an empty list; its return code may still be "no error".
+    def _on_cancel_answer(self, answer: "Future") -> None:
+        response = answer.result()
         if response.goals_canceling:
-            self._port.goals.ended(self._id)
-        elif response.return_code != response.ERROR_GOAL_TERMINATED:
+            self._granted = True
+        if self._granted or self.has_ended:
+            return
+        if response.return_code == response.ERROR_GOAL_TERMINATED:
+            # Over, or cancelled by somebody else: that is no end yet.
+            self._granted = True
+            self._ask_after()
+        elif response.return_code == response.ERROR_UNKNOWN_GOAL_ID:
+            # Known once and no more: another server. Never known, and long after it was sent: it did not arrive.
+            if self._handle is not None or self.age_sec > _LATEST * self._deadlines.acceptance_sec:
+                self._on_end(UNKNOWN)
+        elif not self._refused:
+            # A server that refuses says so by an empty list; its return code may still be "no error".
+            self._refused = True
             self._port.warn(
                 f"The server of '{self._port.name}' did not cancel the goal (return code "
                 f"{response.return_code}): the robot may still be moving."

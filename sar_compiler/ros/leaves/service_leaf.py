@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from rclpy.client import Client
     from rclpy.task import Future
 
+    from sar_compiler.runtime.clock import Clock
+
 
 class ServiceCall(Exchange):
     """One request, sent at most once, and its answer.
@@ -23,6 +25,7 @@ class ServiceCall(Exchange):
         answer_sec: How long to wait for the answer, from the request on.
         on_sending: Called just before the request is sent.
         on_answer: Called with the answer when it arrives, unless the call has been given up.
+        clock: The clock of the limits.
     """
 
     _server_kind = "service"
@@ -36,8 +39,9 @@ class ServiceCall(Exchange):
         answer_sec: float,
         on_sending: Callable[[], None],
         on_answer: Callable[[Any], None],
+        clock: "Clock",
     ) -> None:
-        super().__init__(client.srv_name, server_sec, answer_sec, on_sending)
+        super().__init__(client.srv_name, server_sec, answer_sec, on_sending, clock)
         self._client = client
         self._request = request
         self._on_answer = on_answer
@@ -71,8 +75,8 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
     Attributes:
         service_type: `"package/srv/Name"`, or the Python class.
         service_name: The service's (relative) name.
-        server_timeout_sec: How long to wait for a server, seconds of the steady clock.
-        timeout_sec: How long to wait for the answer, seconds of the steady clock.
+        server_timeout_sec: How long to wait for a server, seconds.
+        timeout_sec: How long to wait for the answer, seconds.
         interface: The Python class of the service, once the leaf is set up.
 
     Example:
@@ -139,7 +143,7 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
     def _open(self, message: Any) -> ServiceCall:
         timeouts = self.server_timeout_sec, self.timeout_sec
         client = cast("Client", self._client)
-        return ServiceCall(client, message, *timeouts, self._announce, self._hear)
+        return ServiceCall(client, message, *timeouts, self._announce, self._hear, self._clock)
 
     def _conclude(self, answer: Any) -> Status:
         return self.on_response(answer)

@@ -10,6 +10,12 @@ from sar_compiler.ros.leaves.goal import describe_status
 
 _ABORTED = 6
 
+FOR_GOOD = (101, 201, 204, 9001)
+"""Codes of goals that fail as often as they are sent: no such plug-in or tree, a goal outside the map."""
+OCCUPIED = 206
+"""The code of a goal in an obstacle, of which some can move."""
+_ROBOTS_PLACE = (203, 205)
+
 _CODES = {
     1: "the goal was rejected by another server",
     2: "the goal could not be sent on to another server",
@@ -58,7 +64,13 @@ def describe_end(status: int, result: Any) -> str:
     """
     code = int(getattr(result, "error_code", 0))
     words = str(getattr(result, "error_msg", "")) or _describe_code(code, aborted=status == _ABORTED)
-    return f"{describe_status(status)}, error code {code}: {words}"
+    return f"{describe_status(status)}, error code {code}: {words}{_advice(code)}"
+
+
+def _advice(code: int) -> str:
+    if code in FOR_GOOD:
+        return "; it is not sent again"
+    return "; no goal can be reached from there" if code in _ROBOTS_PLACE else ""
 
 
 def _describe_code(code: int, *, aborted: bool) -> str:

@@ -5,18 +5,21 @@ from typing import Any
 
 from py_trees.common import Status
 
-from sar_compiler.missions.search_and_rescue.actions.nav2_errors import describe_end
+from sar_compiler.missions.search_and_rescue.actions.nav2_errors import FOR_GOOD, OCCUPIED, describe_end
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, Pose, ZoneManager
 from sar_compiler.nodes.register import register
 from sar_compiler.nodes.spec import Kind, Use
 from sar_compiler.nodes.values import Seconds
 from sar_compiler.ros.leaves.action_leaf import ActionLeaf
-from sar_compiler.ros.leaves.goal import SUCCEEDED
+from sar_compiler.ros.leaves.deadline import Deadline
+from sar_compiler.ros.leaves.goal_statuses import SUCCEEDED
 from sar_compiler.runtime.answers import Answer
 
 _OUTCOMES = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
 _USES = [Use.action("{action}"), Use.nav2()]
+# How long a goal in an obstacle is not sent again, seconds: some obstacles go away.
+_OCCUPIED_SEC = 60.0
 
 
 class NavigateTo(ActionLeaf):
@@ -30,7 +33,8 @@ class NavigateTo(ActionLeaf):
         action: The action's name.
         server_timeout_sec: How long to wait for a server, seconds.
         acceptance_timeout_sec: How long to wait for the goal to be accepted, seconds.
-        feedback_timeout_sec: How long a server may be silent or gone, seconds.
+        feedback_timeout_sec: How long a server may be silent, seconds.
+        hold_timeout_sec: How long to wait for Nav2 to be active again, or for another client's goal, seconds.
     """
 
     action_type = "nav2_msgs/action/NavigateToPose"
@@ -45,16 +49,19 @@ class NavigateTo(ActionLeaf):
         server_timeout_sec: Seconds = 10.0,
         acceptance_timeout_sec: Seconds = 5.0,
         feedback_timeout_sec: Seconds = 10.0,
+        hold_timeout_sec: Seconds = 60.0,
     ) -> None:
         super().__init__(name)
         self.action_name = action
         self.server_timeout_sec = server_timeout_sec
         self.acceptance_timeout_sec = acceptance_timeout_sec
         self.feedback_timeout_sec = feedback_timeout_sec
+        self.hold_timeout_sec = hold_timeout_sec
         self._zones = zone_manager
         self._record = record or MissionRecord()
         self._target = ""
         self._headline = ""
+        self._hopeless: dict[str, tuple[str, Deadline]] = {}
 
     def on_send(self) -> None:
         """Log the target of the drive."""
@@ -68,7 +75,11 @@ class NavigateTo(ActionLeaf):
     def on_result(self, status: int, result: Any) -> Status:
         """Return SUCCESS on arrival; else FAILURE, and log Nav2's reason."""
         if status != SUCCEEDED:
-            return self.on_failure(describe_end(status, result))
+            reason, code = describe_end(status, result), getattr(result, "error_code", 0)
+            if code in (*FOR_GOOD, OCCUPIED):
+                seconds = _OCCUPIED_SEC if code == OCCUPIED else math.inf
+                self._hopeless[self._target] = reason, Deadline(seconds, self._clock)
+            return self.on_failure(reason)
         self.feedback_message = f"reached {self._target}"
         self.say(f"Reached {self._target}.")
         self._on_arrival()
@@ -85,6 +96,9 @@ class NavigateTo(ActionLeaf):
     def _drive_to(self, target: str, pose: Pose, headline: str = "") -> Any:
         """Return the goal for a pose in the frame `map`."""
         self._target = target
+        reason, until = self._hopeless.get(target, ("", None))
+        if until is not None and not until.passed:
+            return self.on_failure(reason)
         if headline not in ("", self._headline):
             self._headline = headline
             self.say(headline)

@@ -1,0 +1,71 @@
+"""What an action's server publishes of all its goals: the second witness of how a goal has ended."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary, WeakMethod
+
+from sar_compiler.ros.leaves.interfaces import qos_profile
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+ABORTED, CANCELED, SUCCEEDED, UNKNOWN = 6, 5, 4, 0
+"""Constants of `action_msgs/msg/GoalStatus`."""
+
+_FINAL = (SUCCEEDED, CANCELED, ABORTED)
+
+StatusListener = Callable[[int], None]
+
+
+class GoalStatuses:
+    """The latest statuses of all goals of one action, from its status topic.
+
+    Use `goal_statuses_of`: only then is it known which goals are this node's own.
+
+    Args:
+        node: The rclpy node.
+        action: The action's (relative) name.
+    """
+
+    def __init__(self, node: "Node", action: str) -> None:
+        from action_msgs.msg import GoalStatusArray
+
+        latched = qos_profile(type(self).__name__, "transient_local")
+        self._listeners: dict[bytes, WeakMethod[StatusListener]] = {}
+        self._ours: set[bytes] = set()
+        self._latest: dict[bytes, int] = {}
+        node.create_subscription(GoalStatusArray, f"{action}/_action/status", self._take, latched)
+
+    @property
+    def has_foreign_goal(self) -> bool:
+        """Whether the server works on a goal that this node has not sent."""
+        return any(status not in _FINAL and goal not in self._ours for goal, status in self._latest.items())
+
+    def forget(self) -> None:
+        """Forget the latest statuses: their server may have died, and a new one says nothing before its first goal."""
+        self._latest = {}
+
+    def follow(self, goal: bytes, on_end: StatusListener) -> None:
+        """Have a method called with the final status of a goal of this node; it is referred to weakly."""
+        self._ours.add(goal)
+        self._listeners[goal] = WeakMethod(on_end)
+
+    def _take(self, message: Any) -> None:
+        self._latest = {bytes(each.goal_info.goal_id.uuid): each.status for each in message.status_list}
+        for goal, status in self._latest.items():
+            if status in _FINAL and (listener := self._listeners.pop(goal, lambda: None)()) is not None:
+                listener(status)
+        self._listeners = {goal: each for goal, each in self._listeners.items() if each() is not None}
+        # A goal that is over stays in the list for a while, and must not look foreign.
+        self._ours.intersection_update({*self._latest, *self._listeners})
+
+
+_of_node: "WeakKeyDictionary[Any, dict[str, GoalStatuses]]" = WeakKeyDictionary()
+
+
+def goal_statuses_of(node: "Node", action: str) -> GoalStatuses:
+    """Return the statuses of an action's goals, the same object in every call with a node; they exist as long as it."""
+    by_action = _of_node.setdefault(node, {})
+    if action not in by_action:
+        by_action[action] = GoalStatuses(node, action)
+    return by_action[action]
