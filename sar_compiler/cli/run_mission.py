@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +23,7 @@ from sar_compiler.cli.run_mission_check import RouteCheck
 from sar_compiler.commands import FINDINGS, OK, print_error
 from sar_compiler.compiler import CompiledTree, compile_tree, require_classes
 from sar_compiler.errors import SarError
-from sar_compiler.missions.beginning import begin_run, node_name
+from sar_compiler.missions.beginning import begin_run, fixed_parameters, node_name
 from sar_compiler.missions.choosing import MissionError, choose_mission
 from sar_compiler.missions.ending import EndCondition, RunResult, Until
 from sar_compiler.missions.mission import Mission, MissionRun
@@ -51,7 +51,9 @@ from sar_compiler.ros.readiness import NotReadyError, Readiness, wait_until_read
 from sar_compiler.ros.run_parameters import RunParameters
 from sar_compiler.ros.setting_up import SetupFailedError
 from sar_compiler.ros.signals import StopSignals
+from sar_compiler.ros.sole_mission import LOOK_SEC, SoleMission
 from sar_compiler.ros.stopping import send_cancels
+from sar_compiler.ros.watch import Watch, refuse_parameters
 from sar_compiler.runtime.clock import Clock
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.tree.showing import in_one_line
@@ -63,6 +65,7 @@ if TYPE_CHECKING:
     from sar_compiler.sim.world import World
 
 NOT_READY = 3
+ADRIFT = 4
 
 # A signal is noticed between two turns of the executor.
 _TURN_SEC = 0.05
@@ -104,7 +107,8 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
             show_tracebacks(node)
         reader = ParameterReader(flat_parameters(node), _sections_elsewhere(options, node))
         begun, parameters, notes = begin_run(mission, reader, binding)
-        run = _Run(options, signals, node, parameters, begun, make_engine, world)
+        fixed = fixed_parameters(mission, binding)
+        run = _Run(options, signals, node, parameters, begun, make_engine, fixed, world)
         tree = compile_tree(binding, run.context, reader.parameters)
         for note in notes:
             node.get_logger().warning(in_one_line(note))
@@ -217,6 +221,7 @@ class _Run:
 
     Attributes:
         context: The objects passed to the leaves, by type.
+        fixed_parameters: The names of parameters that are not set while it runs.
         world: The world that is simulated, if one is.
         simulation: The simulation, if there is one.
     """
@@ -227,6 +232,7 @@ class _Run:
     parameters: RunParameters
     mission: MissionRun | None
     make_engine: EngineFactory
+    fixed_parameters: Collection[str]
     world: "World | None" = None
     simulation: "Simulation | None" = None
 
@@ -237,6 +243,9 @@ class _Run:
         self._result: RunResult | None = None
         self._reason = ""
         self._started = 0.0
+        self._adrift: list[str] = []
+        self._sole: SoleMission | None = None
+        self._watch: Watch | None = None
         own = self.mission.context if self.mission is not None else {}
         self.context: dict[type, object] = {Clock: self._clock, **own}
 
@@ -287,8 +296,14 @@ class _Run:
         told = self.parameters.set_initial_pose and (not self.options.check or self.simulation is not None)
         with readable_ros_errors():
             start = self.parameters.initial_pose if told else None
+            actions = [use.name for use in tree.uses() if use.kind == "action"]
+            # Beside a simulation nobody else is allowed, and that was looked for.
+            look_sec = 0.0 if self.simulation is not None else LOOK_SEC
+            self._sole = SoleMission(self.node, actions, look_sec=look_sec, claims=not self.options.check)
             types = declared_types(tree.root)
-            readiness = Readiness(self.node, tree.uses(), initial_pose=start, types=types)
+            readiness = Readiness(
+                self.node, tree.uses(), initial_pose=start, first=self._sole, types=types
+            )
         wait_until_ready(executor, readiness, self.parameters.startup_timeout_sec, lambda: self._over)
         if readiness.uses_nav2 and not self._over:
             self.node.get_logger().info("Nav2 is active.")
@@ -317,15 +332,13 @@ class _Run:
         try:
             engine.setup(node=self.node)
             self.signals.last_words = lambda: self._leave_at_once(tree)
+            self._begin_watching(tree)
             self._started = self._clock.now()
             engine.tick_tock(1000.0 / self.parameters.tick_rate_hz)
             while self._result is None and engine.failure is None and not self._over:
                 _turn(executor)
             elapsed = self._clock.now() - self._started
-            for name in engine.settle(executor):
-                self.node.get_logger().warning(
-                    f"{in_one_line(name)}: the cancel of its goal was not answered."
-                )
+            self._adrift = engine.settle(executor, self.parameters.settle_timeout_sec)
         except SetupFailedError as error:
             tell(self.node, str(error), error.__cause__)
             return self._failed(
@@ -333,6 +346,8 @@ class _Run:
             )
         finally:
             self.signals.last_words = None
+            if self._watch is not None:
+                self._watch.close()
             engine.shutdown()
         try:
             return self._conclude(engine, elapsed)
@@ -345,11 +360,18 @@ class _Run:
             "sar-run: ended at once, as asked twice: what is under way was told to stop, the robot may still move"
         )
 
+    def _begin_watching(self, tree: CompiledTree) -> None:
+        if self._sole is not None:
+            self._sole.run()
+        self._watch = Watch(self.node, tree.uses(), sole=self._sole)
+        refuse_parameters(self.node, self.fixed_parameters)
+
     @property
     def _over(self) -> bool:
         """Whether the run is ended by something other than the tree."""
         failed = self.simulation is not None and self.simulation.failure is not None
-        return self.signals.came or failed or not self.node.context.ok()
+        troubled = self._watch is not None and bool(self._watch.trouble)
+        return self.signals.came or failed or troubled or not self.node.context.ok()
 
     def _show(self, tree: BehaviourTree) -> None:
         self._output.show(unicode_tree(tree.root, statuses=True))
@@ -370,6 +392,15 @@ class _Run:
         return status
 
     def _status(self, engine: Engine) -> int:
+        status = self._status_of_run(engine)
+        if not self._adrift or (self.simulation is not None and self.simulation.failure is not None):
+            return status
+        reason = f"a goal may still be active, and the robot may still be moving: {', '.join(self._adrift)}"
+        print(f"sar-run: {reason}", file=sys.stderr)
+        self._reason = " ".join([*filter(None, [self._reason]), reason])
+        return ADRIFT
+
+    def _status_of_run(self, engine: Engine) -> int:
         if engine.failure is not None:
             return self._failed("the tree was stopped, because one of its leaves failed (see above)")
         if self._result is None and not self._end.complete:
@@ -388,6 +419,8 @@ class _Run:
             return self._failed(f"the simulation has ended: {words}")
         if self.signals.came:
             return self.signals.exit_status
+        if self._watch is not None and self._watch.trouble:
+            return self._failed(self._watch.trouble)
         return self._failed("ROS was shut down")
 
     def _failed(self, reason: str) -> int:

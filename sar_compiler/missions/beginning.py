@@ -45,6 +45,17 @@ def begin_run(mission: Mission | None, reader: ParameterReader, binding: Binding
     parameters = read_run(reader)
     reader.complain()
     own = mission.parameter_names if mission is not None else ()
-    keys = (key.removeprefix("@") for bound in binding.nodes() for key in bound.keys.values())
+    keys = (key.removeprefix("@") for key in _keys(binding))
     slips = lookalikes(reader.parameters, (*RUN_PARAMETER_NAMES, *own, *keys))
     return Beginning(run, parameters, (*slips, *reader.notes))
+
+
+def fixed_parameters(mission: Mission | None, binding: Binding) -> set[str]:
+    """Return the parameters that are read before the start and never again, or what they stand below."""
+    own = mission.parameter_names if mission is not None else ()
+    names = (*RUN_PARAMETER_NAMES, *own, *(key for key in _keys(binding) if key.startswith("@")))
+    return {"use_sim_time", *(name.removeprefix("@").partition(".")[0] for name in names)}
+
+
+def _keys(binding: Binding) -> list[str]:
+    return [key for bound in binding.nodes() for key in bound.keys.values()]

@@ -40,7 +40,7 @@ class Engine(Protocol):
     def tick_tock(self, period_ms: float) -> None:
         """Start ticking, from the node's executor, and return at once."""
 
-    def settle(self, executor: Executor) -> list[str]:
+    def settle(self, executor: Executor, timeout_sec: float) -> list[str]:
         """Stop the tree, and wait briefly for its leaves; returns the names of those that are still active."""
 
     def shutdown(self) -> None:

@@ -15,8 +15,9 @@ from rclpy.node import Node
 
 from sar_compiler.ros.depth import require_tickable_depth
 from sar_compiler.ros.failure_reports import tell_failure
+from sar_compiler.ros.run_parameters import SETTLE_SEC
 from sar_compiler.ros.setting_up import give_up
-from sar_compiler.ros.stopping import SETTLE_SEC, settle, shut_down, stop_behaviours
+from sar_compiler.ros.stopping import settle, shut_down, stop_behaviours
 from sar_compiler.runtime.kernel.leaf_nodes import StrictUpdate
 
 # The parameters that the class declares on its node, even if given on the command line.

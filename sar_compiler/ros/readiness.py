@@ -23,7 +23,7 @@ from sar_compiler.tree.showing import in_one_line
 
 # How long a server that was killed still counts in the graph (20 s by default of the middleware), and a
 # little more: two servers may be one and the shadow of another.
-_SHADOW_SEC = 22.0
+SHADOW_SEC = 22.0
 
 _PROGRESS_PERIOD_SEC = 5.0
 _TURN_SEC = 0.05
@@ -57,6 +57,7 @@ class Readiness:
         types: The types that actions, services and topics must have; those without one may have any.
         localizer: The lifecycle node that localises, by its relative name.
         navigator: The lifecycle node that navigates, by its relative name.
+        first: A requirement of the caller, who also closes it, to look at before all others.
     """
 
     def __init__(
@@ -68,8 +69,10 @@ class Readiness:
         types: Mapping[Use, str] | None = None,
         localizer: str = "amcl",
         navigator: str = "bt_navigator",
+        first: Requirement | None = None,
     ) -> None:
         self.node = node
+        self._first = first
         self._uses = list(dict.fromkeys(uses))
         self._requirements: list[Requirement] = []
         if node.get_clock().ros_time_is_active:
@@ -108,6 +111,9 @@ class Readiness:
 
     def missing(self) -> list[str]:
         """Take the next step, and return what is missing, one readable line each."""
+        before = self._first.missing() if self._first is not None else None
+        if before is not None:
+            return [before]
         return [line for line in [each.missing() for each in self._requirements] if line is not None]
 
     def close(self) -> None:
@@ -143,7 +149,7 @@ def wait_until_ready(
             elif contested_since is None:
                 contested_since = now
                 logger.warning(_waiting_line(readiness))
-            shadow = contested_since is None or now - contested_since < _SHADOW_SEC
+            shadow = contested_since is None or now - contested_since < SHADOW_SEC
             if now - start >= timeout_sec or not shadow:
                 raise NotReadyError(readiness.missing(), now - start)
             if now - told >= _PROGRESS_PERIOD_SEC:

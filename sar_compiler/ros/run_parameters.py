@@ -4,6 +4,9 @@ from dataclasses import dataclass, fields
 
 from sar_compiler.ros.parameter_reader import ParameterReader
 
+SETTLE_SEC = 5.0
+"""The longest wait for the goals of a stopped tree to end: Nav2 brakes, and answers late where a machine is busy."""
+
 # The range that a timer and a tick can keep up with; other values are taken for slips.
 _FASTEST_TICK_HZ = 1000.0
 _SLOWEST_TICK_HZ = 1e-6
@@ -21,6 +24,7 @@ class RunParameters:
         time_limit_sec: The time limit of the run, in seconds of the node's clock; None for no limit.
         robot_radius_m: The radius of the robot's body, for planning before the flight, in metres.
         cruise_speed_mps: The speed that estimates of time assume, in m/s.
+        settle_timeout_sec: The longest wait for the goals to end when the run is stopped, in seconds.
     """
 
     tick_rate_hz: float = 2.0
@@ -30,6 +34,7 @@ class RunParameters:
     time_limit_sec: float | None = None
     robot_radius_m: float = 0.22
     cruise_speed_mps: float = 0.4
+    settle_timeout_sec: float = SETTLE_SEC
 
 
 RUN_PARAMETER_NAMES = tuple(field.name for field in fields(RunParameters))
@@ -46,6 +51,7 @@ def read_run(reader: ParameterReader) -> RunParameters:
         time_limit_sec=reader.duration(limit, 0.0) if limit in reader.parameters else None,
         robot_radius_m=reader.duration("robot_radius_m", RunParameters.robot_radius_m),
         cruise_speed_mps=reader.duration("cruise_speed_mps", RunParameters.cruise_speed_mps),
+        settle_timeout_sec=reader.duration("settle_timeout_sec", RunParameters.settle_timeout_sec),
     )
 
 

@@ -24,8 +24,9 @@ from sar_compiler.errors import SarError
 from sar_compiler.ros.beat import Beat
 from sar_compiler.ros.depth import require_tickable_depth
 from sar_compiler.ros.failure_reports import described, tell, tell_failure
+from sar_compiler.ros.run_parameters import SETTLE_SEC
 from sar_compiler.ros.setting_up import give_up
-from sar_compiler.ros.stopping import SETTLE_SEC, settle, shut_down, stop_behaviours
+from sar_compiler.ros.stopping import settle, shut_down, stop_behaviours
 from sar_compiler.runtime.kernel.live import LiveTree, shown
 from sar_compiler.runtime.kernel.tree_nodes import Visit
 

@@ -12,9 +12,6 @@ from rclpy.node import Node
 from sar_compiler.ros.failure_reports import described, places, raised_in, tell
 from sar_compiler.runtime.leaf_protocol import Settling
 
-SETTLE_SEC = 1.5
-"""The longest wait for the answers to cancel requests, in seconds of the steady clock."""
-
 # How long one turn of the executor may take while stopped leaves settle.
 _TURN_SEC = 0.02
 

@@ -171,7 +171,7 @@ class TestServers:
     ) -> None:
         from sar_compiler.ros import readiness as module
 
-        monkeypatch.setattr(module, "_SHADOW_SEC", 0.1)
+        monkeypatch.setattr(module, "SHADOW_SEC", 0.1)
         node = ros.node()
         detector(ros.node("one"))
         detector(ros.node("two"))

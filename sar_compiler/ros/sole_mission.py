@@ -1,0 +1,167 @@
+"""One mission for a robot: each says in the ROS graph which actions it drives, and heeds what others say."""
+
+import json
+import os
+import platform
+import time
+import uuid
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import String
+
+from sar_compiler.errors import SarError
+from sar_compiler.ros.requirements import Requirement
+
+# How long to look for another mission before the first message that changes anything, seconds: twice what half of
+# the participants take to meet.
+LOOK_SEC = 1.0
+# What somebody else writes is shown up to this length.
+_SHOWN = 80
+
+
+class AnotherMissionError(SarError):
+    """Another mission drives this robot already.
+
+    Attributes:
+        claim: What it says of itself.
+    """
+
+    def __init__(self, claim: "MissionClaim") -> None:
+        self.claim = claim
+        super().__init__(
+            f"another mission drives this robot already: {claim.describe()} uses the action '{claim.action}'. Stop it first"
+        )
+
+
+class MissionClaim(NamedTuple):
+    """What a mission says of itself.
+
+    Attributes:
+        action: The action that it drives.
+        runs: Whether its tree is ticked.
+        since: When it began, nanoseconds of its machine's clock.
+        key: Distinguishes it from any other.
+        node: The full name of its node.
+        host: The machine's name.
+        pid: The process.
+    """
+
+    action: str
+    runs: bool
+    since: int
+    key: str
+    node: str
+    host: str
+    pid: int
+
+    def describe(self) -> str:
+        """Return who it is, in words; nothing of it is believed to be printable."""
+        node, host = (ascii(text[:_SHOWN])[1:-1] for text in (self.node, self.host))
+        return f"node {node} (process {self.pid} on {host})"
+
+    def goes_before(self, other: "MissionClaim") -> bool:
+        """Return whether the other has to give way: one that runs goes first, then the older one."""
+        return (not self.runs, self.since, self.key) < (not other.runs, other.since, other.key)
+
+
+class SoleMission(Requirement):
+    """The claim of a mission to the actions that it drives, and those of others.
+
+    A claim is a message that is kept for late subscribers, so it is there exactly as long as its process lives.
+
+    Args:
+        node: The mission's node.
+        actions: The actions, with resolved or relative names.
+        look_sec: How long to look for others at first, seconds.
+        claims: Whether to claim them, or only to look.
+    """
+
+    def __init__(
+        self, node: Node, actions: Iterable[str], *, look_sec: float = LOOK_SEC, claims: bool = True
+    ) -> None:
+        self._node = node
+        self._clear_at = time.monotonic() + look_sec
+        self._others: dict[str, MissionClaim] = {}
+        self._told: set[str] = set()
+        latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        own = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._mine = MissionClaim(
+            "",
+            runs=False,
+            since=time.time_ns(),
+            key=uuid.uuid4().hex,
+            node=node.get_fully_qualified_name(),
+            host=platform.node(),
+            pid=os.getpid(),
+        )
+        # The action is among the services; names of topics are resolved by other rules.
+        topics = {f"{node.resolve_service_name(action)}/_mission" for action in actions}
+        self._publishers = (
+            {topic: node.create_publisher(String, topic, own) for topic in topics} if claims else {}
+        )
+        self._subscriptions = [
+            node.create_subscription(String, topic, self._take, latched) for topic in topics
+        ]
+        self._publish()
+
+    def missing(self) -> str | None:
+        """Describe that the look around is not over; None once it is.
+
+        Raises:
+            AnotherMissionError: If another mission goes before this one.
+        """
+        rival = self._rival()
+        if rival is not None:
+            raise AnotherMissionError(rival)
+        looks = self._subscriptions and time.monotonic() < self._clear_at
+        return "looking for another mission on this robot" if looks else None
+
+    def run(self) -> None:
+        """Say that the tree is ticked from now on."""
+        self._mine = self._mine._replace(runs=True)
+        self._publish()
+
+    def trouble(self) -> str:
+        """Return why this mission has to give way, while it runs; empty if it need not. Says who else has come."""
+        for key in self._others.keys() - self._told:
+            self._told.add(key)
+            self._node.get_logger().warning(
+                f"Another mission wants this robot: {self._others[key].describe()}."
+            )
+        rival = self._rival()
+        return "" if rival is None else str(AnotherMissionError(rival))
+
+    def close(self) -> None:
+        """Give the claim up."""
+        for publisher in self._publishers.values():
+            self._node.destroy_publisher(publisher)
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+        self._publishers, self._subscriptions = {}, []
+
+    def _rival(self) -> MissionClaim | None:
+        return next((other for other in self._others.values() if other.goes_before(self._mine)), None)
+
+    def _publish(self) -> None:
+        for topic, publisher in self._publishers.items():
+            action = topic.removesuffix("/_mission")
+            publisher.publish(String(data=json.dumps(self._mine._replace(action=action)._asdict())))
+
+    def _take(self, message: String) -> None:
+        claim = _read(message.data)
+        if claim is not None and claim.key != self._mine.key:
+            self._others[claim.key] = claim
+
+
+def _read(text: str) -> MissionClaim | None:
+    """Return the claim that a message holds; None if it holds none."""
+    try:
+        said: Any = json.loads(text)
+        claim = MissionClaim(**said)
+    except (ValueError, TypeError, RecursionError):
+        return None
+    kinds = (str, bool, int, str, str, str, int)
+    return claim if all(isinstance(part, kind) for part, kind in zip(claim, kinds, strict=True)) else None

@@ -1,0 +1,271 @@
+"""Watching, while a tree runs, what it relied on at the start."""
+
+import math
+import time
+from collections.abc import Collection, Iterable
+from typing import Any
+
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from nav_msgs.msg import Odometry
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from tf2_msgs.msg import TFMessage
+
+from sar_compiler.nodes.spec import Use
+from sar_compiler.ros.leaves.leaf import alive
+from sar_compiler.ros.readiness import SHADOW_SEC
+from sar_compiler.ros.requirements import NodeActive, OneServer, with_full_name
+from sar_compiler.ros.sole_mission import SoleMission
+
+_PERIOD_SEC = 1.0
+# How long a transform from `map` may be missing; AMCL sends some ten a second while the robot's scanner works.
+_TRANSFORM_SEC = 5.0
+# How long Nav2 may not be active, and a new localisation say nothing, before that is told.
+_LOST_SEC = 3.0
+# Less movement than this is none for AMCL either (its update_min_d and update_min_a): metres, radians.
+_MOVED, _TURNED = 0.25, 0.2
+# Variances of x and y in m², and of yaw in rad², of a pose that is given again.
+_VARIANCES = {0: 0.25, 7: 0.25, 35: 0.068}
+# What `map` looks like as the frame of a transform, in the message as it came.
+_FROM_MAP = b"\x04\x00\x00\x00map\x00"
+
+
+class Watch:
+    """Watches servers, the localisation and transforms of a running mission, and says what has become of them.
+
+    All is said in the node's log, once for each event.
+
+    * A second server of an action or service: said. A second server of an action that is still there when a killed one would
+      have left the graph is trouble, as at the start: both would drive the robot.
+    * Another mission on this robot: said, or trouble, if that one goes before this one.
+    * The localisation is gone: said. When it is back and has no pose, it is given the last `amcl_pose` again, if the
+      odometry shows that the robot has not moved since; else the operator is asked for the pose. Leaves that use Nav2
+      wait meanwhile (`ActionLeaf.hold_timeout_sec`).
+    * No transform from `map` for 5 s: said.
+
+    Args:
+        node: The node that the tree runs on.
+        uses: What the tree's leaves use, with resolved names.
+        localizer: The lifecycle node that localises, by its relative name.
+        navigator: The lifecycle node that navigates, by its relative name; both are active.
+        sole: The claim of the mission to its robot.
+
+    Attributes:
+        trouble: Why the run must end; empty if it need not.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        uses: Iterable[Use],
+        *,
+        localizer: str = "amcl",
+        navigator: str = "bt_navigator",
+        sole: SoleMission | None = None,
+    ) -> None:
+        uses = list(dict.fromkeys(uses))
+        self.trouble = ""
+        self._node = node
+        self._sole = sole
+        self._servers = [
+            OneServer(node, use.kind, use.name) for use in uses if use.kind in ("action", "service")
+        ]
+        self._contested: dict[OneServer, float] = {}
+        self._localisation = (
+            _Localisation(node, localizer, navigator) if any(use.kind == "nav2" for use in uses) else None
+        )
+        # Steady: what has stopped may be the node's clock.
+        self._timer = node.create_timer(_PERIOD_SEC, self.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def look(self) -> None:
+        """Look once, and say what has changed."""
+        if not alive(self._node):
+            return
+        if self._sole is not None:
+            self.trouble = self.trouble or self._sole.trouble()
+        for server in self._servers:
+            self._count_servers(server)
+        if self._localisation is not None:
+            for line in self._localisation.look():
+                self._node.get_logger().warning(line)
+
+    def _count_servers(self, server: OneServer) -> None:
+        now = time.monotonic()
+        if not server.contested:
+            if self._contested.pop(server, None) is not None:
+                self._node.get_logger().warning(f"{server.title} has one server again.")
+        elif server not in self._contested:
+            self._contested[server] = now
+            self._node.get_logger().warning(
+                f"{server.missing()}. A server that was killed is seen for some {SHADOW_SEC:g} s."
+            )
+        elif server.is_action and now - self._contested[server] > SHADOW_SEC:
+            self.trouble = self.trouble or str(server.missing())
+
+    def close(self) -> None:
+        """Destroy what was created on the node, which may be gone."""
+        if not alive(self._node):
+            return
+        self._timer.cancel()
+        self._node.destroy_timer(self._timer)
+        if self._localisation is not None:
+            self._localisation.close()
+
+
+class _Localisation:
+    """What is known of the localisation, and of the place where the robot was when it was lost."""
+
+    def __init__(self, node: Node, localizer: str, navigator: str) -> None:
+        self._node = node
+        self._nodes = [NodeActive(node, localizer), NodeActive(node, navigator)]
+        self._lost_since: float | None = None
+        self._is_lost = False
+        self._known: set[bytes] = set()
+        self._new_since: float | None = None
+        self._pose: Any = None
+        self._odometry: Any = None
+        self._odometry_then: Any = None
+        self._pose_at = -math.inf
+        self._transform_at: float | None = None
+        self._transform_is_lost = False
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._pose_topic = node.resolve_topic_name("amcl_pose")
+        self._poses = with_full_name("initialpose", node.resolve_topic_name("initialpose"))
+        self._publisher = node.create_publisher(PoseWithCovarianceStamped, "initialpose", QoSProfile(depth=1))
+        self._subscriptions = [
+            node.create_subscription(PoseWithCovarianceStamped, "amcl_pose", self._on_pose, latched),
+            node.create_subscription(
+                Odometry, "odometry/filtered", self._on_odometry, qos_profile_sensor_data
+            ),
+            # As it came: a message of a busy topic takes longer to read than to look through.
+            node.create_subscription(
+                TFMessage, "/tf", self._on_transforms, qos_profile_sensor_data, raw=True
+            ),
+        ]
+
+    def close(self) -> None:
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+        self._node.destroy_publisher(self._publisher)
+        for each in self._nodes:
+            each.close()
+
+    def look(self) -> Iterable[str]:
+        """Yield what has changed."""
+        missing = [line for line in [each.missing() for each in self._nodes] if line is not None]
+        if any(each.is_awaited for each in self._nodes):
+            return
+        if not missing:
+            self._lost_since = None
+            if self._is_lost:
+                self._is_lost = False
+                yield "Nav2 is active again."
+        else:
+            yield from self._miss(missing)
+        yield from self._look_for_new_localizer()
+        yield from self._look_for_transform()
+
+    def _miss(self, missing: list[str]) -> Iterable[str]:
+        now = time.monotonic()
+        self._lost_since = self._lost_since or now
+        if not self._is_lost and now - self._lost_since >= _LOST_SEC:
+            self._is_lost = True
+            yield f"Nav2 is no longer active: {'; '.join(missing)}. Leaves that drive wait for it."
+
+    def _look_for_new_localizer(self) -> Iterable[str]:
+        """Find out whether another process localises, and has no pose yet: neither one nor a transform has come of it."""
+        sources, now = self._sources_of_poses(), time.monotonic()
+        if not self._known:
+            self._known = sources
+        if sources <= self._known or self._nodes[0].missing() is not None:
+            self._new_since = None
+            return
+        self._new_since = self._new_since or now
+        heard_at = max(self._pose_at, self._transform_at or -math.inf)
+        if heard_at > self._new_since:
+            self._known = sources
+        elif now - self._new_since >= _LOST_SEC:
+            self._known = sources
+            yield self._restore()
+
+    def _sources_of_poses(self) -> set[bytes]:
+        return {
+            bytes(each.endpoint_gid) for each in self._node.get_publishers_info_by_topic(self._pose_topic)
+        }
+
+    def _restore(self) -> str:
+        """Give the localisation, which is back without a pose, the one that it had, if that still holds."""
+        ask = f"give it the pose ({self._poses}; in RViz: 2D Pose Estimate)"
+        if self._pose is None:
+            return f"The localisation is back, and its last pose is not known: {ask}."
+        if self._odometry_then is None or self._odometry is None:
+            return f"The localisation is back, and no odometry tells whether the robot has moved: {ask}."
+        moved, turned = _between(self._odometry_then, self._odometry)
+        if moved > _MOVED or turned > _TURNED:
+            return (
+                f"The localisation is back, and the robot has moved by {moved:.2f} m and turned by {turned:.2f} rad "
+                f"since its last pose: {ask}."
+            )
+        message = PoseWithCovarianceStamped()
+        message.header.frame_id = self._pose.header.frame_id
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        message.pose.pose = self._pose.pose.pose
+        for index, variance in _VARIANCES.items():
+            message.pose.covariance[index] = variance
+        self._publisher.publish(message)
+        place = message.pose.pose.position
+        return (
+            f"The localisation is back, and is given its last pose again, ({place.x:.2f}, {place.y:.2f}): "
+            "by the odometry the robot has not moved."
+        )
+
+    def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
+        self._pose, self._odometry_then = message, self._odometry
+        self._pose_at = time.monotonic()
+
+    def _on_odometry(self, message: Odometry) -> None:
+        self._odometry = message.pose.pose
+        if self._odometry_then is None:
+            self._odometry_then = self._odometry
+
+    def _on_transforms(self, message: bytes) -> None:
+        if _FROM_MAP in message:
+            self._transform_at = time.monotonic()
+
+    def _look_for_transform(self) -> Iterable[str]:
+        if self._transform_at is None:
+            return
+        is_lost = time.monotonic() - self._transform_at > _TRANSFORM_SEC
+        if is_lost != self._transform_is_lost:
+            self._transform_is_lost = is_lost
+            yield (
+                f"No transform from 'map' has come for {_TRANSFORM_SEC:g} s: the localisation has stopped."
+                if is_lost
+                else "Transforms from 'map' come again."
+            )
+
+
+def _between(there: Any, here: Any) -> tuple[float, float]:
+    """Return how far two poses are apart: metres, radians."""
+    moved = math.hypot(here.position.x - there.position.x, here.position.y - there.position.y)
+    yaws = [2.0 * math.atan2(pose.orientation.z, pose.orientation.w) for pose in (there, here)]
+    return moved, abs(math.remainder(yaws[1] - yaws[0], math.tau))
+
+
+def refuse_parameters(node: Node, names: Collection[str]) -> None:
+    """Refuse from now on to set parameters that were read before the start, and would have no effect.
+
+    Args:
+        node: The node.
+        names: The names of the parameters, or of what they stand below: `zones` for `zones.kitchen.x`.
+    """
+
+    def judge(parameters: list[Parameter]) -> SetParametersResult:
+        fixed = [each.name for each in parameters if each.name.partition(".")[0] in names]
+        reason = f"{', '.join(fixed)}: read before the start; stop the run, and start it with the new value"
+        return SetParametersResult(successful=not fixed, reason=reason if fixed else "")
+
+    node.add_on_set_parameters_callback(judge)

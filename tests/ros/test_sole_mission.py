@@ -1,0 +1,109 @@
+"""Missions that claim the same robot."""
+
+import json
+from collections.abc import Callable
+
+import pytest
+
+from sar_compiler.ros.sole_mission import AnotherMissionError, MissionClaim, SoleMission
+from tests.ros.conftest import Ros, Said
+
+pytestmark = pytest.mark.ros
+
+DRIVE = ["navigate_to_pose"]
+
+
+def mission(ros: Ros, name: str = "first", actions: list[str] = DRIVE, **options: bool) -> SoleMission:
+    return SoleMission(ros.node(name), actions, look_sec=0.0, **options)
+
+
+def seen(ros: Ros, one: SoleMission, number: int = 1) -> None:
+    ros.spin_until(lambda: len(one._others) == number, "the other mission's claim")
+
+
+def test_alone_on_a_robot_it_is_clear_after_the_look_around(ros: Ros) -> None:
+    alone = SoleMission(ros.node("first"), DRIVE, look_sec=0.2)
+    assert alone.missing() == "looking for another mission on this robot"
+    ros.spin_until(lambda: alone.missing() is None, "the end of the look around")
+    assert alone.trouble() == ""
+
+
+def test_one_that_runs_goes_before_one_that_begins_whoever_is_older(ros: Ros) -> None:
+    newcomer, running = mission(ros, "newcomer"), mission(ros, "running")
+    running.run()
+    ros.spin_until(lambda: any(each.runs for each in newcomer._others.values()), "the claim of what runs")
+    with pytest.raises(AnotherMissionError, match=r"node /running \(process \d+ on .*'/navigate_to_pose'"):
+        newcomer.missing()
+    assert running.trouble() == ""
+
+
+def test_of_two_that_begin_at_once_the_younger_gives_way(ros: Ros) -> None:
+    older, younger = mission(ros, "older"), mission(ros, "younger")
+    seen(ros, older)
+    seen(ros, younger)
+    assert older.missing() is None
+    with pytest.raises(AnotherMissionError):
+        younger.missing()
+
+
+def test_of_two_that_run_and_have_not_seen_each_other_the_younger_gives_way(ros: Ros, said: Said) -> None:
+    older, younger = mission(ros, "older"), mission(ros, "younger")
+    older.run()
+    younger.run()
+    for one in (older, younger):
+        ros.spin_until(lambda one=one: any(each.runs for each in one._others.values()), "the claims")  # type: ignore[misc]
+    assert older.trouble() == ""
+    assert "node /older" in younger.trouble()
+    assert said.has("Another mission wants this robot: node /younger")
+
+
+def test_another_action_is_another_robot(ros: Ros) -> None:
+    mission(ros, "first", ["robot1/navigate_to_pose"]).run()
+    second = mission(ros, "second", ["robot2/navigate_to_pose"])
+    ros.spin_for(0.3)
+    assert second.missing() is None
+
+
+def test_who_only_looks_claims_nothing_and_sees_all(ros: Ros) -> None:
+    running = mission(ros, "running")
+    running.run()
+    looking = mission(ros, "looking", claims=False)
+    seen(ros, looking)
+    with pytest.raises(AnotherMissionError):
+        looking.missing()
+    assert running._others == {}
+
+
+def test_one_that_has_ended_says_nothing_to_the_next(make_ros: Callable[[], Ros]) -> None:
+    first = make_ros()
+    mission(first).run()
+    first.close()
+    second = make_ros()
+    next_one = mission(second)
+    second.spin_for(0.3)
+    assert next_one.missing() is None
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[]",
+        "{}",
+        "5",
+        '"claim"',
+        json.dumps({**MissionClaim("a", True, 1, "k", "n", "h", 2)._asdict(), "since": "x"}),  # noqa: FBT003
+        "[" * 100_000,
+    ],
+)
+def test_what_is_no_claim_is_not_heeded(ros: Ros, text: str) -> None:
+    from std_msgs.msg import String
+
+    alone = mission(ros)
+    alone._take(String(data=text))
+    assert alone.missing() is None
+
+
+def test_what_another_says_of_itself_is_shown_without_what_a_terminal_would_obey() -> None:
+    claim = MissionClaim("a", runs=True, since=1, key="k", node="\x1b[2J\nfine", host="h" * 500, pid=7)
+    assert claim.describe() == f"node \\x1b[2J\\nfine (process 7 on {'h' * 80})"

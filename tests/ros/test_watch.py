@@ -1,0 +1,206 @@
+"""What is watched while a tree runs: the localisation that is started again."""
+
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from tests.ros.conftest import Ros, Said
+
+pytestmark = pytest.mark.ros
+
+
+class Nav2:
+    """Nav2 as the watch sees it, and the robot's odometry."""
+
+    def __init__(self, ros: Ros) -> None:
+        from geometry_msgs.msg import PoseWithCovarianceStamped
+        from lifecycle_msgs.srv import GetState
+        from nav_msgs.msg import Odometry
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        self.ros = ros
+        self.navigator = "active"
+        self.given: list[tuple[float, float]] = []
+        self._pose, self._odometry = PoseWithCovarianceStamped, Odometry
+        self._latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._other = ros.node("nav2")
+        self._other.create_service(GetState, "bt_navigator/get_state", self._state)
+        self._other.create_subscription(PoseWithCovarianceStamped, "initialpose", self._take, 10)
+        self._odometry_publisher = self._other.create_publisher(Odometry, "odometry/filtered", 10)
+        self.start_amcl()
+
+    def start_amcl(self) -> None:
+        from lifecycle_msgs.srv import GetState
+
+        self._amcl = self.ros.node("amcl")
+        self._amcl.create_service(GetState, "amcl/get_state", self._active)
+        self._poses = self._amcl.create_publisher(self._pose, "amcl_pose", self._latched)
+
+    def stop_amcl(self) -> None:
+        self.ros.remove(self._amcl)
+        self.navigator = "inactive"
+
+    def publish_pose(self, x: float, y: float) -> None:
+        message = self._pose()
+        message.header.frame_id = "map"
+        message.pose.pose.position.x, message.pose.pose.position.y = x, y
+        message.pose.pose.orientation.w = 1.0
+        self._poses.publish(message)
+
+    def publish_odometry(self, x: float) -> None:
+        message = self._odometry()
+        message.pose.pose.position.x = x
+        message.pose.pose.orientation.w = 1.0
+        self._odometry_publisher.publish(message)
+
+    def _take(self, message: Any) -> None:
+        self.given.append((message.pose.pose.position.x, message.pose.pose.position.y))
+
+    def _state(self, _: Any, response: Any) -> Any:
+        response.current_state.label = self.navigator
+        return response
+
+    def _active(self, _: Any, response: Any) -> Any:
+        response.current_state.label = "active"
+        return response
+
+
+class Scene:
+    """A watch that is asked to look as often as a test likes."""
+
+    def __init__(self, ros: Ros, said: Said) -> None:
+        from sar_compiler.nodes.spec import Use
+        from sar_compiler.ros.watch import Watch
+
+        self.ros, self.said, self.nav2 = ros, said, Nav2(ros)
+        self.watch: Watch = Watch(ros.node("mission"), [Use.nav2()])
+
+    def until(self, wanted: Any, what: str) -> None:
+        def looked() -> object:
+            self.watch.look()
+            return wanted()
+
+        self.ros.spin_until(looked, what)
+
+    def begin(self, odometry: float | None = 0.0, pose: tuple[float, float] | None = (1.5, -2.0)) -> None:
+        """Have the robot localised, and the watch know it."""
+        known = self.watch._localisation
+        assert known is not None
+        if odometry is not None:
+            self.measured(odometry)
+        if pose is not None:
+            self.nav2.publish_pose(*pose)
+            self.until(lambda: known._pose, "the pose")
+        self.until(lambda: known._known, "Nav2's being active")
+
+    def measured(self, odometry: float) -> None:
+        """Have the odometry say that the robot is so many metres ahead."""
+        known = self.watch._localisation
+        assert known is not None
+
+        def has_come() -> bool:
+            self.nav2.publish_odometry(odometry)
+            return known._odometry is not None and known._odometry.position.x == odometry
+
+        self.until(has_come, "the odometry")
+
+    def restart_amcl(self) -> None:
+        self.nav2.stop_amcl()
+        self.until(lambda: self.said.has("Nav2 is no longer active"), "the loss")
+        self.nav2.start_amcl()
+
+
+@pytest.fixture
+def scene(ros: Ros, said: Said, monkeypatch: pytest.MonkeyPatch) -> Iterator[Scene]:
+    from sar_compiler.ros import watch
+
+    monkeypatch.setattr(watch, "_LOST_SEC", 0.3)
+    scene = Scene(ros, said)
+    yield scene
+    scene.watch.close()
+
+
+def test_the_last_pose_is_given_again_if_the_robot_has_not_moved(scene: Scene) -> None:
+    scene.begin()
+    scene.restart_amcl()
+    scene.until(lambda: scene.nav2.given, "the pose")
+    assert scene.nav2.given == [(1.5, -2.0)]
+    assert scene.said.has("The localisation is back, and is given its last pose again, (1.50, -2.00)")
+    scene.nav2.navigator = "active"
+    scene.until(lambda: scene.said.has("Nav2 is active again."), "the end of the loss")
+
+
+def test_a_robot_that_has_moved_is_asked_for(scene: Scene) -> None:
+    scene.begin()
+    scene.measured(0.3)
+    scene.restart_amcl()
+    scene.until(lambda: scene.said.has("the robot has moved by 0.30 m", "2D Pose Estimate"), "the question")
+    assert scene.nav2.given == []
+
+
+def test_without_odometry_the_operator_is_asked(scene: Scene) -> None:
+    scene.begin(odometry=None)
+    scene.restart_amcl()
+    scene.until(lambda: scene.said.has("no odometry tells whether the robot has moved"), "the question")
+    assert scene.nav2.given == []
+
+
+def test_without_a_last_pose_the_operator_is_asked(scene: Scene) -> None:
+    scene.begin(pose=None)
+    scene.restart_amcl()
+    scene.until(lambda: scene.said.has("its last pose is not known"), "the question")
+    assert scene.nav2.given == []
+
+
+def test_a_navigator_that_was_deactivated_alone_is_given_no_pose(scene: Scene) -> None:
+    scene.begin()
+    scene.nav2.navigator = "inactive"
+    scene.until(lambda: scene.said.has("Nav2 is no longer active"), "the loss")
+    end = time.monotonic() + 0.5
+    scene.until(lambda: time.monotonic() > end, "some time in which nothing is sent")
+    assert scene.nav2.given == []
+    assert not scene.said.has("The localisation is back")
+
+
+def test_transforms_that_stop_are_told_and_their_return(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from geometry_msgs.msg import TransformStamped
+    from rclpy.serialization import serialize_message
+    from tf2_msgs.msg import TFMessage
+
+    from sar_compiler.ros import watch
+
+    monkeypatch.setattr(watch, "_TRANSFORM_SEC", 0.3)
+    known = scene.watch._localisation
+    assert known is not None
+    frame = TransformStamped()
+    frame.header.frame_id, frame.child_frame_id = "map", "odom"
+    publisher = scene.ros.node("tf").create_publisher(TFMessage, "/tf", 10)
+    assert watch._FROM_MAP in serialize_message(TFMessage(transforms=[frame]))
+    scene.begin()
+    scene.until(
+        lambda: (publisher.publish(TFMessage(transforms=[frame])), known._transform_at)[1], "a transform"
+    )
+    scene.until(lambda: scene.said.has("No transform from 'map' has come for 0.3 s"), "the silence")
+    scene.until(
+        lambda: (
+            publisher.publish(TFMessage(transforms=[frame])),
+            scene.said.has("Transforms from 'map' come again."),
+        )[1],
+        "their return",
+    )
+
+
+def test_transforms_between_other_frames_are_none_from_map(scene: Scene) -> None:
+    from geometry_msgs.msg import TransformStamped
+    from rclpy.serialization import serialize_message
+    from tf2_msgs.msg import TFMessage
+
+    from sar_compiler.ros import watch
+
+    frame = TransformStamped()
+    frame.header.frame_id, frame.child_frame_id = "odom", "base_link"
+    assert watch._FROM_MAP not in serialize_message(TFMessage(transforms=[frame]))
