@@ -1,6 +1,48 @@
-"""What the tests of faults share."""
+"""What the tests of faults share: a mission as a process of its own, among servers that misbehave."""
+
+import pytest
 
 from tests.e2e.conftest import start, witness
 from tests.ros.conftest import make_ros, ros, said
 
 __all__ = ["make_ros", "ros", "said", "start", "witness"]
+
+# Nothing is sent to a localisation, ticks are frequent, and what a stopped run waits for is short.
+QUICK = (
+    ("set_initial_pose", "false"),
+    ("tick_rate_hz", "10.0"),
+    ("startup_timeout_sec", "30.0"),
+)
+
+
+@pytest.fixture
+def serve():
+    """Start servers; what still runs after the test is killed."""
+    from tests.faults.servers import Servers
+
+    processes = []
+
+    def start_servers(role, env=None, **script):
+        processes.append(Servers(role, env, **script))
+        return processes[-1]
+
+    yield start_servers
+    for process in processes:
+        process.thaw()
+        process.kill()
+
+
+@pytest.fixture
+def fly(start, serve):
+    """Start `sar-run` beside servers for what it searches and reports with; one zone, unless it is told otherwise."""
+
+    served: list[object] = []
+
+    def start_mission(*arguments, env=None, zones=("zone_a",), **parameters):
+        if not served:
+            served.append(serve("survivors", env))
+        given = {**dict(QUICK), "zone_order": f"[{', '.join(zones)}]", **parameters}
+        assigned = [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
+        return start("sar-run", *arguments, "--until", "complete", "--ros-args", *assigned, env=env)
+
+    return start_mission

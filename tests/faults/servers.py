@@ -1,0 +1,341 @@
+"""Servers that misbehave as a test tells them, in a process of their own, which can be killed and frozen.
+
+Roles: `navigation` (the action `navigate_to_pose`, and Nav2's two lifecycle nodes), `survivors` (the two services),
+`clock` (`/clock`). What happens in the process is an event, a line of JSON; orders go the other way.
+"""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from typing import Any
+
+from tests.waiting import SILENCE_SEC, News
+
+_TICK_SEC = 0.01
+
+
+class Servers:
+    """A process of servers, as seen by a test.
+
+    Args:
+        role: What it serves.
+        env: Changes to the environment.
+        script: How it behaves; see the roles.
+    """
+
+    def __init__(self, role: str, env: "dict[str, str] | None" = None, **script: Any) -> None:
+        self.events: list[dict[str, Any]] = []
+        self._news = News()
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "tests.faults.servers", role, json.dumps(script)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env={**os.environ, **(env or {})},
+        )
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+        self.wait_for("ready")
+
+    def _read(self) -> None:
+        for line in self._process.stdout or ():
+            with self._news:
+                self.events.append(json.loads(line))
+                self._news.tell()
+
+    def of(self, event: str, **fields: Any) -> "list[dict[str, Any]]":
+        """Return the events of a kind, with these fields."""
+        wanted = {"event": event, **fields}
+        with self._news:
+            return [each for each in self.events if wanted.items() <= each.items()]
+
+    def wait_for(self, event: str, times: int = 1, **fields: Any) -> "dict[str, Any]":
+        """Wait until an event has happened so many times; return the last of these."""
+        with self._news:
+            self._news.wait_until(
+                lambda: len(self.of(event, **fields)) >= times, lambda: f"no {event} {fields}: {self.events}"
+            )
+        return self.of(event, **fields)[times - 1]
+
+    @property
+    def active(self) -> int:
+        """How many accepted goals have not ended."""
+        return len(self.of("accepted")) - len(self.of("ended"))
+
+    def order(self, **order: Any) -> None:
+        """Have something done."""
+        assert self._process.stdin is not None
+        self._process.stdin.write(f"{json.dumps(order)}\n")
+        self._process.stdin.flush()
+
+    def freeze(self) -> None:
+        """Have the process stand still."""
+        self._process.send_signal(signal.SIGSTOP)
+
+    def thaw(self) -> None:
+        """Have it go on."""
+        self._process.send_signal(signal.SIGCONT)
+
+    def kill(self) -> None:
+        """End it without notice."""
+        if self._process.poll() is None:
+            self._process.kill()
+        self._process.wait()
+        self._reader.join(SILENCE_SEC)
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                pipe.close()
+
+
+def tell(event: str, **fields: Any) -> None:
+    """Tell the test of an event."""
+    sys.stdout.write(f"{json.dumps({'event': event, **fields})}\n")
+    sys.stdout.flush()
+
+
+class Navigation:
+    """`navigate_to_pose` and the states of `amcl` and `bt_navigator`.
+
+    Script:
+        goals: How each goal is served, in the order of their arrival; the last entry serves all that follow.
+            `accept` (true), `accept_after` (0.0 s), `drive` (0.2 s; null: for ever), `feedback` (true), `end` ("succeed" or
+            "abort"), `code` (of an abort), `cancel` ("grant", "ignore": granted and not heeded, "refuse", "mute": not
+            answered), `result` ("send" or "lose").
+        states: The states of the lifecycle nodes by name; null: a node that is not there.
+        preempts: Whether a goal that is accepted aborts the one under way (false).
+
+    A pose on `initialpose` makes `bt_navigator` active.
+
+    Orders: `{"state": {"bt_navigator": "inactive"}}`; `{"goals": […]}` for goals from now on.
+    """
+
+    def __init__(self, node: Any, script: "dict[str, Any]") -> None:
+        from lifecycle_msgs.srv import GetState
+        from nav2_msgs.action import NavigateToPose
+        from rclpy.action import ActionServer, CancelResponse, GoalResponse
+        from rclpy.callback_groups import ReentrantCallbackGroup
+
+        self._node, self._type = node, NavigateToPose
+        self._goals: list[dict[str, Any]] = script.get("goals", [{}])
+        self._count = 0
+        self._scripts: dict[bytes, dict[str, Any]] = {}
+        self._preempts = script.get("preempts", False)
+        self._newest = 0
+        self._states = {"amcl": "active", "bt_navigator": "active", **script.get("states", {})}
+        self._responses, self._cancels = GoalResponse, CancelResponse
+        group = ReentrantCallbackGroup()
+        loses, scripts = self._loses, self._scripts
+
+        class Server(ActionServer):
+            async def _execute_get_result_request(self, header_and_request: Any) -> None:
+                goal = bytes(header_and_request[1].goal_id.uuid)
+                if goal not in scripts:
+                    tell("asked")
+                if not loses(goal):
+                    await super()._execute_get_result_request(header_and_request)
+
+            async def _execute_goal_request(self, header_and_request: Any) -> None:
+                # The request that is judged has no id; this one has.
+                accept.id = bytes(header_and_request[1].goal_id.uuid)
+                await super()._execute_goal_request(header_and_request)
+
+        accept = threading.local()
+        self._accept = accept
+        self._server = Server(
+            node,
+            NavigateToPose,
+            "navigate_to_pose",
+            execute_callback=self._drive,
+            goal_callback=self._judge,
+            cancel_callback=self._cancel,
+            callback_group=group,
+        )
+        for name, state in self._states.items():
+            if state is not None:
+                node.create_service(
+                    GetState, f"{name}/get_state", lambda _, response, name=name: self._state(name, response)
+                )
+        self._serve_poses(node)
+
+    def obey(self, order: "dict[str, Any]") -> None:
+        self._states.update(order.get("state", {}))
+        self._goals = order.get("goals", self._goals)
+        if "goals" in order:
+            self._count = 0  # numbers of goals begin anew
+
+    def _serve_poses(self, node: Any) -> None:
+        from geometry_msgs.msg import PoseWithCovarianceStamped
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        poses = node.create_publisher(PoseWithCovarianceStamped, "amcl_pose", latched)
+
+        def take(message: Any) -> None:
+            position = message.pose.pose.position
+            tell("initialpose", x=position.x, y=position.y)
+            self._states["bt_navigator"] = "active"
+            poses.publish(message)
+
+        node.create_subscription(PoseWithCovarianceStamped, "initialpose", take, 10)
+
+    def _state(self, name: str, response: Any) -> Any:
+        response.current_state.label = self._states[name]
+        return response
+
+    def _judge(self, goal: Any) -> Any:
+        script = self._goals[min(self._count, len(self._goals) - 1)]
+        self._count += 1
+        number = self._count
+        self._scripts[self._accept.id] = {**script, "number": number}
+        position = goal.pose.pose.position
+        tell("goal", number=number, x=position.x, y=position.y)
+        time.sleep(script.get("accept_after", 0.0))
+        if not script.get("accept", True) or self._states["bt_navigator"] != "active":
+            tell("rejected", number=number)
+            return self._responses.REJECT
+        tell("accepted", number=number)
+        return self._responses.ACCEPT
+
+    async def _cancel(self, handle: Any) -> Any:
+        script = self._script_of(handle)
+        tell("cancel", number=script["number"])
+        manner = script.get("cancel", "grant")
+        if manner == "mute":
+            from rclpy.task import Future
+
+            await Future()
+        return self._cancels.REJECT if manner == "refuse" else self._cancels.ACCEPT
+
+    def _drive(self, handle: Any) -> Any:
+        script = self._script_of(handle)
+        drive = script.get("drive", 0.2)
+        heeds = script.get("cancel", "grant") == "grant"
+        began = told = time.monotonic()
+        how = script.get("end", "succeed")
+        self._newest = script["number"]
+        while drive is None or time.monotonic() - began < drive:
+            if handle.is_cancel_requested and heeds:
+                how = "cancel"
+                break
+            if self._preempts and self._newest > script["number"]:
+                how = "abort"
+                break
+            if script.get("feedback", True) and time.monotonic() - told > 0.1:
+                told = time.monotonic()
+                handle.publish_feedback(self._type.Feedback(distance_remaining=1.0))
+                tell("feedback")
+            time.sleep(_TICK_SEC)
+        ends = {"succeed": handle.succeed, "abort": handle.abort, "cancel": handle.canceled}
+        ends[how]()
+        tell("ended", number=script["number"], how=how)
+        return self._type.Result(error_code=script.get("code", 0) if how == "abort" else 0)
+
+    def _script_of(self, handle: Any) -> "dict[str, Any]":
+        return self._scripts[bytes(handle.goal_id.uuid)]
+
+    def _loses(self, goal: bytes) -> bool:
+        return self._scripts.get(goal, {}).get("result") == "lose"
+
+
+class Survivors:
+    """`detect_survivor` and `report_survivor`.
+
+    Script:
+        found: Positions by zone.
+        detect, report: How each call is answered, as `Navigation` has its goals: `answer` (true), `after` (0.0 s).
+    """
+
+    def __init__(self, node: Any, script: "dict[str, Any]") -> None:
+        from rclpy.callback_groups import ReentrantCallbackGroup
+        from sar_interfaces.srv import DetectSurvivor, ReportSurvivor
+
+        self._script = script
+        self._counts = {"detect": 0, "report": 0}
+        group = ReentrantCallbackGroup()
+        node.create_service(DetectSurvivor, "detect_survivor", self._detect, callback_group=group)
+        node.create_service(ReportSurvivor, "report_survivor", self._report, callback_group=group)
+
+    def obey(self, order: "dict[str, Any]") -> None:
+        self._script.update(order)
+
+    async def _answer(self, kind: str) -> None:
+        from rclpy.task import Future
+
+        manners = self._script.get(kind, [{}])
+        manner = manners[min(self._counts[kind], len(manners) - 1)]
+        self._counts[kind] += 1
+        if manner.get("after"):
+            over = Future()
+            threading.Timer(manner["after"], over.set_result, [None]).start()
+            await over
+        if not manner.get("answer", True):
+            await Future()
+
+    async def _detect(self, request: Any, response: Any) -> Any:
+        tell("detect", zone=request.zone_id)
+        await self._answer("detect")
+        place = self._script.get("found", {}).get(request.zone_id)
+        if place is not None:
+            response.found, (response.survivor_x, response.survivor_y) = True, map(float, place)
+        return response
+
+    async def _report(self, request: Any, response: Any) -> Any:
+        point = request.location.point
+        tell("report", id=request.survivor_id, x=point.x, y=point.y)
+        await self._answer("report")
+        response.acknowledged = True
+        return response
+
+
+class Clock:
+    """`/clock`, as fast as the machine's.
+
+    Orders: `{"stop": true}`, `{"stop": false}`, `{"jump": seconds}`.
+    """
+
+    def __init__(self, node: Any, script: "dict[str, Any]") -> None:
+        from rosgraph_msgs.msg import Clock as Message
+
+        self._publisher, self._type = node.create_publisher(Message, "/clock", 10), Message
+        self._now, self._stopped = script.get("start", 100.0), False
+        node.create_timer(0.02, self._tick)
+
+    def obey(self, order: "dict[str, Any]") -> None:
+        self._stopped = order.get("stop", self._stopped)
+        self._now += order.get("jump", 0.0)
+        tell("obeyed", **order)
+
+    def _tick(self) -> None:
+        if not self._stopped:
+            self._now += 0.02
+            message = self._type()
+            message.clock.sec, message.clock.nanosec = int(self._now), int(self._now % 1.0 * 1e9)
+            self._publisher.publish(message)
+
+
+_ROLES: "dict[str, Any]" = {"navigation": Navigation, "survivors": Survivors, "clock": Clock}
+
+
+def main(role: str, script: str) -> None:
+    """Serve until the test ends the process, or its own end."""
+    import rclpy
+    from rclpy.executors import MultiThreadedExecutor
+
+    rclpy.init()
+    node = rclpy.create_node(f"scripted_{role}")
+    servers = _ROLES[role](node, json.loads(script))
+    executor = MultiThreadedExecutor(num_threads=8)
+    executor.add_node(node)
+    threading.Thread(target=executor.spin, daemon=True).start()
+    tell("ready")
+    for line in sys.stdin:
+        servers.obey(json.loads(line))
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

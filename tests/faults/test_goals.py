@@ -1,0 +1,131 @@
+"""A goal is over when its end was seen, or said not to be; and what is not its fault costs no attempt."""
+
+import signal
+
+import pytest
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+RESILIENT = "search_and_rescue_resilient"
+STILL_MOVING = "a goal may still be active, and the robot may still be moving: NavigateToZone"
+LOST = "the robot may still be moving"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("cancel", ["ignore", "refuse", "mute"])
+def test_a_run_that_is_stopped_while_its_goal_goes_on_says_so_and_ends_with_4(fly, serve, cancel, number):
+    navigation = serve("navigation", goals=[{"drive": None, "cancel": cancel}])
+    run = fly(settle_timeout_sec=1.0)
+    navigation.wait_for("accepted")
+    run.send(number)
+    assert run.end() == 4, run.output
+    assert STILL_MOVING in run.output
+    assert navigation.active == 1
+
+
+def test_a_goal_that_was_accepted_after_the_signal_is_canceled_while_its_end_is_awaited(fly, serve):
+    navigation = serve("navigation", goals=[{"drive": None, "accept_after": 2.0}])
+    run = fly()
+    navigation.wait_for("goal")
+    run.send(signal.SIGINT)
+    assert run.end() == 130, run.output
+    assert [end["how"] for end in navigation.of("ended")] == ["cancel"]
+
+
+def test_a_goal_that_may_still_be_accepted_when_the_run_ends_is_told(fly, serve):
+    navigation = serve("navigation", goals=[{"drive": None, "accept_after": 4.0}])
+    run = fly(settle_timeout_sec=1.0)
+    navigation.wait_for("goal")
+    run.send(signal.SIGINT)
+    assert run.end() == 4, run.output
+    assert STILL_MOVING in run.output
+
+
+def test_a_frozen_server_may_still_hold_its_goal(fly, serve):
+    navigation = serve("navigation", goals=[{"drive": None}])
+    run = fly(settle_timeout_sec=1.0)
+    navigation.wait_for("accepted")
+    navigation.freeze()
+    run.send(signal.SIGINT)
+    assert run.end() == 4, run.output
+
+
+@pytest.mark.parametrize("tree", ["search_and_rescue", RESILIENT])
+def test_a_result_that_is_lost_is_known_by_the_status_topic(fly, serve, tree):
+    navigation = serve("navigation", goals=[{"result": "lose", "feedback": False}, {}])
+    run = fly(tree)
+    assert run.end() == 0, run.output
+    assert (
+        "The result of the goal of 'navigate_to_pose' is lost; the status topic has its end: 4." in run.output
+    )
+    assert len(navigation.of("goal")) == 2, "the zone, and home"
+
+
+@pytest.mark.parametrize("feedback", [True, False])
+def test_a_killed_server_is_noticed_by_its_silence_whether_it_sent_feedback_or_not(fly, serve, feedback):
+    navigation = serve("navigation", goals=[{"drive": None, "feedback": feedback}])
+    run = fly(RESILIENT)
+    # It has answered, or sent something, by the time that the next comes.
+    navigation.wait_for("feedback" if feedback else "asked", times=2)
+    navigation.kill()
+    silent = "sent no feedback" if feedback else "answered nothing"
+    run.wait_for(f"the server has {silent} for 10 s; {LOST}")
+
+
+def test_with_the_shipped_profile_a_killed_server_is_out_of_the_graph_before_its_silence_is_noticed(
+    fly, serve
+):
+    env = {"FASTRTPS_DEFAULT_PROFILES_FILE": "config/fastdds_profile.xml"}
+    navigation = serve("navigation", env, goals=[{"drive": None, "feedback": False}])
+    run = fly(RESILIENT, env=env)
+    navigation.wait_for("asked", times=2)
+    navigation.kill()
+    run.wait_for(f"the server has been gone for 0.5 s; {LOST}")
+    assert "answered nothing" not in run.output
+
+
+def test_a_goal_that_an_inactive_server_rejected_is_sent_again_once_it_is_active(fly, serve):
+    navigation = serve("navigation")
+    run = fly(RESILIENT, zones=("zone_a", "zone_b"))
+    navigation.wait_for("accepted")
+    navigation.order(state={"bt_navigator": "inactive"})
+    run.wait_for("waits to send its goal again: node bt_navigator: state 'inactive', must be 'active'.")
+    navigation.order(state={"bt_navigator": "active"})
+    assert run.end() == 0, run.output
+    assert "postponed" not in run.output
+    assert len(navigation.of("rejected")) == 1
+
+
+def test_a_goal_that_another_client_took_over_is_sent_again_when_that_one_has_arrived(fly, serve):
+    """As Nav2 has it: the first goal is aborted, without a code, when the second is accepted."""
+    from tests.faults.other_client import OtherClient
+
+    navigation = serve("navigation", goals=[{"drive": None}, {"drive": 1.0}, {}], preempts=True)
+    run = fly(RESILIENT)
+    navigation.wait_for("accepted")
+    with OtherClient() as other:
+        other.send()
+        run.wait_for(
+            "waits to send its goal again: another client's goal is under way on 'navigate_to_pose'."
+        )
+        assert run.end() == 0, run.output
+    assert len(navigation.of("goal")) == 4, "the zone twice, the other's, and home"
+    hows = {end["number"]: end["how"] for end in navigation.of("ended")}
+    assert hows == {1: "abort", 2: "succeed", 3: "succeed", 4: "succeed"}
+
+
+def test_a_goal_outside_the_map_is_not_sent_twice(fly, serve):
+    navigation = serve("navigation", goals=[{"drive": 0.0, "end": "abort", "code": 204}])
+    run = fly(RESILIENT)
+    run.wait_for("zone_a is postponed after attempt 1 of 3.")
+    zones = [goal for goal in navigation.of("goal") if goal["x"] == -3.0]
+    assert len(zones) == 1
+    run.stop(within_sec=5.0)
+
+
+def test_a_rehearsed_server_that_stays_dead_is_given_up_as_the_tree_says(start):
+    ros = ("--ros-args", "-p", "zone_order:=[zone_b]")
+    run = start("sar-run", RESILIENT, "--sim", "--speed", 20, "--fault", "navigate_to_pose:die@zone_b", *ros)
+    assert run.end() == 1, run.output
+    assert "zone_b was abandoned after attempt 3." in run.output
+    assert "time limit" not in run.output
