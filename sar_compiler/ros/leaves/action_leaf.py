@@ -10,7 +10,8 @@ from sar_compiler.ros.leaves.client_leaf import ClientLeaf
 from sar_compiler.ros.leaves.deadline import Deadline
 from sar_compiler.ros.leaves.goal import ActionGoal, ActionPort, GoalDeadlines, describe_status
 from sar_compiler.ros.leaves.goal_statuses import SUCCEEDED
-from sar_compiler.ros.leaves.lifecycle import NAV2_NODES, LifecycleNodes, lifecycle_nodes_of
+from sar_compiler.ros.leaves.leaf import alive
+from sar_compiler.ros.leaves.lifecycle import NAV2_NODES, LifecycleNodes
 
 _NAV2 = "nav2_msgs."
 # Nav2's codes for an end without a reason, and for a pose that cannot be transformed: the localisation may be gone.
@@ -115,6 +116,9 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         if self._port is not None and self.settled():
             self._port.release()
         self._port = None
+        if self._lifecycle is not None and alive(self.node):
+            self._lifecycle.close()
+        self._lifecycle = None
         super().shutdown()
 
     def settled(self) -> bool:
@@ -137,7 +141,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
     def _connect(self) -> None:
         self._port = ActionPort(self.node, self.interface, self.action_name)
         if self._needs_nav2:
-            self._lifecycle = lifecycle_nodes_of(self.node, NAV2_NODES)
+            self._lifecycle = LifecycleNodes(self.node, NAV2_NODES)
 
     @property
     def _needs_nav2(self) -> bool:

@@ -1,8 +1,7 @@
 """Lifecycle nodes whose state decides whether a server takes goals."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
-from weakref import WeakKeyDictionary
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -45,13 +44,7 @@ class LifecycleNodes:
             return None
         return "; ".join(line for line in missing if line is not None)
 
-
-_of_node: "WeakKeyDictionary[Any, dict[tuple[str, ...], LifecycleNodes]]" = WeakKeyDictionary()
-
-
-def lifecycle_nodes_of(node: "Node", names: tuple[str, ...]) -> LifecycleNodes:
-    """Return the lifecycle nodes of these names, the same object in every call with a node; it exists as long as that."""
-    by_names = _of_node.setdefault(node, {})
-    if names not in by_names:
-        by_names[names] = LifecycleNodes(node, names)
-    return by_names[names]
+    def close(self) -> None:
+        """Destroy what was created on the node."""
+        for each in self._nodes:
+            each.close()
