@@ -301,9 +301,7 @@ class _Run:
             look_sec = 0.0 if self.simulation is not None else LOOK_SEC
             self._sole = SoleMission(self.node, actions, look_sec=look_sec, claims=not self.options.check)
             types = declared_types(tree.root)
-            readiness = Readiness(
-                self.node, tree.uses(), initial_pose=start, first=self._sole, types=types
-            )
+            readiness = Readiness(self.node, tree.uses(), initial_pose=start, first=self._sole, types=types)
         wait_until_ready(executor, readiness, self.parameters.startup_timeout_sec, lambda: self._over)
         if readiness.uses_nav2 and not self._over:
             self.node.get_logger().info("Nav2 is active.")
