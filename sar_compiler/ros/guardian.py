@@ -130,11 +130,9 @@ class _Cancels:
         deadline = time.monotonic() + _TRYING_SEC
         while self._active and time.monotonic() < deadline:
             for goal_id, canceller in list(self._active.items()):
-                if self._cancel(goal_id, self._clients[canceller], executor):
+                if news := self._cancel(goal_id, self._clients[canceller], executor):
                     del self._active[goal_id]
-                    self._say(
-                        f"the mission is gone: {_action(canceller)} was told to cancel its goal, and does"
-                    )
+                    self._say(f"the mission is gone: {_action(canceller)} {news}")
             if self._active:
                 time.sleep(_AGAIN_EVERY_SEC)
         for canceller in self._active.values():
@@ -142,12 +140,12 @@ class _Cancels:
                 f"the mission is gone, and {_action(canceller)} does not cancel its goal: the robot may still be moving"
             )
 
-    def _cancel(self, goal_id: str, client: Any, executor: "Executor") -> bool:
-        """Ask a server to cancel a goal; return whether it does, or the goal has ended."""
+    def _cancel(self, goal_id: str, client: Any, executor: "Executor") -> str:
+        """Ask a server to cancel a goal; return what it says where it does, or the goal has ended, else an empty text."""
         from action_msgs.srv import CancelGoal
 
         if not client.wait_for_service(_AGAIN_EVERY_SEC):
-            return False
+            return ""
         request = CancelGoal.Request()
         request.goal_info.goal_id.uuid = list(bytes.fromhex(goal_id))
         answer = client.call_async(request)
@@ -156,10 +154,12 @@ class _Cancels:
         executor.remove_node(self._node)
         if not answer.done():
             client.remove_pending_request(answer)
-            return False
+            return ""
         response = answer.result()
+        if response.goals_canceling:
+            return "was told to cancel its goal, and does"
         # Of a goal that it does not know yet it may learn in a moment.
-        return bool(response.goals_canceling) or response.return_code == response.ERROR_GOAL_TERMINATED
+        return "has ended its goal" if response.return_code == response.ERROR_GOAL_TERMINATED else ""
 
     def _say(self, text: str) -> None:
         self._node.get_logger().warning(text)

@@ -28,12 +28,14 @@ class StopSignals:
     is doing: a thread of its own listens. Only what keeps Python's interpreter lock to itself is not interrupted.
 
     Attributes:
-        last_words: Called in that thread before a hurried end, which it can delay by 1 s at most.
+        last_words: Called in that thread before a hurried end, which it can delay by 1 s at most; returns the exit status of
+            that end, or None for the signal's.
     """
 
     def __init__(self) -> None:
-        self.last_words: Callable[[], None] | None = None
+        self.last_words: Callable[[], int | None] | None = None
         self._number = 0
+        self._hurried_status: int | None = None
         self._came = threading.Event()
         # Python writes the number of each signal here as it arrives, not only when the main thread gets to it.
         self._ear, mouth = socket.socketpair()
@@ -85,11 +87,11 @@ class StopSignals:
         speaker = threading.Thread(target=self._say_last_words, daemon=True)
         speaker.start()
         speaker.join(_LAST_WORDS_SEC)
-        os._exit(self.exit_status)
+        os._exit(self.exit_status if self._hurried_status is None else self._hurried_status)
 
     def _say_last_words(self) -> None:
         if self.last_words is not None:
-            self.last_words()
+            self._hurried_status = self.last_words()
         for stream in (sys.stdout, sys.stderr):
             with suppress(Exception):
                 stream.flush()

@@ -337,7 +337,7 @@ class ActionGoal(Exchange):
 
     def _on_end(self, status: int) -> None:
         self._final = status
-        self._port.goals.ended(self._id)
+        self._port.goals.ended(self._id, status)
 
     def _on_result(self, answer: "Future") -> None:
         result = answer.result()

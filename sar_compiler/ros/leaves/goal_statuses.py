@@ -12,7 +12,8 @@ if TYPE_CHECKING:
 ABORTED, CANCELED, SUCCEEDED, UNKNOWN = 6, 5, 4, 0
 """Constants of `action_msgs/msg/GoalStatus`."""
 
-_FINAL = (SUCCEEDED, CANCELED, ABORTED)
+FINAL = (SUCCEEDED, CANCELED, ABORTED)
+"""Those of a goal that has ended."""
 
 StatusListener = Callable[[int], None]
 
@@ -39,7 +40,7 @@ class GoalStatuses:
     @property
     def has_foreign_goal(self) -> bool:
         """Whether the server works on a goal that this node has not sent."""
-        return any(status not in _FINAL and goal not in self._ours for goal, status in self._latest.items())
+        return any(status not in FINAL and goal not in self._ours for goal, status in self._latest.items())
 
     def forget(self) -> None:
         """Forget the latest statuses: their server may have died, and a new one says nothing before its first goal."""
@@ -53,7 +54,7 @@ class GoalStatuses:
     def _take(self, message: Any) -> None:
         self._latest = {bytes(each.goal_info.goal_id.uuid): each.status for each in message.status_list}
         for goal, status in self._latest.items():
-            if status in _FINAL and (listener := self._listeners.pop(goal, lambda: None)()) is not None:
+            if status in FINAL and (listener := self._listeners.pop(goal, lambda: None)()) is not None:
                 listener(status)
         self._listeners = {goal: each for goal, each in self._listeners.items() if each() is not None}
         # A goal that is over stays in the list for a while, and must not look foreign.

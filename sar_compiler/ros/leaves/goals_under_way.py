@@ -14,12 +14,23 @@ class GoalNews(NamedTuple):
     Attributes:
         goal_id: Its id, 32 hexadecimal digits.
         canceller: The full name of the service that cancels it.
-        is_over: Whether it has ended; else it is about to be sent.
+        status: How it has ended, a constant of `action_msgs/msg/GoalStatus`, 0 where no server knows it; None if it is
+            about to be sent.
     """
 
     goal_id: str
     canceller: str
-    is_over: bool
+    status: int | None = None
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it has ended."""
+        return self.status is not None
+
+    @property
+    def action(self) -> str:
+        """The full name of its action."""
+        return self.canceller.removesuffix("/_action/cancel_goal")
 
 
 class GoalsUnderWay:
@@ -28,6 +39,10 @@ class GoalsUnderWay:
     def __init__(self) -> None:
         self._active: dict[str, str] = {}
         self._listeners: list[Callable[[GoalNews], None]] = []
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self._active)
 
     def listen(self, listener: Callable[[GoalNews], None]) -> None:
         """Have a function called before each goal is sent, and after its end is seen."""
@@ -42,14 +57,19 @@ class GoalsUnderWay:
         """
         digits = bytes(goal_id.uuid).hex()
         self._active[digits] = canceller
-        self._tell(GoalNews(digits, canceller, is_over=False))
+        self._tell(GoalNews(digits, canceller))
 
-    def ended(self, goal_id: Any) -> None:
-        """Note that a goal was rejected, or has ended."""
+    def ended(self, goal_id: Any, status: int) -> None:
+        """Note that a goal was rejected, or has ended.
+
+        Args:
+            goal_id: Its id, a `unique_identifier_msgs/msg/UUID`.
+            status: How, a constant of `action_msgs/msg/GoalStatus`; 0 where it was rejected, or no server knows it.
+        """
         digits = bytes(goal_id.uuid).hex()
         canceller = self._active.pop(digits, None)
         if canceller is not None:
-            self._tell(GoalNews(digits, canceller, is_over=True))
+            self._tell(GoalNews(digits, canceller, status))
 
     def _tell(self, news: GoalNews) -> None:
         for listener in self._listeners:
