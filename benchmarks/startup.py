@@ -14,6 +14,7 @@ import signal
 import statistics
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -27,6 +28,7 @@ TREE = "search_and_rescue"
 LXML, BARE_NODE, WAITING = "import lxml.etree", "a bare node", "a bare node, time that passes"
 VALIDATE = f"sar-compile validate {TREE}"
 FIRST_TICK = f"sar-run {TREE}, to the first tick"
+WITH_JOURNAL = f"{FIRST_TICK}, with a journal"
 MISSION = f"sar-run {TREE} --sim, the whole mission"
 _MAIN = "import sys; from sar_compiler.cli.compile import main; "
 _ARGUMENTS = f"['validate', '{TREE}']"
@@ -97,16 +99,20 @@ def _short(effort: Effort) -> Iterator[Result]:
 
 def _with_ros(effort: Effort) -> Iterator[Result]:
     bare = [sys.executable, "-c", _BARE_NODE]
-    with _servers():
+    run = [str(_SCRIPTS / "sar-run"), TREE, "--view", "text"]
+    with _servers(), tempfile.TemporaryDirectory() as folder:
+        journal = ["--new", "--journal", str(Path(folder, "mission.journal"))]
         taken = in_turns(
             {
                 BARE_NODE: lambda: _to_the_first_line(bare),
-                "": lambda: _to_the_first_line([str(_SCRIPTS / "sar-run"), TREE, "--view", "text"]),
+                "": lambda: _to_the_first_line([*run, "--no-journal"]),
+                WITH_JOURNAL: lambda: _to_the_first_line([*run, *journal]),
             },
             effort.rounds,
         )
     (cpu, wall), (bare_cpu, bare_wall) = (zip(*taken[name], strict=True) for name in ("", BARE_NODE))
     yield from compared(FIRST_TICK, cpu, {BARE_NODE: bare_cpu})
+    yield from compared(WITH_JOURNAL, [each[0] for each in taken[WITH_JOURNAL]], {BARE_NODE: bare_cpu})
     yield from compared(f"{FIRST_TICK}, time that passes", wall, {WAITING: bare_wall})
     missions = [_mission() for _ in range(effort.few)]
     yield from compared(MISSION, [each[0] for each in missions], {BARE_NODE: bare_cpu[: len(missions)]})

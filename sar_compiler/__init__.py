@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from sar_compiler.checks.verify.verdicts import ProofStatus, Verdict, Verification
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.errors import SarError, UndecidableError
+    from sar_compiler.journal.journal import Journal
     from sar_compiler.missions.mission import Mission, MissionRun
     from sar_compiler.nodes.register import register
     from sar_compiler.nodes.registry import RegistryError
@@ -52,6 +53,7 @@ __all__ = [
     "FaultPlan",
     "InOut",
     "Input",
+    "Journal",
     "Kind",
     "LoadedTree",
     "ManualClock",
@@ -92,6 +94,7 @@ _MODULES = {
     "checks.verify.verdicts": ("ProofStatus", "Verdict", "Verification"),
     "compiler": ("CompiledTree",),
     "errors": ("SarError", "UndecidableError"),
+    "journal.journal": ("Journal",),
     "missions.mission": ("Mission", "MissionRun"),
     "nodes.register": ("register",),
     "nodes.registry": ("RegistryError",),

@@ -35,6 +35,10 @@ _domain, _lock = _take_domain()
 os.environ["ROS_DOMAIN_ID"] = str(_domain)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
+# The journals of missions that tests start otherwise than by `tests.processes`.
+_state = tempfile.TemporaryDirectory(prefix="state_of_tests")
+os.environ["XDG_STATE_HOME"] = _state.name
+
 # How long an example takes depends on the machine, which is no property of the code.
 settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("untimed")

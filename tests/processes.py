@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from pathlib import Path
@@ -30,12 +31,19 @@ class Command:
         self.name = name
         self._lines = []
         self._news = News()
+        # So that a mission does not find the journal of another test's; whoever wants one found names it.
+        self._state = tempfile.TemporaryDirectory(prefix="state_of_test")
         self._process = subprocess.Popen(
             [BIN / name, *map(str, arguments)],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            env={**os.environ, "PYTHONFAULTHANDLER": "1", **(env or {})},
+            env={
+                **os.environ,
+                "PYTHONFAULTHANDLER": "1",
+                "XDG_STATE_HOME": self._state.name,
+                **(env or {}),
+            },
         )
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()

@@ -26,6 +26,11 @@ def sar_sim() -> int:
     return _command("cli.sim", is_server=sys.argv[1:2] == ["run"])
 
 
+def sar_journal() -> int:
+    """Run `sar-journal` and return its exit status."""
+    return _command("cli.journal_command")
+
+
 def sar_detect_survivor_server() -> int:
     """Run `sar-detect-survivor-server` and return its exit status."""
     return _command("missions.survivor_servers", "detect", is_server=True)

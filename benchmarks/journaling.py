@@ -1,0 +1,66 @@
+"""What a journal costs: a fact, which waits for the disk, and each tick, whose statuses are watched.
+
+Ticks are CPU time. A fact is time that passes: it takes what the disk of the temporary folder takes.
+"""
+
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+from py_trees.composites import Sequence
+
+from benchmarks.figures import LOOP, Effort, Result, compared, in_turns, loop, often, timed
+from benchmarks.leaves import Leaf
+from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.status_watch import StatusWatch
+from sar_compiler.ros.runner import TreeRunner
+
+NONE = "the same without a journal"
+SIZES = (30, 1_000)
+_FACTS = 200
+
+
+class Changing(Behaviour):
+    """A leaf that answers otherwise in every tick."""
+
+    def update(self) -> Status:
+        """Answer SUCCESS, with another message than before."""
+        self.feedback_message = "2.50 m left" if self.feedback_message == "2.51 m left" else "2.51 m left"
+        return Status.SUCCESS
+
+
+def measure(effort: Effort) -> Iterator[Result]:
+    """Yield the figures of facts and of ticks."""
+    with tempfile.TemporaryDirectory() as folder:
+        journal = open_journal(Path(folder, "mission.journal"))
+        journal.begin({}, {})
+        taken = in_turns({"": lambda: _facts(journal), LOOP: loop}, effort.rounds)
+        yield from compared("a fact, time that passes", taken.pop(""), taken)
+        for kind, leaf in (("no node changes", Leaf), ("every leaf changes", Changing)):
+            for size in SIZES:
+                actions = {
+                    NONE: _ticks(leaf, effort.size(size), None),
+                    "": _ticks(leaf, effort.size(size), journal),
+                }
+                taken = in_turns(actions, effort.rounds)
+                yield from compared(f"a tick, {size:,} leaves, {kind}", taken.pop(""), taken)
+        journal.close()
+
+
+def _facts(journal: Journal) -> float:
+    start = time.perf_counter()
+    for number in range(_FACTS):
+        journal.note("zone_searched", zone=f"zone_{number}", survivor=(-2.5, 3.2))
+    return (time.perf_counter() - start) / _FACTS
+
+
+def _ticks(leaf: type[Behaviour], size: int, journal: Journal | None) -> Callable[[], float]:
+    root = Sequence("root", memory=False, children=[leaf(f"leaf {number}") for number in range(size)])
+    runner = TreeRunner(root)
+    if journal is not None:
+        runner.add_visitor(StatusWatch(root, journal))
+    return often(lambda count: timed(runner.tick, count))

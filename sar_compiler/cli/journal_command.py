@@ -1,0 +1,55 @@
+"""`sar-journal`: what a mission has left behind."""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from contextlib import closing
+from pathlib import Path
+
+from sar_compiler.cli.arguments import Parser, add_version
+from sar_compiler.commands import OK, run
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command `sar-journal`.
+
+    Args:
+        argv: The arguments without the command's name; by default the process's.
+
+    Returns:
+        The exit status: 0; 2 for wrong usage, or a file that is no journal or cannot be read.
+    """
+    return run(lambda: _show(_parser().parse_args(sys.argv[1:] if argv is None else argv)), "sar-journal")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser("sar-journal", "What a mission has left behind in its journal.")
+    add_version(parser)
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    text = "Tell the facts of a mission: its runs, zones, survivors, reports, goals."
+    show = commands.add_parser("show", help=text, description=text)
+    show.add_argument(
+        "journal", type=Path, metavar="FILE", help="the journal; a mission may be writing to it"
+    )
+    show.add_argument("--format", choices=("text", "json"), default="text", help="for people, or for scripts")
+    show.add_argument(
+        "--all", action="store_true", help="also what was watched: nodes, log, pose, plan, ends of goals"
+    )
+    return parser
+
+
+def _show(options: argparse.Namespace) -> int:
+    from sar_compiler.journal.database import JournalFile
+    from sar_compiler.views.journals import journal_data, journal_text
+
+    with closing(JournalFile.read(options.journal)) as file:
+        if options.format == "json":
+            print(json.dumps(journal_data(file, with_watched=options.all), indent=2))
+        else:
+            print(journal_text(file, with_watched=options.all))
+    return OK
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,388 @@
+"""The file of a journal: an SQLite database, whose schema has a version."""
+
+import errno
+import json
+import os
+import sqlite3
+import stat
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from sar_compiler.journal.errors import JournalError, JournalPlaceError
+from sar_compiler.journal.journal_entries import RUN_BEGAN, RUN_ENDED, Ending, JournalEntry, JournalRun
+
+VERSION = 1
+"""The version of the schema that is written; others are refused."""
+
+# What `file` and SQLite know the files by: "SARJ".
+_APPLICATION_ID = 0x5341524A
+
+# In one transaction: whoever dies in it leaves an empty file.
+_SCHEMA = f"""
+BEGIN IMMEDIATE;
+PRAGMA application_id = {_APPLICATION_ID};
+PRAGMA user_version = {VERSION};
+CREATE TABLE about (key TEXT PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE run (
+    number INTEGER PRIMARY KEY, began REAL NOT NULL, about TEXT NOT NULL,
+    ended REAL, ending TEXT, status INTEGER, reason TEXT NOT NULL DEFAULT ''
+);
+CREATE TABLE fact (
+    number INTEGER PRIMARY KEY, run INTEGER NOT NULL, wall REAL NOT NULL, time REAL NOT NULL,
+    kind TEXT NOT NULL, data TEXT NOT NULL
+);
+CREATE TABLE watched (
+    number INTEGER PRIMARY KEY, run INTEGER NOT NULL, wall REAL NOT NULL, time REAL NOT NULL,
+    kind TEXT NOT NULL, data TEXT NOT NULL
+);
+CREATE INDEX watched_by_kind ON watched (kind);
+COMMIT;
+"""
+
+# How often, and how far apart, somebody else's look at the lock is waited for.
+_ATTEMPTS, _MOMENT_SEC = 10, 0.02
+
+_SIDECARS = ("-wal", "-shm")
+
+
+class Row(NamedTuple):
+    """An entry that is to be written."""
+
+    run: int
+    wall: float
+    time: float
+    kind: str
+    data: str
+
+
+class JournalFile:
+    """An open journal.
+
+    Args:
+        path: Where it is.
+        connection: The database.
+        lock: The descriptor that holds the lock; None where it is only read.
+    """
+
+    def __init__(self, path: Path, connection: sqlite3.Connection, lock: int | None = None) -> None:
+        self.path = path
+        self._connection = connection
+        self._lock = lock
+
+    @classmethod
+    def create(cls, path: Path) -> "JournalFile":
+        """Create a journal, or take over one in which nothing has begun, and lock it.
+
+        Raises:
+            JournalError: If the file cannot be made, or is another process's, or a mission has begun in it.
+        """
+        file = cls.open(path)
+        if file.runs():
+            file.close()
+            message = f"a mission has begun in {path} already"
+            raise JournalError(message)
+        return file
+
+    @classmethod
+    def open(cls, path: Path) -> "JournalFile":
+        """Open a journal for a run, and lock it; where there is none, or an empty file, it is made.
+
+        Raises:
+            JournalError: If it cannot be opened or made, is another process's, or is no journal of this version.
+        """
+        with _readable(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            lock = _locked(path)
+            file = cls(path, _connected(path), lock)
+            try:
+                file._make()
+            except BaseException:
+                file.close()
+                raise
+        return file
+
+    def _make(self) -> None:
+        (tables,) = self._connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+        if not tables:
+            self._connection.executescript(_SCHEMA)
+            _sync_folder(self.path.parent)
+        # Not before it is known to be a journal: it changes the file.
+        self.checked()
+        self._connection.execute("PRAGMA journal_mode = WAL")
+
+    @classmethod
+    def read(cls, path: Path) -> "JournalFile":
+        """Open a journal to read it, also while a run writes to it.
+
+        Raises:
+            JournalError: If it cannot be opened, or is no journal of this version.
+        """
+        with _readable(path):
+            _require_regular(path.stat().st_mode)
+            # Who writes to it has a log beside it; else nobody does, and SQLite need not put anything there to read it.
+            used = Path(f"{path}-wal").exists()
+            uri = f"{path.absolute().as_uri()}?{'mode=ro' if used else 'immutable=1'}"
+            return cls(path, _connected(uri, uri=True)).checked()
+
+    def checked(self) -> "JournalFile":
+        """Return it, once it is known to be a journal of this version; it is closed if it is not.
+
+        Raises:
+            JournalError: If it is not.
+        """
+        try:
+            flaw = self._flaw()
+        except sqlite3.Error:
+            self.close()
+            raise
+        if flaw:
+            self.close()
+            raise JournalError(flaw)
+        return self
+
+    def _flaw(self) -> str:
+        known, version = (
+            self._connection.execute(f"PRAGMA {name}").fetchone()[0]
+            for name in ("application_id", "user_version")
+        )
+        if known != _APPLICATION_ID:
+            return f"{self.path} is a database, but no journal of a mission"
+        if version != VERSION:
+            return (
+                f"{self.path} has version {version} of a journal, and this sar_compiler reads version {VERSION}: use the "
+                "sar_compiler that has written it"
+            )
+        return ""
+
+    def about(self) -> dict[str, Any]:
+        """Return what the mission is: `mission`, `tree`, `identity` and so on; empty before its first run."""
+        with _readable(self.path):
+            rows = self._connection.execute("SELECT key, value FROM about").fetchall()
+            return {key: json.loads(value) for key, value in rows}
+
+    def runs(self) -> list[JournalRun]:
+        """Return the runs, the latest last."""
+        with _readable(self.path):
+            rows = self._connection.execute(
+                "SELECT number, began, about, ended, ending, status, reason FROM run ORDER BY number"
+            )
+            return [
+                JournalRun(
+                    number,
+                    float(began),
+                    _mapping(about),
+                    None if ended is None else float(ended),
+                    None if ending is None else Ending(ending),
+                    status,
+                    str(reason),
+                )
+                for number, began, about, ended, ending, status, reason in rows
+            ]
+
+    def facts(self) -> list[JournalEntry]:
+        """Return all facts, in their order."""
+        return self._entries("SELECT number, run, wall, time, kind, data FROM fact ORDER BY number", ())
+
+    def watched(self, *kinds: str) -> list[JournalEntry]:
+        """Return what was watched, in its order: entries of some kinds; of all, if none is named."""
+        chosen = f"WHERE kind IN ({', '.join('?' * len(kinds))}) " if kinds else ""
+        query = f"SELECT number, run, wall, time, kind, data FROM watched {chosen}ORDER BY number"  # noqa: S608
+        return self._entries(query, kinds)
+
+    def stream(self) -> list[JournalEntry]:
+        """Return all that has happened, in its order: what `Journal.listen` tells of while it happens."""
+        about = self.about()
+        entries = [*self.facts(), *self.watched()]
+        for run in self.runs():
+            began = run.about.get("time")
+            at = float(began) if isinstance(began, (int, float)) else 0.0
+            entries.append(JournalEntry(0, run.number, run.began, at, RUN_BEGAN, {**about, "run": run.about}))
+            if run.ended is not None and run.ending is not None:
+                last = max((entry.time for entry in entries if entry.run == run.number), default=at)
+                data = {"ending": run.ending.value, "status": run.status, "reason": run.reason}
+                entries.append(JournalEntry(0, run.number, run.ended, last, RUN_ENDED, data))
+        # The system's clock may be set; the order of runs, and of their beginnings and ends, may not.
+        rank = {RUN_BEGAN: 0, RUN_ENDED: 2}
+        entries.sort(key=lambda entry: (entry.run, rank.get(entry.kind, 1), entry.wall))
+        return [entry._replace(number=number) for number, entry in enumerate(entries, 1)]
+
+    def _entries(self, query: str, values: Iterable[str]) -> list[JournalEntry]:
+        with _readable(self.path):
+            rows = self._connection.execute(query, tuple(values))
+            return [
+                JournalEntry(number, run, float(wall), float(time), str(kind), _mapping(data))
+                for number, run, wall, time, kind, data in rows
+            ]
+
+    def begin_run(self, about: Mapping[str, object], run_about: Mapping[str, object], wall: float) -> int:
+        """Add a run, and say what the mission is if it is the first one; return the run's number."""
+        with self._transaction():
+            self._connection.executemany(
+                "INSERT OR IGNORE INTO about VALUES (?, ?)",
+                [(key, json.dumps(value)) for key, value in about.items()],
+            )
+            added = self._connection.execute(
+                "INSERT INTO run (began, about) VALUES (?, ?)", (wall, json.dumps(run_about))
+            )
+        return int(added.lastrowid or 0)
+
+    def end_run(self, number: int, wall: float, ending: Ending, status: int, reason: str) -> None:
+        """Say how a run has ended."""
+        with self._transaction():
+            self._connection.execute(
+                "UPDATE run SET ended = ?, ending = ?, status = ?, reason = ? WHERE number = ?",
+                (wall, ending.value, status, reason, number),
+            )
+
+    def write(self, watched: Iterable[Row], fact: Row | None = None) -> None:
+        """Write what was watched; and a fact, which is on the disk when this returns."""
+        with self._transaction(durable=fact is not None):
+            self._connection.executemany(
+                "INSERT INTO watched (run, wall, time, kind, data) VALUES (?, ?, ?, ?, ?)", watched
+            )
+            if fact is not None:
+                self._connection.execute(
+                    "INSERT INTO fact (run, wall, time, kind, data) VALUES (?, ?, ?, ?, ?)", fact
+                )
+
+    @contextmanager
+    def _transaction(self, *, durable: bool = True) -> Iterator[None]:
+        # With NORMAL a commit survives the process but not the machine, and SQLite syncs when it has to for the file
+        # to stay whole.
+        self._connection.execute(f"PRAGMA synchronous = {'FULL' if durable else 'NORMAL'}")
+        self._connection.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+            self._connection.execute("COMMIT")
+        except BaseException:
+            with suppress(sqlite3.Error):
+                self._connection.execute("ROLLBACK")
+            raise
+
+    def move(self, path: Path) -> None:
+        """Close it and give it another name, with what SQLite may have left beside it.
+
+        Raises:
+            JournalError: If there is something of that name, or it cannot be moved.
+        """
+        with _readable(path):
+            if path.exists():
+                raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST))
+            # SQLite's last word is in the file itself once it is closed, unless somebody reads it just now.
+            self._connection.close()
+            for ending in ("", *_SIDECARS):
+                with suppress(FileNotFoundError):
+                    Path(f"{self.path}{ending}").rename(f"{path}{ending}")
+            _sync_folder(path.parent)
+            self.close()
+
+    def remove(self) -> None:
+        """Close it and delete it."""
+        with _readable(self.path):
+            self._connection.close()
+            for ending in ("", *_SIDECARS):
+                Path(f"{self.path}{ending}").unlink(missing_ok=True)
+            self.close()
+
+    def close(self) -> None:
+        """Close it, and give up the lock."""
+        with suppress(sqlite3.Error):
+            self._connection.close()
+        # Not before: to close any descriptor of the file takes SQLite's own locks away.
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+
+def is_locked(path: Path) -> bool:
+    """Return whether another process writes to a journal just now; not for a process that does so itself."""
+    import fcntl
+
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False
+
+
+def _locked(path: Path) -> int:
+    """Open a file, which is made if it is not there, and lock it; the lock ends with the process, however that ends."""
+    # Not blocking: a pipe without a reader would keep the command for good.
+    descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CREAT, 0o644)
+    try:
+        _require_regular(os.fstat(descriptor).st_mode)
+        _lock(descriptor)
+    except BlockingIOError:
+        os.close(descriptor)
+        message = f"{path} is the journal of a mission that runs just now, in another process: wait for its end, or stop it"
+        raise JournalError(message) from None
+    except BaseException:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def _lock(descriptor: int) -> None:
+    """Lock a file; who only looks whether it is locked has it for a moment, too."""
+    import fcntl
+
+    for left in reversed(range(_ATTEMPTS)):
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:  # noqa: PERF203 - ten times at most
+            if not left:
+                raise
+            time.sleep(_MOMENT_SEC)
+        else:
+            return
+
+
+def _mapping(text: str) -> dict[str, Any]:
+    data = json.loads(text)
+    if not isinstance(data, dict):
+        message = f"{text} stands where names with values belong"
+        raise TypeError(message)
+    return data
+
+
+def _sync_folder(folder: Path) -> None:
+    """Have the names in a folder on the disk, as well as what is in the files."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _require_regular(mode: int) -> None:
+    if not stat.S_ISREG(mode):
+        raise OSError(errno.EINVAL, "it is no file, but a folder, a device or a pipe")
+
+
+def _connected(target: str | Path, **options: Any) -> sqlite3.Connection:
+    # Transactions are begun and ended by statements alone; nobody but a reader can keep the file for a moment.
+    connection: sqlite3.Connection = sqlite3.connect(target, timeout=5.0, isolation_level=None, **options)
+    connection.execute("PRAGMA trusted_schema = OFF")
+    return connection
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Turn what can go wrong with a file, or what is in it, into words."""
+    try:
+        yield
+    except OSError as error:
+        message = f"the journal {path} cannot be used: {error.strerror or error}"
+        raise JournalPlaceError(message) from error
+    except (sqlite3.Error, sqlite3.Warning, ValueError, TypeError, OverflowError, RecursionError) as error:
+        message = f"the journal {path} cannot be used: {error}; is it a journal, and whole?"
+        raise JournalError(message) from error

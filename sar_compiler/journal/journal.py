@@ -1,0 +1,260 @@
+"""The journal of the mission that is running."""
+
+import json
+import os
+import re
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from sar_compiler.journal.errors import JournalError
+from sar_compiler.journal.journal_entries import (
+    GOAL_ENDED,
+    GOAL_SENT,
+    RUN_BEGAN,
+    RUN_ENDED,
+    Ending,
+    JournalEntry,
+)
+from sar_compiler.runtime.clock import Clock, WallClock
+from sar_compiler.runtime.context import mission_context
+
+if TYPE_CHECKING:
+    from sar_compiler.journal.database import JournalFile, Row
+
+Listener = Callable[[JournalEntry], object]
+
+# What is watched is written so often, in seconds of the steady clock: what a process that is killed may lose.
+_BATCH_SEC = 1.0
+
+
+class SentGoal(NamedTuple):
+    """A goal that a run has sent and not seen the end of.
+
+    Attributes:
+        action: The action's full name.
+        goal_id: Its id, as 32 hexadecimal digits.
+    """
+
+    action: str
+    goal_id: str
+
+
+def _sent_goal(fact: JournalEntry) -> SentGoal:
+    goal = SentGoal(str(fact.data.get("action")), str(fact.data.get("goal")))
+    if not (
+        re.fullmatch(r"(/[A-Za-z_]\w*)+", goal.action, re.ASCII)
+        and re.fullmatch("[0-9a-f]{32}", goal.goal_id)
+    ):
+        message = f"fact {fact.number} of the journal, {fact.kind} {dict(fact.data)}, is no goal of an action"
+        raise JournalError(message)
+    return goal
+
+
+@mission_context
+class Journal:
+    """What is true of a mission, fact by fact, and beside it what was watched.
+
+    A leaf is handed the journal of its run if its constructor has a parameter of this type; as `Journal | None = None`
+    it also works where no journal is kept. Everything belongs in the thread of the node's executor.
+
+    If the file cannot be written any more, the mission goes on without it: that is said once, in `on_failure`.
+
+    Args:
+        file: The file, open and locked; None for a journal that keeps nothing, such as the one to begin with in a
+            mission's state.
+        aside: The name that the file is given, because it is another mission's, before a new one is made in its place;
+            None to go on with the file.
+
+    Attributes:
+        aside: The name that the file has or will have, because it is another mission's.
+        is_resumed: Whether the mission was begun by an earlier run.
+        clock: The mission's clock.
+        on_failure: Called with a sentence when the file can no longer be written.
+    """
+
+    def __init__(self, file: "JournalFile | None" = None, aside: Path | None = None) -> None:
+        self.clock: Clock = WallClock()
+        self.on_failure: Callable[[str], object] = lambda _: None
+        self._file = file
+        self.aside = aside
+        known = file if aside is None else None
+        self.is_resumed = known is not None and bool(known.runs())
+        self._facts = known.facts() if known is not None else []
+        self._about = known.about() if known is not None else {}
+        self._has_begun = self.is_resumed
+        self._run = 0
+        self._pending: list[Row] = []
+        self._pending_since = 0.0
+        self._listeners: list[Listener] = []
+        self._told = 0
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether it has a file."""
+        return self._file is not None
+
+    @property
+    def is_wanted(self) -> bool:
+        """Whether anybody has a use for entries: a file, or a listener."""
+        return self.is_kept or bool(self._listeners)
+
+    def listen(self, listener: Listener) -> None:
+        """Have a function called with each entry, once it is written; as well where there is no file.
+
+        It is called in the thread of the mission, and must return at once. Beside facts and what is watched it is told of
+        the run's beginning and end; `JournalFile.stream` yields the same of a file.
+        """
+        self._listeners.append(listener)
+
+    @property
+    def place(self) -> Path:
+        """Where it is."""
+        return self._file.path if self._file is not None else Path()
+
+    @property
+    def about(self) -> Mapping[str, object]:
+        """What the mission is, as the run said that began it; empty before."""
+        return self._about
+
+    def facts(self) -> list[JournalEntry]:
+        """Return the facts of earlier runs, in their order."""
+        return list(self._facts)
+
+    def goals_left(self) -> list[SentGoal]:
+        """Return the goals of earlier runs that may still be active.
+
+        Raises:
+            JournalError: If there is one in it that could not be sent.
+        """
+        if self._file is None or not self._facts:
+            return []
+        # One that was taken for lost, and then was accepted, is in it twice.
+        ends = Counter(entry.data.get("goal") for entry in self._file.watched(GOAL_ENDED))
+        sent = [_sent_goal(fact) for fact in self._facts if fact.kind == GOAL_SENT]
+        times = Counter(goal.goal_id for goal in sent)
+        return [goal for goal in dict.fromkeys(sent) if times[goal.goal_id] > ends[goal.goal_id]]
+
+    def begin(self, about: Mapping[str, object], run_about: Mapping[str, object]) -> None:
+        """Begin the run: from here on it can be resumed.
+
+        Args:
+            about: What the mission is, by key; what an earlier run has said stays.
+            run_about: What this run has of its own, by key.
+
+        Raises:
+            JournalError: If the file cannot be made or written.
+        """
+        of_run = {"pid": os.getpid(), "time": self.clock.now(), **run_about}
+        self._about, self._has_begun = self._about or dict(about), True
+        if self._file is not None:
+            self._begin_in(self._file, about, of_run)
+        self._tell(RUN_BEGAN, {**self._about, "run": of_run})
+
+    def _begin_in(
+        self, file: "JournalFile", about: Mapping[str, object], of_run: Mapping[str, object]
+    ) -> None:
+        from sqlite3 import Error
+
+        from sar_compiler.journal.database import JournalFile
+
+        if self.aside is not None:
+            file.move(self.aside)
+            self._file = file = JournalFile.create(file.path)
+        try:
+            self._run = file.begin_run(about, of_run, time.time())
+        except Error as error:
+            message = f"the journal {self.place} cannot be written: {error}"
+            raise JournalError(message) from error
+
+    def note(self, kind: str, /, **data: object) -> None:
+        """Write a fact down; it is on the disk when this returns, and only then may the world be told.
+
+        Args:
+            kind: What it is, such as `zone_visited`.
+            **data: What belongs to it, as JSON values.
+
+        Raises:
+            TypeError: If a value is no JSON value.
+        """
+        if self._run:
+            self._write(self._row(kind, data))
+        self._tell(kind, data)
+
+    def watch(self, kind: str, /, **data: object) -> None:
+        """Write down what was seen: later, with others; it may be lost when the process is killed.
+
+        Args:
+            kind: What it is, such as `pose`.
+            **data: What belongs to it, as JSON values.
+
+        Raises:
+            TypeError: If a value is no JSON value.
+        """
+        if self._run:
+            if not self._pending:
+                self._pending_since = time.monotonic()
+            self._pending.append(self._row(kind, data))
+            self.write_when_due()
+        self._tell(kind, data)
+
+    def write_when_due(self) -> None:
+        """Write what was watched, if the oldest of it is a second old."""
+        if self._pending and time.monotonic() - self._pending_since >= _BATCH_SEC:
+            self._write()
+
+    def end(self, ending: Ending, status: int, reason: str = "") -> None:
+        """Say how the run has ended.
+
+        Args:
+            ending: How.
+            status: The exit status.
+            reason: The reason in a sentence.
+        """
+        self._write()
+        file, run = self._file, self._run
+        if file is not None and run:
+            self._try(lambda: file.end_run(run, time.time(), ending, status, reason))
+        self._tell(RUN_ENDED, {"ending": ending.value, "status": status, "reason": reason})
+
+    def close(self) -> None:
+        """Write what is left to be written, and close the file; one in which nothing has begun is removed."""
+        self._write()
+        if self._file is not None and (self._has_begun or self.aside is not None):
+            self._file.close()
+        elif self._file is not None:
+            self._file.remove()
+        self._file, self._run = None, 0
+
+    def _tell(self, kind: str, data: Mapping[str, object]) -> None:
+        if self._listeners:
+            self._told += 1
+            entry = JournalEntry(self._told, self._run or 1, time.time(), self.clock.now(), kind, data)
+            for listener in self._listeners:
+                listener(entry)
+
+    def _row(self, kind: str, data: Mapping[str, object]) -> "Row":
+        from sar_compiler.journal.database import Row
+
+        return Row(self._run, time.time(), self.clock.now(), kind, json.dumps(data))
+
+    def _write(self, fact: "Row | None" = None) -> None:
+        pending, self._pending = self._pending, []
+        file = self._file if self._run else None
+        if file is not None and (pending or fact is not None):
+            self._try(lambda: file.write(pending, fact))
+
+    def _try(self, write: Callable[[], object]) -> None:
+        from sqlite3 import Error
+
+        try:
+            write()
+        except Error as error:
+            # A full disk is no reason to leave people unsearched.
+            self._run = 0
+            self.on_failure(
+                f"The journal {self.place} cannot be written any more ({error}): the mission goes on without it, and "
+                "cannot be resumed from here."
+            )

@@ -1,0 +1,79 @@
+"""The entries of a journal, as they are read."""
+
+import time
+from collections.abc import Mapping
+from enum import Enum
+from typing import Any, NamedTuple
+
+GOAL_SENT, GOAL_ENDED = "goal_sent", "goal_ended"
+"""Kinds that belong to the leaves that send goals; a mission has others."""
+
+RUN_BEGAN, RUN_ENDED = "run_began", "run_ended"
+"""Kinds that a stream has beside facts and what was watched: what the mission is, with `run`, what the run has of its own;
+`ending`, `status` and `reason`."""
+
+
+def day_and_time(wall: float, form: str = "%Y-%m-%d %H:%M:%S") -> str:
+    """Return seconds since 1970 as the local date and time; as they are if there is no such day."""
+    try:
+        return time.strftime(form, time.localtime(wall))
+    except (OSError, OverflowError, ValueError):
+        return f"{wall:g}"
+
+
+class JournalEntry(NamedTuple):
+    """A fact, or something that was watched.
+
+    Attributes:
+        number: Its number among its like, in the order in which they were written; in a stream, among all of the stream.
+        run: The number of the run that has written it, from 1.
+        wall: When it was written, in seconds since 1970.
+        time: The time of the mission's clock, in seconds.
+        kind: What it is, such as `zone_visited`.
+        data: What belongs to it, as JSON values.
+    """
+
+    number: int
+    run: int
+    wall: float
+    time: float
+    kind: str
+    data: Mapping[str, Any]
+
+
+class Ending(str, Enum):
+    """How a run has ended."""
+
+    OVER = "over"
+    """By its end condition: the mission is over, complete or not."""
+    STOPPED = "stopped"
+    """By a signal: whoever stopped it may go on with it."""
+    FAILED = "failed"
+    """By a leaf that raised, or what it ran on."""
+
+
+class JournalRun(NamedTuple):
+    """One run of the mission, a process.
+
+    Attributes:
+        number: Its number, from 1.
+        began: When its first tick was due, in seconds since 1970.
+        about: What it ran with: `version`, `pid`, `parameters`, the mission's `time` at the beginning, and so on.
+        ended: When it ended, in seconds since 1970; None if it broke off, or still runs.
+        ending: How it ended; None if it broke off, or still runs.
+        status: The exit status.
+        reason: A sentence with the reason of the end; may be empty.
+    """
+
+    number: int
+    began: float
+    about: Mapping[str, Any]
+    ended: float | None
+    ending: Ending | None
+    status: int | None
+    reason: str
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the mission was over with this run."""
+        return self.ending is Ending.OVER

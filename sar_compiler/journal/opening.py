@@ -1,0 +1,95 @@
+"""Opening the journal of a run: which file, and whether a mission begins in it or goes on."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from sar_compiler.journal.database import JournalFile
+from sar_compiler.journal.errors import JournalError
+from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import Ending, JournalRun, day_and_time
+
+_SUFFIX = ".journal"
+
+
+def default_place(node: str, environment: Mapping[str, str] = os.environ) -> Path:
+    """Return where the journal of a node is kept, unless a file is named.
+
+    Args:
+        node: The node's full name.
+        environment: The environment; of another ROS domain than 0 it is another file.
+    """
+    state = environment.get("XDG_STATE_HOME", "")
+    # As the XDG base directory specification says, a relative folder does not count.
+    folder = Path(state) if os.path.isabs(state) else Path.home() / ".local" / "state"  # noqa: PTH117
+    domain = environment.get("ROS_DOMAIN_ID") or "0"
+    ending = f".domain_{domain}" if domain != "0" else ""
+    return folder / "sar_compiler" / f"{node.strip('/').replace('/', '.')}{ending}{_SUFFIX}"
+
+
+def open_journal(place: Path, *, resume: bool = False, anew: bool = False, is_named: bool = True) -> Journal:
+    """Open the journal of a run; what it does to the file, it does when the run begins.
+
+    Args:
+        place: The file.
+        resume: Whether to go on with the mission that is in it.
+        anew: Whether to begin a mission whatever is in it.
+        is_named: Whether the user has named the file: what is in it is then not put aside unasked, though the mission
+            was stopped by its operator.
+
+    Raises:
+        JournalError: If there is no such mission to go on with, or one is in it that is not over; if a run in another
+            process writes to it, or it is no journal.
+    """
+    if resume and not os.path.exists(place):  # noqa: PTH110 - which raises nothing
+        message = f"there is no journal {place}, so nothing to resume: leave --resume out"
+        raise JournalError(message)
+    file = JournalFile.open(place)
+    try:
+        return _judged(file, resume=resume, anew=anew, is_named=is_named)
+    except BaseException:
+        file.close()
+        raise
+
+
+def _judged(file: JournalFile, *, resume: bool, anew: bool, is_named: bool) -> Journal:
+    runs = file.runs()
+    last = runs[-1] if runs else None
+    if last is None:
+        if not resume:
+            return Journal(file)
+        message = (
+            f"nothing has begun in the journal {file.path}, so there is nothing to resume: leave --resume out"
+        )
+        raise JournalError(message)
+    if resume:
+        if last.is_over:
+            message = (
+                f"the mission in the journal {file.path} is over ({last.reason}): there is nothing to resume; leave "
+                "--resume out to begin anew"
+            )
+            raise JournalError(message)
+        return Journal(file)
+    if not (anew or last.is_over or (last.ending is Ending.STOPPED and not is_named)):
+        message = (
+            f"the mission in the journal {file.path} is not over: it {_told(last)}. Go on with it: --resume; or begin "
+            "anew, and keep that journal under another name: --new"
+        )
+        raise JournalError(message)
+    return Journal(file, _aside(file.path, runs[0].began))
+
+
+def _told(run: JournalRun) -> str:
+    day = day_and_time(run.ended or run.began)
+    if run.ending is None:
+        return f"was begun on {day}, and broke off"
+    return f"was stopped on {day}" if run.ending is Ending.STOPPED else f"failed on {day}"
+
+
+def _aside(place: Path, began: float) -> Path:
+    """Return a free name for a journal that is put aside: with the time when its mission began."""
+    stamp = day_and_time(began, "%Y%m%d-%H%M%S")
+    names = (
+        f"{place.stem}.{stamp}{count}{place.suffix}" for count in ("", *(f"-{n}" for n in range(2, 1000)))
+    )
+    return next(path for name in names if not (path := place.with_name(name)).exists())

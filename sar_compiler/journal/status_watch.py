@@ -1,0 +1,64 @@
+"""What the nodes of a tree come to, tick by tick, in the journal."""
+
+from collections.abc import Iterator
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+from py_trees.visitors import VisitorBase
+
+from sar_compiler.journal.journal import Journal
+from sar_compiler.runtime.skipping import was_skipped
+
+
+class StatusWatch(VisitorBase):
+    """Watches every node that is ticked: kind `status`, with `node` (its number), `tick`, `status`, `message`.
+
+    A node has an entry where its status or its message is another one than in its last. Nodes are numbered from 0 in
+    pre-order, as in the journal's tree. HALTED is the status of one that was stopped.
+
+    Args:
+        root: The tree.
+        journal: Where it is written.
+    """
+
+    def __init__(self, root: Behaviour, journal: Journal) -> None:
+        super().__init__(full=False)
+        self._journal = journal
+        self._behaviours = list(_pre_order(root))
+        self._numbers = {id(behaviour): number for number, behaviour in enumerate(self._behaviours)}
+        self._last: dict[int, tuple[str, str]] = {}
+        self._running: set[int] = set()
+        self._tick = 0
+
+    def initialise(self) -> None:
+        """Begin a tick."""
+        self._tick += 1
+
+    def run(self, behaviour: Behaviour) -> None:
+        """Watch a node that was ticked."""
+        number = self._numbers.get(id(behaviour))
+        if number is not None:
+            status = "SKIPPED" if was_skipped(behaviour) else behaviour.status.value
+            self._note(number, str(status), behaviour.feedback_message)
+
+    def finalise(self) -> None:
+        """Watch the nodes that were stopped, and end the tick."""
+        for number in sorted(self._running):
+            if self._behaviours[number].status is Status.INVALID:
+                self._note(number, "HALTED", "")
+        self._journal.write_when_due()
+
+    def _note(self, number: int, status: str, message: str) -> None:
+        if self._last.get(number) == (status, message):
+            return
+        self._last[number] = status, message
+        (self._running.add if status == Status.RUNNING.value else self._running.discard)(number)
+        self._journal.watch("status", node=number, tick=self._tick, status=status, message=message)
+
+
+def _pre_order(root: Behaviour) -> Iterator[Behaviour]:
+    waiting = [root]
+    while waiting:
+        behaviour = waiting.pop()
+        yield behaviour
+        waiting.extend(reversed(behaviour.children))

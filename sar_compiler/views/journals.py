@@ -1,0 +1,106 @@
+"""A mission's journal, as text and as plain data."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+from sar_compiler.journal.database import VERSION, JournalFile, is_locked
+from sar_compiler.journal.journal_entries import JournalEntry, JournalRun, day_and_time
+from sar_compiler.tree.showing import shortened, visible
+
+_RUNNING, _BROKEN_OFF, _EMPTY = "running", "broken off", "empty"
+
+
+def journal_data(file: JournalFile, *, with_watched: bool = False) -> dict[str, Any]:
+    """Return a journal as JSON values.
+
+    Args:
+        file: The journal.
+        with_watched: Whether what was watched is part of it.
+    """
+    runs = file.runs()
+    data = {
+        "file": str(file.path),
+        "version": VERSION,
+        "state": _state(file, runs),
+        **file.about(),
+        "runs": [run._asdict() for run in runs],
+        "facts": [fact._asdict() for fact in file.facts()],
+    }
+    return {**data, "watched": [each._asdict() for each in file.watched()]} if with_watched else data
+
+
+def journal_text(file: JournalFile, *, with_watched: bool = False) -> str:
+    """Return a journal in words: the mission, its runs, and the facts of each, with the seconds since its beginning.
+
+    Args:
+        file: The journal.
+        with_watched: Whether what was watched is told as well.
+    """
+    runs, about = file.runs(), file.about()
+    mission = about.get("mission") or "a tree of no mission"
+    entries = [*file.facts(), *(file.watched() if with_watched else ())]
+    entries.sort(key=lambda entry: (entry.run, entry.wall))
+    nodes = _node_names(about.get("tree")) if with_watched else []
+    lines = [f"{mission}, {_state(file, runs)}"]
+    for run in runs:
+        own = [entry for entry in entries if entry.run == run.number]
+        lines += [_headline(run), *_table(run, own, nodes)]
+    return "\n".join(visible(line) for line in lines)
+
+
+def _state(file: JournalFile, runs: Sequence[JournalRun]) -> str:
+    if is_locked(file.path):
+        return _RUNNING
+    if not runs:
+        return _EMPTY
+    return _BROKEN_OFF if runs[-1].ending is None else runs[-1].ending.value
+
+
+def _headline(run: JournalRun) -> str:
+    began = day_and_time(run.began)
+    if run.ended is None:
+        return f"run {run.number}, begun {began}:"
+    reason = f", {run.reason}" if run.reason else ""
+    return f"run {run.number}, begun {began}, {run.ending and run.ending.value} with status {run.status}{reason}:"
+
+
+def _table(run: JournalRun, entries: Sequence[JournalEntry], nodes: Sequence[str]) -> Iterator[str]:
+    began = run.about.get("time")
+    start = began if isinstance(began, (int, float)) else 0.0
+    width = max((len(entry.kind) for entry in entries), default=0)
+    for entry in entries:
+        words = shortened(", ".join(_words(entry.data, nodes)))
+        yield f"{entry.time - start:9.1f} s  {entry.kind:{width}}  {words}".rstrip()
+
+
+def _words(data: Mapping[str, Any], nodes: Sequence[str]) -> Iterator[str]:
+    for key, value in data.items():
+        if key == "node" and isinstance(value, int) and 0 <= value < len(nodes):
+            yield f"node '{nodes[value]}'"
+        elif value != "":
+            yield f"{key} {_value(value)}"
+
+
+def _value(value: object) -> str:
+    if value is None:
+        return "none"
+    if isinstance(value, float):
+        return f"{value:.2f}"
+    if isinstance(value, list):
+        return f"({', '.join(map(_value, value))})"
+    return str(value)
+
+
+def _node_names(tree: Any) -> list[str]:
+    """Return the names of a tree's nodes, in pre-order."""
+    names, waiting = [], [tree] if isinstance(tree, dict) else []
+    while waiting:
+        node = waiting.pop()
+        names.append(str(node.get("name")))
+        waiting.extend(reversed(_children(node)))
+    return names
+
+
+def _children(node: Mapping[str, Any]) -> list[Any]:
+    children: Iterable[Any] = node.get("children") or []
+    return [child for child in children if isinstance(child, dict)]

@@ -1,0 +1,249 @@
+"""Which journal a run writes to, and what it does to one that is there."""
+
+import re
+
+import pytest
+
+from sar_compiler.journal.database import JournalFile
+from sar_compiler.journal.errors import JournalError
+from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, Ending
+from sar_compiler.journal.opening import default_place, open_journal
+from sar_compiler.runtime.clock import ManualClock
+
+
+@pytest.fixture
+def place(tmp_path):
+    return tmp_path / "mission.journal"
+
+
+def leave(place, ending=None, **options):
+    """Run a mission with one fact; without an ending it breaks off."""
+    journal = open_journal(place, **options)
+    journal.begin({"mission": "patrol"}, {})
+    journal.note("zone_visited", zone="zone_a")
+    if ending is not None:
+        journal.end(ending, 1, "It was enough.")
+    journal.close()
+
+
+def kinds(journal):
+    return [fact.kind for fact in journal.facts()]
+
+
+def test_a_new_mission_begins_without_facts(place):
+    journal = open_journal(place)
+    assert not journal.is_resumed
+    assert journal.facts() == []
+    assert journal.goals_left() == []
+    journal.close()
+
+
+def test_a_run_that_does_not_begin_leaves_nothing(place):
+    open_journal(place).close()
+    assert list(place.parent.iterdir()) == []
+
+
+@pytest.mark.parametrize("ending", [None, Ending.STOPPED, Ending.FAILED])
+def test_a_mission_that_is_not_over_is_not_begun_anew_unasked(place, ending):
+    leave(place, ending)
+    with pytest.raises(JournalError, match=r"is not over: .* --resume; .* --new"):
+        open_journal(place)
+
+
+@pytest.mark.parametrize("ending", [None, Ending.STOPPED, Ending.FAILED])
+def test_a_mission_that_is_not_over_goes_on_with_its_facts(place, ending):
+    leave(place, ending)
+    journal = open_journal(place, resume=True)
+    assert journal.is_resumed
+    assert kinds(journal) == ["zone_visited"]
+    journal.begin({"mission": "another"}, {})
+    assert journal.about == {"mission": "patrol"}
+    journal.note("base_reached")
+    journal.close()
+    again = open_journal(place, resume=True)
+    assert [(fact.run, fact.kind) for fact in again.facts()] == [(1, "zone_visited"), (2, "base_reached")]
+    again.close()
+
+
+def test_new_keeps_the_former_journal_under_another_name_once_it_begins(place):
+    leave(place)
+    journal = open_journal(place, anew=True)
+    assert list(place.parent.glob("*.journal")) == [place]
+    assert journal.facts() == []
+    journal.begin({"mission": "patrol"}, {})
+    journal.close()
+    (aside,) = set(place.parent.glob("*.journal")) - {place}
+    assert re.fullmatch(r"mission\.\d{8}-\d{6}\.journal", aside.name)
+    former = open_journal(aside, resume=True)
+    assert kinds(former) == ["zone_visited"]
+    former.close()
+
+
+def test_two_journals_of_one_second_get_two_names(place):
+    for _ in range(3):
+        leave(place, anew=True)
+    assert len(list(place.parent.glob("*.journal"))) == 3
+
+
+def test_a_new_mission_that_does_not_begin_leaves_the_former_one_as_it_was(place):
+    leave(place)
+    open_journal(place, anew=True).close()
+    journal = open_journal(place, resume=True)
+    assert kinds(journal) == ["zone_visited"]
+    journal.close()
+
+
+def test_a_mission_that_is_over_makes_room_for_the_next(place):
+    leave(place, Ending.OVER)
+    leave(place, Ending.OVER)
+    assert len(list(place.parent.glob("*.journal"))) == 2
+
+
+def test_a_mission_that_is_over_is_not_resumed(place):
+    leave(place, Ending.OVER)
+    with pytest.raises(JournalError, match=r"is over \(It was enough\.\)"):
+        open_journal(place, resume=True)
+
+
+def test_where_no_file_was_named_a_mission_that_was_stopped_makes_room_for_the_next(place):
+    leave(place, Ending.STOPPED)
+    journal = open_journal(place, is_named=False)
+    assert not journal.is_resumed
+    journal.close()
+
+
+def test_where_no_file_was_named_a_mission_that_broke_off_is_refused_all_the_same(place):
+    leave(place)
+    with pytest.raises(JournalError, match="broke off"):
+        open_journal(place, is_named=False)
+
+
+def test_without_a_journal_there_is_nothing_to_resume(place):
+    with pytest.raises(JournalError, match="nothing to resume: leave --resume out"):
+        open_journal(place, resume=True)
+    assert not place.exists()
+
+
+@pytest.mark.parametrize(
+    "leave_empty", [lambda path: path.touch(), lambda path: JournalFile.create(path).close()]
+)
+def test_a_journal_in_which_nothing_has_begun_is_no_obstacle(place, leave_empty):
+    leave_empty(place)
+    with pytest.raises(JournalError, match="nothing"):
+        open_journal(place, resume=True)
+    leave(place, Ending.OVER)
+
+
+def test_two_runs_at_a_time_are_one_too_many(place):
+    journal = open_journal(place)
+    for options in ({}, {"resume": True}, {"anew": True}):
+        with pytest.raises(JournalError, match="in another process"):
+            open_journal(place, **options)
+    journal.close()
+
+
+def test_goals_whose_end_was_not_seen_are_left(place):
+    journal = open_journal(place)
+    journal.begin({}, {})
+    for number in (1, 2, 3):
+        journal.note(GOAL_SENT, action="/navigate_to_pose", goal=f"{number:032x}")
+    journal.watch(GOAL_ENDED, goal=f"{2:032x}", status=4)
+    journal.close()
+    again = open_journal(place, resume=True)
+    assert [(goal.action, int(goal.goal_id, 16)) for goal in again.goals_left()] == [
+        ("/navigate_to_pose", 1),
+        ("/navigate_to_pose", 3),
+    ]
+    again.close()
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        {},
+        {"action": "/navigate_to_pose", "goal": "7"},
+        {"action": "/navigate_to_pose", "goal": ["7"]},
+        {"action": "/a b", "goal": "0" * 32},
+        {"action": "navigate", "goal": "0" * 32},
+    ],
+)
+def test_a_goal_that_could_not_be_sent_is_refused_with_its_number(place, data):
+    journal = open_journal(place)
+    journal.begin({}, {})
+    journal.note(GOAL_SENT, **data)
+    journal.close()
+    again = open_journal(place, resume=True)
+    with pytest.raises(JournalError, match=r"fact 1 of the journal, goal_sent .* is no goal of an action"):
+        again.goals_left()
+    again.close()
+
+
+@pytest.mark.parametrize("began", [1e300, -1e300, float("inf")])
+def test_a_time_that_is_none_is_told_as_it_is(place, began):
+    file = JournalFile.create(place)
+    file.begin_run({}, {}, began)
+    file.close()
+    with pytest.raises(JournalError, match=f"begun on {began:g}, and broke off".replace("+", r"\+")):
+        open_journal(place)
+    open_journal(place, anew=True).close()
+
+
+def test_entries_have_the_time_of_the_missions_clock(place):
+    journal = open_journal(place)
+    journal.clock = clock = ManualClock(5.0)
+    journal.begin({}, {})
+    clock.advance(2.5)
+    journal.note("base_reached")
+    journal.close()
+    again = open_journal(place, resume=True)
+    assert [fact.time for fact in again.facts()] == [7.5]
+    again.close()
+
+
+def test_a_value_that_is_no_json_is_the_callers_mistake(place):
+    journal = open_journal(place)
+    journal.begin({}, {})
+    with pytest.raises(TypeError, match="not JSON serializable"):
+        journal.note("photo", image=object())
+    journal.close()
+
+
+def test_a_full_disk_is_said_once_and_the_mission_goes_on(place):
+    journal = open_journal(place)
+    said: list[str] = []
+    journal.on_failure = said.append
+    journal.begin({"mission": "patrol"}, {})
+    journal.note("first")
+    assert journal._file is not None
+    pages = journal._file._connection.execute("PRAGMA page_count").fetchone()[0]
+    journal._file._connection.execute(f"PRAGMA max_page_count = {pages}")
+    for _ in range(5):
+        journal.note("much", text="x" * 10_000)
+        journal.watch("much", text="x" * 10_000)
+    journal.end(Ending.OVER, 0)
+    journal.close()
+    assert len(said) == 1
+    assert "database or disk is full): the mission goes on without it" in said[0]
+    again = open_journal(place, resume=True)
+    assert kinds(again) == ["first"]
+    again.close()
+
+
+@pytest.mark.parametrize(
+    ("node", "environment", "expected"),
+    [
+        ("/search_and_rescue", {}, "search_and_rescue.journal"),
+        ("/robot1/search_and_rescue", {"ROS_DOMAIN_ID": "0"}, "robot1.search_and_rescue.journal"),
+        ("/patrol", {"ROS_DOMAIN_ID": "42"}, "patrol.domain_42.journal"),
+    ],
+)
+def test_the_default_place_has_the_name_of_the_node(tmp_path, node, environment, expected):
+    found = default_place(node, {"XDG_STATE_HOME": str(tmp_path), **environment})
+    assert found == tmp_path / "sar_compiler" / expected
+
+
+def test_the_default_place_is_in_the_home_of_the_user(monkeypatch, tmp_path):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    for environment in ({}, {"XDG_STATE_HOME": "relative"}):
+        found = default_place("/patrol", environment)
+        assert found == tmp_path / ".local/state/sar_compiler/patrol.journal"

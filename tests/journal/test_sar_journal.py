@@ -1,0 +1,89 @@
+"""`sar-journal`: what a mission has left behind, in words and as JSON."""
+
+import json
+
+import pytest
+
+from sar_compiler.cli.journal_command import main
+from sar_compiler.journal.journal_entries import Ending
+from sar_compiler.journal.opening import open_journal
+from sar_compiler.runtime.clock import ManualClock
+
+TREE = {
+    "name": "Mission",
+    "children": [{"name": "Drive", "children": []}, {"name": "Search", "children": []}],
+}
+
+
+@pytest.fixture
+def place(tmp_path):
+    """A mission that was stopped, and resumed, and is over."""
+    place = tmp_path / "mission.journal"
+    for ending, status, reason in ((Ending.STOPPED, 130, ""), (Ending.OVER, 0, "Mission complete.")):
+        journal = open_journal(place, resume=ending is Ending.OVER)
+        journal.clock = clock = ManualClock(100.0)
+        journal.begin({"mission": "search_and_rescue", "tree": TREE}, {})
+        clock.advance(3.5)
+        journal.note("zone_searched", zone="zone_a\x1b[2J", survivor=(-2.5, 3.2))
+        journal.watch("status", node=2, status="SUCCESS", message="")
+        journal.end(ending, status, reason)
+        journal.close()
+    return place
+
+
+def shown(capsys, *arguments):
+    assert main(["show", *map(str, arguments)]) == 0
+    return capsys.readouterr().out
+
+
+def test_the_facts_of_each_run_are_told_with_their_time(place, capsys):
+    lines = shown(capsys, place).splitlines()
+    assert lines[0] == "search_and_rescue, over"
+    assert lines[1].startswith("run 1, begun 20")
+    assert lines[1].endswith(", stopped with status 130:")
+    assert lines[2] == r"      3.5 s  zone_searched  zone zone_a\x1b[2J, survivor (-2.50, 3.20)"
+    assert lines[3].endswith(", over with status 0, Mission complete.:")
+
+
+def test_what_was_watched_is_told_on_request_with_the_names_of_nodes(place, capsys):
+    assert "status" not in shown(capsys, place).replace("with status", "")
+    assert "node 'Search', status SUCCESS" in shown(capsys, place, "--all")
+
+
+def test_json_has_everything_as_it_is(place, capsys):
+    data = json.loads(shown(capsys, place, "--format", "json"))
+    assert data["state"] == "over"
+    assert data["tree"] == TREE
+    assert [run["ending"] for run in data["runs"]] == ["stopped", "over"]
+    assert [fact["data"] for fact in data["facts"]] == [
+        {"zone": "zone_a\x1b[2J", "survivor": [-2.5, 3.2]}
+    ] * 2
+    assert "watched" not in data
+    watched = json.loads(shown(capsys, place, "--format", "json", "--all"))["watched"]
+    assert [entry["kind"] for entry in watched] == ["status", "status"]
+
+
+def test_a_mission_that_runs_is_told_as_running(tmp_path, capsys):
+    journal = open_journal(tmp_path / "mission.journal")
+    journal.begin({"mission": None}, {})
+    journal.note("base_reached")
+    out = shown(capsys, tmp_path / "mission.journal")
+    assert out.startswith("a tree of no mission, running\n")
+    assert "base_reached" in out
+    journal.close()
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, "cannot be used: No such file or directory"),
+        ("", "is a database, but no journal of a mission"),
+        ("text", "cannot be used: file is not a database; is it a journal, and whole?"),
+    ],
+)
+def test_what_is_no_journal_is_said(tmp_path, capsys, content, words):
+    place = tmp_path / "other"
+    if content is not None:
+        place.write_text(content, encoding="utf-8")
+    assert main(["show", str(place)]) == 2
+    assert f"{place} {words}" in capsys.readouterr().err

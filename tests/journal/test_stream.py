@@ -1,0 +1,52 @@
+"""Who listens to a journal is told what can be read from its file afterwards, with or without a file."""
+
+from contextlib import closing
+
+from sar_compiler.journal.database import JournalFile
+from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import Ending
+from sar_compiler.journal.opening import open_journal
+
+
+def live(journal):
+    """Begin, do something and end; return what a listener was told."""
+    told = []
+    journal.listen(told.append)
+    journal.begin({"mission": "patrol"}, {"node": "/patrol"})
+    journal.watch("pose", x=1.0)
+    journal.note("zone_visited", zone="zone_a")
+    journal.end(Ending.OVER, 0, "Complete.")
+    journal.close()
+    return [(entry.number, entry.run, entry.kind, entry.data) for entry in told]
+
+
+def test_a_listener_is_told_what_the_stream_of_the_file_has(tmp_path):
+    place = tmp_path / "mission.journal"
+    told = live(open_journal(place))
+    with closing(JournalFile.read(place)) as file:
+        read = [(entry.number, entry.run, entry.kind, entry.data) for entry in file.stream()]
+    assert read == told
+    assert [kind for _, _, kind, _ in told] == ["run_began", "pose", "zone_visited", "run_ended"]
+    assert told[0][3]["run"]["node"] == "/patrol"
+    assert told[-1][3] == {"ending": "over", "status": 0, "reason": "Complete."}
+
+
+def test_a_listener_without_a_file_is_told_the_same(tmp_path):
+    def without_process(told):
+        return [(number, kind, data) for number, _, kind, data in told if kind != "run_began"]
+
+    assert without_process(live(Journal())) == without_process(live(open_journal(tmp_path / "a.journal")))
+
+
+def test_the_runs_of_a_mission_come_one_after_the_other(tmp_path):
+    place = tmp_path / "mission.journal"
+    for resume in (False, True):
+        journal = open_journal(place, resume=resume)
+        journal.begin({}, {})
+        journal.note("zone_visited", zone="zone_a")
+        journal.end(Ending.STOPPED, 130)
+        journal.close()
+    with closing(JournalFile.read(place)) as file:
+        stream = [(entry.run, entry.kind) for entry in file.stream()]
+    kinds = ("run_began", "zone_visited", "run_ended")
+    assert stream == [(run, kind) for run in (1, 2) for kind in kinds]
