@@ -1,12 +1,14 @@
 """The example `photo_patrol`: a mission in a package of its own, installed and run."""
 
 import shutil
+import signal
 import subprocess
 import sys
 
 import pytest
 
 from tests.examples.readme import EXAMPLES, steps
+from tests.faults.killers import KILLER
 from tests.trees import document
 
 pytestmark = pytest.mark.ros
@@ -93,3 +95,14 @@ def test_a_tree_of_two_missions_is_refused_unless_one_is_named(start, installed,
     one = start("sar-run", tree, "--mission", "photo_patrol", env=installed)
     assert one.end() == 2
     assert "both.xml:3:11: error[missing-context]: <ZonesRemaining> needs a ZoneManager" in one.output
+
+
+def test_a_patrol_that_dies_is_resumed_without_a_second_photo_of_any_point(start, installed, tmp_path):
+    patrol = ("--mission", "photo_patrol", "--sim", "--speed", 20, "--journal", tmp_path / "patrol.journal")
+    dead = start("python", "-c", KILLER, 5, "written", *patrol, env=installed)
+    assert dead.end() == -signal.SIGKILL
+    assert "Driving to depot..." in dead.log
+    run = start("sar-run", *patrol, "--resume", env=installed)
+    assert run.end() == 0, run.output
+    assert [line for line in run.log if line.startswith("Driving")] == ["Driving to yard..."]
+    assert "Patrol: 3 of 3 photos" in run.output

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sar_compiler import Mission, MissionRun, ParameterReader
+from sar_compiler import Journal, Mission, MissionRun, ParameterReader
 
 from .patrol import Patrol
 
@@ -23,6 +23,7 @@ class PhotoPatrol(Mission):
     parameter_names = ("point_order", "points")
     faults = {"take_photo": ("drop", "delay", "refuse")}  # noqa: RUF012 - nobody changes it
     default_tree = str(_HERE / "patrol.xml")
+    is_resumable = True
 
     def default_parameters(self) -> Path:
         """Return the file in the package."""
@@ -47,6 +48,19 @@ class PatrolRun(MissionRun):
     def greeting(self) -> list[str]:
         """Return the number of points."""
         return [f"{len(self._patrol.points)} points to photograph."]
+
+    def identity(self) -> dict[str, object]:
+        """Return the points: a patrol of others is another one."""
+        return {"points": self._patrol.points}
+
+    def keep_in(self, journal: Journal) -> None:
+        """Take over what an earlier run has done, and write down what this one does."""
+        for fact in journal.facts():
+            if fact.kind == "photo_taken":
+                self._patrol.photographed(fact.data["photo"])
+            elif fact.kind == "point_left":
+                self._patrol.leave()
+        self._patrol.journal = journal
 
     def places(self) -> dict[str, tuple[float, float]]:
         """Return the positions of the points, for faults such as `navigate_to_pose:abort=yard`."""

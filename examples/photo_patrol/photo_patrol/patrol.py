@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from sar_compiler import mission_context
+from sar_compiler import Journal, mission_context
 
 
 def _preview() -> "Patrol":
@@ -20,11 +20,13 @@ class Patrol:
     Attributes:
         points: The points.
         photos: The photos' names, by the point's id.
+        journal: Where it is written what was done.
     """
 
     def __init__(self, points: Sequence[Mapping[str, Any]]) -> None:
         self.points = tuple(points)
         self.photos: dict[str, str] = {}
+        self.journal = Journal()
         self._left = list(points)
 
     @property
@@ -35,10 +37,12 @@ class Patrol:
     def photographed(self, photo: str) -> None:
         """Note the photo of the current point."""
         if self.point is not None:
+            self.journal.note("photo_taken", photo=photo)
             self.photos[self.point["id"]] = photo
 
     def leave(self) -> None:
         """Advance to the next point, with or without a photo of this one."""
+        self.journal.note("point_left")
         self._left = self._left[1:]
 
     def without_photo(self) -> list[str]:
