@@ -28,6 +28,9 @@ from launch_ros.descriptions import Parameter
 # Everything moves with the namespace but these, which are absolute everywhere in ROS; Nav2 does the same.
 TRANSFORMS = [("/tf", "tf"), ("/tf_static", "tf_static")]
 
+# What `journal` can be, as options of sar-run.
+JOURNAL = {"keep": [], "resume": ["--resume"], "new": ["--new"], "none": ["--no-journal"]}
+
 # What tells of a mission afterwards. The first are of the robot's namespace, the others of nobody's.
 RECORDED = (
     "tf",
@@ -101,6 +104,12 @@ def arguments(share: Path) -> list[DeclareLaunchArgument]:
             "until",
             default_value="forever",
             description="When the mission ends, and all of this with it: as sar-run --until",
+        ),
+        declare(
+            "journal",
+            default_value="keep",
+            choices=list(JOURNAL),
+            description="keep the mission's journal, resume the mission in it, begin a new one beside it, or none",
         ),
         declare("namespace", default_value="", description="Namespace of everything, such as robot1"),
         declare("sim", default_value="false", description="Simulate the robot and Nav2"),
@@ -215,12 +224,13 @@ def mission(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     ]
     if LaunchConfiguration("tick_rate_hz").perform(context):
         parameters.append(Parameter("tick_rate_hz", LaunchConfiguration("tick_rate_hz")))
+    journal = JOURNAL[LaunchConfiguration("journal").perform(context)]
     return [
         Node(
             package="sar_compiler",
             executable="sar-run",
             namespace=LaunchConfiguration("namespace"),
-            arguments=[LaunchConfiguration("tree"), "--until", LaunchConfiguration("until")],
+            arguments=[LaunchConfiguration("tree"), "--until", LaunchConfiguration("until"), *journal],
             parameters=parameters,
             remappings=TRANSFORMS,
             output="screen",

@@ -22,10 +22,11 @@ MAY_IMPORT = {
     "compiler": {"tree", "runtime", "nodes"},
     "documents": {"tree", "nodes"},
     "checks": {"tree", "runtime", "nodes", "compiler", "documents"},
-    "ros": {"tree", "runtime", "nodes", "compiler", "checks"},
-    "missions": {"tree", "runtime", "nodes", "compiler", "checks", "ros"},
+    "journal": {"runtime"},
+    "ros": {"tree", "runtime", "nodes", "compiler", "checks", "journal"},
+    "missions": {"tree", "runtime", "nodes", "compiler", "checks", "journal", "ros"},
     "sim": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "ros"},
-    "views": {"tree", "runtime", "nodes", "compiler", "checks"},
+    "views": {"tree", "runtime", "nodes", "compiler", "checks", "journal"},
     "project": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "ros", "missions", "views"},
     "testing": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "views", "project"},
 }
@@ -220,3 +221,15 @@ def test_no_text_outside_its_home_names_a_node():
         if text in tags - NAMED_ELSEWHERE.get(name, set())
     ]
     assert wrong == []
+
+
+def test_what_a_journal_takes_is_imported_only_where_one_is_kept():
+    program = (
+        "import sys\n"
+        "import sar_compiler.cli.run_journal, sar_compiler.missions.search_and_rescue.plugin\n"
+        "from sar_compiler.missions.search_and_rescue import MissionRecord\n"
+        "MissionRecord().base_reached()\n"
+        "print(*sorted({'sqlite3', 'sar_compiler.journal.database'} & set(sys.modules)))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ("\n", "")

@@ -1,6 +1,7 @@
 """`sar-run`: run a mission on ROS 2."""
 
 import sys
+from argparse import BooleanOptionalAction
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -41,9 +42,13 @@ class Options:
         view: How to show the tree: `text` or `none`.
         summary: How to sum up: `text` or `json`.
         check: Whether to stop before the robot moves.
-        guardian: Whether a process of its own cancels the goals of a run that dies.
+        guardian: Whether a process of its own cancels the goals of a run that dies; None for what is usual.
         engine: The engine that ticks the tree: `own` or `py_trees_ros`.
         mission: The name of the mission; None to choose it by the tree's leaves.
+        journal: The mission's journal; None for the default place, or for none.
+        no_journal: Whether there is to be none.
+        resume: Whether to go on with the mission in the journal.
+        new: Whether to begin a mission whatever is in the journal.
         fault: The faults of the simulated servers, as written.
         nodes: Modules of leaves.
         model: Palettes.
@@ -63,9 +68,13 @@ class Options:
     view: str
     summary: str
     check: bool
-    guardian: bool
+    guardian: bool | None
     engine: str
     mission: str | None
+    journal: Path | None
+    no_journal: bool
+    resume: bool
+    new: bool
     fault: Sequence[str]
     nodes: Sequence[str]
     model: Sequence[Path]
@@ -111,6 +120,10 @@ def _options(argv: Sequence[str]) -> Options:
     for option, value in (("--speed", given.speed), ("--fault", given.fault or None), ("--seed", given.seed)):
         if given.sim is None and value is not None:
             parser.error(f"{option} is for the simulator: add --sim")
+    if given.check and (given.resume or given.new):
+        parser.error("--check begins nothing: --resume and --new are for the run itself")
+    if given.no_journal and (given.journal or given.resume or given.new):
+        parser.error("--no-journal does not go with --journal, --resume or --new")
     if given.sim is not None and _looks_like_a_tree(given.sim):
         parser.error(f"--sim takes a world, and '{given.sim}' looks like a tree: put the tree before --sim")
     read = {
@@ -201,14 +214,28 @@ def _parser() -> Parser:
     )
     parser.add_argument(
         "--guardian",
-        action="store_true",
-        help="have a small process of its own cancel the goals of a run that is killed or crashes",
+        action=BooleanOptionalAction,
+        help="have a small process of its own cancel the goals of a run that is killed or crashes (default with a journal, "
+        "without --sim)",
     )
     parser.add_argument(
         "--engine",
         choices=ENGINES,
         default=ENGINES[0],
         help="what ticks the tree: the project's own runner (default), or py_trees_ros where it is installed",
+    )
+    parser.add_argument(
+        "--journal",
+        type=Path,
+        metavar="FILE",
+        help="write the mission's journal there (default without --sim, for a mission that can be resumed: a file of the "
+        "node's name in ~/.local/state/sar_compiler)",
+    )
+    parser.add_argument("--no-journal", action="store_true", help="write none")
+    begun = parser.add_mutually_exclusive_group()
+    begun.add_argument("--resume", action="store_true", help="go on with the mission in the journal")
+    begun.add_argument(
+        "--new", action="store_true", help="begin anew, and keep an unfinished journal under another name"
     )
     parser.add_argument(
         "--fault",

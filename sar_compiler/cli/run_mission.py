@@ -19,6 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from sar_compiler.cli.loading import tell_passed_over
 from sar_compiler.cli.output import RunOutput
+from sar_compiler.cli.run_journal import RunJournal, open_run_journal
 from sar_compiler.cli.run_mission_check import RouteCheck
 from sar_compiler.commands import FINDINGS, OK, print_error
 from sar_compiler.compiler import CompiledTree, compile_tree, require_classes
@@ -100,16 +101,19 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
             parameter_overrides=_simulated_time(options),
         )
         stack.callback(node.destroy_node)
-        if options.guardian:
-            guardian = stack.enter_context(closing(_guardian(options, node)))
-            goals_under_way(node).listen(guardian.note)
         if options.traceback:
             show_tracebacks(node)
         reader = ParameterReader(flat_parameters(node), _sections_elsewhere(options, node))
         begun, parameters, notes = begin_run(mission, reader, binding)
         fixed = fixed_parameters(mission, binding)
-        run = _Run(options, signals, node, parameters, begun, make_engine, fixed, world)
+        journal = stack.enter_context(open_run_journal(options, mission, node))
+        journal.keep_facts(begun, reader.parameters)
+        if _wants_guardian(options, journal):
+            guardian = stack.enter_context(closing(_guardian(options, node)))
+            goals_under_way(node).listen(guardian.note)
+        run = _Run(options, signals, node, parameters, begun, make_engine, fixed, journal, world)
         tree = compile_tree(binding, run.context, reader.parameters)
+        journal.describe(tree)
         for note in notes:
             node.get_logger().warning(in_one_line(note))
         try:
@@ -120,6 +124,12 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
         except NotReadyError as error:
             print_error(f"sar-run: {error}")
             return NOT_READY
+
+
+def _wants_guardian(options: "Options", journal: RunJournal) -> bool:
+    # A simulation dies with the run.
+    usual = journal.is_kept and options.sim is None
+    return usual if options.guardian is None else options.guardian
 
 
 def _guardian(options: "Options", node: Node) -> Guardian:
@@ -222,6 +232,7 @@ class _Run:
     Attributes:
         context: The objects passed to the leaves, by type.
         fixed_parameters: The names of parameters that are not set while it runs.
+        journal: The journal, which may be none.
         world: The world that is simulated, if one is.
         simulation: The simulation, if there is one.
     """
@@ -233,6 +244,7 @@ class _Run:
     mission: MissionRun | None
     make_engine: EngineFactory
     fixed_parameters: Collection[str]
+    journal: RunJournal
     world: "World | None" = None
     simulation: "Simulation | None" = None
 
@@ -247,7 +259,7 @@ class _Run:
         self._sole: SoleMission | None = None
         self._watch: Watch | None = None
         own = self.mission.context if self.mission is not None else {}
-        self.context: dict[type, object] = {Clock: self._clock, **own}
+        self.context: dict[type, object] = {Clock: self._clock, **own, **self.journal.context}
 
     def _end_condition(self) -> EndCondition:
         until = self.options.until
@@ -293,7 +305,9 @@ class _Run:
 
     def _wait(self, executor: SingleThreadedExecutor, tree: CompiledTree) -> None:
         # A check changes nothing on an existing robot.
-        told = self.parameters.set_initial_pose and (not self.options.check or self.simulation is not None)
+        # A mission that goes on has a robot somewhere on its way; but a simulated world begins anew.
+        unmoved = self.options.check or self.journal.is_resumed
+        told = self.parameters.set_initial_pose and (not unmoved or self.simulation is not None)
         with readable_ros_errors():
             start = self.parameters.initial_pose if told else None
             actions = [use.name for use in tree.uses() if use.kind == "action"]
@@ -301,8 +315,15 @@ class _Run:
             look_sec = 0.0 if self.simulation is not None else LOOK_SEC
             self._sole = SoleMission(self.node, actions, look_sec=look_sec, claims=not self.options.check)
             types = declared_types(tree.root)
-            readiness = Readiness(self.node, tree.uses(), initial_pose=start, first=self._sole, types=types)
-        wait_until_ready(executor, readiness, self.parameters.startup_timeout_sec, lambda: self._over)
+            left = self.journal.left_goals()
+            readiness = Readiness(
+                self.node, tree.uses(), initial_pose=start, first=(*left, self._sole), types=types
+            )
+        try:
+            wait_until_ready(executor, readiness, self.parameters.startup_timeout_sec, lambda: self._over)
+        finally:
+            for each in left:
+                each.close()
         if readiness.uses_nav2 and not self._over:
             self.node.get_logger().info("Nav2 is active.")
 
@@ -327,6 +348,7 @@ class _Run:
         if self.options.view == "text":
             engine.add_post_tick_handler(self._show)
         engine.add_post_tick_handler(self._look_for_end)
+        self.journal.begin(engine, tree)
         try:
             engine.setup(node=self.node)
             self.signals.last_words = lambda: self._leave_at_once(tree)
@@ -339,24 +361,31 @@ class _Run:
             self._adrift = engine.settle(executor, self.parameters.settle_timeout_sec)
         except SetupFailedError as error:
             tell(self.node, str(error), error.__cause__)
-            return self._failed(
+            status = self._failed(
                 "the tree was not started, because one of its leaves failed in setup (see above)"
             )
+            self.journal.end(status, self._reason)
+            return status
         finally:
             self.signals.last_words = None
             if self._watch is not None:
                 self._watch.close()
             engine.shutdown()
         try:
-            return self._conclude(engine, elapsed)
+            status = self._conclude(engine, elapsed)
         except MissionError as error:
-            return self._failed(str(error))
+            status = self._failed(str(error))
+        over = engine.failure is None and (self._result is not None or self._end.complete)
+        reason = self._result.reason if self._result is not None else self._reason
+        self.journal.end(status, reason, is_over=over, is_stopped=self.signals.came)
+        return status
 
-    def _leave_at_once(self, tree: CompiledTree) -> None:
+    def _leave_at_once(self, tree: CompiledTree) -> int | None:
+        active = len(goals_under_way(self.node))
         send_cancels(tree.root, self.node)
-        print_error(
-            "sar-run: ended at once, as asked twice: what is under way was told to stop, the robot may still move"
-        )
+        moving = ": what is under way was told to stop, the robot may still be moving" if active else ""
+        print_error(f"sar-run: ended at once, as asked twice{moving}")
+        return ADRIFT if active else None
 
     def _begin_watching(self, tree: CompiledTree) -> None:
         if self._sole is not None:

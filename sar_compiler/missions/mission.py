@@ -15,6 +15,7 @@ from sar_compiler.ros.parameter_reader import ParameterReader
 if TYPE_CHECKING:
     from rclpy.node import Node
 
+    from sar_compiler.journal.journal import Journal
     from sar_compiler.ros.faults import FaultPlan
 
 
@@ -37,6 +38,18 @@ class MissionRun:
         They count in runs without a robot (`simulate`, `verify`), for leaves that know these facts.
         """
         return {}
+
+    def identity(self) -> Mapping[str, object]:
+        """Return the parameters that make it this mission, as JSON values: another one cannot go on with its journal."""
+        return {}
+
+    def keep_in(self, journal: "Journal") -> None:
+        """Keep the mission's facts in a journal from now on; called once, before the tree is compiled.
+
+        Whatever is to outlast the process is written with `journal.note` before anybody is told of it. `journal.facts()`
+        has what earlier runs have written: it is taken over here, and the leaves answer by it what is finished, because
+        the tree starts anew.
+        """
 
     def places(self) -> Mapping[str, tuple[float, float]] | None:
         """Return the places that a fault may name: x and y in metres, frame `map`; None for the world's zones."""
@@ -100,6 +113,8 @@ class Mission(ABC):
         parameter_names: The parameters that it reads, of a group the first part; used to detect misspellings.
         faults: The faults that `--fault` can inject into its servers, of `drop`, `delay` and `refuse`, by service.
         default_tree: A shipped tree's name, or a file; None if a tree must be named.
+        is_resumable: Whether a run keeps facts in its journal (`MissionRun.keep_in`), so that another can go on with it. On
+            a robot it then has one unless that is declined.
     """
 
     name: str
@@ -107,6 +122,7 @@ class Mission(ABC):
     parameter_names: Collection[str] = ()
     faults: Mapping[str, Collection[str]] = {}
     default_tree: str | None = None
+    is_resumable: bool = False
 
     def default_parameters(self) -> Path | None:
         """Return the parameter file to use if none is given."""

@@ -5,6 +5,7 @@ from typing import Protocol
 
 from py_trees.behaviour import Behaviour
 from py_trees.trees import BehaviourTree
+from py_trees.visitors import VisitorBase
 from rclpy.executors import Executor
 from rclpy.node import Node
 
@@ -29,6 +30,9 @@ class Engine(Protocol):
 
     def add_post_tick_handler(self, handler: Callable[[BehaviourTree], None]) -> None:
         """Register a handler to be called after every tick."""
+
+    def add_visitor(self, visitor: VisitorBase) -> None:
+        """Have every node that is ticked shown to a visitor."""
 
     def setup(self, node: Node) -> None:
         """Set up every behaviour of the tree on a node.

@@ -57,7 +57,7 @@ class Readiness:
         types: The types that actions, services and topics must have; those without one may have any.
         localizer: The lifecycle node that localises, by its relative name.
         navigator: The lifecycle node that navigates, by its relative name.
-        first: A requirement of the caller, who also closes it, to look at before all others.
+        first: Requirements of the caller, who also closes them, to look at before all others.
     """
 
     def __init__(
@@ -69,10 +69,10 @@ class Readiness:
         types: Mapping[Use, str] | None = None,
         localizer: str = "amcl",
         navigator: str = "bt_navigator",
-        first: Requirement | None = None,
+        first: Iterable[Requirement] = (),
     ) -> None:
         self.node = node
-        self._first = first
+        self._first = tuple(first)
         self._uses = list(dict.fromkeys(uses))
         self._requirements: list[Requirement] = []
         if node.get_clock().ros_time_is_active:
@@ -111,16 +111,17 @@ class Readiness:
 
     def missing(self) -> list[str]:
         """Take the next step, and return what is missing, one readable line each."""
-        before = self._first.missing() if self._first is not None else None
-        if before is not None:
-            return [before]
-        return [line for line in [each.missing() for each in self._requirements] if line is not None]
+        return _missing(self._first) or _missing(self._requirements)
 
     def close(self) -> None:
         """Destroy the clients and subscriptions on the node, when the wait is given up."""
         requirements, self._requirements = self._requirements, []
         for each in requirements:
             each.close()
+
+
+def _missing(requirements: Iterable[Requirement]) -> list[str]:
+    return [line for line in [each.missing() for each in requirements] if line is not None]
 
 
 def wait_until_ready(

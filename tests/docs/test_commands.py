@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.cli import compile as sar_compile
+from sar_compiler.cli import journal_command as sar_journal
 from sar_compiler.cli import run as sar_run
 from sar_compiler.cli import sim as sar_sim
 from sar_compiler.ros.arguments import split_arguments
@@ -48,6 +49,8 @@ def parse(command):
         sar_run._options(arguments)
     elif name == "sar-compile":
         sar_compile._parser().parse_args(arguments)
+    elif name == "sar-journal":
+        sar_journal._parser().parse_args(arguments)
     elif name == "sar-sim":
         sar_sim._parser().parse_args(split_arguments(arguments).own)
     else:

@@ -28,6 +28,7 @@ FILES = {
 # What is typed, for each message. What is a file of the test's own folder is written as {folder}/….
 TYPED = {
     "… cannot be run like this; nothing has moved": "sar-run {folder}/wrong.xml",
+    "there is no journal …, so nothing to resume: leave --resume out": "sar-run --resume --journal {folder}/none",
     "cannot read …: …": "sar-run nowhere.xml",
     "there is no tree file '…', nor a shipped tree of that name": "sar-run nowhere",
     "no node is called '…'": "sar-run {folder}/wrong.xml",
@@ -65,6 +66,11 @@ IN_A_SHELL = {
     "standard output cannot be written: …": "sar-compile validate {folder}/plain.xml > /dev/full",
     "standard output is closed": "sar-compile validate {folder}/plain.xml >&-",
 }
+# What is typed, once there is a journal; whether another process still has it.
+BESIDE_A_JOURNAL = {
+    "the mission in the journal … is not over: …": False,
+    "… is the journal of a mission that runs just now, in another process": True,
+}
 COMPANY = "… already provides … here: a simulated robot must not mix with another one."
 MAKE = {
     "make: … is Python …; ROS 2 from PyPI has 3.10 to 3.13": ("python", "echo 3.9"),
@@ -96,7 +102,7 @@ def explained(heading):
 
 
 def test_every_mistake_of_usage_that_is_explained_is_typed():
-    assert explained(USAGE) == {*TYPED, *IN_A_SHELL, COMPANY}
+    assert explained(USAGE) == {*TYPED, *IN_A_SHELL, *BESIDE_A_JOURNAL, COMPANY}
 
 
 def test_every_hindrance_to_installing_that_is_explained_is_met():
@@ -138,6 +144,21 @@ def test_a_mistake_in_a_shell_is_answered_as_the_page_says(message, tmp_path):
     path = f"{BIN}{os.pathsep}{os.environ['PATH']}"
     typed = IN_A_SHELL[message].format(folder=tmp_path)
     assert_read(message, said("bash", "-c", typed, env={"PATH": path}))
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("message", BESIDE_A_JOURNAL)
+def test_a_start_beside_a_journal_is_refused_as_the_page_says(message, tmp_path):
+    from sar_compiler.journal.opening import open_journal
+
+    (tmp_path / "plain.xml").write_text(FILES["plain.xml"], encoding="utf-8")
+    place = tmp_path / "mission.journal"
+    journal = open_journal(place)
+    journal.begin({}, {})
+    if not BESIDE_A_JOURNAL[message]:
+        journal.close()
+    assert_read(message, said(BIN / "sar-run", tmp_path / "plain.xml", "--journal", place))
+    journal.close()
 
 
 @pytest.mark.ros

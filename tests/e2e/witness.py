@@ -42,6 +42,11 @@ class Watcher:
         """Begin, with all subscriptions made."""
         self._thread.start()
 
+    def wait_until(self, wanted, what):
+        """Wait until something is so, which is looked at ten times a second; `what` says what never came."""
+        with self._news:
+            self._news.wait_until(wanted, lambda: f"{what} did not come")
+
     def _spin(self):
         while not self._closing.is_set():
             self._executor.spin_once(timeout_sec=0.1)

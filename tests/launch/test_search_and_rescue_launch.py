@@ -27,7 +27,7 @@ WITH_TRANSFORMS = ["sar-run", "sar-sim", "rviz2"]
 
 def test_the_arguments_are_those_that_users_rely_on():
     assert FILE.declared() == {
-        "tree", "params_file", "nav2_params_file", "map", "tick_rate_hz", "until", "namespace", "sim", "world",
+        "tree", "params_file", "nav2_params_file", "map", "tick_rate_hz", "until", "journal", "namespace", "sim", "world",
         "speed", "use_sim_time", "autostart", "rviz", "record",
     }  # fmt: skip
 
@@ -78,6 +78,14 @@ def test_every_option_given_to_a_command_is_one_of_its(command):
     options = [text for text in given if text.startswith("-")]
     assert options
     assert all(f"{option} " in known for option in options)
+
+
+def test_every_word_for_the_journal_is_an_option_of_the_mission():
+    words = FILE.constant("JOURNAL")
+    assert isinstance(words, dict)
+    known = subprocess.run([BIN / "sar-run", "--help"], capture_output=True, text=True, check=True).stdout
+    assert ast.literal_eval(FILE.default("journal")) in words
+    assert all(f"{option} " in known for options in words.values() for option in options)
 
 
 def test_every_parameter_given_to_the_mission_is_one_that_the_docs_list():

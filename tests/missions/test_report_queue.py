@@ -89,6 +89,16 @@ class TestDeliverReports:
         assert location.header.frame_id == "map"
         assert (location.point.x, location.point.y, location.point.z) == (4.1, -2.5, 0.0)
 
+    def test_a_report_that_was_acknowledged_meanwhile_is_not_sent(
+        self, stage: "Stage", kept: KeptReports
+    ) -> None:
+        base = stage.report_service(acknowledged=True)
+        leaf = deliver(stage, kept, FIRST, SECOND)
+        stage.record.survivor_acknowledged("survivor_1")
+        assert stage.run(leaf) is Status.SUCCESS
+        assert ids(base) == ["survivor_2"]
+        assert list(kept) == []
+
     def test_a_report_that_is_refused_stays_kept_and_holds_up_no_other(
         self, stage: "Stage", kept: KeptReports
     ) -> None:

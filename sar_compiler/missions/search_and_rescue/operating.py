@@ -112,19 +112,20 @@ class NotHeld(RosLeaf):
         self._orders.offer(self.node, verb, service_type, answer)
 
     def _pause(self, _: Any) -> str:
-        self._orders.held = True
+        self._orders.hold()
         return ""
 
     def _resume(self, _: Any) -> str:
-        self._orders.held = False
+        self._orders.release()
         return ""
 
     def _skip_zone(self, _: Any) -> str:
         if not self._zones.has_remaining():
             return "no zone is left"
         zone_id = self._zones.current_zone()["id"]
-        self._zones.abandon()
-        self._record.zone_given_up(zone_id, "the operator has skipped it")
+        reason = "the operator has skipped it"
+        self._zones.abandon(reason)
+        self._record.zone_given_up(zone_id, reason)
         self._orders.replanned = True
         return ""
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from sar_compiler.journal.journal import Journal
 from sar_compiler.ros.leaves.leaf import alive
 from sar_compiler.runtime.context import mission_context
 
@@ -21,21 +22,35 @@ class OperatorOrders:
         recalled: Whether the robot is to come home.
         aborted: Whether the mission is to end where the robot stands.
         replanned: Whether the plan has changed, so that the mission must look at it anew.
+        journal: Where the orders are written, `operator_ordered`; those on zones and survivors by who keeps these.
     """
 
     def __init__(self) -> None:
+        self.journal = Journal()
         self.held = False
         self.recalled = False
         self.aborted = False
         self.replanned = False
         self._services: dict[str, Any] = {}
 
+    def hold(self) -> None:
+        """Order the robot to stand where it is."""
+        self.journal.note("operator_ordered", order="hold")
+        self.held = True
+
+    def release(self) -> None:
+        """Order the robot to go on."""
+        self.journal.note("operator_ordered", order="release")
+        self.held = False
+
     def recall(self) -> None:
         """Order the robot home; a hold is over."""
+        self.journal.note("operator_ordered", order="recall")
         self.recalled, self.held = True, False
 
     def abort(self) -> None:
         """Order the end of the mission; a hold is over."""
+        self.journal.note("operator_ordered", order="abort")
         self.aborted, self.held = True, False
 
     def offer(self, node: "Node", verb: str, service_type: Any, answer: Callable[[Any, Any], Any]) -> None:

@@ -10,6 +10,7 @@ from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateT
 from sar_compiler.missions.search_and_rescue.conditions import ZonesRemaining
 from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
+from sar_compiler.missions.search_and_rescue.recalling import recall
 from sar_compiler.missions.search_and_rescue.record import DUPLICATE_RADIUS_M, MissionRecord
 from sar_compiler.missions.search_and_rescue.summary import mission_summary
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
@@ -19,6 +20,7 @@ from sar_compiler.ros.parameter_reader import ParameterReader
 if TYPE_CHECKING:
     from rclpy.node import Node
 
+    from sar_compiler.journal.journal import Journal
     from sar_compiler.ros.faults import FaultPlan
 
 
@@ -37,6 +39,7 @@ class SearchAndRescue(Mission):
     )
     faults = {"detect_survivor": ("drop", "delay"), "report_survivor": ("drop", "delay", "refuse")}  # noqa: RUF012
     default_tree = "search_and_rescue"
+    is_resumable = True
 
     def default_parameters(self) -> Path:
         """Return the shipped file."""
@@ -78,11 +81,14 @@ class Search(MissionRun):
         self._fence = fence or Fence()
         self._zones = ZoneManager(zones, base_station)
         self._record = MissionRecord(duplicate_radius_m)
+        self._kept = KeptReports()
+        self._orders = OperatorOrders()
+        self._identity: dict[str, object] = {"zones": zones, "base_station": base_station}
         self.context = {
             ZoneManager: self._zones,
             MissionRecord: self._record,
-            KeptReports: KeptReports(),
-            OperatorOrders: OperatorOrders(),
+            KeptReports: self._kept,
+            OperatorOrders: self._orders,
             Fence: self._fence,
         }
 
@@ -93,6 +99,15 @@ class Search(MissionRun):
             f"Loaded {self._zones.total_zones()} search zones from parameters.",
             f"Base station at ({base['x']:.2f}, {base['y']:.2f}, yaw={base['yaw']:.2f}).",
         ]
+
+    def identity(self) -> dict[str, object]:
+        """Return the zones in their order, and the base station."""
+        return self._identity
+
+    def keep_in(self, journal: "Journal") -> None:
+        """Take over what earlier runs have done, and keep the facts from now on."""
+        recall(journal.facts(), self._zones, self._record, self._kept, self._orders)
+        self._zones.journal = self._record.journal = self._orders.journal = journal
 
     def facts(self) -> dict[str, int]:
         """Return the number of zones."""

@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
 
+from sar_compiler.journal.journal import Journal
+from sar_compiler.missions.search_and_rescue.done_before import DoneBefore
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.runtime.context import mission_context
 
@@ -70,14 +72,21 @@ class FoundSurvivor:
 class MissionRecord:
     """The events of one mission as its leaves report them.
 
-    It has no influence on the running mission. A survivor who is found again, in the same zone and at the same
-    place, is the same survivor. One found near another is kept apart and marked; only the operator merges.
+    It has no influence on the running mission, unless that was begun by an earlier run: then `before` says what need not
+    be done again. A survivor who is found again, in the same zone and at the same place, is the same survivor. One found
+    near another is kept apart and marked; only the operator merges.
 
     Args:
         duplicate_radius_m: Finds that are this near to each other may be the same survivor, metres.
+
+    Attributes:
+        journal: Where events are written, before anybody is told of them; those of the zones by the `ZoneManager`.
+        before: What an earlier run has done of what this one begins with.
     """
 
     def __init__(self, duplicate_radius_m: float = DUPLICATE_RADIUS_M) -> None:
+        self.journal = Journal()
+        self.before = DoneBefore()
         self._duplicate_radius_m = duplicate_radius_m
         self._zones_visited: list[str] = []
         self._abandoned: dict[str, str] = {}
@@ -110,9 +119,22 @@ class MissionRecord:
         """Whether the robot has returned to the base station and not left it for a zone since."""
         return self._home
 
-    def zone_started(self, zone_id: str) -> None:  # noqa: ARG002 - the zone is part of the event
+    def zone_started(self, zone_id: str) -> None:
         """Note that the robot sets out for a zone."""
+        self.journal.note("zone_started", zone=zone_id)
+        self.before.at_home(home=False)
         self._home = False
+
+    def zone_searched(self, zone_id: str, survivor: tuple[float, float] | None) -> None:
+        """Note that a zone was searched.
+
+        Args:
+            zone_id: The zone.
+            survivor: x and y of the survivor that was found, in the frame `map`, metres; None if nobody was.
+        """
+        self.journal.note("zone_searched", zone=zone_id, survivor=survivor)
+        if survivor is not None:
+            self.survivor_found(zone_id, *survivor)
 
     def zone_visited(self, zone_id: str) -> None:
         """Note that a zone was visited."""
@@ -133,6 +155,7 @@ class MissionRecord:
 
     def alarmed(self, reason: str) -> None:
         """Note a reason to cut the mission short, in words."""
+        self.journal.note("alarmed", reason=reason)
         self._alarm = reason
 
     def survivor_found(self, zone_id: str, x: float, y: float) -> None:
@@ -143,6 +166,7 @@ class MissionRecord:
 
     def survivor_named(self, survivor_id: str, x: float, y: float) -> None:
         """Note the assigned name of the survivor at a position (replaces an earlier one)."""
+        self.journal.note("survivor_named", survivor=survivor_id, x=x, y=y)
         for index in reversed(range(len(self._survivors))):
             known = self._survivors[index]
             if (known.x, known.y) == (x, y):
@@ -164,19 +188,31 @@ class MissionRecord:
             standing: What the operator says.
             same_as: The name of the survivor that it is merged with.
         """
+        self.journal.note("survivor_judged", survivor=survivor_id, standing=standing.value, same_as=same_as)
         self._set(survivor_id, standing=standing, **({"possibly": same_as} if same_as else {}))
+
+    def report_sent(self, survivor_id: str) -> None:
+        """Note that the report of a survivor is about to be sent."""
+        self.journal.note("report_sent", survivor=survivor_id)
 
     def survivor_acknowledged(self, survivor_id: str) -> None:
         """Note that the base station has confirmed the report of a survivor, which need no longer be kept."""
+        self.journal.note("report_acknowledged", survivor=survivor_id)
         self._set(survivor_id, acknowledged=True, kept=False)
 
     def report_kept(self, survivor_id: str) -> None:
         """Note that the report of a survivor is kept, to be delivered later."""
+        self.journal.note("report_kept", survivor=survivor_id)
         self._set(survivor_id, acknowledged=False, kept=True)
 
     def base_reached(self) -> None:
         """Note that the robot has arrived at the base station."""
+        self.journal.note("base_reached")
         self._home = True
+
+    def is_acknowledged(self, survivor_id: str) -> bool:
+        """Return whether the base station has confirmed the report of a survivor."""
+        return any(known.survivor_id == survivor_id and known.acknowledged for known in self._survivors)
 
     def complete(self, zones: ZoneManager) -> bool:
         """Return whether the mission is done: no zone left, every survivor acknowledged, the robot home."""

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from typing import Any, TypedDict, cast
 
+from sar_compiler.journal.journal import Journal
 from sar_compiler.runtime.context import mission_context
 
 MAP_FRAME = "map"
@@ -38,9 +39,14 @@ class ZoneManager:
     Args:
         zones: The zones, each with `id`, `x`, `y` (metres) and `yaw` (radians) in the frame `map`.
         base_station: The pose to return to: `x`, `y` (metres), `yaw` (radians).
+
+    Attributes:
+        journal: Where it is written what becomes of the zones: `zone_added`, `zone_visited`, `zone_postponed`,
+            `zone_abandoned`.
     """
 
     def __init__(self, zones: Sequence[Mapping[str, Any]], base_station: Mapping[str, Any]) -> None:
+        self.journal = Journal()
         self._zones = [cast("Zone", deepcopy(dict(zone))) for zone in zones]
         self._base_station = cast("Pose", deepcopy(dict(base_station)))
         self._index = 0
@@ -73,16 +79,19 @@ class ZoneManager:
 
     def add(self, zone: Zone) -> None:
         """Put a further zone behind all others."""
+        self.journal.note("zone_added", **zone)
         self._zones.append(deepcopy(zone))
 
     def advance(self) -> None:
         """Advance to the next zone; past the last one, nothing happens."""
         if self.has_remaining():
+            self.journal.note("zone_visited", zone=self._zones[self._index]["id"])
             self._index += 1
 
     def postpone(self) -> None:
         """Put the current zone after all other remaining ones; past the last one, nothing happens."""
         if self.has_remaining():
+            self.journal.note("zone_postponed", zone=self._zones[self._index]["id"])
             zone = self._zones.pop(self._index)
             self._zones.append(zone)
             self._postponed[zone["id"]] += 1
@@ -95,9 +104,15 @@ class ZoneManager:
         """
         return self._postponed[self.current_zone()["id"]]
 
-    def abandon(self) -> None:
-        """Remove the current zone from the plan, unvisited; past the last one, nothing happens."""
+    def abandon(self, reason: str = "") -> None:
+        """Remove the current zone from the plan, unvisited; past the last one, nothing happens.
+
+        Args:
+            reason: Why it is given up untried, in words; empty if its attempts have failed.
+        """
         if self.has_remaining():
+            zone_id, attempts = self._zones[self._index]["id"], self.times_postponed() + 1
+            self.journal.note("zone_abandoned", zone=zone_id, attempts=attempts, reason=reason)
             self._abandoned.append(self._zones.pop(self._index))
 
     def abandoned_zones(self) -> list[Zone]:
@@ -112,6 +127,10 @@ class ZoneManager:
         """Return a new name for a survivor, unique in this mission (`survivor_1`, `survivor_2`, …)."""
         self._survivors += 1
         return f"survivor_{self._survivors}"
+
+    def survivor_ids_given(self, count: int) -> None:
+        """Give out the names after the first *count* from now on: those are survivors' of an earlier run."""
+        self._survivors = max(self._survivors, count)
 
     def current_index(self) -> int:
         """Return the number of visited zones, which is the current zone's index."""

@@ -130,11 +130,14 @@ class NavigateToZone(NavigateTo):
     """Drive to the current zone: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there."""
 
     def goal(self) -> Any:
-        """Return the goal for the current zone; FAILURE if every zone is visited."""
+        """Return the goal for the current zone; FAILURE if every zone is visited, SUCCESS if it was searched before."""
         if not self._zones.has_remaining():
             self.complain(f"'{self.name}' has nowhere to drive to: every zone is visited.")
             return Status.FAILURE
         zone = self._zones.current_zone()
+        if self._record.before.has_searched(zone["id"]):
+            self.feedback_message = f"{zone['id']} was searched by an earlier run"
+            return Status.SUCCESS
         self._record.zone_started(zone["id"])
         place = f"{self._zones.current_index() + 1}/{self._zones.total_zones()}"
         headline = f"--- Zone {place}: {zone['id']} ({zone['x']:.2f}, {zone['y']:.2f}) ---"
@@ -165,7 +168,11 @@ class NavigateToBase(NavigateTo):
     _told = ""
 
     def goal(self) -> Any:
-        """Return the goal for the base station."""
+        """Return the goal for the base station; SUCCESS if the robot was there already when the mission was resumed."""
+        if self._record.before.take_home():
+            self.feedback_message = "an earlier run has driven home"
+            self._on_arrival()
+            return Status.SUCCESS
         headline = "" if self._zones.has_remaining() else f"{self._visited()} Returning to base."
         return self._drive_to("base station", self._zones.base_pose(), headline)
 

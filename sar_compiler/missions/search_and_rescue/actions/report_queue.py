@@ -116,7 +116,10 @@ class DeliverReports(ReportLeaf):
         self._backoff = Backoff(clock or WallClock(), backoff_sec, _LONGEST_BACKOFF_SEC)
 
     def initialise(self) -> None:
-        """Begin with the oldest report."""
+        """Begin with the oldest report; one that was acknowledged meanwhile is not sent."""
+        for report in self._kept:
+            if self._record.is_acknowledged(report.survivor_id):
+                self._kept.delivered(report.survivor_id)
         self._untried = list(self._kept)
         super().initialise()
 

@@ -43,7 +43,8 @@ class ReportLeaf(ServiceLeaf):
         self._survivor_id = ""
 
     def on_send(self) -> None:
-        """Log the survivor's name."""
+        """Note that the survivor is reported, and log the name."""
+        self._record.report_sent(self._survivor_id)
         self.say(f"Reporting {self._survivor_id} to base...")
 
     def on_response(self, response: Any) -> Status:

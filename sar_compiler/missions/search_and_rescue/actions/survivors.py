@@ -96,13 +96,16 @@ class DetectSurvivor(ServiceLeaf):
         self._survivor_id = survivor_id
 
     def request(self) -> Any:
-        """Return the request for the current zone; FAILURE if every zone is visited."""
+        """Return the request for the current zone; FAILURE if every zone is visited, SUCCESS if it was searched before."""
         self._pose = None
         self._survivor_id = None
         if not self._zones.has_remaining():
             self.complain(f"'{self.name}' has no zone to search: every zone is visited.")
             return Status.FAILURE
         self._zone_id = self._zones.current_zone()["id"]
+        if self._record.before.has_searched(self._zone_id):
+            self.say(f"{self._zone_id} was searched by an earlier run.")
+            return self._answered(self._record.before.take_search(self._zone_id))
         return self.interface.Request(zone_id=self._zone_id)
 
     def on_send(self) -> None:
@@ -113,12 +116,15 @@ class DetectSurvivor(ServiceLeaf):
         """Keep the answer, with or without a survivor; one at an impossible place is none."""
         if objection := self._objection(response):
             return self.on_failure(f"{self.service_name} found a survivor, and {objection}")
-        self.feedback_message = f"nobody in {self._zone_id}"
-        if response.found:
-            self._pose = (response.survivor_x, response.survivor_y)
-            self._record.survivor_found(self._zone_id, *self._pose)
-            self.feedback_message = f"survivor in {self._zone_id}"
+        survivor = (response.survivor_x, response.survivor_y) if response.found else None
+        self._record.zone_searched(self._zone_id, survivor)
+        if survivor is not None:
             self.say(f"Survivor detected at {self._zone_id}!")
+        return self._answered(survivor)
+
+    def _answered(self, survivor: tuple[float, float] | None) -> Status:
+        self._pose = survivor
+        self.feedback_message = f"{'nobody' if survivor is None else 'survivor'} in {self._zone_id}"
         return Status.SUCCESS
 
     def is_good_news(self, response: Any) -> bool:
@@ -178,9 +184,12 @@ class BroadcastSurvivorTF(RosLeaf):
         self._verdict = Status.INVALID
 
     def setup(self, **kwargs: Any) -> None:
-        """Create the publisher, or share the one that the node has already."""
+        """Create the publisher, or share the one that the node has already; publish the survivors of earlier runs."""
         super().setup(**kwargs)
         self._transforms = static_transforms_of(self.node)
+        for survivor in self._record.survivors:
+            if survivor.survivor_id is not None:
+                self._publish(survivor.survivor_id, survivor.x, survivor.y)
 
     def initialise(self) -> None:
         """Reset the status of the last activation."""
@@ -197,10 +206,12 @@ class BroadcastSurvivorTF(RosLeaf):
         if pose is None:
             self.complain(f"'{self.name}' has no frame to broadcast: nobody was found.")
             return Status.FAILURE
-        survivor_id = self._zones.next_survivor_id()
+        survivor_id = self._record.before.take_name(*pose)
+        if survivor_id is None:
+            survivor_id = self._zones.next_survivor_id()
+            self._record.survivor_named(survivor_id, *pose)
         self._publish(survivor_id, *pose)
         self._detect_node.set_survivor_id(survivor_id)
-        self._record.survivor_named(survivor_id, *pose)
         self.feedback_message = f"{survivor_id} at ({pose[0]:.2f}, {pose[1]:.2f})"
         self.say(f"Broadcasting TF frame: {self.feedback_message} in {MAP_FRAME} frame.")
         named = self._record.survivor(survivor_id)
@@ -264,13 +275,16 @@ class NotifyBase(ReportLeaf):
         self._detect_node = detect_node
 
     def request(self) -> Any:
-        """Return the report of the survivor; FAILURE if none was found, or it has no name."""
+        """Return the report of the survivor; FAILURE if none was found, or it has no name, SUCCESS if base knew it before."""
         survivor_id = self._detect_node.survivor_id()
         pose = self._detect_node.survivor_pose()
         if survivor_id is None or pose is None:
             missing = "nobody was found" if pose is None else "the survivor has no name yet"
             self.complain(f"'{self.name}' has nothing to report: {missing}.")
             return Status.FAILURE
+        if self._record.before.has_named(survivor_id) and self._record.is_acknowledged(survivor_id):
+            self.feedback_message = f"{survivor_id}, named by an earlier run, is acknowledged already"
+            return Status.SUCCESS
         return self._request_for(SurvivorReport(survivor_id, *pose))
 
 

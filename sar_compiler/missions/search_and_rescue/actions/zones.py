@@ -173,7 +173,7 @@ class AbandonZones(RosLeaf):
         """Abandon the zones, if any are left."""
         reason = self._record.alarm or "the tree has cut the mission short"
         for zone in self._zones.remaining_zones():
-            self._zones.abandon()
+            self._zones.abandon(reason)
             self._record.zone_given_up(zone["id"], reason)
             self.complain(f"{zone['id']} is given up: {reason}.")
         return Status.SUCCESS

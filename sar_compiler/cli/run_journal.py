@@ -1,0 +1,169 @@
+"""The journal of a run of `sar-run`; what it takes is imported only where somebody has a use for it."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from sar_compiler.compiler import CompiledTree
+from sar_compiler.journal.journal import Journal, Listener
+from sar_compiler.journal.journal_entries import Ending
+from sar_compiler.missions.mission import Mission, MissionRun
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from sar_compiler.cli.run import Options
+    from sar_compiler.ros.engine import Engine
+    from sar_compiler.ros.requirements import Requirement
+
+
+class RunJournal:
+    """The journal of a run: kept in a file, listened to, or neither.
+
+    Args:
+        node: The run's node.
+        journal: The journal.
+        about: What the mission is, as far as the tree and the parameters do not say it.
+
+    Attributes:
+        context: The journal for the leaves that ask for it, by its type.
+    """
+
+    def __init__(self, node: "Node", journal: Journal, about: Mapping[str, object]) -> None:
+        self._node = node
+        self._journal = journal
+        self._about = dict(about)
+        self._run_about: dict[str, object] = {}
+        self.context: dict[type, object] = {Journal: journal}
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether it has a file."""
+        return self._journal.is_kept
+
+    def listen(self, listener: Listener) -> None:
+        """Have a function called with each entry, from the run's beginning to its end; see `Journal.listen`.
+
+        Call it at once: what the run does only for those who listen is decided as it goes on.
+        """
+        self._journal.listen(listener)
+
+    @property
+    def is_resumed(self) -> bool:
+        """Whether the mission was begun by an earlier run."""
+        return self._journal.is_resumed
+
+    def keep_facts(self, run: MissionRun | None, parameters: Mapping[str, object]) -> None:
+        """Let a mission take over the facts of earlier runs, and keep its own from now on.
+
+        Raises:
+            ParameterError: If the journal is of another mission by its parameters.
+            JournalError: If the facts are not the mission's.
+        """
+        if not self._journal.is_wanted:
+            return
+        from sar_compiler.missions.resuming import as_data, require_same_identity
+
+        self._run_about["parameters"] = as_data(parameters)
+        self._about["identity"] = as_data(run.identity()) if run is not None else {}
+        if self.is_resumed:
+            require_same_identity(self._journal, self._about)
+            facts = len(self._journal.facts())
+            self._node.get_logger().info(f"The mission in {self._journal.place} goes on after {facts} facts.")
+        if run is not None:
+            run.keep_in(self._journal)
+
+    def describe(self, tree: CompiledTree) -> None:
+        """Take the tree that is run.
+
+        Raises:
+            TreeError: If the journal is of another tree.
+        """
+        if not self._journal.is_wanted:
+            return
+        from sar_compiler.missions.resuming import as_data, require_same_tree
+        from sar_compiler.views.outline import outline
+
+        self._about["tree"] = nodes = as_data(outline(tree))
+        if self.is_resumed:
+            require_same_tree(self._journal, tree, nodes)
+
+    def left_goals(self) -> "list[Requirement]":
+        """Return what must be so before the mission goes on: no goal of an earlier run is active; the caller closes it."""
+        if not self.is_resumed:
+            return []
+        from sar_compiler.ros.left_goals import LeftGoals
+
+        return [LeftGoals(self._node, self._journal)]
+
+    def begin(self, engine: "Engine", tree: CompiledTree) -> None:
+        """Begin to write.
+
+        Raises:
+            JournalError: If the file cannot be written.
+        """
+        if not self._journal.is_wanted:
+            return
+        from importlib.metadata import version
+
+        from sar_compiler.journal.status_watch import StatusWatch
+        from sar_compiler.ros.clock import RosClock
+        from sar_compiler.ros.left_goals import note_goals
+        from sar_compiler.ros.robot_watch import RobotWatch
+
+        self._journal.clock = RosClock(self._node)
+        self._journal.on_failure = self._node.get_logger().error
+        run_about = {"version": version("sar_compiler"), "node": self._node.get_fully_qualified_name()}
+        self._journal.begin(self._about, {**run_about, **self._run_about})
+        if self._journal.aside is not None:
+            self._node.get_logger().info(f"The journal that was there is kept as {self._journal.aside}.")
+        note_goals(self._node, self._journal)
+        engine.add_visitor(StatusWatch(tree.root, self._journal))
+        RobotWatch(self._node, self._journal)  # the node keeps it
+
+    def end(self, status: int, reason: str, *, is_over: bool = False, is_stopped: bool = False) -> None:
+        """Write how the run has ended.
+
+        Args:
+            status: The exit status.
+            reason: The reason in a sentence.
+            is_over: Whether the mission has come to its end.
+            is_stopped: Whether it was stopped by a signal; then it has not failed.
+        """
+        if self._journal.is_wanted:
+            ending = Ending.OVER if is_over else Ending.STOPPED if is_stopped else Ending.FAILED
+            self._journal.end(ending, status, reason)
+
+
+@contextmanager
+def open_run_journal(options: "Options", mission: Mission | None, node: "Node") -> Iterator[RunJournal]:
+    """Open the journal that the command line asks for; it is closed at the end.
+
+    Raises:
+        JournalError: If there is one that this run must not write to.
+    """
+    journal = _opened(options, mission, node)
+    about = {"mission": mission.name if mission is not None else None, "simulated": options.sim is not None}
+    try:
+        yield RunJournal(node, journal, about)
+    finally:
+        journal.close()
+
+
+def _opened(options: "Options", mission: Mission | None, node: "Node") -> Journal:
+    asked = options.journal is not None or options.resume or options.new
+    by_itself = mission is not None and mission.is_resumable and options.sim is None
+    if options.no_journal or options.check or not (asked or by_itself):
+        return Journal()
+    from sar_compiler.journal.errors import JournalPlaceError
+    from sar_compiler.journal.opening import default_place, open_journal
+
+    place = options.journal or default_place(node.get_fully_qualified_name())
+    is_named = options.journal is not None
+    try:
+        return open_journal(place, resume=options.resume, anew=options.new, is_named=is_named)
+    except JournalPlaceError as error:
+        if asked:
+            raise
+        node.get_logger().warning(f"No journal is kept, so this mission cannot be resumed: {error}")
+        return Journal()

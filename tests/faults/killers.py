@@ -1,0 +1,43 @@
+"""Programs that are `sar-run`, and die as by `kill -9`: start them with `python -c`."""
+
+KILLER = """
+import os, signal, sys
+from sar_compiler.cli.run import main
+from sar_compiler.journal.database import JournalFile
+
+dies_at, written = int(sys.argv[1]), sys.argv[2] == "written"
+write, facts = JournalFile.write, 0
+
+def write_or_die(self, watched, fact=None):
+    global facts
+    facts += fact is not None
+    dies = fact is not None and facts == dies_at
+    if dies and not written:
+        os.kill(os.getpid(), signal.SIGKILL)
+    write(self, watched, fact)
+    if dies:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+JournalFile.write = write_or_die
+sys.exit(main(sys.argv[3:]))
+"""
+"""Dies at its Nth fact: arguments are N, `written` to die after it is written or anything else to die before, and sar-run's."""
+
+TIMED_KILLER = """
+import os, signal, sys, threading
+from sar_compiler.cli.run import main
+from sar_compiler.journal.database import JournalFile
+
+begin_run = JournalFile.begin_run
+
+def begin_and_die(self, *about):
+    number = begin_run(self, *about)
+    timer = threading.Timer(float(sys.argv[1]), os.kill, (os.getpid(), signal.SIGKILL))
+    timer.daemon = True
+    timer.start()
+    return number
+
+JournalFile.begin_run = begin_and_die
+sys.exit(main(sys.argv[2:]))
+"""
+"""Dies so many seconds after it has begun to write its journal: arguments are the seconds, and sar-run's."""

@@ -1,0 +1,187 @@
+"""The journal of `sar-run`: where it is kept, who may go on with it, and what is refused before anything moves."""
+
+import json
+import signal
+
+import pytest
+
+from tests.trees import document
+
+pytestmark = pytest.mark.ros
+
+# It needs no server, and goes on for ever.
+WAITING = document('<Sequence name="Wait"><Sleep msec="1000000"/></Sequence>')
+MISSION = ("--mission", "search_and_rescue")
+
+
+@pytest.fixture
+def tree(tmp_path):
+    path = tmp_path / "tree.xml"
+    path.write_text(WAITING, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def state(tmp_path):
+    """The user's folder of state."""
+    return {"XDG_STATE_HOME": str(tmp_path / "state")}
+
+
+def journals(tmp_path):
+    return sorted(path.name for path in (tmp_path / "state" / "sar_compiler").glob("*.journal"))
+
+
+@pytest.fixture
+def begin(start, tree, state):
+    """Begin a run of the mission, and wait for its first tick."""
+
+    def run(*arguments, env=None):
+        command = start("sar-run", tree, *MISSION, "--view", "text", *arguments, env={**state, **(env or {})})
+        return command.wait_for("--> Sleep [*]")
+
+    return run
+
+
+def killed(run):
+    run.send(signal.SIGKILL)
+    run.end()
+
+
+def refused(start, tree, state, *arguments):
+    run = start("sar-run", tree, *MISSION, *arguments, env=state)
+    assert run.end() == 2, run.output
+    return run.output
+
+
+def test_a_mission_on_a_robot_has_a_journal_by_the_name_of_its_node(begin, tmp_path):
+    begin("--ros-args", "-r", "__ns:=/robot1", env={"ROS_DOMAIN_ID": "0"}).stop()
+    assert journals(tmp_path) == ["robot1.search_and_rescue.journal"]
+
+
+def test_without_a_journal_nothing_is_left(begin, tmp_path):
+    begin("--no-journal").stop()
+    assert journals(tmp_path) == []
+
+
+def test_a_plain_tree_has_a_journal_only_on_request(start, tree, state, tmp_path):
+    start("sar-run", tree, "--view", "text", env=state).wait_for("--> Sleep [*]").stop()
+    assert journals(tmp_path) == []
+
+
+def test_a_mission_that_died_is_in_the_way_of_another_until_it_is_resumed_or_put_aside(
+    start, begin, tree, state, tmp_path
+):
+    killed(begin())
+    words = refused(start, tree, state)
+    assert "is not over: it was begun on 20" in words
+    assert "--resume" in words
+    run = begin("--resume")
+    assert " goes on after 0 facts." in run.output
+    killed(run)
+    run = begin("--new")
+    assert "The journal that was there is kept as" in run.output
+    run.stop()
+    assert len(journals(tmp_path)) == 2
+
+
+def test_a_mission_that_was_stopped_makes_room_where_no_file_was_named(begin, start, tree, state, tmp_path):
+    begin().stop()
+    run = begin()
+    assert "The journal that was there is kept as" in run.output
+    run.stop(signal.SIGTERM)
+    assert len(journals(tmp_path)) == 2
+    named = tmp_path / "named.journal"
+    begin("--journal", named).stop()
+    assert "it was stopped on 20" in refused(start, tree, state, "--journal", named)
+    begin("--journal", named, "--resume").stop()
+
+
+def test_a_second_run_is_refused_while_the_first_one_lasts(begin, start, tree, state):
+    run = begin()
+    for arguments in ((), ("--resume",), ("--new",)):
+        assert "runs just now, in another process" in refused(start, tree, state, *arguments)
+    run.stop()
+
+
+def test_a_mission_that_runs_can_be_looked_at(begin, start, tmp_path):
+    place = tmp_path / "mission.journal"
+    run = begin("--journal", place)
+    show = start("sar-journal", "show", place, "--format", "json")
+    assert show.end() == 0
+    data = json.loads(show.output)
+    run.stop()
+    assert data["state"] == "running"
+    assert data["mission"] == "search_and_rescue"
+    assert [child["name"] for child in data["tree"]["children"]] == ["Sleep"]
+    assert data["runs"][0]["about"]["parameters"]["zone_order"] == ["zone_a", "zone_b", "zone_c", "zone_d"]
+    assert start("sar-journal", "show", place).end() == 0
+
+
+def test_other_zones_are_refused_by_the_names_of_the_parameters(begin, start, tree, state):
+    killed(begin())
+    more = ("--resume", "--ros-args", "-p", "zone_order:=[zone_b]", "-p", "base_station.x:=1.0")
+    words = refused(start, tree, state, *more)
+    assert "2 mistakes in the parameters" in words
+    assert "zones: is [{'id': 'zone_b'" in words
+    assert "base_station: is {'x': 1.0" in words
+
+
+def test_a_place_that_cannot_be_written_is_refused_only_if_it_was_asked_for(
+    begin, start, tree, state, tmp_path
+):
+    nowhere = {"XDG_STATE_HOME": "/dev/null"}
+    run = begin(env=nowhere)
+    assert "No journal is kept, so this mission cannot be resumed: the journal /dev/null/" in run.output
+    assert run.stop() == 130
+    assert "there is no journal /dev/null/" in refused(start, tree, nowhere, "--resume")
+    assert "cannot be used: " in refused(start, tree, nowhere, "--new")
+    assert "cannot be used: " in refused(start, tree, state, "--journal", "/dev/null/mission.journal")
+    assert "Is a directory" in refused(start, tree, state, "--journal", tmp_path)
+
+
+def test_a_check_leaves_journals_alone(begin, start, tree, state, tmp_path):
+    killed(begin())
+    before = [path.read_bytes() for path in sorted((tmp_path / "state" / "sar_compiler").iterdir())]
+    assert start("sar-run", tree, *MISSION, "--check", env=state).end() == 0
+    assert [path.read_bytes() for path in sorted((tmp_path / "state" / "sar_compiler").iterdir())] == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--resume", "--new"], "not allowed with"),
+        (["--check", "--resume"], "--check begins nothing"),
+        (["--no-journal", "--resume"], "--no-journal does not go with"),
+        (["--resume"], "so nothing to resume: leave --resume out"),
+    ],
+)
+def test_options_that_contradict_each_other_are_refused(start, tree, state, arguments, words):
+    assert words in refused(start, tree, state, *arguments)
+
+
+def test_a_leaf_may_ask_for_the_journal_of_its_run(start, tmp_path):
+    (tmp_path / "diary.py").write_text(
+        "from py_trees.behaviour import Behaviour\n"
+        "from py_trees.common import Status\n"
+        "from sar_compiler import Journal, Kind, register\n"
+        "@register('Write', kind=Kind.ACTION)\n"
+        "class Write(Behaviour):\n"
+        "    def __init__(self, name: str, journal: Journal | None = None) -> None:\n"
+        "        super().__init__(name)\n"
+        "        self.journal = journal\n"
+        "    def update(self):\n"
+        "        if self.journal is not None:\n"
+        "            self.journal.note('written', by=self.name)\n"
+        "        return Status.SUCCESS\n",
+        encoding="utf-8",
+    )
+    tree, place = tmp_path / "tree.xml", tmp_path / "mission.journal"
+    tree.write_text(document('<Write name="me"/>'), encoding="utf-8")
+    env = {"PYTHONPATH": str(tmp_path)}
+    assert start("sar-run", tree, "--nodes", "diary", env=env).end() == 0
+    assert start("sar-run", tree, "--nodes", "diary", "--journal", place, env=env).end() == 0
+    show = start("sar-journal", "show", place, "--all")
+    assert show.end() == 0
+    assert "written  by me" in " ".join(show.output.split()).replace("written by", "written  by")
+    assert "node 'me', tick 1, status SUCCESS" in show.output
+    assert show.output.startswith("a tree of no mission, over\n")

@@ -1,0 +1,433 @@
+"""Whenever a mission dies, the next run goes on with it: nobody is lost, searched for, named or reported twice."""
+
+import random
+import re
+import signal
+from collections import Counter
+from typing import Any
+
+import pytest
+
+from tests.faults.killers import KILLER, TIMED_KILLER
+from tests.processes import Command
+
+pytestmark = pytest.mark.ros
+
+TREES = ("search_and_rescue", "search_and_rescue_resilient")
+SURVIVORS = {"zone_a": (1.5, 1.25), "zone_b": (-2.0, 0.5)}
+
+
+class Death(BaseException):
+    """What SIGKILL is to a process."""
+
+
+class Mortal:
+    """Lives of one mission in this process, over real DDS, each with the journal of the one before.
+
+    Args:
+        ros: The ROS context.
+        place: The journal.
+        tree: A shipped tree.
+    """
+
+    def __init__(self, ros, place, tree):
+        from tests.missions.mission_stage import Stage
+
+        self.stage = Stage(ros.context)
+        self.nav = self.stage.nav_server()
+        self.nav.script = ["succeed"]
+        self.detect = self.stage.detect_service(SURVIVORS)
+        self.report = self.stage.report_service(acknowledged=True)
+        self.place, self.tree = place, tree
+        self.facts = 0
+        self.journal: Any = None
+        self.mission: Any = None
+
+    def refuse(self, count):
+        """Let base refuse the first reports."""
+
+        def answer(_, response):
+            response.acknowledged = len(self.report.requests) > count
+
+        self.report.answer = answer
+
+    def begin(self):
+        """Begin a life; return the runner of its tree, once the goals of the last one have ended."""
+        from sar_compiler.compiler import compile_tree
+        from sar_compiler.journal.opening import open_journal
+        from sar_compiler.missions.search_and_rescue.plugin import MISSION
+        from sar_compiler.project import load
+        from sar_compiler.ros.left_goals import LeftGoals, note_goals
+        from sar_compiler.ros.parameter_reader import ParameterReader
+        from sar_compiler.ros.runner import TreeRunner
+        from tests.missions.mission_stage import BASE, ZONES
+
+        parameters = {"zone_order": [zone["id"] for zone in ZONES]}
+        parameters |= {f"zones.{zone['id']}.{key}": zone[key] for zone in ZONES for key in ("x", "y", "yaw")}
+        parameters |= {f"base_station.{key}": value for key, value in BASE.items()}
+        self.journal = open_journal(self.place, resume=self.place.exists())
+        self.mission = MISSION.begin(ParameterReader(parameters))
+        self.mission.keep_in(self.journal)
+        compiled = compile_tree(load(self.tree).binding(), self.mission.context, {})
+        self.journal.begin({"mission": "search_and_rescue"}, {})
+        left = LeftGoals(self.stage.node, self.journal)
+        self.stage.until(lambda: left.missing() is None, "the end of the goals that were left")
+        left.close()
+        runner = TreeRunner(compiled)
+        note_goals(self.stage.node, self.journal)
+        runner.setup(node=self.stage.node)
+        return runner
+
+    def live(self, dies_at=None, *, written=False):
+        """Live until the mission is complete, or until a fact is to be written.
+
+        Args:
+            dies_at: The number of that fact in this life, from 1; None to live on.
+            written: Whether it is written before that.
+        """
+        runner = self.begin()
+        self._count(dies_at, written)
+
+        def complete():
+            runner.tick()
+            return not self.mission.shortfalls()
+
+        try:
+            self.stage.until(complete, f"the end of the mission (lacks: {self.mission.shortfalls()})")
+        except Death:
+            self.die()
+            return False
+        runner.shutdown()
+        self.die()
+        return True
+
+    def die(self):
+        """Leave everything as SIGKILL does."""
+        from sar_compiler.ros.leaves.goals_under_way import goals_under_way
+
+        goals_under_way(self.stage.node)._listeners.clear()
+        self.journal._file.close()
+
+    def _count(self, dies_at, written):
+        write, self.facts = self.journal._file.write, 0
+
+        def write_or_die(watched, fact=None):
+            self.facts += fact is not None
+            dies = fact is not None and self.facts == dies_at
+            if dies and not written:
+                raise Death
+            write(watched, fact)
+            if dies:
+                raise Death
+
+        self.journal._file.write = write_or_die
+
+    def told(self):
+        """What the world has been told: the reports, each once, and the frames."""
+        reports = {
+            (each.survivor_id, each.location.point.x, each.location.point.y) for each in self.report.requests
+        }
+        return sorted(reports)
+
+    def outcome(self):
+        """How the mission stands at the end."""
+        from sar_compiler.missions.search_and_rescue import MissionRecord
+
+        record = self.mission.context[MissionRecord]
+        return record.zones_visited, record.survivors, self.told()
+
+    def close(self):
+        self.stage.close()
+
+
+@pytest.fixture
+def mortal(ros, tmp_path):
+    """Make missions that die as a test says."""
+    made: list[Mortal] = []
+
+    def make(tree):
+        made.append(Mortal(ros, tmp_path / f"{len(made)}.journal", tree))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.close()
+
+
+def kinds(place):
+    """Count the facts of a journal, each with its zone or survivor."""
+    from sar_compiler.journal.database import JournalFile
+
+    file = JournalFile.read(place)
+    try:
+        facts = file.facts()
+    finally:
+        file.close()
+    return Counter((fact.kind, fact.data.get("zone") or fact.data.get("survivor")) for fact in facts)
+
+
+def is_over(place):
+    """Return whether the mission in a journal is over."""
+    from sar_compiler.journal.database import JournalFile
+
+    file = JournalFile.read(place)
+    try:
+        return file.runs()[-1].is_over
+    finally:
+        file.close()
+
+
+ONCE = ("zone_searched", "survivor_named", "report_acknowledged", "zone_visited")
+
+
+SOME_FACTS, ALL_FACTS = 5, 1
+
+
+@pytest.mark.parametrize(
+    ("tree", "step", "refused"),
+    [
+        *((tree, SOME_FACTS, 0) for tree in TREES),
+        *(pytest.param(tree, ALL_FACTS, 0, marks=pytest.mark.slow) for tree in TREES),
+        pytest.param(TREES[1], ALL_FACTS, 4, marks=pytest.mark.slow),
+    ],
+)
+def test_a_mission_that_dies_at_any_fact_ends_as_one_that_does_not(mortal, tree, step, refused):
+    undisturbed = mortal(tree)
+    undisturbed.refuse(refused)
+    assert undisturbed.live()
+    expected, facts = undisturbed.outcome(), undisturbed.facts
+    assert facts > 10
+    for dies_at in range(step, facts + 1, step):
+        for written in (False, True):
+            mission = mortal(tree)
+            mission.refuse(refused)
+            assert not mission.live(dies_at, written=written)
+            assert mission.live()
+            moment = f"killed {'after' if written else 'before'} fact {dies_at}"
+            assert mission.outcome() == expected, moment
+            found = kinds(mission.place)
+            assert {key: count for key, count in found.items() if count > 1 and key[0] in ONCE} == {}, moment
+            assert all(goal.final for goal in mission.nav.goals), moment
+
+
+@pytest.mark.parametrize("tree", TREES)
+def test_a_mission_that_dies_again_and_again_gets_to_its_end(mortal, tree):
+    undisturbed = mortal(tree)
+    undisturbed.live()
+    mission = mortal(tree)
+    lives = 1
+    # Each life gets two facts further than it needs to find its way back.
+    while not mission.live(4, written=True):
+        lives += 1
+        assert lives < 40
+    assert mission.outcome() == undisturbed.outcome()
+
+
+def test_a_goal_that_was_left_active_is_cancelled_before_another_is_sent(mortal):
+    mission = mortal("search_and_rescue")
+    mission.nav.script = []
+    runner = mission.begin()
+    mission.stage.until(lambda: runner.tick() or mission.nav.goals, "the first goal")
+    mission.die()
+    mission.nav.script = ["succeed"]
+    mission.begin()
+    assert [goal.final for goal in mission.nav.goals] == ["canceled"]
+    mission.die()
+    assert mission.live()
+    assert mission.nav.goals[0].final == "canceled"
+
+
+def test_a_goal_whose_server_does_not_cancel_it_is_waited_for(mortal):
+    mission = mortal("search_and_rescue")
+    mission.nav.script, mission.nav.heed_cancel = [], False
+    runner = mission.begin()
+    mission.stage.until(lambda: runner.tick() or mission.nav.goals, "the first goal")
+    mission.die()
+
+    from sar_compiler.journal.opening import open_journal
+    from sar_compiler.ros.left_goals import LeftGoals
+
+    journal = open_journal(mission.place, resume=True)
+    left = LeftGoals(mission.stage.node, journal)
+    mission.stage.until(lambda: left.missing() and mission.nav.cancels > 1, "the second request to cancel")
+    assert "has not ended; the robot may be moving" in str(left.missing())
+    mission.nav.order("abort")
+    mission.stage.until(lambda: left.missing() is None, "the end of the goal")
+    left.close()
+    journal.close()
+
+
+def test_reports_that_were_kept_are_delivered_by_the_next_run(mortal):
+    mission = mortal("search_and_rescue_resilient")
+    acknowledge = mission.report.answer
+    mission.report.answer = lambda _, response: setattr(response, "acknowledged", False)
+    # Three attempts at the report of zone_a are facts 5 to 7; then it is kept.
+    assert not mission.live(8, written=True)
+    assert kinds(mission.place)["report_kept", "survivor_1"] == 1
+    mission.report.answer = acknowledge
+    assert mission.live()
+    assert [survivor.acknowledged for survivor in mission.outcome()[1]] == [True, True]
+    found = kinds(mission.place)
+    assert found["report_acknowledged", "survivor_1"] == found["report_acknowledged", "survivor_2"] == 1
+    assert {each.survivor_id for each in mission.report.requests} == {"survivor_1", "survivor_2"}
+
+
+def test_frames_of_survivors_are_published_again(mortal):
+    mission = mortal("search_and_rescue")
+    # Visited zone_a with its survivor: the name, the report and the visit are facts 4 to 7.
+    assert not mission.live(8)
+    assert kinds(mission.place)["zone_visited", "zone_a"] == 1
+    listener = mission.stage.static_frames(mission.stage.host().node)
+    mission.begin()
+    mission.stage.until(lambda: "survivor_1" in listener.frames, "the frame of the survivor")
+    assert listener.position("survivor_1") == (*SURVIVORS["zone_a"], 0.0)
+    mission.die()
+
+
+SIMULATED = ("--sim", "--speed", 20)
+TWO_ZONES = ("--ros-args", "-p", "zone_order:=[zone_a, zone_b]")
+ACKNOWLEDGED = "survivors found: survivor_1 in zone_a at (-2.50, 3.20), acknowledged"
+
+
+def killed(start, dies_at, written, *arguments):
+    """Run a mission that dies at a fact."""
+    run = start("python", "-c", KILLER, dies_at, written, *arguments)
+    assert run.end() == -signal.SIGKILL, run.output
+    return run
+
+
+@pytest.mark.parametrize("tree", TREES)
+def test_a_simulated_mission_killed_between_name_and_report_is_resumed(start, tmp_path, tree):
+    place = tmp_path / "mission.journal"
+    dead = killed(start, 5, "before", tree, *SIMULATED, "--journal", place, *TWO_ZONES)
+    assert "Survivor detected at zone_a!" in dead.output
+    refused = start("sar-run", tree, *SIMULATED, "--journal", place, *TWO_ZONES)
+    assert refused.end() == 2
+    assert f"the mission in the journal {place} is not over" in refused.output
+    run = start("sar-run", tree, *SIMULATED, "--journal", place, "--resume", *TWO_ZONES)
+    assert run.end() == 0, run.output
+    assert "The mission in " in run.output
+    assert "zone_a was searched by an earlier run." in run.output
+    assert "Detection request for zone_a" not in run.output
+    assert "Navigating to zone_a" not in run.output
+    assert ACKNOWLEDGED in run.output
+    assert run.output.count("Report received: survivor_1 at (-2.50, 3.20)") == 1
+    again = start("sar-run", tree, *SIMULATED, "--journal", place, "--resume", *TWO_ZONES)
+    assert again.end() == 2
+    assert "is over (Mission complete.): there is nothing to resume" in again.output
+
+
+class World:
+    """A robot, its Nav2 and the detector, which outlive missions; and a base station for each mission.
+
+    Args:
+        begin: Starts a command.
+    """
+
+    def __init__(self, begin):
+        self._begin = begin
+        self._base = None
+        begin("sar-sim", "run", "--speed", 20).wait_for("runs")
+        self.detector = begin("sar-detect-survivor-server").wait_for("ready")
+
+    def base(self):
+        """Return a base station that has heard of nobody."""
+        if self._base is not None:
+            self._base.stop()
+        self._base = self._begin("sar-report-survivor-server").wait_for("ready")
+        return self._base
+
+
+@pytest.fixture(scope="module")
+def world():
+    """Start a world once."""
+    commands = []
+
+    def begin(*command):
+        commands.append(Command(*command))
+        return commands[-1]
+
+    yield World(begin)
+    for command in reversed(commands):
+        command.kill()
+
+
+def arguments(place, tree, *more):
+    """Return the arguments of a mission in a world of its own."""
+    zones = ("-p", "zone_order:=[zone_a, zone_b]", "-p", "use_sim_time:=true")
+    return (tree, "--until", "complete", "--journal", place, *more, "--ros-args", *zones)
+
+
+def end(run):
+    """Wait for the end of a mission that must be complete."""
+    assert run.end() == 0, run.output
+    assert ACKNOWLEDGED in run.output
+
+
+def hold(watching, base, place):
+    """Hold what became of a mission that has ended against an undisturbed one."""
+    received = re.findall(r"Report received: (\S+ at \(.*?\))", base.output)
+    assert received == ["survivor_1 at (-2.50, 3.20)"]
+    found = kinds(place)
+    assert {key: count for key, count in found.items() if count > 1 and key[0] in ONCE} == {}
+    for fact in (
+        ("zone_visited", "zone_a"),
+        ("zone_visited", "zone_b"),
+        ("report_acknowledged", "survivor_1"),
+    ):
+        assert found[fact] == 1
+    watching.wait_for_goals(lambda goals: goals and all(status > 3 for status in goals))
+
+
+def test_a_mission_killed_on_its_way_leaves_no_goal_and_tells_the_robot_no_pose(
+    world, start, witness, tmp_path
+):
+    from geometry_msgs.msg import PoseWithCovarianceStamped
+
+    place, watching, base = tmp_path / "mission.journal", witness(), world.base()
+    poses: list[Any] = []
+    watching.node.create_subscription(PoseWithCovarianceStamped, "initialpose", poses.append, 10)
+    dead = start("sar-run", *arguments(place, TREES[0])).wait_for("Navigating to zone_b...")
+    watching.wait_until_moving()
+    dead.send(signal.SIGKILL)
+    dead.end()
+    told = len(poses)
+    run = start("sar-run", *arguments(place, TREES[0], "--resume"))
+    end(run)
+    hold(watching, base, place)
+    assert len(poses) == told
+    # It would have been heard.
+    publisher = watching.node.create_publisher(PoseWithCovarianceStamped, "initialpose", 10)
+
+    def is_heard():
+        publisher.publish(PoseWithCovarianceStamped())
+        return len(poses) > told
+
+    watching.wait_until(is_heard, "a pose of the test's own")
+    assert "Navigating to zone_a..." not in run.log
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tree", TREES)
+@pytest.mark.parametrize("written", ["before", "written"])
+@pytest.mark.parametrize("dies_at", range(1, 14))
+def test_a_mission_killed_at_any_fact_is_resumed(world, start, witness, tmp_path, tree, written, dies_at):
+    place, base = tmp_path / "mission.journal", world.base()
+    killed(start, dies_at, written, *arguments(place, tree))
+    end(start("sar-run", *arguments(place, tree, "--resume")))
+    hold(witness(), base, place)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(50))
+def test_a_mission_killed_at_random_moments_is_resumed(world, start, witness, tmp_path, seed):
+    chance = random.Random(seed)  # noqa: S311 - as many as there are seeds
+    place, base, tree = tmp_path / "mission.journal", world.base(), chance.choice(TREES)
+    for life in range(4):
+        more = ("--resume",) if life else ()
+        run = start("python", "-c", TIMED_KILLER, chance.uniform(0.0, 3.0), *arguments(place, tree, *more))
+        if run.end() != -signal.SIGKILL or is_over(place):  # which it may be before the process has ended
+            break
+    else:
+        end(start("sar-run", *arguments(place, tree, "--resume")))
+    hold(witness(), base, place)

@@ -1,0 +1,302 @@
+"""Search and rescue and its journal: whatever has happened when the process dies, the next run knows it."""
+
+import tempfile
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
+
+from sar_compiler.journal.errors import JournalError
+from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.opening import open_journal
+from sar_compiler.missions.search_and_rescue import KeptReports, MissionRecord, ZoneManager
+from sar_compiler.missions.search_and_rescue.kept_reports import SurvivorReport
+from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
+from sar_compiler.missions.search_and_rescue.plugin import MISSION, Search
+from sar_compiler.missions.search_and_rescue.record import Standing
+from sar_compiler.missions.search_and_rescue.zone_manager import Zone
+from sar_compiler.ros.parameter_reader import ParameterReader
+
+ZONES = ("zone_a", "zone_b", "zone_c")
+PARAMETERS: dict[str, Any] = {
+    "zone_order": list(ZONES),
+    **{f"zones.{zone}.{key}": 1.0 for zone in ZONES for key in ("x", "y", "yaw")},
+    **{f"base_station.{key}": 0.0 for key in ("x", "y", "yaw")},
+}
+
+
+class Life:
+    """One run of the mission, a process as it were, with its journal."""
+
+    def __init__(self, place: Path, *, resume: bool) -> None:
+        self.journal = open_journal(place, resume=resume)
+        self.run: Search = MISSION.begin(ParameterReader(PARAMETERS))
+        self.run.keep_in(self.journal)
+        self.journal.begin({"mission": MISSION.name}, {})
+        self.zones: ZoneManager = self.part(ZoneManager)
+        self.record: MissionRecord = self.part(MissionRecord)
+        self.kept: KeptReports = self.part(KeptReports)
+        self.orders: OperatorOrders = self.part(OperatorOrders)
+
+    def part(self, kind: type) -> Any:
+        return self.run.context[kind]
+
+    def state(self) -> dict[str, Any]:
+        """Everything that leaves can ask for."""
+        return {
+            "left": self.zones.remaining_zones(),
+            "abandoned": self.zones.abandoned_zones(),
+            "attempts": self.zones.times_postponed() if self.zones.has_remaining() else 0,
+            "visited": self.record.zones_visited,
+            "survivors": self.record.survivors,
+            "kept": list(self.kept),
+            "home": self.record.home,
+            "alarm": self.record.alarm,
+            "orders": (self.orders.held, self.orders.recalled, self.orders.aborted),
+            "shortfalls": self.run.shortfalls(),
+        }
+
+    def die(self) -> None:
+        """End as by SIGKILL: what is not on the disk yet is lost."""
+        assert self.journal._file is not None
+        self.journal._file.close()
+
+
+class Dying(RuleBasedStateMachine):
+    """What leaves do, in any order, with deaths in between."""
+
+    @initialize()
+    def begin(self) -> None:
+        self.folder = tempfile.TemporaryDirectory()
+        self.place = Path(self.folder.name) / "mission.journal"
+        self.life = Life(self.place, resume=False)
+        self.names: list[str] = []
+
+    def teardown(self) -> None:
+        if hasattr(self, "life"):
+            self.life.die()
+            self.folder.cleanup()
+
+    @property
+    def zone(self) -> str:
+        return self.life.zones.current_zone()["id"]
+
+    @precondition(lambda self: self.life.zones.has_remaining())
+    @rule()
+    def drive(self) -> None:
+        self.life.record.zone_started(self.zone)
+
+    @precondition(lambda self: self.life.zones.has_remaining())
+    @rule(found=st.booleans(), x=st.floats(-5, 5), y=st.floats(-5, 5))
+    def search(self, found: bool, x: float, y: float) -> None:
+        self.life.record.zone_searched(self.zone, (x, y) if found else None)
+
+    @rule()
+    def name(self) -> None:
+        nameless = [each for each in self.life.record.survivors if each.survivor_id is None]
+        if nameless:
+            name = self.life.zones.next_survivor_id()
+            assert name not in self.names
+            self.names.append(name)
+            self.life.record.survivor_named(name, nameless[0].x, nameless[0].y)
+
+    @rule(acknowledged=st.booleans())
+    def report(self, acknowledged: bool) -> None:
+        for survivor in self.life.record.survivors:
+            if survivor.survivor_id is not None and not survivor.acknowledged:
+                self.life.record.report_sent(survivor.survivor_id)
+                if acknowledged:
+                    self.life.record.survivor_acknowledged(survivor.survivor_id)
+                    self.life.kept.delivered(survivor.survivor_id)
+                else:
+                    self.life.kept.keep(SurvivorReport(survivor.survivor_id, survivor.x, survivor.y))
+                    self.life.record.report_kept(survivor.survivor_id)
+                return
+
+    @precondition(lambda self: self.life.zones.has_remaining())
+    @rule(how=st.sampled_from(["visited", "postponed", "abandoned", "given up"]))
+    def leave(self, how: str) -> None:
+        if how == "visited":
+            self.life.record.zone_visited(self.zone)
+            self.life.zones.advance()
+        elif how == "postponed":
+            self.life.zones.postpone()
+        elif how == "given up":
+            zone_id = self.zone
+            self.life.zones.abandon("the battery is low")
+            self.life.record.zone_given_up(zone_id, "the battery is low")
+        else:
+            zone_id, attempts = self.zone, self.life.zones.times_postponed() + 1
+            self.life.zones.abandon()
+            self.life.record.zone_abandoned(zone_id, attempts)
+
+    @rule(x=st.floats(-5, 5))
+    def add_zone(self, x: float) -> None:
+        name = f"zone_{self.life.zones.total_zones()}"
+        self.life.zones.add(Zone(id=name, x=x, y=0.0, yaw=1.0))
+
+    @rule(verb=st.sampled_from(["hold", "release", "recall", "abort"]))
+    def order(self, verb: str) -> None:
+        getattr(self.life.orders, verb)()
+
+    @rule(reason=st.sampled_from(["the battery is low", "time is up"]))
+    def raise_an_alarm(self, reason: str) -> None:
+        self.life.record.alarmed(reason)
+
+    @rule(verdict=st.sampled_from(Standing))
+    def judge(self, verdict: Standing) -> None:
+        if self.names:
+            same_as = self.names[0] if verdict is Standing.MERGED else None
+            self.life.record.survivor_judged(self.names[-1], verdict, same_as)
+            if verdict is not Standing.CONFIRMED:
+                self.life.kept.delivered(self.names[-1])
+
+    @rule()
+    def come_home(self) -> None:
+        self.life.record.base_reached()
+
+    @rule()
+    def die_and_resume(self) -> None:
+        before = self.life.state()
+        self.life.die()
+        self.life = Life(self.place, resume=True)
+        assert self.life.state() == before
+
+    @invariant()
+    def nobody_has_two_names(self) -> None:
+        if hasattr(self, "life"):
+            given = [each.survivor_id for each in self.life.record.survivors if each.survivor_id]
+            assert len(given) == len(set(given))
+
+
+TestDying = Dying.TestCase
+
+
+@pytest.fixture
+def live(tmp_path: Path) -> Callable[..., Life]:
+    def begin(*, resume: bool = False) -> Life:
+        return Life(tmp_path / "mission.journal", resume=resume)
+
+    return begin
+
+
+def test_a_search_of_the_zone_that_was_not_left_is_answered_once(live: Callable[..., Life]) -> None:
+    life = live()
+    life.record.zone_searched("zone_a", (1.0, 2.0))
+    life.die()
+    before = live(resume=True).record.before
+    assert before.has_searched("zone_a")
+    assert before.take_search("zone_a") == (1.0, 2.0)
+    assert not before.has_searched("zone_a")
+
+
+def test_a_search_of_a_zone_that_was_left_is_not_answered(live: Callable[..., Life]) -> None:
+    life = live()
+    life.record.zone_searched("zone_a", None)
+    life.zones.advance()
+    life.die()
+    assert not live(resume=True).record.before.has_searched("zone_a")
+
+
+def test_the_way_home_is_done_only_while_no_zone_was_set_out_for(live: Callable[..., Life]) -> None:
+    life = live()
+    life.record.base_reached()
+    life.die()
+    life = live(resume=True)
+    assert life.record.home
+    life.record.zone_started("zone_a")
+    assert not life.record.before.take_home()
+    life.die()
+    assert not live(resume=True).record.before.take_home()
+
+
+def test_names_of_somebody_elses_do_not_disturb_the_numbering(live: Callable[..., Life]) -> None:
+    life = live()
+    life.record.survivor_named("anna", 1.0, 2.0)
+    life.record.survivor_named(life.zones.next_survivor_id(), 3.0, 4.0)
+    life.die()
+    assert live(resume=True).zones.next_survivor_id() == "survivor_2"
+
+
+@pytest.mark.parametrize(
+    ("kind", "data"),
+    [
+        ("zone_visited", {"zone": "zone_x"}),
+        ("zone_visited", {}),
+        ("zone_abandoned", {"zone": "zone_a", "attempts": "many", "reason": ""}),
+        ("zone_searched", {"zone": "zone_a", "survivor": [1.0]}),
+        ("report_kept", {"survivor": "survivor_7"}),
+        ("survivor_named", {"survivor": 7, "x": 1.0, "y": 2.0}),
+        ("operator_ordered", {"order": "dance"}),
+        ("survivor_judged", {"survivor": "survivor_1", "standing": "tired", "same_as": None}),
+    ],
+)
+def test_facts_that_do_not_fit_are_refused_with_their_number(
+    live: Callable[..., Life], kind: str, data: dict[str, Any]
+) -> None:
+    life = live()
+    life.journal.note(kind, **data)
+    life.die()
+    with pytest.raises(JournalError, match=f"fact 1 of the journal, {kind}"):
+        live(resume=True)
+
+
+ANYTHING = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.sampled_from([*ZONES, "survivor_1", ""]),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(["x", "y"]), inner),
+    max_leaves=4,
+)
+KEYS = st.sampled_from(
+    [
+        *("id", "zone", "survivor", "x", "y", "yaw", "attempts", "goal"),
+        *("reason", "standing", "same_as", "order"),
+    ]
+)
+KINDS = st.sampled_from(
+    (
+        *(
+            "zone_started",
+            "zone_searched",
+            "zone_visited",
+            "zone_postponed",
+            "zone_abandoned",
+            "survivor_named",
+        ),
+        *("report_sent", "report_acknowledged", "report_kept", "base_reached", "goal_sent", "nonsense"),
+        *("zone_added", "operator_ordered", "survivor_judged", "alarmed"),
+    )
+)
+
+
+@given(st.lists(st.tuples(KINDS, st.dictionaries(KEYS, ANYTHING, max_size=3)), max_size=6))
+def test_facts_of_any_content_are_taken_over_or_refused_in_words(
+    facts: list[tuple[str, dict[str, Any]]],
+) -> None:
+    run = MISSION.begin(ParameterReader(PARAMETERS))
+    entries = [JournalEntry(number, 1, 0.0, 0.0, *fact) for number, fact in enumerate(facts, 1)]
+    journal = Journal()
+    journal.facts = lambda: entries  # type: ignore[method-assign]
+    with suppress(JournalError):
+        run.keep_in(journal)
+        run.shortfalls()
+
+
+def test_facts_of_other_kinds_are_passed_over(live: Callable[..., Life]) -> None:
+    life = live()
+    life.journal.note("goal_sent", action="/navigate_to_pose", goal="00")
+    state = life.state()
+    life.die()
+    assert live(resume=True).state() == state
+
+
+def test_without_a_journal_nothing_is_written() -> None:
+    run = MISSION.begin(ParameterReader(PARAMETERS))
+    run.keep_in(Journal())
+    run.context[MissionRecord].base_reached()  # type: ignore[attr-defined]
+    assert run.context[MissionRecord].home  # type: ignore[attr-defined]

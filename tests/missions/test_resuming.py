@@ -1,0 +1,128 @@
+"""What a mission must have in common with the one in a journal."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sar_compiler.compiler import CompiledTree
+from sar_compiler.journal.errors import JournalError
+from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.opening import open_journal
+from sar_compiler.missions.resuming import as_data, require_same_identity, require_same_tree
+from sar_compiler.project import load
+from sar_compiler.ros.parameter_reader import ParameterError
+from sar_compiler.tree.diagnostic import TreeError
+from sar_compiler.views.outline import outline
+from tests.trees import document
+
+BODY = '<Sequence name="S"><RetryUntilSuccessful num_attempts="2"><AlwaysFailure name="F"/></RetryUntilSuccessful></Sequence>'
+IDENTITY = {"zones": [{"id": "zone_a", "x": 1.0}], "base_station": {"x": 0.0}}
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Path:
+    return tmp_path / "mission.journal"
+
+
+def compiled(folder: Path, body: str) -> CompiledTree:
+    path = folder / "tree.xml"
+    path.write_text(document(body), encoding="utf-8")
+    return load(path).compile()
+
+
+@pytest.fixture
+def journal(place: Path, tmp_path: Path) -> Iterator[Journal]:
+    """A journal that is resumed."""
+    first = open_journal(place)
+    tree = as_data(outline(compiled(tmp_path, BODY)))
+    about = {"mission": "patrol", "simulated": False, "identity": as_data(IDENTITY), "tree": tree}
+    first.begin(about, {})
+    first.close()
+    journal = open_journal(place, resume=True)
+    yield journal
+    journal.close()
+
+
+def held(journal: Journal, tree: CompiledTree) -> None:
+    require_same_tree(journal, tree, as_data(outline(tree)))
+
+
+def test_the_same_tree_in_another_place_and_form_is_the_same(journal: Journal, tmp_path: Path) -> None:
+    folder = tmp_path / "elsewhere"
+    folder.mkdir()
+    held(journal, compiled(folder, f"<!-- moved -->\n\n{BODY.replace('><', '> <')}"))
+
+
+@pytest.mark.parametrize(
+    ("body", "words", "line"),
+    [
+        (BODY.replace('"2"', '"3"'), "num_attempts is 3 here, and was 2", "<RetryUntilSuccessful"),
+        (BODY.replace('"F"', '"G"'), "name is 'G' here, and was 'F'", "<AlwaysFailure"),
+        (BODY.replace("AlwaysFailure", "AlwaysSuccess"), "class is ", "<AlwaysSuccess"),
+        (BODY.replace("</Seq", "<AlwaysSuccess/></Seq"), "'S' has 2 children here, and had 1", "<Sequence"),
+        ('<AlwaysSuccess name="S"/>', "class is ", "<AlwaysSuccess"),
+    ],
+)
+def test_another_tree_is_a_finding_at_the_first_node_that_differs(
+    journal: Journal, tmp_path: Path, body: str, words: str, line: str
+) -> None:
+    with pytest.raises(TreeError) as error:
+        held(journal, compiled(tmp_path, body))
+    (finding,) = error.value.findings
+    assert finding.code == "other-tree"
+    assert words in finding.message
+    assert finding.source.line(finding.span.line)[finding.span.column - 1 :].startswith(line)
+    assert finding.hint is not None
+    assert "--new" in finding.hint
+
+
+@pytest.mark.parametrize("tree", [None, 7, "text", {"children": 5}, {"attributes": []}, {"children": [None]}])
+def test_a_tree_that_is_damaged_is_another_tree(place: Path, tmp_path: Path, tree: Any) -> None:
+    first = open_journal(place)
+    first.begin({"tree": tree, "identity": tree, "simulated": False}, {})
+    first.close()
+    journal = open_journal(place, resume=True)
+    with pytest.raises(TreeError, match="has another tree"):
+        held(journal, compiled(tmp_path, BODY))
+    with pytest.raises(ParameterError):
+        require_same_identity(journal, about(mission=None))
+    journal.close()
+
+
+def about(**changes: Any) -> dict[str, Any]:
+    return {"mission": "patrol", "simulated": False, "identity": as_data(IDENTITY), **changes}
+
+
+def test_the_same_mission_goes_on(journal: Journal) -> None:
+    require_same_identity(journal, about())
+
+
+def test_every_parameter_that_is_another_one_is_named(journal: Journal) -> None:
+    other = {"zones": [{"id": "zone_a", "x": 2.0}], "base_station": {"x": 1.0}}
+    with pytest.raises(ParameterError) as error:
+        require_same_identity(journal, about(identity=other))
+    assert [problem.key for problem in error.value.problems] == ["zones", "base_station"]
+    assert "{'x': 1.0}, and in the journal" in str(error.value)
+
+
+def test_another_mission_is_named(journal: Journal) -> None:
+    with pytest.raises(JournalError, match="is of the mission 'patrol', and this is a tree of no mission"):
+        require_same_identity(journal, about(mission=None))
+
+
+def test_what_a_simulated_robot_has_done_no_real_one_goes_on_with(journal: Journal) -> None:
+    with pytest.raises(JournalError, match="was begun with a robot, and cannot go on with a simulation"):
+        require_same_identity(journal, about(simulated=True))
+
+
+def test_parameters_are_compared_as_they_are_read_from_a_file() -> None:
+    from array import array
+
+    assert as_data({"points": (1, 2.5), "order": array("d", [1.0]), "name": "a", "none": None}) == {
+        "points": [1, 2.5],
+        "order": [1.0],
+        "name": "a",
+        "none": None,
+    }
