@@ -383,9 +383,13 @@ class _Run:
     def _leave_at_once(self, tree: CompiledTree) -> int | None:
         active = len(goals_under_way(self.node))
         send_cancels(tree.root, self.node)
-        moving = ": what is under way was told to stop, the robot may still be moving" if active else ""
-        print_error(f"sar-run: ended at once, as asked twice{moving}")
-        return ADRIFT if active else None
+        if not active:
+            print_error("sar-run: ended at once, as asked twice")
+            return None
+        print_error(
+            "sar-run: ended at once, as asked twice: what is under way was told to stop, the robot may still be moving"
+        )
+        return ADRIFT
 
     def _begin_watching(self, tree: CompiledTree) -> None:
         if self._sole is not None:
