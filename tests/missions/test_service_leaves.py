@@ -176,6 +176,18 @@ class TestTheCall:
         assert leaf._client._pending_requests == {}
         assert leaf.update() is Status.FAILURE
 
+    def test_after_a_call_without_an_answer_another_client_calls(self, stage: "Stage") -> None:
+        service = stage.detect_service(SURVIVORS)
+        service.gate.clear()
+        leaf = search(stage, timeout_sec=0.05)
+        deaf = leaf._client
+        assert stage.run(leaf) is Status.FAILURE
+        assert leaf._client is not deaf
+        assert deaf not in stage.node.clients
+        service.gate.set()
+        leaf.timeout_sec = 10.0
+        assert stage.run(leaf) is Status.SUCCESS
+
     def test_the_late_answer_of_an_old_call_is_ignored(self, stage: "Stage") -> None:
         service = stage.detect_service(SURVIVORS)
         service.gate.clear()

@@ -145,17 +145,6 @@ class TestReporting:
         ]
         assert said.has("survivor_1", "'map'")
 
-    def test_a_report_that_is_sent_again_is_acknowledged_and_counts_once(self, ros: Ros, said: Said) -> None:
-        caller = self.serve(ros)
-        # The third is of the same name elsewhere, and is told as another.
-        assert all(caller.report("survivor_1", x, 3.2) for x in (-2.5, -2.5, 1.0))
-        spoken = [line.partition("]: ")[2] for line in said.lines() if "Report" in line and "]: " in line]
-        assert spoken[1:] == [
-            "Report received: survivor_1 at (-2.50, 3.20). Acknowledged.",
-            "Report of survivor_1 at (-2.50, 3.20) received again. Acknowledged.",
-            "Report received: survivor_1 at (1.00, 3.20). Acknowledged.",
-        ]
-
     @pytest.mark.parametrize("frame", ["odom", "", "/map"])
     def test_does_not_acknowledge_a_report_in_another_frame(self, ros: Ros, said: Said, frame: str) -> None:
         assert not self.serve(ros).report("survivor_1", 0.0, 0.0, frame)

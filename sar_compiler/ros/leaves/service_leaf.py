@@ -125,10 +125,7 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
     def shutdown(self) -> None:
         """Give the call up and release the client, which is gone already if the node is."""
         self._drop()
-        if self._client is not None:
-            if alive(self.node):
-                self.node.destroy_client(self._client)
-            self._client = None
+        self._disconnect()
         super().shutdown()
 
     def _server(self) -> tuple[str, str, Any]:
@@ -136,6 +133,19 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
 
     def _connect(self) -> None:
         self._client = self.node.create_client(self.interface, self.service_name)
+
+    def _disconnect(self) -> None:
+        if self._client is not None and alive(self.node):
+            self.node.destroy_client(self._client)
+        self._client = None
+
+    def _progress(self, exchange: ServiceCall) -> Status:
+        status = super()._progress(exchange)
+        if exchange.sent and exchange.trouble:
+            # A server that has not found the client's reader drops every answer to it; it may find another one's.
+            self._disconnect()
+            self._connect()
+        return status
 
     def _message(self) -> Any:
         return self.request()
