@@ -4,13 +4,13 @@ from contextlib import closing
 
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal import Journal
-from sar_compiler.journal.journal_entries import Ending
+from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.opening import open_journal
 
 
 def live(journal):
     """Begin, do something and end; return what a listener was told."""
-    told = []
+    told: list[JournalEntry] = []
     journal.listen(told.append)
     journal.begin({"mission": "patrol"}, {"node": "/patrol"})
     journal.watch("pose", x=1.0)
