@@ -57,6 +57,11 @@ class Command:
             self._news.tell()
 
     @property
+    def pid(self):
+        """The process."""
+        return self._process.pid
+
+    @property
     def output(self):
         """All that was printed so far."""
         with self._news:

@@ -7,10 +7,10 @@ of which the rules said nothing.
 
 import bisect
 import dataclasses
-import functools
 import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
+from weakref import WeakKeyDictionary
 
 from lxml import etree
 
@@ -34,9 +34,20 @@ _PASSED_OVER = ("unknown-element", "wrong-format")
 """What the rules warn of in such a place."""
 
 
-@functools.lru_cache(maxsize=32)
+_KEPT = 32
+"""How many schemas are kept for a registry, for other files with the same tags."""
+_of_registry: "WeakKeyDictionary[Registry, dict[tuple[frozenset[str], ...], etree.XMLSchema]]" = (
+    WeakKeyDictionary()
+)
+
+
 def _schema_of(registry: Registry, tags: frozenset[str], notes: frozenset[str]) -> etree.XMLSchema:
-    return _schema(registry, tags, notes, ())
+    kept = _of_registry.setdefault(registry, {})
+    if (tags, notes) not in kept:
+        if len(kept) == _KEPT:
+            del kept[next(iter(kept))]
+        kept[tags, notes] = _schema(registry, tags, notes, ())
+    return kept[tags, notes]
 
 
 def _schema(

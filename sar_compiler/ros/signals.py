@@ -47,7 +47,8 @@ class StopSignals:
             for number in _NUMBERS
             if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN
         }
-        threading.Thread(target=self._listen, name="signals", daemon=True).start()
+        self._listener = threading.Thread(target=self._listen, name="signals", daemon=True)
+        self._listener.start()
 
     @property
     def came(self) -> bool:
@@ -69,6 +70,7 @@ class StopSignals:
             signal.signal(number, handler)
         signal.set_wakeup_fd(self._listener_before)
         self._mouth.close()
+        self._listener.join(_LAST_WORDS_SEC)
 
     def _listen(self) -> None:
         since = 0.0

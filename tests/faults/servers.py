@@ -16,6 +16,9 @@ from typing import Any
 from tests.waiting import SILENCE_SEC, News
 
 _TICK_SEC = 0.01
+_CLOCK_PERIOD_SEC = 0.02
+# How long Nav2 keeps the result of a goal, seconds.
+_RESULT_SEC = 10
 
 
 class Servers:
@@ -153,6 +156,7 @@ class Navigation:
             goal_callback=self._judge,
             cancel_callback=self._cancel,
             callback_group=group,
+            result_timeout=_RESULT_SEC,
         )
         for name, state in self._states.items():
             if state is not None:
@@ -292,7 +296,11 @@ class Survivors:
 
 
 class Clock:
-    """`/clock`, as fast as the machine's.
+    """`/clock`.
+
+    Script:
+        start: What it begins with (100.0 s).
+        speed: Its seconds in one of the machine (1.0).
 
     Orders: `{"stop": true}`, `{"stop": false}`, `{"jump": seconds}`.
     """
@@ -302,7 +310,8 @@ class Clock:
 
         self._publisher, self._type = node.create_publisher(Message, "/clock", 10), Message
         self._now, self._stopped = script.get("start", 100.0), False
-        node.create_timer(0.02, self._tick)
+        self._step = _CLOCK_PERIOD_SEC * script.get("speed", 1.0)
+        node.create_timer(_CLOCK_PERIOD_SEC, self._tick)
 
     def obey(self, order: "dict[str, Any]") -> None:
         self._stopped = order.get("stop", self._stopped)
@@ -311,7 +320,7 @@ class Clock:
 
     def _tick(self) -> None:
         if not self._stopped:
-            self._now += 0.02
+            self._now += self._step
             message = self._type()
             message.clock.sec, message.clock.nanosec = int(self._now), int(self._now % 1.0 * 1e9)
             self._publisher.publish(message)

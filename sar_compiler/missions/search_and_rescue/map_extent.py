@@ -2,9 +2,9 @@
 
 import math
 from typing import TYPE_CHECKING, Any
-from weakref import WeakKeyDictionary
 
 from sar_compiler.ros.leaves.interfaces import qos_profile
+from sar_compiler.ros.of_node import of_node
 
 if TYPE_CHECKING:
     from nav_msgs.msg import MapMetaData
@@ -60,12 +60,6 @@ def _contains(info: "MapMetaData", x: float, y: float) -> bool:
     return bool(0.0 <= along < info.width * info.resolution and 0.0 <= across < info.height * info.resolution)
 
 
-_of_node: "WeakKeyDictionary[Any, MapExtent]" = WeakKeyDictionary()
-
-
 def map_extent_of(node: "Node") -> MapExtent:
     """Return the extent of a node's map, the same object in every call."""
-    extent = _of_node.get(node)
-    if extent is None:
-        extent = _of_node[node] = MapExtent(node)
-    return extent
+    return of_node(node, MapExtent, lambda: MapExtent(node))

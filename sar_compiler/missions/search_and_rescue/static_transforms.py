@@ -4,10 +4,10 @@
 and a frame that is sent again must replace its earlier version. (tf2_ros for Python ignores the second sending.)
 """
 
-from typing import TYPE_CHECKING, Any
-from weakref import WeakKeyDictionary
+from typing import TYPE_CHECKING
 
 from sar_compiler.ros.leaves.interfaces import qos_profile
+from sar_compiler.ros.of_node import of_node
 
 if TYPE_CHECKING:
     from geometry_msgs.msg import TransformStamped
@@ -40,15 +40,9 @@ class StaticTransforms:
         self._publisher.publish(self._message_type(transforms=list(self._transforms.values())))
 
 
-_of_node: "WeakKeyDictionary[Any, StaticTransforms]" = WeakKeyDictionary()
-
-
 def static_transforms_of(node: "Node") -> StaticTransforms:
     """Return the static frames of a node, the same object in every call.
 
     They exist as long as the node: frames of a finished mission remain known.
     """
-    transforms = _of_node.get(node)
-    if transforms is None:
-        transforms = _of_node[node] = StaticTransforms(node)
-    return transforms
+    return of_node(node, StaticTransforms, lambda: StaticTransforms(node))

@@ -2,9 +2,10 @@
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
-from weakref import WeakKeyDictionary, WeakMethod
+from weakref import WeakMethod
 
 from sar_compiler.ros.leaves.interfaces import qos_profile
+from sar_compiler.ros.of_node import of_node
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -61,12 +62,6 @@ class GoalStatuses:
         self._ours.intersection_update({*self._latest, *self._listeners})
 
 
-_of_node: "WeakKeyDictionary[Any, dict[str, GoalStatuses]]" = WeakKeyDictionary()
-
-
 def goal_statuses_of(node: "Node", action: str) -> GoalStatuses:
     """Return the statuses of an action's goals, the same object in every call with a node; they exist as long as it."""
-    by_action = _of_node.setdefault(node, {})
-    if action not in by_action:
-        by_action[action] = GoalStatuses(node, action)
-    return by_action[action]
+    return of_node(node, (GoalStatuses, action), lambda: GoalStatuses(node, action))

@@ -2,7 +2,8 @@
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
-from weakref import WeakKeyDictionary
+
+from sar_compiler.ros.of_node import of_node
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -76,9 +77,6 @@ class GoalsUnderWay:
             listener(news)
 
 
-_of_node: "WeakKeyDictionary[Any, GoalsUnderWay]" = WeakKeyDictionary()
-
-
 def goals_under_way(node: "Node") -> GoalsUnderWay:
     """Return the goals of a node, the same object in every call."""
-    return _of_node.setdefault(node, GoalsUnderWay())
+    return of_node(node, GoalsUnderWay, GoalsUnderWay)

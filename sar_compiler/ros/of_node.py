@@ -1,0 +1,27 @@
+"""What there is one of for each node, however many leaves use it."""
+
+from collections.abc import Callable, Hashable
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+T = TypeVar("T")
+
+_ATTRIBUTE = "_sar_compiler_of_node"
+
+
+def of_node(node: "Node", key: Hashable, make: Callable[[], T]) -> T:
+    """Return what a node has of a key, the same object in every call; it exists as long as the node.
+
+    The node itself has it, so that it may refer to the node.
+
+    Args:
+        node: The node.
+        key: Says what it is.
+        make: Makes it, in the first call.
+    """
+    held: dict[Hashable, Any] = vars(node).setdefault(_ATTRIBUTE, {})
+    if key not in held:
+        held[key] = make()
+    return cast("T", held[key])

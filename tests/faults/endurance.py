@@ -1,0 +1,33 @@
+"""A program that is `sar-run` again and again, in one process: `python -m tests.faults.endurance COUNT ARGUMENTS`.
+
+After each run it prints what the process holds then, as `mission NUMBER: JSON`.
+"""
+
+import gc
+import json
+import os
+import sys
+from pathlib import Path
+
+from sar_compiler.cli.run import main
+
+_PAGE_KB = os.sysconf("SC_PAGE_SIZE") / 1024
+
+
+def holdings(pid="self"):
+    """Return what a process holds: memory in kB, and the numbers of its threads and descriptors."""
+    process = Path(f"/proc/{pid}")
+    return {
+        "memory": int((process / "statm").read_text(encoding="ascii").split()[1]) * _PAGE_KB,
+        "threads": len(list((process / "task").iterdir())),
+        "descriptors": len(list((process / "fd").iterdir())),
+    }
+
+
+if __name__ == "__main__":
+    for number in range(1, int(sys.argv[1]) + 1):
+        status = main(sys.argv[2:])
+        gc.collect()
+        told = {"status": status, "objects": len(gc.get_objects()), **holdings()}
+        sys.stdout.write(f"mission {number}: {json.dumps(told)}\n")
+        sys.stdout.flush()
