@@ -3,141 +3,17 @@
 import random
 import re
 import signal
-from collections import Counter
 from typing import Any
 
 import pytest
 
 from tests.faults.killers import KILLER, TIMED_KILLER
+from tests.faults.mortal import ONCE, SURVIVORS, Mortal, kinds
 from tests.processes import Command
 
 pytestmark = pytest.mark.ros
 
 TREES = ("search_and_rescue", "search_and_rescue_resilient")
-SURVIVORS = {"zone_a": (1.5, 1.25), "zone_b": (-2.0, 0.5)}
-
-
-class Death(BaseException):
-    """What SIGKILL is to a process."""
-
-
-class Mortal:
-    """Lives of one mission in this process, over real DDS, each with the journal of the one before.
-
-    Args:
-        ros: The ROS context.
-        place: The journal.
-        tree: A shipped tree.
-    """
-
-    def __init__(self, ros, place, tree):
-        from tests.missions.mission_stage import Stage
-
-        self.stage = Stage(ros.context)
-        self.nav = self.stage.nav_server()
-        self.nav.script = ["succeed"]
-        self.detect = self.stage.detect_service(SURVIVORS)
-        self.report = self.stage.report_service(acknowledged=True)
-        self.place, self.tree = place, tree
-        self.facts = 0
-        self.journal: Any = None
-        self.mission: Any = None
-
-    def refuse(self, count):
-        """Let base refuse the first reports."""
-
-        def answer(_, response):
-            response.acknowledged = len(self.report.requests) > count
-
-        self.report.answer = answer
-
-    def begin(self):
-        """Begin a life; return the runner of its tree, once the goals of the last one have ended."""
-        from sar_compiler.compiler import compile_tree
-        from sar_compiler.journal.opening import open_journal
-        from sar_compiler.missions.search_and_rescue.plugin import MISSION
-        from sar_compiler.project import load
-        from sar_compiler.ros.left_goals import LeftGoals, note_goals
-        from sar_compiler.ros.parameter_reader import ParameterReader
-        from sar_compiler.ros.runner import TreeRunner
-        from tests.missions.mission_stage import BASE, ZONES
-
-        parameters = {"zone_order": [zone["id"] for zone in ZONES]}
-        parameters |= {f"zones.{zone['id']}.{key}": zone[key] for zone in ZONES for key in ("x", "y", "yaw")}
-        parameters |= {f"base_station.{key}": value for key, value in BASE.items()}
-        self.journal = open_journal(self.place, resume=self.place.exists())
-        self.mission = MISSION.begin(ParameterReader(parameters))
-        self.mission.keep_in(self.journal)
-        compiled = compile_tree(load(self.tree).binding(), self.mission.context, {})
-        self.journal.begin({"mission": "search_and_rescue"}, {})
-        left = LeftGoals(self.stage.node, self.journal)
-        self.stage.until(lambda: left.missing() is None, "the end of the goals that were left")
-        left.close()
-        runner = TreeRunner(compiled)
-        note_goals(self.stage.node, self.journal)
-        runner.setup(node=self.stage.node)
-        return runner
-
-    def live(self, dies_at=None, *, written=False):
-        """Live until the mission is complete, or until a fact is to be written.
-
-        Args:
-            dies_at: The number of that fact in this life, from 1; None to live on.
-            written: Whether it is written before that.
-        """
-        runner = self.begin()
-        self._count(dies_at, written)
-
-        def complete():
-            runner.tick()
-            return not self.mission.shortfalls()
-
-        try:
-            self.stage.until(complete, f"the end of the mission (lacks: {self.mission.shortfalls()})")
-        except Death:
-            self.die()
-            return False
-        runner.shutdown()
-        self.die()
-        return True
-
-    def die(self):
-        """Leave everything as SIGKILL does."""
-        from sar_compiler.ros.leaves.goals_under_way import goals_under_way
-
-        goals_under_way(self.stage.node)._listeners.clear()
-        self.journal._file.close()
-
-    def _count(self, dies_at, written):
-        write, self.facts = self.journal._file.write, 0
-
-        def write_or_die(watched, fact=None):
-            self.facts += fact is not None
-            dies = fact is not None and self.facts == dies_at
-            if dies and not written:
-                raise Death
-            write(watched, fact)
-            if dies:
-                raise Death
-
-        self.journal._file.write = write_or_die
-
-    def told(self):
-        """What the world has been told: the reports, each once, and the frames."""
-        reports = {
-            (each.survivor_id, each.location.point.x, each.location.point.y) for each in self.report.requests
-        }
-        return sorted(reports)
-
-    def outcome(self):
-        """How the mission stands at the end."""
-        from sar_compiler.missions.search_and_rescue import MissionRecord
-
-        record = self.mission.context[MissionRecord]
-        return record.zones_visited, record.survivors, self.told()
-
-    def close(self):
-        self.stage.close()
 
 
 @pytest.fixture
@@ -154,18 +30,6 @@ def mortal(ros, tmp_path):
         each.close()
 
 
-def kinds(place):
-    """Count the facts of a journal, each with its zone or survivor."""
-    from sar_compiler.journal.database import JournalFile
-
-    file = JournalFile.read(place)
-    try:
-        facts = file.facts()
-    finally:
-        file.close()
-    return Counter((fact.kind, fact.data.get("zone") or fact.data.get("survivor")) for fact in facts)
-
-
 def is_over(place):
     """Return whether the mission in a journal is over."""
     from sar_compiler.journal.database import JournalFile
@@ -175,9 +39,6 @@ def is_over(place):
         return file.runs()[-1].is_over
     finally:
         file.close()
-
-
-ONCE = ("zone_searched", "survivor_named", "report_acknowledged", "zone_visited")
 
 
 SOME_FACTS, ALL_FACTS = 5, 1

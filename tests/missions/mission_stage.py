@@ -142,23 +142,34 @@ class NavServer:
         heed_cancel: Whether cancel requests are granted.
         script: The orders that every goal starts with.
         error_code: What an abort reports.
+        loses_results: Whether nobody is answered who asks for the result of a goal that has begun.
         goals: The accepted goals.
         requests: How many goals arrived.
+        host: Where it runs.
     """
 
     def __init__(self, host: Host, name: str = "navigate_to_pose") -> None:
+        self.host = host
         self.accept = True
         self.accept_after = 0.0
         self.heed_cancel = True
         self.script: list[str] = []
         self.error_code = 0
+        self.loses_results = False
         self.goals: list[SeenGoal] = []
         self.requests = 0
         self.cancels = 0
         self._closing = threading.Event()
         self._started = threading.Event()
         self._ended = threading.Event()
-        self._server = ActionServer(
+        loses = self._loses
+
+        class Server(ActionServer):
+            async def _execute_get_result_request(self, header_and_request: Any) -> None:
+                if not loses(bytes(header_and_request[1].goal_id.uuid)):
+                    await super()._execute_get_result_request(header_and_request)
+
+        self._server = Server(
             host.node,
             NavigateToPose,
             name,
@@ -182,6 +193,14 @@ class NavServer:
     def wait_for_end(self) -> None:
         """Wait, without spinning the mission's node, until the latest goal has ended."""
         assert self._ended.wait(SILENCE_SEC), "the goal did not end"
+
+    @property
+    def active(self) -> list[SeenGoal]:
+        """The accepted goals that have not ended."""
+        return [goal for goal in self.goals if not goal.final]
+
+    def _loses(self, goal_id: bytes) -> bool:
+        return self.loses_results and any(bytes(seen.handle.goal_id.uuid) == goal_id for seen in self.goals)
 
     def _on_goal(self, goal: Any) -> GoalResponse:
         self.requests += 1
@@ -231,16 +250,25 @@ class ScriptedService:
         requests: What arrived.
         answer: Makes a response out of a request.
         gate: Set unless answers are to be held back.
+        loses_answers: Whether its answers do not arrive.
+        host: Where it runs.
     """
 
     def __init__(self, host: Host, service_type: Any, name: str, answer: Callable[[Any, Any], None]) -> None:
+        self.host = host
         self.requests: list[Any] = []
         self.answered = 0
         self.answer = answer
+        self.loses_answers = False
         self.gate = threading.Event()
         self.gate.set()
         self._service = host.node.create_service(service_type, name, self._serve, callback_group=host.group)
+        self._send, self._service.send_response = self._service.send_response, self._send_unless_lost
         host.at_close(self.gate.set)
+
+    def _send_unless_lost(self, response: Any, header: Any) -> None:
+        if not self.loses_answers:
+            self._send(response, header)
 
     def _serve(self, request: Any, response: Any) -> Any:
         self.requests.append(request)
@@ -280,7 +308,7 @@ class Stage:
         self.context = context
         self._server_context = server_context or context
         self.namespace = f"/stage_{next(_numbers)}"
-        self.node = RecordingNode("mission", self.namespace, context)
+        self.node = self._mission_node()
         self.zones = ZoneManager(ZONES, BASE)
         self.record = MissionRecord()
         self.wakes = 0
@@ -289,6 +317,16 @@ class Stage:
         self._hosts: list[Host] = []
         self._listeners: list[FrameListener] = []
         self._leaves: list[Behaviour] = []
+
+    def _mission_node(self) -> RecordingNode:
+        return RecordingNode("mission", self.namespace, self.context)
+
+    def renew_node(self) -> None:
+        """Have another node in place of the mission's, as when its process dies and another one begins."""
+        self._executor.remove_node(self.node)
+        self.node.destroy_node()
+        self.node = self._mission_node()
+        self._executor.add_node(self.node)
 
     @property
     def lines(self) -> list[str]:
