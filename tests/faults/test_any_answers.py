@@ -177,7 +177,11 @@ def test_a_drive_ends_or_can_be_ended_whatever_its_server_says(stage, rounds, mo
     @given(answers)
     def hold(says):
         babbler.says = says
-        limits = {"acceptance_timeout_sec": 0.2, "feedback_timeout_sec": 0.3, "hold_timeout_sec": 0.1}
+        limits: dict[str, Any] = {
+            "acceptance_timeout_sec": 0.2,
+            "feedback_timeout_sec": 0.3,
+            "hold_timeout_sec": 0.1,
+        }
         leaf = NavigateToZone("Drive", stage.zones, record=stage.record, **limits)
         leaf.pause_sec = 0.0
         leaf.setup(node=stage.node)
