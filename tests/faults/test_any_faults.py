@@ -20,15 +20,10 @@ from tests.faults.mortal import ONCE, Death, Mortal, kinds
 pytestmark = pytest.mark.ros
 
 TREE = "search_and_rescue_resilient"
-ZONES = [
-    {"id": "zone_a", "x": -3.0, "y": 3.0, "yaw": 1.57},
-    {"id": "zone_b", "x": 3.5, "y": 3.0, "yaw": 0.0},
-    {"id": "zone_c", "x": 3.5, "y": -3.0, "yaw": 0.0},
-    {"id": "zone_d", "x": -3.5, "y": -3.0, "yaw": 0.0},
-]
-# The first and the last two are so near each other that they may be the same.
-SURVIVORS = {"zone_a": (1.5, 1.25), "zone_b": (-2.0, 0.5), "zone_d": (-2.5, 0.5)}
-NAMES = [zone["id"] for zone in ZONES]
+NAMES = [f"zone_{letter}" for letter in "abcdef"]
+ZONES = [{"id": name, "x": -3.0 + number, "y": 3.0, "yaw": 1.57} for number, name in enumerate(NAMES)]
+# Two of them are so near each other that they may be the same.
+SURVIVORS = {"zone_a": (1.5, 1.25), "zone_b": (-2.0, 0.5), "zone_d": (-2.5, 0.5), "zone_f": (9.0, -4.0)}
 
 # Simulated seconds in one of the machine: five seconds before an attempt are a moment.
 SPEED = 40.0
@@ -137,7 +132,7 @@ class AnyFaults(RuleBasedStateMachine):
 
     @invariant()
     def time_passes(self):
-        for _ in range(5):
+        for _ in range(12):
             self.flight.turn()
 
     @rule(turns=st.integers(1, 60))
@@ -253,7 +248,7 @@ def test_whatever_fails_every_zone_has_an_end_and_every_survivor_one_name(cases)
         AnyFaults,
         settings=settings(
             max_examples=cases,
-            stateful_step_count=20,
+            stateful_step_count=25,
             deadline=None,
             database=None,
             # A case that has failed is not tried in smaller forms: DDS would not do the same again.
