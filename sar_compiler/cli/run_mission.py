@@ -3,7 +3,7 @@
 import json
 import sys
 from collections.abc import Collection, Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -40,7 +40,7 @@ from sar_compiler.ros.arguments import (
 from sar_compiler.ros.clock import RosClock
 from sar_compiler.ros.engine import Engine, EngineFactory, find_engine
 from sar_compiler.ros.errors import readable_ros_errors
-from sar_compiler.ros.failure_reports import show_tracebacks, tell
+from sar_compiler.ros.failure_reports import described, show_tracebacks, tell
 from sar_compiler.ros.faults import NAVIGATION, NAVIGATION_FAULTS, Fault, FaultPlan, parse_fault
 from sar_compiler.ros.guardian import Guardian
 from sar_compiler.ros.leaves.goals_under_way import goals_under_way
@@ -256,6 +256,7 @@ class _Run:
         self._reason = ""
         self._started = 0.0
         self._adrift: list[str] = []
+        self._callback_failed = False
         self._sole: SoleMission | None = None
         self._watch: Watch | None = None
         own = self.mission.context if self.mission is not None else {}
@@ -356,7 +357,7 @@ class _Run:
             self._started = self._clock.now()
             engine.tick_tock(1000.0 / self.parameters.tick_rate_hz)
             while self._result is None and engine.failure is None and not self._over:
-                _turn(executor)
+                self._turn(executor)
             elapsed = self._clock.now() - self._started
             self._adrift = engine.settle(executor, self.parameters.settle_timeout_sec)
         except SetupFailedError as error:
@@ -380,6 +381,15 @@ class _Run:
         self.journal.end(status, reason, is_over=over, is_stopped=self.signals.came)
         return status
 
+    def _turn(self, executor: SingleThreadedExecutor) -> None:
+        try:
+            executor.spin_once(timeout_sec=_TURN_SEC)
+        except ExternalShutdownException:
+            pass  # noticed by the enclosing loop
+        except Exception as error:  # noqa: BLE001 - of a leaf's own callback, or of rclpy's: a clock before 0
+            self._callback_failed = True
+            tell(self.node, f"A callback failed: {described(error)}. The tree is stopped.", error)
+
     def _leave_at_once(self, tree: CompiledTree) -> int | None:
         active = len(goals_under_way(self.node))
         send_cancels(tree.root, self.node)
@@ -402,7 +412,7 @@ class _Run:
         """Whether the run is ended by something other than the tree."""
         failed = self.simulation is not None and self.simulation.failure is not None
         troubled = self._watch is not None and bool(self._watch.trouble)
-        return self.signals.came or failed or troubled or not self.node.context.ok()
+        return self.signals.came or failed or troubled or self._callback_failed or not self.node.context.ok()
 
     def _show(self, tree: BehaviourTree) -> None:
         self._output.show(unicode_tree(tree.root, statuses=True))
@@ -434,6 +444,8 @@ class _Run:
     def _status_of_run(self, engine: Engine) -> int:
         if engine.failure is not None:
             return self._failed("the tree was stopped, because one of its leaves failed (see above)")
+        if self._callback_failed:
+            return self._failed("the tree was stopped, because a callback failed (see above)")
         if self._result is None and not self._end.complete:
             return self._interrupted()
         if self._result is not None and not self._result.achieved:
@@ -458,9 +470,3 @@ class _Run:
         self._reason = reason
         print_error(f"sar-run: {reason}")
         return FINDINGS
-
-
-def _turn(executor: SingleThreadedExecutor) -> None:
-    # A shutdown of ROS is noticed by the enclosing loop.
-    with suppress(ExternalShutdownException):
-        executor.spin_once(timeout_sec=_TURN_SEC)

@@ -31,6 +31,15 @@ class Unready(Forgetful):
         raise ValueError("boom")
 
 
+@register("Restless", kind=Kind.ACTION)
+class Restless(Forgetful):
+    def setup(self, **kwargs):
+        self.timer = kwargs["node"].create_timer(0.01, self.explode)
+
+    def explode(self):
+        raise ValueError("boom")
+
+
 @register("Orderly", kind=Kind.ACTION)
 class Orderly(Forgetful):
     def shutdown(self):
@@ -51,6 +60,14 @@ def fly(request, start, tmp_path):
         return start("sar-run", tree, *arguments, env={"PYTHONPATH": path})
 
     return run
+
+
+def test_a_callback_that_raises_ends_the_run_in_order(fly):
+    run = fly('<Sequence><Sleep msec="60000"/><Restless/><Orderly name="Last"/></Sequence>')
+    assert run.end() == 1, run.output
+    assert "A callback failed: ValueError: boom. The tree is stopped." in run.output
+    assert "sar-run: the tree was stopped, because a callback failed (see above)" in run.output
+    assert "shut down: Last" in run.output
 
 
 def test_a_leaf_that_returns_no_status_ends_the_run_and_its_time_out(fly):
