@@ -69,6 +69,14 @@ def test_a_mission_that_was_killed_does_not_keep_the_next_one_from_its_robot(fly
     assert fly(RESILIENT).end() == 0
 
 
+def test_a_mission_is_flown_among_thirty_other_participants(fly, serve, make_ros):
+    for number in range(30):
+        make_ros().node(f"other_{number}")
+    serve("navigation")
+    run = fly(RESILIENT)
+    assert run.end() == 0, run.output
+
+
 def test_a_localisation_that_is_gone_is_told_and_waited_for(fly, serve):
     navigation = serve("navigation", goals=[{"drive": 1.0}, {"drive": 1.0, "end": "abort"}, {}])
     run = fly(RESILIENT, zones=("zone_a", "zone_b"))
