@@ -278,9 +278,9 @@ def test_a_server_that_disappears_and_comes_back_delays_the_mission(delayed):
     assert "bt_navigator disappears" in run.output
 
 
-def test_a_zone_out_of_reach_costs_at_most_two_goals_per_tick_period(start, witness):
+def test_a_zone_out_of_reach_is_tried_ever_more_rarely(start, witness):
     watching = witness()
-    rate, limit = 2.0, 60.0
+    limit = 60.0
     start("sar-sim", "run", "--speed", 10, "--fault", "navigate_to_pose:abort=zone_b")
     start("sar-detect-survivor-server")
     start("sar-report-survivor-server")
@@ -292,8 +292,8 @@ def test_a_zone_out_of_reach_costs_at_most_two_goals_per_tick_period(start, witn
     assert run.end() == 1
     assert "The time limit of 60 s was reached." in run.output
     assert "zone_b was not visited." in run.output
-    goals = len(watching.goals())
-    assert rate * limit / 2 < goals <= 2 * rate * limit + 2
+    # To zone_a, and then to zone_b and back home in turns, each after pauses of 0, 1, 2, 4 and from then on 8 s.
+    assert 8 < len(watching.goals()) <= 30
 
 
 def test_a_root_that_succeeds_does_not_make_an_incomplete_mission_a_success(start):
