@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from sar_compiler.errors import SarError, UndecidableError
     from sar_compiler.journal.journal import Journal
     from sar_compiler.missions.mission import Mission, MissionRun
+    from sar_compiler.monitoring.groot2_publisher import Groot2Publisher
     from sar_compiler.nodes.register import register
     from sar_compiler.nodes.registry import RegistryError
     from sar_compiler.nodes.semantics import Semantics
@@ -51,6 +52,7 @@ __all__ = [
     "CompiledTree",
     "Diagnostic",
     "FaultPlan",
+    "Groot2Publisher",
     "InOut",
     "Input",
     "Journal",
@@ -96,6 +98,7 @@ _MODULES = {
     "errors": ("SarError", "UndecidableError"),
     "journal.journal": ("Journal",),
     "missions.mission": ("Mission", "MissionRun"),
+    "monitoring.groot2_publisher": ("Groot2Publisher",),
     "nodes.register": ("register",),
     "nodes.registry": ("RegistryError",),
     "nodes.semantics": ("Semantics",),

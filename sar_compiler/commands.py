@@ -23,9 +23,10 @@ PIPE_CLOSED = 141
 _UNWRITABLE = (errno.EBADF, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENOSPC)
 """What is wrong with standard output where writing it fails, besides a closed pipe."""
 
-# The top-level modules of the simulator's libraries, of Dask, and of ROS.
+# The top-level modules of the simulator's libraries, of Dask, of Groot2's protocol, and of ROS.
 _SIMULATOR = ("numpy", "scipy", "PIL")
 _CLUSTER = ("dask", "distributed")
+_GROOT2 = ("zmq", "msgpack")
 _ROS = ("rclpy", "rpyutils", "ament_index_python")
 _ROS_ENDINGS = ("_msgs", "_srvs", "_interfaces")
 # What no index has: wheels of them are made in a checkout.
@@ -134,6 +135,8 @@ def _not_installed(error: ImportError) -> str | None:
         )
     if module in _CLUSTER:
         return f"dask.distributed is not here ({error}); pip install 'sar_compiler[sweep]' brings it"
+    if module in _GROOT2:
+        return f"--groot2 needs pyzmq and msgpack ({error}); pip install 'sar_compiler[groot2]' brings them"
     if module in _INTERFACES and "rclpy" in sys.modules:
         return (
             f"ROS 2 is here, but not the interface package '{module}' ({error}). On a robot, source the workspace, and "

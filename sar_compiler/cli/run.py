@@ -40,6 +40,8 @@ class Options:
         speed: Upper limit of simulated seconds per second.
         until: The condition that ends the run; None leaves it to the tree.
         view: How to show the tree: `text` or `none`.
+        groot2: The port on which Groot2 is answered; None for none.
+        groot2_hooks: Whether Groot2 may hold the tree, and replace outcomes.
         summary: How to sum up: `text` or `json`.
         check: Whether to stop before the robot moves.
         guardian: Whether a process of its own cancels the goals of a run that dies; None for what is usual.
@@ -66,6 +68,8 @@ class Options:
     speed: float
     until: "Until | None"
     view: str
+    groot2: int | None
+    groot2_hooks: bool
     summary: str
     check: bool
     guardian: bool | None
@@ -122,6 +126,12 @@ def _options(argv: Sequence[str]) -> Options:
             parser.error(f"{option} is for the simulator: add --sim")
     if given.check and (given.resume or given.new):
         parser.error("--check begins nothing: --resume and --new are for the run itself")
+    if given.groot2_hooks and given.groot2 is None:
+        parser.error("--groot2-hooks is about what Groot2 may do: add --groot2 PORT")
+    if given.groot2_hooks and given.engine != ENGINES[0]:
+        parser.error(
+            f"--groot2-hooks: {given.engine} cannot be held in the middle of a tick; leave --engine out"
+        )
     if given.no_journal and (given.journal or given.resume or given.new):
         parser.error("--no-journal does not go with --journal, --resume or --new")
     if given.sim is not None and _looks_like_a_tree(given.sim):
@@ -205,6 +215,17 @@ def _parser() -> Parser:
     )
     parser.add_argument(
         "--view", choices=("text", "none"), default="none", help="show the tree at every tick"
+    )
+    parser.add_argument(
+        "--groot2",
+        type=int,
+        metavar="PORT",
+        help="show the tree live in Groot2, on this port of 127.0.0.1 and the next one (Groot2 asks for 1667)",
+    )
+    parser.add_argument(
+        "--groot2-hooks",
+        action="store_true",
+        help="let Groot2 hold the tree at breakpoints, and put other outcomes in the place of nodes'",
     )
     parser.add_argument(
         "--summary", choices=("text", "json"), default="text", help="sum up for people, or for scripts"

@@ -21,6 +21,7 @@ from sar_compiler.cli.loading import tell_passed_over
 from sar_compiler.cli.output import RunOutput
 from sar_compiler.cli.run_journal import RunJournal, open_run_journal
 from sar_compiler.cli.run_mission_check import RouteCheck
+from sar_compiler.cli.run_watchers import RunWatchers, open_watchers
 from sar_compiler.commands import FINDINGS, OK, print_error
 from sar_compiler.compiler import CompiledTree, compile_tree, require_classes
 from sar_compiler.errors import SarError
@@ -111,9 +112,11 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
         if _wants_guardian(options, journal):
             guardian = stack.enter_context(closing(_guardian(options, node)))
             goals_under_way(node).listen(guardian.note)
-        run = _Run(options, signals, node, parameters, begun, make_engine, fixed, journal, world)
+        watchers = stack.enter_context(open_watchers(options, node))
+        run = _Run(options, signals, node, parameters, begun, make_engine, fixed, journal, watchers, world)
         tree = compile_tree(binding, run.context, reader.parameters)
         journal.describe(tree)
+        watchers.show(tree)
         for note in notes:
             node.get_logger().warning(in_one_line(note))
         try:
@@ -233,6 +236,7 @@ class _Run:
         context: The objects passed to the leaves, by type.
         fixed_parameters: The names of parameters that are not set while it runs.
         journal: The journal, which may be none.
+        watchers: Those outside who watch it.
         world: The world that is simulated, if one is.
         simulation: The simulation, if there is one.
     """
@@ -245,6 +249,7 @@ class _Run:
     make_engine: EngineFactory
     fixed_parameters: Collection[str]
     journal: RunJournal
+    watchers: RunWatchers
     world: "World | None" = None
     simulation: "Simulation | None" = None
 
@@ -350,6 +355,7 @@ class _Run:
             engine.add_post_tick_handler(self._show)
         engine.add_post_tick_handler(self._look_for_end)
         self.journal.begin(engine, tree)
+        self.watchers.begin(engine)
         try:
             engine.setup(node=self.node)
             self.signals.last_words = lambda: self._leave_at_once(tree)

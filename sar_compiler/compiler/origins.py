@@ -67,6 +67,10 @@ class Origins(Mapping[UUID, Origin]):
         uses = tuple(Use(use.kind, use.name.format_map(attributes)) for use in bound.spec.uses)
         return Origin(bound, attributes, uses)
 
+    def construction(self, behaviour: UUID) -> Construction:
+        """Return how a behaviour was made."""
+        return self._by_id[behaviour]
+
     def place(self, behaviour: UUID) -> str | None:
         """Return the file and the line that a behaviour was made from; None if it was not made from a file."""
         made = self._by_id.get(behaviour)

@@ -7,7 +7,7 @@ from the root, so that a robot is not left driving.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from typing import Any
 
 import py_trees
@@ -27,6 +27,7 @@ from sar_compiler.ros.failure_reports import described, tell, tell_failure
 from sar_compiler.ros.run_parameters import SETTLE_SEC
 from sar_compiler.ros.setting_up import give_up
 from sar_compiler.ros.stopping import settle, shut_down, stop_behaviours
+from sar_compiler.runtime.hooked_tick import TickHooks, hooked_tick
 from sar_compiler.runtime.kernel.live import LiveTree, shown
 from sar_compiler.runtime.kernel.tree_nodes import Visit
 
@@ -78,6 +79,8 @@ class TreeRunner(py_trees.trees.BehaviourTree):
     def __init__(self, tree: CompiledTree | Behaviour, unicode_tree_debug: bool = False) -> None:
         super().__init__(tree if isinstance(tree, Behaviour) else tree.root)
         self._live: LiveTree | None = None
+        self._hooks: TickHooks | None = None
+        self._held: Generator[None, None, None] | None = None
         self._snapshot: SnapshotVisitor | None = None
         if unicode_tree_debug:
             self._snapshot = DisplaySnapshotVisitor()
@@ -211,28 +214,41 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         pre_tick_handler: TickHandler | None = None,
         post_tick_handler: TickHandler | None = None,
     ) -> None:
-        """Tick once. A leaf's exception is raised here; `tick_tock` keeps it in `failure` instead.
+        """Tick once, or go on with a tick that is held. A leaf's exception is raised here; `tick_tock` keeps it in `failure`.
 
         Raises:
             RuntimeError: If the tree was stopped already.
         """
         self._require_not_stopped()
+        tick, self._held = self._held or self._tick(pre_tick_handler, post_tick_handler), None
         self._ticking = True
         try:
-            self._tick(pre_tick_handler, post_tick_handler)
+            for _ in tick:
+                self._held = tick
+                break
         finally:
             self._ticking = False
         if self.interrupt_tick_tocking:
             self.stop()
 
-    def _tick(self, pre_tick_handler: TickHandler | None, post_tick_handler: TickHandler | None) -> None:
-        """Do what the `tick` of py_trees' class does, but for ticking the nodes one by one."""
+    def hook(self, hooks: TickHooks) -> None:
+        """Have somebody asked before and after each node is ticked, who may hold a tick there.
+
+        While a tick is held, the node's executor goes on with everything else. It is asked again with each beat, and
+        when the tree is woken.
+        """
+        self._hooks = hooks
+
+    def _tick(
+        self, pre_tick_handler: TickHandler | None, post_tick_handler: TickHandler | None
+    ) -> Generator[None, None, None]:
+        """Do what the `tick` of py_trees' class does, but for ticking the nodes one by one; yield where it is held."""
         for handler in (pre_tick_handler, *self.pre_tick_handlers):
             if handler is not None:
                 handler(self)
         for visitor in self.visitors:
             visitor.initialise()
-        self._tick_nodes([visitor for visitor in self.visitors if not visitor.full])
+        yield from self._tick_nodes([visitor for visitor in self.visitors if not visitor.full])
         for visitor in self.visitors:
             for node in self.root.iterate() if visitor.full else ():
                 node.visit(visitor)
@@ -243,18 +259,21 @@ class TreeRunner(py_trees.trees.BehaviourTree):
                 handler(self)
         self.count += 1
 
-    def _tick_nodes(self, visitors: list[VisitorBase]) -> None:
+    def _tick_nodes(self, visitors: list[VisitorBase]) -> Generator[None, None, None]:
         live = self._live_tree()
-        if not visitors:
+        if not visitors and self._hooks is None:
             live.tick()
             return
         visits: list[Visit] = []
         try:
-            live.tick_and_visit(visits)
+            if self._hooks is None:
+                live.tick_and_visit(visits)
+            else:
+                for _ in hooked_tick(live, self._hooks, visits):
+                    _show(visits, visitors)
+                    yield
         finally:
-            for node in shown(visits):
-                for visitor in visitors:
-                    node.visit(visitor)
+            _show(visits, visitors)
 
     def _live_tree(self) -> LiveTree:
         if self._live is None or self._live.root is not self.root or not self._live.is_whole():
@@ -284,6 +303,9 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             return
         self._stopped = True
         self._pause()
+        held, self._held = self._held, None
+        if held is not None:
+            held.close()
         stop_behaviours(self.root, self.failed_behaviour, self.node)
 
     def settle(self, executor: Executor, timeout_sec: float = SETTLE_SEC) -> list[str]:
@@ -351,6 +373,8 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         except Exception as error:  # noqa: BLE001 - kept, logged, and the tree is stopped
             self._fail(error)
             return
+        if self._held is not None:
+            return
         if self._ticks_left > 0:
             self._ticks_left -= 1
         if self._ticks_left == 0:
@@ -366,3 +390,11 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         beat, self._beat = self._beat, None
         if beat is not None:
             beat.destroy()
+
+
+def _show(visits: list[Visit], visitors: list[VisitorBase]) -> None:
+    """Show the nodes that were ticked, each once."""
+    ticked, visits[:] = visits[:], []
+    for node in shown(ticked):
+        for visitor in visitors:
+            node.visit(visitor)

@@ -237,10 +237,23 @@ class Scope:
     def resolve(self, key: str) -> Entry:
         """Return the entry that a key means here."""
         scope, name = self.owner(key)
-        folder = f"{scope.board.prefix}/{scope.path}" if scope.path else scope.board.prefix
+        folder = scope._folder
         # A stroke in a key must not lead into the folder of a subtree.
         passed_on = scope is not self and not key.startswith(ROOT_SIGN)
         return Entry(self.board, f"{folder}/{name.replace('/', STROKE)}", key, passed_on)
+
+    @property
+    def _folder(self) -> str:
+        return f"{self.board.prefix}/{self.path}" if self.path else self.board.prefix
+
+    def entries(self) -> Iterator[tuple[str, Entry]]:
+        """Yield the keys that were written here, and those that stand for others by a remapping, with their entries."""
+        for name in self.board.names():
+            folder, _, key = name.rpartition("/")
+            if folder == self._folder:
+                yield key.replace(STROKE, "/"), Entry(self.board, name, key)
+        for key in self._remapping:
+            yield key, self.resolve(key)
 
     def owner(self, key: str) -> "tuple[Scope, str]":
         """Return the scope that owns what a key means here, and the key there."""

@@ -1,0 +1,272 @@
+"""Breakpoints and substitutions at nodes, which Groot2 sets while a tree is ticked."""
+
+import json
+import threading
+import time
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+from py_trees.behaviour import Behaviour
+
+from sar_compiler.monitoring.groot2_protocol import RequestError
+from sar_compiler.monitoring.numbered_tree import NumberedTree
+from sar_compiler.runtime.kernel.cells import ENDED, SKIPPED, WORDS
+
+# The statuses that can be asked for, as BehaviorTree.CPP writes them; only an end replaces anything.
+_OUTCOMES = {word: number for number, word in enumerate(WORDS) if word}
+_OUTCOMES["IDLE"] = SKIPPED
+
+
+class HookPosition(IntEnum):
+    """Where a hook is."""
+
+    BEFORE = 0
+    AFTER = 1
+
+
+class HookMode(IntEnum):
+    """What a hook does."""
+
+    BREAKPOINT = 0
+    REPLACE = 1
+
+
+@dataclass
+class Hook:
+    """A hook.
+
+    Attributes:
+        uid: The number of its node.
+        position: Before the node's tick, or after it.
+        mode: What it does.
+        once: Whether it is removed when it has done it.
+        outcome: What the tick is made to come to, as a number of `kernel.cells`; only SUCCESS and FAILURE change anything.
+        enabled: Whether it does anything.
+        ready: Whether its breakpoint is to be left.
+    """
+
+    uid: int
+    position: HookPosition
+    mode: HookMode
+    once: bool
+    outcome: int
+    enabled: bool
+    ready: bool = False
+
+    @property
+    def holds(self) -> bool:
+        """Whether a tick that has come to it has to wait."""
+        return self.mode is HookMode.BREAKPOINT and self.enabled and not self.ready
+
+    def as_json(self) -> dict[str, object]:
+        """Return it as the protocol has it."""
+        return {
+            "enabled": self.enabled,
+            "uid": self.uid,
+            "mode": int(self.mode),
+            "once": self.once,
+            "desired_status": WORDS[self.outcome],
+            "position": int(self.position),
+        }
+
+
+class Groot2Hooks:
+    """The hooks of a tree. What Groot2 asks for comes in one thread, and the tree is ticked in another.
+
+    Args:
+        tree: The tree.
+        reached: Called with each hook that a tick comes to, in the thread that ticks.
+        tell: Told in words what hooks do, in the thread that ticks.
+        patience_sec: Without a request for so many seconds of the steady clock, nobody is there, and no hook does anything.
+
+    Attributes:
+        wake: Has the tree ticked soon, in its own thread; called from the other one.
+    """
+
+    def __init__(
+        self,
+        tree: NumberedTree,
+        reached: Callable[[Hook], object],
+        tell: Callable[[str], object],
+        patience_sec: float,
+    ) -> None:
+        self._tree = tree
+        self.wake: Callable[[], object] = lambda: None
+        self._reached, self._tell = reached, tell
+        self._patience_sec = patience_sec
+        self._hooks: dict[tuple[HookPosition, int], Hook] = {}
+        self._lock = threading.Lock()
+        self._heard = time.monotonic()
+        self._is_alone = False
+
+    def before(self, behaviour: Behaviour) -> Generator[None, None, int]:
+        """Yield as long as a tick has to wait before a node; return what it is made to come to, SKIPPED for nothing."""
+        return (yield from self._pass(HookPosition.BEFORE, self._tree.uid_of_inner(behaviour)))
+
+    def after(self, behaviour: Behaviour) -> Generator[None, None, int]:
+        """Yield as long as a tick has to wait after a node; return what it is made to come to, SKIPPED for nothing."""
+        return (yield from self._pass(HookPosition.AFTER, self._tree.uid(behaviour)))
+
+    def _pass(self, position: HookPosition, uid: int) -> Generator[None, None, int]:
+        hook = self._hooks.get((position, uid))
+        if hook is None or not hook.enabled:
+            return SKIPPED
+        name = self._tree.nodes[uid - 1].name
+        self._reached(hook)
+        if hook.holds:
+            self._tell(
+                f"Groot2 holds the tree {position.name.lower()} '{name}': it is not ticked until it goes on"
+            )
+            while hook.holds and self._hooks.get((position, uid)) is hook:
+                yield
+            self._tell("the tree is ticked again")
+        return self._left(hook, name)
+
+    def _left(self, hook: Hook, name: str) -> int:
+        """Leave a hook; return what the tick is made to come to."""
+        key = hook.position, hook.uid
+        with self._lock:
+            hook.ready = False
+            if not hook.enabled or self._hooks.get(key) is not hook:
+                return SKIPPED
+            if hook.once:
+                del self._hooks[key]
+        if not hook.outcome & ENDED:
+            return SKIPPED
+        self._tell(f"Groot2 puts {WORDS[hook.outcome]} in the place of what '{name}' comes to")
+        return hook.outcome
+
+    def heard(self) -> None:
+        """Note that a request has come."""
+        self._heard = time.monotonic()
+        if self._is_alone:
+            self._is_alone = False
+            self.enable(enabled=True)
+
+    def look(self) -> None:
+        """See whether requests still come; if none does, no hook does anything until one does."""
+        if not self._is_alone and time.monotonic() - self._heard > self._patience_sec:
+            self._is_alone = True
+            self.enable(enabled=False)
+
+    def insert(self, text: str) -> None:
+        """Insert a hook, or change it.
+
+        Args:
+            text: One as JSON, or a list of them.
+
+        Raises:
+            RequestError: If the text is none.
+        """
+        read = _parsed(text)
+        hooks = [_hook(each) for each in (read if isinstance(read, list) else [read])]
+        with self._lock:
+            for hook in hooks:
+                there = self._hooks.get((hook.position, hook.uid))
+                if there is not None:
+                    # Who waits at a breakpoint waits on, unless it is none any more.
+                    there.mode, there.once = hook.mode, hook.once
+                    there.outcome, there.enabled = hook.outcome, hook.enabled
+                elif self._tree.node(hook.uid) is not None:
+                    self._hooks[hook.position, hook.uid] = hook
+        self.wake()
+
+    def remove(self, text: str) -> None:
+        """Remove a hook; who waits at it goes on.
+
+        Raises:
+            RequestError: If there is none.
+        """
+        key = _key(_parsed(text))
+        with self._lock:
+            if self._hooks.pop(key, None) is None:
+                raise _not_found()
+        self.wake()
+
+    def unlock(self, text: str) -> None:
+        """Have a breakpoint left, with an outcome or without.
+
+        Raises:
+            RequestError: If there is none.
+        """
+        read = _parsed(text)
+        key, outcome, remove = _key(read), _outcome(read), _boolean(read, "remove_when_done")
+        with self._lock:
+            hook = self._hooks.get(key)
+            if hook is None:
+                raise _not_found()
+            hook.outcome = outcome if outcome & ENDED else SKIPPED
+            hook.once |= remove
+            hook.ready = hook.mode is HookMode.BREAKPOINT
+        self.wake()
+
+    def remove_all(self) -> None:
+        """Remove all hooks."""
+        with self._lock:
+            self._hooks.clear()
+        self.wake()
+
+    def enable(self, *, enabled: bool) -> None:
+        """Let all hooks do what they do, or nothing."""
+        with self._lock:
+            for hook in self._hooks.values():
+                hook.enabled = enabled
+        self.wake()
+
+    def dump(self) -> str:
+        """Return all hooks as JSON."""
+        with self._lock:
+            return json.dumps([hook.as_json() for hook in self._hooks.values()])
+
+
+def _not_found() -> RequestError:
+    return RequestError("Node ID not found")
+
+
+def _parsed(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        message = f"not JSON: {error}"
+        raise RequestError(message) from error
+
+
+def _hook(read: Any) -> Hook:
+    position, uid = _key(read)
+    mode = _member(read, "mode", HookMode)
+    return Hook(uid, position, mode, _boolean(read, "once"), _outcome(read), _boolean(read, "enabled"))
+
+
+def _key(read: Any) -> tuple[HookPosition, int]:
+    uid = _entry(read, "uid", int, "a whole number")
+    return _member(read, "position", HookPosition), uid
+
+
+def _outcome(read: Any) -> int:
+    word = _entry(read, "desired_status", str, "a text")
+    if word not in _OUTCOMES:
+        message = f"desired_status: '{word}' is none of {', '.join(_OUTCOMES)}"
+        raise RequestError(message)
+    return _OUTCOMES[word]
+
+
+def _member(read: Any, name: str, kind: Any) -> Any:
+    number = _entry(read, name, int, "a whole number")
+    if number not in {*kind}:
+        message = f"{name}: {number} is none of {', '.join(str(int(each)) for each in kind)}"
+        raise RequestError(message)
+    return kind(number)
+
+
+def _boolean(read: Any, name: str) -> bool:
+    return bool(_entry(read, name, bool, "true or false"))
+
+
+def _entry(read: Any, name: str, kind: type, words: str) -> Any:
+    value = read.get(name) if isinstance(read, dict) else None
+    if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+        message = f"a hook is an object with '{name}', {words}"
+        raise RequestError(message)
+    return value

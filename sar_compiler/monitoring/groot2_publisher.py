@@ -1,0 +1,261 @@
+"""A tree for Groot2: what it is, how it stands, what it holds, over ZeroMQ."""
+
+import time
+import uuid
+from collections import deque
+from collections.abc import Callable, Mapping
+from threading import Lock, Thread
+from typing import Protocol
+
+import msgpack
+import zmq
+from py_trees.visitors import VisitorBase
+
+from sar_compiler.compiler import CompiledTree
+from sar_compiler.errors import SarError
+from sar_compiler.monitoring.groot2_hooks import Groot2Hooks, Hook
+from sar_compiler.monitoring.groot2_protocol import (
+    Request,
+    RequestError,
+    RequestKind,
+    error_reply,
+    header,
+    read_request,
+    reply,
+    shown_status,
+    snapshot,
+    transition,
+)
+from sar_compiler.monitoring.numbered_tree import NumberedTree
+from sar_compiler.monitoring.status_changes import StatusChange, StatusChanges
+from sar_compiler.monitoring.tree_xml import tree_xml
+
+DEFAULT_PORT = 1667
+_LAST_PORT = 0xFFFF
+_ADDRESS = "tcp://127.0.0.1"
+# What a request may have at most, in bytes: all hooks of a large tree are less.
+_LARGEST = 1 << 20
+_LONGEST_RECORDING = 1000
+_PATIENCE_SEC = 5.0
+# How often a publisher with hooks looks whether requests still come.
+_LOOK_MSEC = 100
+_STOPPED = b"stopped"
+
+
+class Ticking(Protocol):
+    """What ticks a tree."""
+
+    def add_visitor(self, visitor: VisitorBase) -> None:
+        """Have every node that is ticked shown to a visitor."""
+
+
+class PortError(SarError):
+    """A port on which Groot2 cannot be answered."""
+
+
+class Groot2Publisher:
+    """Answers Groot2, and whoever else speaks its protocol, on this machine.
+
+    It answers in a thread of its own. Nothing that it is asked changes the tree, unless hooks are allowed.
+
+    Args:
+        tree: The tree.
+        port: The TCP port of 127.0.0.1 that it answers on; what it tells by itself goes to the next one.
+        hooks: Whether it may be asked to hold the tree at a node, and to put another outcome in the place of a node's.
+        tell: Told in words what hooks do to the tree.
+        patience_sec: Hooks do nothing while no request has come for so many seconds of the steady clock.
+
+    Raises:
+        TooManyNodesError: If the tree has more nodes than the protocol has numbers.
+        PortError: If there is no such port, or it is taken.
+    """
+
+    def __init__(
+        self,
+        tree: CompiledTree,
+        port: int = DEFAULT_PORT,
+        *,
+        hooks: bool = False,
+        tell: Callable[[str], object] = lambda _: None,
+        patience_sec: float = _PATIENCE_SEC,
+    ) -> None:
+        self._tree = NumberedTree(tree)
+        self._xml = tree_xml(self._tree).encode()
+        self._id = uuid.uuid4().bytes
+        self._changes = StatusChanges(self._tree, self._note)
+        self._shown = [0] * len(self._tree.nodes)
+        self._lock = Lock()
+        self._transitions: deque[bytes] = deque(maxlen=_LONGEST_RECORDING)
+        self._recording_began = 0
+        self._is_recording = False
+        self._hooks: Groot2Hooks | None = None
+        if hooks:
+            self._hooks = Groot2Hooks(self._tree, self._tell_of, tell, patience_sec)
+        self._answers: Mapping[RequestKind, Callable[[Request], bytes | None]] = {
+            RequestKind.FULL_TREE: lambda _: self._xml,
+            RequestKind.STATUS: self._statuses,
+            RequestKind.BLACKBOARD: self._blackboards,
+            RequestKind.TOGGLE_RECORDING: self._toggle_recording,
+            RequestKind.GET_TRANSITIONS: self._take_transitions,
+            RequestKind.BREAKPOINT_REACHED: _not_asked,
+            **_hook_answers(self._hooks),
+        }
+        self._context = zmq.Context()
+        try:
+            self._server = self._bound(zmq.REP, port)
+            self._publisher = self._bound(zmq.PUB, port + 1)
+        except BaseException:
+            self._context.destroy(linger=0)
+            raise
+        address = "inproc://stop"
+        self._stopping, self._stopped = self._context.socket(zmq.PAIR), self._context.socket(zmq.PAIR)
+        self._stopped.bind(address)
+        self._stopping.connect(address)
+        self._thread: Thread | None = Thread(target=self._serve, name="groot2", daemon=True)
+        self._thread.start()
+
+    def _bound(self, kind: int, port: int) -> "zmq.Socket[bytes]":
+        if not 0 < port <= _LAST_PORT:
+            message = f"there is no port {port}: it is a number from 1 to {_LAST_PORT - 1}, and the next one is used as well"
+            raise PortError(message)
+        socket: zmq.Socket[bytes] = self._context.socket(kind)
+        socket.setsockopt(zmq.LINGER, 0)
+        socket.setsockopt(zmq.MAXMSGSIZE, _LARGEST)
+        try:
+            socket.bind(f"{_ADDRESS}:{port}")
+        except zmq.ZMQError as error:
+            message = f"port {port} of 127.0.0.1 cannot be used: {error.strerror}; say another one"
+            raise PortError(message) from error
+        return socket
+
+    def watch(self, ticking: Ticking) -> None:
+        """Watch what ticks the tree: a `TreeRunner`, or py_trees' own class.
+
+        Raises:
+            TypeError: If hooks are allowed, and it cannot be held: only a `TreeRunner` can.
+        """
+        if self._hooks is not None:
+            hook, wake = getattr(ticking, "hook", None), getattr(ticking, "wake", None)
+            if hook is None or wake is None:
+                message = f"hooks=True: a {type(ticking).__name__} cannot be held in the middle of a tick; a TreeRunner can"
+                raise TypeError(message)
+            self._hooks.wake = wake
+            hook(self._hooks)
+        ticking.add_visitor(self._changes)
+
+    def close(self) -> None:
+        """Answer nobody any more; may be called again."""
+        thread, self._thread = self._thread, None
+        if thread is None:
+            return
+        if self._hooks is not None:
+            self._hooks.remove_all()
+        self._stopping.send(_STOPPED)
+        thread.join()
+        self._context.destroy(linger=0)
+
+    def _note(self, change: StatusChange) -> None:
+        with self._lock:
+            self._shown[change.uid - 1] = shown_status(change.before, change.status)
+            if self._is_recording:
+                now = (time.monotonic_ns() - self._recording_began) // 1000
+                self._transitions.append(transition(now, change.uid, change.status))
+
+    def _tell_of(self, hook: Hook) -> None:
+        """Tell of a hook that the tick has come to; all others who use this socket have ended, or not begun."""
+        self._changes.run_around(hook.uid)
+        number = uuid.uuid4().int & 0xFFFFFFFF
+        self._publisher.send_multipart([header(RequestKind.BREAKPOINT_REACHED, number), b"%d" % hook.uid])
+
+    def _serve(self) -> None:
+        poller = zmq.Poller()
+        poller.register(self._server, zmq.POLLIN)
+        poller.register(self._stopped, zmq.POLLIN)
+        while True:
+            ready = dict(poller.poll(None if self._hooks is None else _LOOK_MSEC))
+            if self._stopped in ready:
+                return
+            if self._hooks is not None:
+                (self._hooks.heard if ready else self._hooks.look)()
+            if ready:
+                self._server.send_multipart(self._answered(self._server.recv_multipart()))
+
+    def _answered(self, frames: list[bytes]) -> list[bytes]:
+        try:
+            request = read_request(frames)
+            return reply(request, self._id, self._answers[request.kind](request))
+        except Exception as error:  # noqa: BLE001 - whatever it is, the mission goes on
+            return error_reply(error)
+
+    def _statuses(self, _: Request) -> bytes:
+        with self._lock:
+            return snapshot(self._shown)
+
+    def _blackboards(self, request: Request) -> bytes:
+        found: dict[str, object] = {}
+        for name in filter(None, request.payload.split(";")):
+            path = "" if name == self._tree.name else name
+            if path in self._tree.scopes:
+                found[name] = self._entries(path)
+                if path:
+                    found["ROOT"] = self._entries("")
+        packed: bytes = msgpack.packb(found or None)
+        return packed
+
+    def _entries(self, path: str) -> dict[str, object]:
+        scope = self._tree.scopes[path]
+        return {key: _plain(entry.read()) for key, entry in scope.entries() if entry.exists}
+
+    def _toggle_recording(self, request: Request) -> bytes | None:
+        word = request.payload
+        with self._lock:
+            if word == "start":
+                self._recording_began = time.monotonic_ns()
+                self._transitions.clear()
+            self._is_recording = word == "start" or (self._is_recording and word != "stop")
+        return b"%d" % (time.time_ns() // 1000) if word == "start" else None
+
+    def _take_transitions(self, _: Request) -> bytes:
+        with self._lock:
+            taken = b"".join(self._transitions)
+            self._transitions.clear()
+        return taken
+
+
+def _hook_answers(hooks: Groot2Hooks | None) -> dict[RequestKind, Callable[[Request], bytes | None]]:
+    """Return the answers to what is asked about hooks; to remove them all is always possible."""
+    if hooks is None:
+        changing = (RequestKind.HOOK_INSERT, RequestKind.HOOK_REMOVE, RequestKind.BREAKPOINT_UNLOCK)
+        return {
+            **dict.fromkeys(changing, _refuse),
+            RequestKind.HOOKS_DUMP: lambda _: b"[]",
+            RequestKind.REMOVE_ALL_HOOKS: lambda _: None,
+            RequestKind.DISABLE_ALL_HOOKS: lambda _: None,
+        }
+    return {
+        RequestKind.HOOK_INSERT: lambda request: hooks.insert(request.payload),
+        RequestKind.HOOK_REMOVE: lambda request: hooks.remove(request.payload),
+        RequestKind.BREAKPOINT_UNLOCK: lambda request: hooks.unlock(request.payload),
+        RequestKind.HOOKS_DUMP: lambda _: hooks.dump().encode(),
+        RequestKind.REMOVE_ALL_HOOKS: lambda _: hooks.remove_all(),
+        RequestKind.DISABLE_ALL_HOOKS: lambda _: hooks.enable(enabled=False),
+    }
+
+
+def _not_asked(_: Request) -> None:
+    message = "Request not recognized"
+    raise RequestError(message)
+
+
+def _refuse(_: Request) -> None:
+    message = "hooks are not allowed here: sar-run --groot2-hooks, or Groot2Publisher(..., hooks=True)"
+    raise RequestError(message)
+
+
+def _plain(value: object) -> object:
+    """Return a value as msgpack has it; None for one that it has nothing for, as BehaviorTree.CPP does without a converter."""
+    try:
+        msgpack.packb(value)
+    except (TypeError, ValueError, OverflowError):
+        return None
+    return value

@@ -1,0 +1,97 @@
+"""The nodes of a compiled tree with the numbers by which BehaviorTree.CPP's tools know them."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from py_trees.behaviour import Behaviour
+
+from sar_compiler.compiler import CompiledTree
+from sar_compiler.compiler.origins import Construction, Origins
+from sar_compiler.errors import SarError
+
+MOST_NODES = 0xFFFF
+"""A number has 16 bits, and 0 is none."""
+
+
+class TooManyNodesError(SarError):
+    """A tree has more nodes than there are numbers."""
+
+
+class NumberedNode(NamedTuple):
+    """A node of a tree.
+
+    Attributes:
+        uid: Its number: from 1, in pre-order.
+        name: Its name.
+        around: The number of the node around it; 0 at the root.
+        behaviour: Its behaviour, the outer one where conditions are wrapped around it.
+        inner: Its behaviour without its conditions.
+        made: How the inner one was made.
+    """
+
+    uid: int
+    name: str
+    around: int
+    behaviour: Behaviour
+    inner: Behaviour
+    made: Construction
+
+
+class NumberedTree:
+    """The nodes of a compiled tree, numbered as BehaviorTree.CPP does; a node and its conditions are one.
+
+    Args:
+        tree: The tree.
+
+    Attributes:
+        name: Its ID.
+        nodes: The nodes; that with the number 1 is the first.
+
+    Raises:
+        TooManyNodesError: If it has more nodes than there are numbers.
+    """
+
+    def __init__(self, tree: CompiledTree) -> None:
+        self.name = tree.instance.tree.name
+        self.board = tree.board
+        self.scopes = {each.scope.path: each.scope for each in tree.instance.iterate()}
+        assert isinstance(tree.origins, Origins)  # noqa: S101 - the compiler makes no other
+        self.nodes = list(_numbered(tree.root, tree.origins))
+        if len(self.nodes) > MOST_NODES:
+            message = (
+                f"the tree '{self.name}' has {len(self.nodes)} nodes; numbers of nodes have 16 bits in BehaviorTree.CPP's "
+                f"protocols, which is enough for {MOST_NODES}"
+            )
+            raise TooManyNodesError(message)
+        self._uids = {id(each.behaviour): each.uid for each in self.nodes}
+        self._inner = {id(each.inner): each.uid for each in self.nodes}
+
+    def uid(self, behaviour: Behaviour) -> int:
+        """Return the number of a behaviour; 0 for one that has none, or shares its node's with its conditions."""
+        return self._uids.get(id(behaviour), 0)
+
+    def uid_of_inner(self, behaviour: Behaviour) -> int:
+        """Return the number of a behaviour; 0 for one that has none, or is the conditions of a node."""
+        return self._inner.get(id(behaviour), 0)
+
+    def node(self, uid: int) -> NumberedNode | None:
+        """Return the node of a number; None if there is none."""
+        return self.nodes[uid - 1] if 0 < uid <= len(self.nodes) else None
+
+    def around(self, uid: int) -> Iterator[int]:
+        """Yield the numbers of the nodes around one, from the inside out."""
+        while uid := self.nodes[uid - 1].around:
+            yield uid
+
+
+def _numbered(root: Behaviour, origins: Origins) -> Iterator[NumberedNode]:
+    waiting = [(root, 0)]
+    uid = 0
+    while waiting:
+        behaviour, around = waiting.pop()
+        inner = behaviour
+        while getattr(inner, "is_its_child", False):
+            (inner,) = inner.children
+        uid += 1
+        yield NumberedNode(uid, inner.name, around, behaviour, inner, origins.construction(inner.id))
+        waiting.extend((child, uid) for child in reversed(inner.children))

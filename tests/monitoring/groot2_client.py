@@ -1,0 +1,102 @@
+"""Groot2's side of the protocol, written from its description and not from the code that is tested."""
+
+import socket
+import struct
+from contextlib import closing
+
+import msgpack
+import zmq
+from zmq.utils.monitor import recv_monitor_message
+
+PATIENCE_MSEC = 20_000
+
+
+def free_port():
+    """Return a port that is free, and the next one with it."""
+    while True:
+        with closing(socket.socket()) as one, closing(socket.socket()) as two:
+            one.bind(("127.0.0.1", 0))
+            port = one.getsockname()[1]
+            try:
+                two.bind(("127.0.0.1", port + 1))
+            except OSError:
+                continue
+            return port
+
+
+class Client:
+    """Asks a publisher, and hears what it tells by itself."""
+
+    def __init__(self, port):
+        self._context = zmq.Context()
+        self._asking = self._socket(zmq.REQ, port)
+        self._hearing = self._socket(zmq.SUB, port + 1)
+        self._hearing.setsockopt(zmq.SUBSCRIBE, b"")
+        # Nothing is kept for who is not there yet; any answer afterwards says that the other side knows it.
+        self.statuses()
+
+    def _socket(self, kind, port):
+        made = self._context.socket(kind)
+        made.setsockopt(zmq.RCVTIMEO, PATIENCE_MSEC)
+        happens = made.get_monitor_socket(zmq.EVENT_HANDSHAKE_SUCCEEDED)
+        made.connect(f"tcp://127.0.0.1:{port}")
+        recv_monitor_message(happens)
+        made.disable_monitor()
+        return made
+
+    def close(self):
+        self._context.destroy(linger=0)
+
+    def send(self, *frames):
+        """Send frames as they are; return those of the reply."""
+        self._asking.send_multipart(list(frames))
+        return self._asking.recv_multipart()
+
+    def ask(self, kind, *payload):
+        """Send a request; return the frames after the reply's header."""
+        request = struct.pack("<BBI", 2, ord(kind), 0xDEADBEEF)
+        head, *rest = self.send(request, *payload)
+        assert len(head) == 22, (head, rest)
+        assert head[:6] == request
+        return rest
+
+    def refused(self, *frames):
+        """Send frames as they are, which must be refused; return the text."""
+        word, text = self.send(*frames)
+        assert word == b"error"
+        return text.decode()
+
+    def statuses(self):
+        """Return the bytes of all statuses, by number."""
+        (packed,) = self.ask("S")
+        assert len(packed) % 3 == 0
+        return dict(struct.iter_unpack("<HB", packed))
+
+    def blackboards(self, names):
+        """Return what blackboards hold."""
+        (packed,) = self.ask("B", names.encode())
+        return msgpack.unpackb(packed)
+
+    def transitions(self):
+        """Return the transitions of a recording: microseconds, number and status."""
+        (packed,) = self.ask("t")
+        return [
+            (int.from_bytes(packed[at : at + 6], "little"), *struct.unpack("<HB", packed[at + 6 : at + 9]))
+            for at in range(0, len(packed), 9)
+        ]
+
+    def hears(self):
+        """Return whether the publisher has told something."""
+        return self._hearing.poll(0) != 0
+
+    def heard(self):
+        """Return the type and the text of what the publisher tells next."""
+        head, text = self._hearing.recv_multipart()
+        protocol, kind, _ = struct.unpack("<BBI", head)
+        assert protocol == 2
+        return chr(kind), text.decode()
+
+
+def request(kind, number=1):
+    """Return the header of a request."""
+    return struct.pack("<BBI", 2, ord(kind), number)
