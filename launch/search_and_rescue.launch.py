@@ -43,8 +43,11 @@ RECORDED = (
     "cmd_vel",
     "navigate_to_pose/_action/feedback",
     "navigate_to_pose/_action/status",
+    "behavior_tree_log",
+    "search_and_rescue/tree",
+    "search_and_rescue/markers",
 )
-RECORDED_GLOBALLY = ("/clock", "/rosout")
+RECORDED_GLOBALLY = ("/clock", "/rosout", "/diagnostics")
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -111,6 +114,9 @@ def arguments(share: Path) -> list[DeclareLaunchArgument]:
             choices=list(JOURNAL),
             description="keep the mission's journal, resume the mission in it, begin a new one beside it, or none",
         ),
+        declare(
+            "publish", default_value="true", description="Publish the tree's log, diagnostics and markers"
+        ),
         declare("namespace", default_value="", description="Namespace of everything, such as robot1"),
         declare("sim", default_value="false", description="Simulate the robot and Nav2"),
         declare(
@@ -138,7 +144,8 @@ def require(context: LaunchContext) -> None:
 
     Raises:
         FileNotFoundError: If a file is missing.
-        PackageNotFoundError: If a package is.
+        FileExistsError: If there is something where the recording is to be.
+        PackageNotFoundError: If a package is missing.
     """
     simulated = IfCondition(LaunchConfiguration("sim")).evaluate(context)
     files = [LaunchConfiguration("params_file")]
@@ -152,6 +159,31 @@ def require(context: LaunchContext) -> None:
         get_package_share_directory("nav2_bringup")
     if IfCondition(LaunchConfiguration("rviz")).evaluate(context):
         get_package_share_directory("rviz2")
+    if folder := LaunchConfiguration("record").perform(context):
+        require_recorder(Path(folder))
+
+
+def require_recorder(folder: Path) -> None:
+    """See that a bag can be recorded; the recorder would end by itself, and the mission fly unrecorded.
+
+    Args:
+        folder: Where the bag is to be.
+
+    Raises:
+        FileExistsError: If there is something already.
+        FileNotFoundError: If the folder around it is missing.
+        PackageNotFoundError: If the recorder, or what writes MCAP, is not installed.
+    """
+    if folder.exists():
+        message = (
+            f"record:={folder}: it is there already, and a bag needs a new folder; nothing has been started"
+        )
+        raise FileExistsError(message)
+    if not folder.absolute().parent.is_dir():
+        message = f"record:={folder}: there is no folder {folder.absolute().parent}; nothing has been started"
+        raise FileNotFoundError(message)
+    get_package_share_directory("ros2bag")
+    get_package_share_directory("rosbag2_storage_mcap")
 
 
 def navigation(context: LaunchContext) -> list[LaunchDescriptionEntity]:
@@ -224,13 +256,15 @@ def mission(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     ]
     if LaunchConfiguration("tick_rate_hz").perform(context):
         parameters.append(Parameter("tick_rate_hz", LaunchConfiguration("tick_rate_hz")))
-    journal = JOURNAL[LaunchConfiguration("journal").perform(context)]
+    options = [*JOURNAL[LaunchConfiguration("journal").perform(context)]]
+    if IfCondition(LaunchConfiguration("publish")).evaluate(context):
+        options.append("--publish")
     return [
         Node(
             package="sar_compiler",
             executable="sar-run",
             namespace=LaunchConfiguration("namespace"),
-            arguments=[LaunchConfiguration("tree"), "--until", LaunchConfiguration("until"), *journal],
+            arguments=[LaunchConfiguration("tree"), "--until", LaunchConfiguration("until"), *options],
             parameters=parameters,
             remappings=TRANSFORMS,
             output="screen",

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from sar_compiler.project.simulated import Simulated
     from sar_compiler.ros.errors import readable_ros_errors
     from sar_compiler.ros.faults import FaultPlan, ServiceFaults, create_service
+    from sar_compiler.ros.landmark import Landmark
     from sar_compiler.ros.leaves.action_leaf import ActionLeaf
     from sar_compiler.ros.leaves.leaf import RosLeaf
     from sar_compiler.ros.leaves.service_leaf import ServiceLeaf
@@ -57,6 +58,7 @@ __all__ = [
     "Input",
     "Journal",
     "Kind",
+    "Landmark",
     "LoadedTree",
     "ManualClock",
     "Milliseconds",
@@ -108,6 +110,7 @@ _MODULES = {
     "project.simulated": ("Simulated",),
     "ros.errors": ("readable_ros_errors",),
     "ros.faults": ("FaultPlan", "ServiceFaults", "create_service"),
+    "ros.landmark": ("Landmark",),
     "ros.leaves.action_leaf": ("ActionLeaf",),
     "ros.leaves.leaf": ("RosLeaf",),
     "ros.leaves.service_leaf": ("ServiceLeaf",),

@@ -42,6 +42,7 @@ class Options:
         view: How to show the tree: `text` or `none`.
         groot2: The port on which Groot2 is answered; None for none.
         groot2_hooks: Whether Groot2 may hold the tree, and replace outcomes.
+        publish: Whether to publish what becomes of the mission.
         summary: How to sum up: `text` or `json`.
         check: Whether to stop before the robot moves.
         guardian: Whether a process of its own cancels the goals of a run that dies; None for what is usual.
@@ -70,6 +71,7 @@ class Options:
     view: str
     groot2: int | None
     groot2_hooks: bool
+    publish: bool
     summary: str
     check: bool
     guardian: bool | None
@@ -226,6 +228,11 @@ def _parser() -> Parser:
         "--groot2-hooks",
         action="store_true",
         help="let Groot2 hold the tree at breakpoints, and put other outcomes in the place of nodes'",
+    )
+    parser.add_argument(
+        "--publish",
+        action="store_true",
+        help="publish behavior_tree_log, /diagnostics, and latched the tree, its state, and markers for RViz",
     )
     parser.add_argument(
         "--summary", choices=("text", "json"), default="text", help="sum up for people, or for scripts"

@@ -108,15 +108,15 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
         begun, parameters, notes = begin_run(mission, reader, binding)
         fixed = fixed_parameters(mission, binding)
         journal = stack.enter_context(open_run_journal(options, mission, node))
+        watchers = stack.enter_context(open_watchers(options, node, journal))
         journal.keep_facts(begun, reader.parameters)
         if _wants_guardian(options, journal):
             guardian = stack.enter_context(closing(_guardian(options, node)))
             goals_under_way(node).listen(guardian.note)
-        watchers = stack.enter_context(open_watchers(options, node))
         run = _Run(options, signals, node, parameters, begun, make_engine, fixed, journal, watchers, world)
         tree = compile_tree(binding, run.context, reader.parameters)
         journal.describe(tree)
-        watchers.show(tree)
+        watchers.show(tree, begun or MissionRun())
         for note in notes:
             node.get_logger().warning(in_one_line(note))
         try:
@@ -372,6 +372,7 @@ class _Run:
                 "the tree was not started, because one of its leaves failed in setup (see above)"
             )
             self.journal.end(status, self._reason)
+            self.watchers.end()
             return status
         finally:
             self.signals.last_words = None
@@ -385,6 +386,7 @@ class _Run:
         over = engine.failure is None and (self._result is not None or self._end.complete)
         reason = self._result.reason if self._result is not None else self._reason
         self.journal.end(status, reason, is_over=over, is_stopped=self.signals.came)
+        self.watchers.end()
         return status
 
     def _turn(self, executor: SingleThreadedExecutor) -> None:

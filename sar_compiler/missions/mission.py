@@ -10,6 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sar_compiler.ros.landmark import Landmark
 from sar_compiler.ros.parameter_reader import ParameterReader
 
 if TYPE_CHECKING:
@@ -61,6 +62,10 @@ class MissionRun:
         x and y in metres, frame `map`; by default its `places`.
         """
         return [(name, *place) for name, place in (self.places() or {}).items()]
+
+    def landmarks(self) -> Sequence[Landmark]:
+        """Return what is shown of it on a map, as it is now; asked for when a fact of its journal has been written."""
+        return []
 
     def allows(self, x: float, y: float) -> bool:  # noqa: ARG002 - for subclasses
         """Return whether the robot may be at a position in the frame `map`, metres: whether it is inside its geofence."""

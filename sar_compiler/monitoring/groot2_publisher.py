@@ -49,7 +49,7 @@ class Ticking(Protocol):
         """Have every node that is ticked shown to a visitor."""
 
 
-class PortError(SarError):
+class Groot2PortError(SarError):
     """A port on which Groot2 cannot be answered."""
 
 
@@ -67,7 +67,7 @@ class Groot2Publisher:
 
     Raises:
         TooManyNodesError: If the tree has more nodes than the protocol has numbers.
-        PortError: If there is no such port, or it is taken.
+        Groot2PortError: If there is no such port, or it is taken.
     """
 
     def __init__(
@@ -117,7 +117,7 @@ class Groot2Publisher:
     def _bound(self, kind: int, port: int) -> "zmq.Socket[bytes]":
         if not 0 < port <= _LAST_PORT:
             message = f"there is no port {port}: it is a number from 1 to {_LAST_PORT - 1}, and the next one is used as well"
-            raise PortError(message)
+            raise Groot2PortError(message)
         socket: zmq.Socket[bytes] = self._context.socket(kind)
         socket.setsockopt(zmq.LINGER, 0)
         socket.setsockopt(zmq.MAXMSGSIZE, _LARGEST)
@@ -125,7 +125,7 @@ class Groot2Publisher:
             socket.bind(f"{_ADDRESS}:{port}")
         except zmq.ZMQError as error:
             message = f"port {port} of 127.0.0.1 cannot be used: {error.strerror}; say another one"
-            raise PortError(message) from error
+            raise Groot2PortError(message) from error
         return socket
 
     def watch(self, ticking: Ticking) -> None:

@@ -25,10 +25,10 @@ def tree_xml(tree: NumberedTree) -> str:
     inside: dict[int, list[NumberedNode]] = {}
     for node in tree.nodes:
         inside.setdefault(node.around, []).append(node)
-    writer = _Writer(inside)
+    writer = _NodeWriter(inside)
     lines = ['<root BTCPP_format="4">']
     (root,) = inside[0]
-    waiting = [_Subtree(tree.name, "", root)]
+    waiting = [_UsedSubtree(tree.name, "", root)]
     while waiting:
         name, path, first = waiting.pop()
         lines += [_start(TREE_TAG, {"ID": name, "_fullpath": path}), *writer.nodes(first), f"</{TREE_TAG}>"]
@@ -39,13 +39,13 @@ def tree_xml(tree: NumberedTree) -> str:
     return "\n".join(lines)
 
 
-class _Subtree(NamedTuple):
+class _UsedSubtree(NamedTuple):
     name: str
     path: str
     root: NumberedNode
 
 
-class _Writer:
+class _NodeWriter:
     """Writes nodes.
 
     Args:
@@ -58,9 +58,9 @@ class _Writer:
     def __init__(self, inside: Mapping[int, Sequence[NumberedNode]]) -> None:
         self.specs: dict[str, Sequence[NodeSpec]] = {}
         self._inside = inside
-        self._subtrees: list[_Subtree] = []
+        self._subtrees: list[_UsedSubtree] = []
 
-    def take_subtrees(self) -> list[_Subtree]:
+    def take_subtrees(self) -> list[_UsedSubtree]:
         """Return the subtrees that were named since the last call."""
         found, self._subtrees = self._subtrees, []
         return found
@@ -87,7 +87,7 @@ class _Writer:
     def _subtree(self, node: NumberedNode, root: NumberedNode) -> str:
         bound, scope = node.made.bound, node.made.instance.inner[node.made.bound].scope
         assert bound.subtree is not None  # noqa: S101 - the caller has looked
-        self._subtrees.append(_Subtree(bound.subtree.name, scope.path, root))
+        self._subtrees.append(_UsedSubtree(bound.subtree.name, scope.path, root))
         given = {name: text for name, text in bound.element.attributes.items() if name not in ("ID", "name")}
         uid = str(node.uid)
         attributes = {"ID": bound.subtree.name, **given, "_fullpath": scope.path, "_uid": uid}

@@ -2,7 +2,10 @@
 
 import ast
 import subprocess
+import sys
 from collections.abc import Iterator
+from importlib.util import module_from_spec, spec_from_file_location
+from unittest.mock import MagicMock
 
 import pytest
 
@@ -14,6 +17,15 @@ from tests.processes import BIN, Command
 from tests.ros.conftest import Ros
 
 FILE = LaunchFile(ROOT / "launch" / "search_and_rescue.launch.py")
+
+PARTS_OF_LAUNCH = (
+    "actions",
+    "conditions",
+    "descriptions",
+    "events.process",
+    "launch_description_sources",
+    "substitutions",
+)
 
 # What nav2_bringup's bringup_launch.py declares in Jazzy (1.3.13).
 BRINGUP = {
@@ -27,7 +39,7 @@ WITH_TRANSFORMS = ["sar-run", "sar-sim", "rviz2"]
 
 def test_the_arguments_are_those_that_users_rely_on():
     assert FILE.declared() == {
-        "tree", "params_file", "nav2_params_file", "map", "tick_rate_hz", "until", "journal", "namespace", "sim", "world",
+        "tree", "params_file", "nav2_params_file", "map", "tick_rate_hz", "until", "journal", "publish", "namespace", "sim", "world",
         "speed", "use_sim_time", "autostart", "rviz", "record",
     }  # fmt: skip
 
@@ -134,7 +146,7 @@ def test_what_is_recorded_is_what_somebody_publishes():
     recorded = FILE.constant("RECORDED")
     assert isinstance(recorded, tuple)
     assert set(recorded) <= KNOWN
-    assert FILE.constant("RECORDED_GLOBALLY") == ("/clock", "/rosout")
+    assert FILE.constant("RECORDED_GLOBALLY") == ("/clock", "/rosout", "/diagnostics")
 
 
 @pytest.fixture
@@ -156,3 +168,52 @@ def test_the_simulator_has_the_topics_that_the_view_and_the_recording_are_for(si
         lambda: wanted <= {name for name, _ in node.get_topic_names_and_types()},
         f"all of {sorted(wanted)}",
     )
+
+
+@pytest.fixture
+def require_recorder(monkeypatch):
+    """Return the function of the launch file, which is loaded without `launch`."""
+    for name in ("launch", "launch_ros"):
+        for module in (name, *(f"{name}.{part}" for part in PARTS_OF_LAUNCH)):
+            monkeypatch.setitem(sys.modules, module, MagicMock())
+    spec = spec_from_file_location("its_launch_file", FILE.path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.require_recorder
+
+
+def test_a_recording_is_refused_where_something_is_already(require_recorder, tmp_path):
+    with pytest.raises(
+        FileExistsError, match=f"record:={tmp_path}: it is there already, .* nothing has been started"
+    ):
+        require_recorder(tmp_path)
+
+
+def test_a_recording_is_refused_where_its_folder_cannot_be_made(require_recorder, tmp_path):
+    with pytest.raises(FileNotFoundError, match="there is no folder .*missing; nothing has been started"):
+        require_recorder(tmp_path / "missing" / "bag")
+
+
+@pytest.mark.parametrize("package", ["ros2bag", "rosbag2_storage_mcap"])
+def test_a_recording_is_refused_without_the_recorder(package, require_recorder, tmp_path, monkeypatch):
+    from ament_index_python.packages import PackageNotFoundError
+
+    def there(name):
+        if name == package:
+            raise PackageNotFoundError(name)
+
+    monkeypatch.setitem(require_recorder.__globals__, "get_package_share_directory", there)
+    with pytest.raises(PackageNotFoundError, match=package):
+        require_recorder(tmp_path / "bag")
+
+
+def test_a_recording_in_a_new_folder_is_not_refused(require_recorder, tmp_path, monkeypatch):
+    monkeypatch.setitem(require_recorder.__globals__, "get_package_share_directory", lambda _: None)
+    require_recorder(tmp_path / "bag")
+
+
+def test_it_is_looked_for_before_anything_is_started():
+    (require,) = [each for each in FILE.tree.body if getattr(each, "name", "") == "require"]
+    assert "require_recorder" in ast.unparse(require)

@@ -38,6 +38,7 @@ def test_every_topic_is_one_that_somebody_publishes_or_listens_to():
         ("Map", "map"),
         ("LaserScan", "scan"),
         ("Path", "plan"),
+        ("MarkerArray", "search_and_rescue/markers"),
         ("PoseWithCovariance", "amcl_pose"),
         ("Polygon", "local_costmap/published_footprint"),
     ],
@@ -58,7 +59,7 @@ def test_the_global_costmap_is_there_but_off():
     assert DISPLAYS["Global costmap"]["Enabled"] is DISPLAYS["Global costmap"]["Value"] is False
 
 
-@pytest.mark.parametrize("name", ["Map", "Global costmap", "Robot pose"])
+@pytest.mark.parametrize("name", ["Map", "Global costmap", "Robot pose", "Zones and survivors"])
 def test_what_is_published_once_is_seen_by_an_rviz_that_comes_later(name):
     assert DISPLAYS[name]["Topic"]["Durability Policy"] == "Transient Local"
 

@@ -23,8 +23,8 @@ OURS = {"sar_compiler", *(path.stem for path in Path("examples").rglob("*.py"))}
 NEVER_RUN = {"typing_extensions"}
 # Python 3.10 lacks tomllib, and tomli stands in for it; the Pythons of a robot's apt have it.
 NEVER_RUN |= {"tomli", "tomllib"}
-# An extra, which says what to install where it is missing.
-NEVER_RUN |= {"distributed"}
+# Extras, which say what to install where they are missing.
+NEVER_RUN |= {"distributed", "msgpack", "zmq"}
 
 
 def manifest():

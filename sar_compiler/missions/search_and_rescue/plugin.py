@@ -9,12 +9,14 @@ from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase
 from sar_compiler.missions.search_and_rescue.conditions import ZonesRemaining
 from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports
+from sar_compiler.missions.search_and_rescue.landmarks import mission_landmarks
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.recalling import recall
 from sar_compiler.missions.search_and_rescue.record import DUPLICATE_RADIUS_M, MissionRecord
 from sar_compiler.missions.search_and_rescue.summary import mission_summary
 from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.resources import shipped
+from sar_compiler.ros.landmark import Landmark
 from sar_compiler.ros.parameter_reader import ParameterReader
 
 if TYPE_CHECKING:
@@ -122,6 +124,10 @@ class Search(MissionRun):
         base = self._zones.base_pose()
         zones = [(zone["id"], zone["x"], zone["y"]) for zone in self._zones.remaining_zones()]
         return [*zones, ("base station", base["x"], base["y"])]
+
+    def landmarks(self) -> list[Landmark]:
+        """Return the zones, the survivors and the base station, with their states."""
+        return mission_landmarks(self._record, self._zones)
 
     def allows(self, x: float, y: float) -> bool:
         """Return whether a position is inside the geofence."""

@@ -1,0 +1,213 @@
+"""A mission as a citizen of ROS: its tree's log and state, diagnostics, markers."""
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import Point
+from nav2_msgs.msg import BehaviorTreeLog, BehaviorTreeStatusChange
+from py_trees.common import Status
+from py_trees.trees import BehaviourTree
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import ColorRGBA, String
+from visualization_msgs.msg import Marker, MarkerArray
+
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.monitoring.numbered_tree import NumberedTree
+from sar_compiler.monitoring.status_changes import StatusChange, StatusChanges
+from sar_compiler.monitoring.tree_xml import tree_xml
+from sar_compiler.ros.engine import Engine
+from sar_compiler.ros.landmark import Landmark
+from sar_compiler.runtime.kernel.cells import RUNNING, WORDS
+
+# Seconds of the steady clock between two messages that nothing new has happened for.
+_PERIOD_SEC = 1.0
+_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_WATCHED_OFTEN = ("status", "pose", "log")
+# Of Okabe and Ito, whose colours differ for everybody: grey, orange, blue, vermilion; the plan is sky blue.
+_COLOURS = ((0.6, 0.6, 0.6), (0.9, 0.62, 0.0), (0.0, 0.45, 0.7), (0.84, 0.37, 0.0))
+_PLAN_COLOUR = (0.34, 0.71, 0.91)
+# A kind without a form of its own is a sphere; diameters in metres.
+_FORMS = {"zone": (Marker.CYLINDER, 1.0), "survivor": (Marker.SPHERE, 0.5), "base": (Marker.CUBE, 0.5)}
+
+
+class MissionPublisher:
+    """Publishes what becomes of a mission, in the thread that ticks it.
+
+    - `behavior_tree_log` (`nav2_msgs/msg/BehaviorTreeLog`): the changes of each tick, with the numbers that Groot2 has
+    - `~/tree` (`std_msgs/msg/String`, latched): the tree in XML, with these numbers
+    - `~/tree_state` (`nav2_msgs/msg/BehaviorTreeLog`, latched): every node's status, at most once a second
+    - `/diagnostics` (`diagnostic_msgs/msg/DiagnosticArray`): once a second, while the tree is ticked
+    - `~/markers` (`visualization_msgs/msg/MarkerArray`, latched): landmarks and the plan, in the frame `map`
+
+    Args:
+        node: The mission's node.
+        tree: The tree.
+        landmarks: Returns what is shown on the map.
+        figures: Returns the mission's figures, by name.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        tree: NumberedTree,
+        landmarks: Callable[[], Sequence[Landmark]] = tuple,
+        figures: Callable[[], Mapping[str, float]] = dict,
+    ) -> None:
+        self._node, self._tree = node, tree
+        self._landmarks, self._figures = landmarks, figures
+        self._changes = StatusChanges(tree, self._note)
+        self._events: list[BehaviorTreeStatusChange] = []
+        self._is_state_known = self._are_markers_known = False
+        self._plan: Mapping[str, Any] = {}
+        self._due = 0.0
+        self._log = node.create_publisher(BehaviorTreeLog, "behavior_tree_log", 10)
+        self._state = node.create_publisher(BehaviorTreeLog, "~/tree_state", _LATCHED)
+        self._markers = node.create_publisher(MarkerArray, "~/markers", _LATCHED)
+        self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._xml = node.create_publisher(String, "~/tree", _LATCHED)
+        self._xml.publish(String(data=tree_xml(tree)))
+
+    def watch(self, engine: Engine) -> None:
+        """Watch what ticks the tree."""
+        engine.add_visitor(self._changes)
+        engine.add_post_tick_handler(self._after_tick)
+
+    def take(self, entry: JournalEntry) -> None:
+        """Take an entry of the run's journal."""
+        if entry.kind == "plan":
+            self._plan = entry.data
+        if entry.kind not in _WATCHED_OFTEN:
+            self._are_markers_known = False
+
+    def end(self) -> None:
+        """Publish how it has ended; nothing is ticked any more."""
+        self._changes.finalise()
+        self._publish_log()
+        self._publish_state()
+        self._publish_markers()
+
+    def _note(self, change: StatusChange) -> None:
+        self._is_state_known = False
+        self._events.append(
+            BehaviorTreeStatusChange(
+                timestamp=_wall_time(),
+                node_name=self._tree.nodes[change.uid - 1].name,
+                uid=change.uid,
+                previous_status=_word(change.before),
+                current_status=_word(change.status),
+            )
+        )
+
+    def _after_tick(self, tree: BehaviourTree) -> None:
+        self._publish_log()
+        if not self._are_markers_known:
+            self._publish_markers()
+        now = time.monotonic()
+        if now >= self._due:
+            self._due = now + _PERIOD_SEC
+            self._diagnose(tree)
+            if not self._is_state_known:
+                self._publish_state()
+
+    def _publish_log(self) -> None:
+        if self._events:
+            self._log.publish(BehaviorTreeLog(timestamp=self._now(), event_log=self._events))
+            self._events = []
+
+    def _publish_state(self) -> None:
+        self._is_state_known = True
+        now, statuses = _wall_time(), self._changes.statuses
+        nodes = [
+            BehaviorTreeStatusChange(
+                timestamp=now,
+                node_name=node.name,
+                uid=node.uid,
+                previous_status=_word(statuses[node.uid]),
+                current_status=_word(statuses[node.uid]),
+            )
+            for node in self._tree.nodes
+        ]
+        self._state.publish(BehaviorTreeLog(timestamp=self._now(), event_log=nodes))
+
+    def _diagnose(self, tree: BehaviourTree) -> None:
+        running = [node for node in self._tree.nodes if self._changes.statuses[node.uid] == RUNNING]
+        inner = {node.around for node in running}
+        leaves = [node.behaviour for node in running if node.uid not in inner]
+        doing = "; ".join(f"{each.name}: {each.feedback_message}".rstrip(": ") for each in leaves)
+        failed = tree.root.status is Status.FAILURE
+        values = {
+            "tree": self._tree.name,
+            "root": tree.root.status.value,
+            "ticks": tree.count + 1,
+            **self._figures(),
+        }
+        status = DiagnosticStatus(
+            level=DiagnosticStatus.ERROR if failed else DiagnosticStatus.OK,
+            name=f"{self._node.get_name()}: mission",
+            message=doing or str(tree.root.status.value),
+            hardware_id=self._node.get_fully_qualified_name(),
+            values=[KeyValue(key=name, value=str(value)) for name, value in values.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self._now()
+        self._diagnostics.publish(message)
+
+    def _publish_markers(self) -> None:
+        self._are_markers_known = True
+        made = [Marker(action=Marker.DELETEALL)]
+        for number, landmark in enumerate(self._landmarks()):
+            made += _shape(number, landmark)
+        if self._plan:
+            made.append(_line(self._plan))
+        for marker in made:
+            marker.header.stamp = self._now()
+            marker.header.frame_id = marker.header.frame_id or "map"
+        self._markers.publish(MarkerArray(markers=made))
+
+    def _now(self) -> Time:
+        return self._node.get_clock().now().to_msg()
+
+
+def _word(status: int) -> str:
+    return WORDS[status] or "IDLE"
+
+
+def _wall_time() -> Time:
+    seconds, nanoseconds = divmod(time.time_ns(), 10**9)
+    return Time(sec=seconds, nanosec=nanoseconds)
+
+
+def _colour(rgb: tuple[float, float, float]) -> ColorRGBA:
+    return ColorRGBA(r=rgb[0], g=rgb[1], b=rgb[2], a=0.8)
+
+
+def _shape(number: int, landmark: Landmark) -> list[Marker]:
+    """Return a form at a landmark's place, and its name and state above it."""
+    kind, size = _FORMS.get(landmark.kind, (Marker.SPHERE, 0.5))
+    form = Marker(
+        ns=landmark.kind, id=number, type=kind, color=_colour(_COLOURS[landmark.level % len(_COLOURS)])
+    )
+    form.scale.x = form.scale.y = size
+    # Flat, so that a robot on it can be seen.
+    form.scale.z = 0.05 if kind == Marker.CYLINDER else size
+    words = f"{landmark.name}\n{landmark.state}".rstrip()
+    text = Marker(ns=f"{landmark.kind}_names", id=number, type=Marker.TEXT_VIEW_FACING, text=words)
+    text.color, text.scale.z = _colour((1.0, 1.0, 1.0)), 0.3
+    for marker, height in ((form, form.scale.z / 2.0), (text, size + 0.4)):
+        marker.pose.position = Point(x=float(landmark.x), y=float(landmark.y), z=height)
+        marker.pose.orientation.w = 1.0
+    return [form, text]
+
+
+def _line(plan: Mapping[str, Any]) -> Marker:
+    marker = Marker(ns="plan", type=Marker.LINE_STRIP, color=_colour(_PLAN_COLOUR))
+    marker.header.frame_id = str(plan.get("frame", ""))
+    marker.scale.x, marker.pose.orientation.w = 0.05, 1.0
+    points = [point for point in plan.get("points", ()) if all(map(math.isfinite, point))]
+    marker.points = [Point(x=float(x), y=float(y), z=0.05) for x, y in points]
+    return marker

@@ -1,0 +1,185 @@
+"""What other ROS nodes see of a mission."""
+
+import itertools
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import pytest
+
+import sar_compiler
+from sar_compiler import Landmark, ManualClock, TreeRunner
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.monitoring.numbered_tree import NumberedTree
+from tests.monitoring.test_groot2 import Queue, main
+from tests.trees import write
+
+pytestmark = pytest.mark.ros
+
+ZONE = Landmark("zone", "zone_a", 1.0, 2.0, "visited", 2)
+
+
+class Witness:
+    """Another node, which may come late."""
+
+    def __init__(self, ros):
+        self._ros = ros
+        self._node = ros.node("witness")
+        self.seen: dict[str, list[Any]] = {}
+
+    def listen(self, kind, topic, *, latched=False):
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+        seen = self.seen[topic] = []
+        self._node.create_subscription(kind, topic, seen.append, QoSProfile(depth=100, durability=durability))
+        return seen
+
+    def latched(self, kind, topic):
+        """Come late; return what is there."""
+        seen = self.listen(kind, topic, latched=True)
+        self._ros.spin_until(lambda: seen, topic)
+        return seen[-1]
+
+
+@pytest.fixture
+def witness(ros):
+    return Witness(ros)
+
+
+@pytest.fixture
+def publish(ros, tmp_path):
+    """Publish what becomes of a tree; return what ticks it and the publisher."""
+    from sar_compiler.ros.mission_publisher import MissionPublisher
+
+    runners = []
+
+    def begin(body, **options):
+        path = tmp_path / "tree.xml"
+        write(path, *main(body), main="Main")
+        tree = sar_compiler.load(path, nodes=[Queue]).compile(context={sar_compiler.Clock: ManualClock()})
+        node, runner = ros.node("mission", namespace="/robot1"), TreeRunner(tree)
+        publisher = MissionPublisher(node, NumberedTree(tree), **options)
+        publisher.watch(runner)
+        runner.setup(node=node)
+        runners.append(runner)
+        return runner, publisher
+
+    yield begin
+    for runner in runners:
+        runner.shutdown()
+
+
+def changes(message):
+    return [
+        (each.uid, each.node_name, each.previous_status, each.current_status) for each in message.event_log
+    ]
+
+
+def entry(kind, **data):
+    return JournalEntry(1, 1, 0.0, 0.0, kind, data)
+
+
+def test_the_log_has_the_changes_of_each_tick_as_nav2_writes_them(publish, witness, ros):
+    from nav2_msgs.msg import BehaviorTreeLog
+
+    log = witness.listen(BehaviorTreeLog, "/robot1/behavior_tree_log")
+    runner, publisher = publish(
+        '<Sequence name="both"><Queue name="one" answers="S"/><Queue name="two" answers="R"/></Sequence>'
+    )
+    ros.spin_until(publisher._log.get_subscription_count, "the witness")
+    runner.tick()
+    ros.spin_until(lambda: log, "the log")
+    assert changes(log[0]) == [
+        (2, "one", "IDLE", "SUCCESS"),
+        (3, "two", "IDLE", "RUNNING"),
+        (1, "both", "IDLE", "RUNNING"),
+    ]
+    assert log[0].timestamp.sec > 0
+    runner.tick()
+    runner.shutdown()
+    publisher.end()
+    ros.spin_until(lambda: len(log) == 2, "the end")
+    assert changes(log[1]) == [
+        (1, "both", "RUNNING", "IDLE"),
+        (2, "one", "SUCCESS", "IDLE"),
+        (3, "two", "RUNNING", "IDLE"),
+    ]
+
+
+def test_who_comes_late_sees_the_tree_and_its_state(publish, witness):
+    from nav2_msgs.msg import BehaviorTreeLog
+    from std_msgs.msg import String
+
+    runner, _ = publish(
+        '<Sequence name="both"><Queue name="one" answers="S"/><Queue name="two" answers="R"/></Sequence>'
+    )
+    runner.tick()
+    root = ET.fromstring(witness.latched(String, "/robot1/mission/tree").data)  # noqa: S314 - it is ours
+    assert {each.get("name"): each.get("_uid") for each in root.iter() if each.get("_uid")} == {
+        "both": "1",
+        "one": "2",
+        "two": "3",
+    }
+    state = witness.latched(BehaviorTreeLog, "/robot1/mission/tree_state")
+    assert [(each.uid, each.current_status) for each in state.event_log] == [
+        (1, "RUNNING"),
+        (2, "SUCCESS"),
+        (3, "RUNNING"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("answers", "level", "words"), [("R", b"\x00", "one: under way"), ("F", b"\x02", "FAILURE")]
+)
+def test_diagnostics_say_what_is_done_and_whether_the_tree_has_failed(
+    answers, level, words, publish, witness, ros
+):
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    seen = witness.listen(DiagnosticArray, "/diagnostics")
+    runner, publisher = publish(
+        f'<Queue name="one" answers="{answers}"/>', figures=lambda: {"zones visited": 2}
+    )
+    ros.spin_until(publisher._diagnostics.get_subscription_count, "the witness")
+    runner.root.feedback_message = "under way"
+    runner.tick()
+    ros.spin_until(lambda: seen, "diagnostics")
+    (status,) = seen[0].status
+    assert (status.name, status.hardware_id) == ("mission: mission", "/robot1/mission")
+    assert (status.level, status.message) == (level, words)
+    values = {each.key: each.value for each in status.values}
+    assert values == {
+        "tree": "Main",
+        "root": status.message if answers == "F" else "RUNNING",
+        "ticks": "1",
+        "zones visited": "2",
+    }
+
+
+def test_markers_show_landmarks_and_the_plan(publish, witness):
+    from visualization_msgs.msg import Marker, MarkerArray
+
+    runner, publisher = publish('<Queue answers="R"/>', landmarks=lambda: [ZONE])
+    publisher.take(entry("plan", frame="map", points=[[0.0, 0.0], [1.0, 2.0], [float("nan"), 0.0]]))
+    runner.tick()
+    clear, form, text, plan = witness.latched(MarkerArray, "/robot1/mission/markers").markers
+    assert clear.action == Marker.DELETEALL
+    assert (form.ns, form.type, form.pose.position.x, form.pose.position.y) == (
+        "zone",
+        Marker.CYLINDER,
+        1.0,
+        2.0,
+    )
+    assert (text.ns, text.text) == ("zone_names", "zone_a\nvisited")
+    assert [(point.x, point.y) for point in plan.points] == [(0.0, 0.0), (1.0, 2.0)]
+    assert {marker.header.frame_id for marker in (form, text, plan)} == {"map"}
+
+
+def test_markers_are_published_again_when_something_has_come_true(publish):
+    asked = itertools.count()
+    runner, publisher = publish('<Queue answers="R"/>', landmarks=lambda: [ZONE, next(asked)][:1])
+    for kind, times in (("pose", 1), ("status", 1), ("zone_visited", 2), ("log", 2)):
+        publisher.take(entry(kind))
+        runner.tick()
+        runner.tick()
+        assert repr(asked) == f"count({times})", kind
