@@ -23,10 +23,14 @@ PIPE_CLOSED = 141
 _UNWRITABLE = (errno.EBADF, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENOSPC)
 """What is wrong with standard output where writing it fails, besides a closed pipe."""
 
-# The top-level modules of the simulator's libraries, of Dask, of Groot2's protocol, and of ROS.
+# The top-level modules of the simulator's libraries, and of ROS.
 _SIMULATOR = ("numpy", "scipy", "PIL")
-_CLUSTER = ("dask", "distributed")
-_GROOT2 = ("zmq", "msgpack")
+# Of libraries that only one option needs: what they are, and the extra that brings them.
+_OF_OPTIONS = {
+    **dict.fromkeys(("dask", "distributed"), ("dask.distributed is not here", "sweep", "it")),
+    **dict.fromkeys(("zmq", "msgpack"), ("--groot2 needs pyzmq and msgpack", "groot2", "them")),
+    **dict.fromkeys(("mcap", "lz4", "zstandard"), ("--record needs mcap", "record", "it")),
+}
 _ROS = ("rclpy", "rpyutils", "ament_index_python")
 _ROS_ENDINGS = ("_msgs", "_srvs", "_interfaces")
 # What no index has: wheels of them are made in a checkout.
@@ -133,10 +137,9 @@ def _not_installed(error: ImportError) -> str | None:
             f"the simulator is not complete ({error}): it needs numpy, scipy and Pillow; "
             "pip install 'sar_compiler[sim]' brings them, rosdep on a robot"
         )
-    if module in _CLUSTER:
-        return f"dask.distributed is not here ({error}); pip install 'sar_compiler[sweep]' brings it"
-    if module in _GROOT2:
-        return f"--groot2 needs pyzmq and msgpack ({error}); pip install 'sar_compiler[groot2]' brings them"
+    if module in _OF_OPTIONS:
+        what, extra, them = _OF_OPTIONS[module]
+        return f"{what} ({error}); pip install 'sar_compiler[{extra}]' brings {them}"
     if module in _INTERFACES and "rclpy" in sys.modules:
         return (
             f"ROS 2 is here, but not the interface package '{module}' ({error}). On a robot, source the workspace, and "

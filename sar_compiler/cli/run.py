@@ -43,6 +43,7 @@ class Options:
         groot2: The port on which Groot2 is answered; None for none.
         groot2_hooks: Whether Groot2 may hold the tree, and replace outcomes.
         publish: Whether to publish what becomes of the mission.
+        record: The file in which to record the mission; None for none.
         summary: How to sum up: `text` or `json`.
         check: Whether to stop before the robot moves.
         guardian: Whether a process of its own cancels the goals of a run that dies; None for what is usual.
@@ -72,6 +73,7 @@ class Options:
     groot2: int | None
     groot2_hooks: bool
     publish: bool
+    record: Path | None
     summary: str
     check: bool
     guardian: bool | None
@@ -128,6 +130,8 @@ def _options(argv: Sequence[str]) -> Options:
             parser.error(f"{option} is for the simulator: add --sim")
     if given.check and (given.resume or given.new):
         parser.error("--check begins nothing: --resume and --new are for the run itself")
+    if given.record is not None and given.record.suffix != ".mcap":
+        parser.error(f"--record writes MCAP, which readers know by its ending: {given.record.stem}.mcap")
     if given.groot2_hooks and given.groot2 is None:
         parser.error("--groot2-hooks is about what Groot2 may do: add --groot2 PORT")
     if given.groot2_hooks and given.engine != ENGINES[0]:
@@ -233,6 +237,12 @@ def _parser() -> Parser:
         "--publish",
         action="store_true",
         help="publish behavior_tree_log, /diagnostics, and latched the tree, its state, and markers for RViz",
+    )
+    parser.add_argument(
+        "--record",
+        type=Path,
+        metavar="FILE.mcap",
+        help="record the mission in a new file: its topics, the tree's log, the mission's log",
     )
     parser.add_argument(
         "--summary", choices=("text", "json"), default="text", help="sum up for people, or for scripts"

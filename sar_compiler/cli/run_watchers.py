@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
+from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.compiler import CompiledTree
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from sar_compiler.monitoring.groot2_publisher import Groot2Publisher
     from sar_compiler.ros.engine import Engine
     from sar_compiler.ros.mission_publisher import MissionPublisher
+    from sar_compiler.ros.mission_recording import MissionRecording
 
 
 class RunWatchers:
@@ -25,18 +28,38 @@ class RunWatchers:
     Args:
         options: The options of the command line.
         node: The run's node.
+        journal: The run's journal.
         stack: Ends what they have begun.
+
+    Raises:
+        SarError: If there can be no recording.
     """
 
-    def __init__(self, options: "Options", node: "Node", stack: ExitStack) -> None:
+    def __init__(self, options: "Options", node: "Node", journal: "RunJournal", stack: ExitStack) -> None:
         self._options, self._node, self._stack = options, node, stack
-        self._publisher: MissionPublisher | None = None
         self._groot2: Groot2Publisher | None = None
+        self._recording: MissionRecording | None = None
+        # Those who are told of the journal.
+        self._told: list[MissionPublisher | MissionRecording] = []
+        if options.record is not None:
+            self._recording = self._opened(options.record)
+            self._told.append(self._recording)
+        if options.record is not None or options.publish:
+            journal.listen(self._take)
 
-    def take(self, entry: "JournalEntry") -> None:
-        """Take an entry of the run's journal."""
-        if self._publisher is not None:
-            self._publisher.take(entry)
+    def _opened(self, path: Path) -> "MissionRecording":
+        from sar_compiler.ros.mcap_recorder import RecordingError
+        from sar_compiler.ros.mission_recording import MissionRecording
+
+        try:
+            return self._stack.enter_context(closing(MissionRecording(self._node, path)))
+        except RecordingError as error:
+            message = f"--record: {error}"
+            raise SarError(message) from error
+
+    def _take(self, entry: "JournalEntry") -> None:
+        for each in self._told:
+            each.take(entry)
 
     def show(self, tree: CompiledTree, mission: MissionRun) -> None:
         """Take the tree that is to be run, and its mission.
@@ -44,14 +67,17 @@ class RunWatchers:
         Raises:
             SarError: If somebody cannot be shown it.
         """
-        if self._options.publish and not self._options.check:
+        if self._options.groot2 is not None:
+            self._groot2 = self._stack.enter_context(closing(self._published(tree, self._options.groot2)))
+        if self._options.publish or self._told:
             from sar_compiler.monitoring.numbered_tree import NumberedTree
             from sar_compiler.ros.mission_publisher import MissionPublisher
 
             numbered = NumberedTree(tree)
-            self._publisher = MissionPublisher(self._node, numbered, mission.landmarks, mission.figures)
-        if self._options.groot2 is not None:
-            self._groot2 = self._stack.enter_context(closing(self._published(tree, self._options.groot2)))
+            if self._recording is not None:
+                self._recording.show(numbered)
+            if self._options.publish:
+                self._told.append(MissionPublisher(self._node, numbered, mission.landmarks, mission.figures))
 
     def _published(self, tree: CompiledTree, port: int) -> "Groot2Publisher":
         from sar_compiler.monitoring.groot2_publisher import Groot2PortError, Groot2Publisher
@@ -67,20 +93,23 @@ class RunWatchers:
         """Watch what ticks the tree."""
         if self._groot2 is not None:
             self._groot2.watch(engine)
-        if self._publisher is not None:
-            self._publisher.watch(engine)
+        for each in self._told:
+            each.watch(engine)
 
     def end(self) -> None:
         """Say how it has ended, after the end of the journal."""
-        if self._publisher is not None:
-            self._publisher.end()
+        for each in self._told:
+            each.end()
 
 
 @contextmanager
 def open_watchers(options: "Options", node: "Node", journal: "RunJournal") -> Iterator[RunWatchers]:
-    """Let those watch a run who are asked for on the command line."""
+    """Let those watch a run who are asked for on the command line; nobody watches a check.
+
+    Raises:
+        SarError: If there can be no recording.
+    """
     with ExitStack() as stack:
-        watchers = RunWatchers(options, node, stack)
-        if options.publish and not options.check:
-            journal.listen(watchers.take)
-        yield watchers
+        if options.check:
+            options = replace(options, groot2=None, publish=False, record=None)
+        yield RunWatchers(options, node, journal, stack)

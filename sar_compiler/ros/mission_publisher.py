@@ -8,7 +8,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point
-from nav2_msgs.msg import BehaviorTreeLog, BehaviorTreeStatusChange
+from nav2_msgs.msg import BehaviorTreeLog
 from py_trees.common import Status
 from py_trees.trees import BehaviourTree
 from rclpy.node import Node
@@ -18,11 +18,11 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.monitoring.numbered_tree import NumberedTree
-from sar_compiler.monitoring.status_changes import StatusChange, StatusChanges
 from sar_compiler.monitoring.tree_xml import tree_xml
 from sar_compiler.ros.engine import Engine
 from sar_compiler.ros.landmark import Landmark
-from sar_compiler.runtime.kernel.cells import RUNNING, WORDS
+from sar_compiler.ros.tree_log import TOPIC, TreeLog
+from sar_compiler.runtime.kernel.cells import RUNNING
 
 # Seconds of the steady clock between two messages that nothing new has happened for.
 _PERIOD_SEC = 1.0
@@ -60,12 +60,11 @@ class MissionPublisher:
     ) -> None:
         self._node, self._tree = node, tree
         self._landmarks, self._figures = landmarks, figures
-        self._changes = StatusChanges(tree, self._note)
-        self._events: list[BehaviorTreeStatusChange] = []
         self._is_state_known = self._are_markers_known = False
         self._plan: Mapping[str, Any] = {}
         self._due = 0.0
-        self._log = node.create_publisher(BehaviorTreeLog, "behavior_tree_log", 10)
+        self._changes = node.create_publisher(BehaviorTreeLog, TOPIC, 10)
+        self._log = TreeLog(node, tree, self._publish_changes)
         self._state = node.create_publisher(BehaviorTreeLog, "~/tree_state", _LATCHED)
         self._markers = node.create_publisher(MarkerArray, "~/markers", _LATCHED)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -74,7 +73,7 @@ class MissionPublisher:
 
     def watch(self, engine: Engine) -> None:
         """Watch what ticks the tree."""
-        engine.add_visitor(self._changes)
+        self._log.watch(engine)
         engine.add_post_tick_handler(self._after_tick)
 
     def take(self, entry: JournalEntry) -> None:
@@ -86,25 +85,15 @@ class MissionPublisher:
 
     def end(self) -> None:
         """Publish how it has ended; nothing is ticked any more."""
-        self._changes.finalise()
-        self._publish_log()
+        self._log.end()
         self._publish_state()
         self._publish_markers()
 
-    def _note(self, change: StatusChange) -> None:
+    def _publish_changes(self, message: BehaviorTreeLog) -> None:
         self._is_state_known = False
-        self._events.append(
-            BehaviorTreeStatusChange(
-                timestamp=_wall_time(),
-                node_name=self._tree.nodes[change.uid - 1].name,
-                uid=change.uid,
-                previous_status=_word(change.before),
-                current_status=_word(change.status),
-            )
-        )
+        self._changes.publish(message)
 
     def _after_tick(self, tree: BehaviourTree) -> None:
-        self._publish_log()
         if not self._are_markers_known:
             self._publish_markers()
         now = time.monotonic()
@@ -114,28 +103,12 @@ class MissionPublisher:
             if not self._is_state_known:
                 self._publish_state()
 
-    def _publish_log(self) -> None:
-        if self._events:
-            self._log.publish(BehaviorTreeLog(timestamp=self._now(), event_log=self._events))
-            self._events = []
-
     def _publish_state(self) -> None:
         self._is_state_known = True
-        now, statuses = _wall_time(), self._changes.statuses
-        nodes = [
-            BehaviorTreeStatusChange(
-                timestamp=now,
-                node_name=node.name,
-                uid=node.uid,
-                previous_status=_word(statuses[node.uid]),
-                current_status=_word(statuses[node.uid]),
-            )
-            for node in self._tree.nodes
-        ]
-        self._state.publish(BehaviorTreeLog(timestamp=self._now(), event_log=nodes))
+        self._state.publish(self._log.state())
 
     def _diagnose(self, tree: BehaviourTree) -> None:
-        running = [node for node in self._tree.nodes if self._changes.statuses[node.uid] == RUNNING]
+        running = [node for node in self._tree.nodes if self._log.statuses[node.uid] == RUNNING]
         inner = {node.around for node in running}
         leaves = [node.behaviour for node in running if node.uid not in inner]
         doing = "; ".join(f"{each.name}: {each.feedback_message}".rstrip(": ") for each in leaves)
@@ -171,15 +144,6 @@ class MissionPublisher:
 
     def _now(self) -> Time:
         return self._node.get_clock().now().to_msg()
-
-
-def _word(status: int) -> str:
-    return WORDS[status] or "IDLE"
-
-
-def _wall_time() -> Time:
-    seconds, nanoseconds = divmod(time.time_ns(), 10**9)
-    return Time(sec=seconds, nanosec=nanoseconds)
 
 
 def _colour(rgb: tuple[float, float, float]) -> ColorRGBA:

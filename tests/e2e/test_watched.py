@@ -1,6 +1,7 @@
 """`sar-run` as others watch it."""
 
 import json
+import signal
 from contextlib import closing
 
 import pytest
@@ -69,3 +70,44 @@ def test_hooks_without_groot2_are_a_mistake(tree):
     status, said = run_without("zmq", "cli.run:main", str(tree), "--groot2-hooks")
     assert status == 2
     assert "--groot2-hooks is about what Groot2 may do: add --groot2 PORT" in said
+
+
+def test_a_run_is_recorded_from_its_beginning_to_its_end(start, tree, tmp_path):
+    from tests.ros.test_mission_recording import read
+
+    file = tmp_path / "run.mcap"
+    start("sar-run", tree, "--view", "text", "--record", file).wait_for("--> Sleep [*]").stop()
+    found = read(file)
+    assert [message.msg.partition(" ")[0] for message in found["/mission_log"]] == ["run_began", "run_ended"]
+    assert [event.current_status for event in found["/behavior_tree_log"][-1].event_log] == ["IDLE", "IDLE"]
+    again = start("sar-run", tree, "--record", file)
+    assert again.end() == 2
+    assert f"sar-run: --record: {file} is there already, and is not written over" in again.output
+
+
+def test_a_recording_has_its_ending(tree):
+    status, said = run_without("nothing", "cli.run:main", str(tree), "--record", "run.bag")
+    assert status == 2
+    assert "--record writes MCAP, which readers know by its ending: run.mcap" in said
+
+
+def test_without_its_extra_the_recording_names_it(tree, tmp_path):
+    status, said = run_without("mcap", "cli.run:main", str(tree), "--record", str(tmp_path / "run.mcap"))
+    assert (status, "Traceback" in said) == (2, False), said
+    assert "sar-run: --record needs mcap" in said
+    assert "pip install 'sar_compiler[record]'" in said
+
+
+def test_a_mission_is_published_until_its_end(start, tree, ros):
+    from nav2_msgs.msg import BehaviorTreeLog
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+
+    seen: list[BehaviorTreeLog] = []
+    latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    node = ros.node("witness")
+    node.create_subscription(BehaviorTreeLog, "/mission/tree_state", seen.append, latched)
+    run = start("sar-run", tree, "--view", "text", "--publish", "--ros-args", "-r", "__node:=mission")
+    ros.spin_until(lambda: seen and seen[-1].event_log[0].current_status == "RUNNING", "the state")
+    run.send(signal.SIGINT)
+    ros.spin_until(lambda: seen[-1].event_log[0].current_status == "IDLE", "the last state")
+    run.end()

@@ -179,9 +179,9 @@ def require_recorder(monkeypatch):
     spec = spec_from_file_location("its_launch_file", FILE.path)
     assert spec is not None
     assert spec.loader is not None
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.require_recorder
+    loaded = module_from_spec(spec)
+    spec.loader.exec_module(loaded)
+    return loaded.require_recorder
 
 
 def test_a_recording_is_refused_where_something_is_already(require_recorder, tmp_path):
@@ -192,7 +192,7 @@ def test_a_recording_is_refused_where_something_is_already(require_recorder, tmp
 
 
 def test_a_recording_is_refused_where_its_folder_cannot_be_made(require_recorder, tmp_path):
-    with pytest.raises(FileNotFoundError, match="there is no folder .*missing; nothing has been started"):
+    with pytest.raises(FileNotFoundError, match=r"there is no folder .*missing; nothing has been started"):
         require_recorder(tmp_path / "missing" / "bag")
 
 

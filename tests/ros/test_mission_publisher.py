@@ -86,7 +86,7 @@ def test_the_log_has_the_changes_of_each_tick_as_nav2_writes_them(publish, witne
     runner, publisher = publish(
         '<Sequence name="both"><Queue name="one" answers="S"/><Queue name="two" answers="R"/></Sequence>'
     )
-    ros.spin_until(publisher._log.get_subscription_count, "the witness")
+    ros.spin_until(publisher._changes.get_subscription_count, "the witness")
     runner.tick()
     ros.spin_until(lambda: log, "the log")
     assert changes(log[0]) == [

@@ -1,0 +1,176 @@
+"""Recording a mission in one MCAP file, with the messages of ROS 2."""
+
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from queue import SimpleQueue
+from threading import Thread
+from typing import IO, Any, NamedTuple
+
+from action_msgs.msg import GoalStatusArray
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseWithCovarianceStamped, Twist, TwistStamped
+from mcap.writer import Writer
+from nav2_msgs.action import NavigateToPose
+from nav_msgs.msg import OccupancyGrid, Odometry
+from nav_msgs.msg import Path as Plan
+from rcl_interfaces.msg import Log
+from rclpy.clock import Clock as SteadyClock
+from rclpy.clock import ClockType
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import serialize_message
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import LaserScan
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import MarkerArray
+
+from sar_compiler.errors import SarError
+from sar_compiler.ros.message_text import message_text, type_name
+
+# The names are what a node calls them; absolute ones move with its remappings only.
+RECORDED: dict[str, Any] = {
+    "/tf": TFMessage,
+    "/tf_static": TFMessage,
+    "odometry/filtered": Odometry,
+    "scan": LaserScan,
+    "map": OccupancyGrid,
+    "amcl_pose": PoseWithCovarianceStamped,
+    "plan": Plan,
+    "cmd_vel": (TwistStamped, Twist),
+    "navigate_to_pose/_action/feedback": NavigateToPose.Impl.FeedbackMessage,
+    "navigate_to_pose/_action/status": GoalStatusArray,
+    "/clock": Clock,
+    "/rosout": Log,
+    "/diagnostics": DiagnosticArray,
+    "~/markers": MarkerArray,
+}
+"""The topics of a mission, with their types; where there are several, what publishes decides."""
+
+_LATCHED = ("/tf_static", "map", "amcl_pose", "navigate_to_pose/_action/status", "~/markers")
+_UNRELIABLE = ("scan", "/clock", "odometry/filtered")
+_DEPTH = 100
+# How often it is looked which topics there are, in seconds of the steady clock.
+_LOOK_SEC = 0.5
+
+
+class RecordingError(SarError):
+    """A file that cannot be recorded into."""
+
+
+def _known(name: str, types: Iterable[str]) -> Any:
+    """Return the type of a topic that is to be recorded; None if it is not, or of another type than it should be."""
+    kinds = RECORDED.get(name, ())
+    return next(
+        (kind for kind in (kinds if isinstance(kinds, tuple) else (kinds,)) if type_name(kind) in types), None
+    )
+
+
+class _Recorded(NamedTuple):
+    topic: str
+    kind: Any
+    data: bytes
+    time_ns: int
+
+
+class McapRecorder:
+    """Writes messages into a file, in a thread of its own: a slow disk holds up nobody.
+
+    Messages have the time at which they came, by the machine's clock, as in rosbag2.
+
+    Args:
+        path: The file, which is made.
+        complain: Told in words, from another thread, if the file cannot be written any more; the mission goes on.
+
+    Raises:
+        RecordingError: If there is such a file, or it cannot be made.
+    """
+
+    def __init__(self, path: Path, complain: Callable[[str], object]) -> None:
+        try:
+            file = path.open("xb")
+        except FileExistsError as error:
+            message = f"{path} is there already, and is not written over: name another one"
+            raise RecordingError(message) from error
+        except OSError as error:
+            message = f"{path} cannot be made: {error.strerror}"
+            raise RecordingError(message) from error
+        self.begin(path, file, complain)
+
+    def begin(self, path: Path, file: IO[bytes], complain: Callable[[str], object]) -> None:
+        """Begin to write into a file that is open."""
+        self._path, self._file, self._complain = path, file, complain
+        self._waiting: SimpleQueue[_Recorded | None] = SimpleQueue()
+        self._is_broken = False
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._thread = Thread(target=self._work, name="recorder", daemon=True)
+        self._thread.start()
+
+    def listen(self, node: Node) -> None:
+        """Record the topics of a mission, as they are called by its node, from when they are there with a type known."""
+        left = {node.resolve_topic_name(name): name for name in RECORDED}
+
+        def look() -> None:
+            for topic, types in node.get_topic_names_and_types():
+                kind = _known(left.get(topic, ""), types)
+                if kind is not None:
+                    self._listen_to(node, topic, left.pop(topic), kind)
+            if not left:
+                timer.cancel()
+
+        timer = node.create_timer(_LOOK_SEC, look, clock=SteadyClock(clock_type=ClockType.STEADY_TIME))
+
+    def _listen_to(self, node: Node, topic: str, name: str, kind: Any) -> None:
+        latched = DurabilityPolicy.TRANSIENT_LOCAL if name in _LATCHED else DurabilityPolicy.VOLATILE
+        reliable = ReliabilityPolicy.BEST_EFFORT if name in _UNRELIABLE else ReliabilityPolicy.RELIABLE
+        qos = QoSProfile(depth=_DEPTH, durability=latched, reliability=reliable)
+
+        def take(data: bytes) -> None:
+            self._put(_Recorded(topic, kind, data, time.time_ns()))
+
+        node.create_subscription(kind, topic, take, qos, raw=True)
+
+    def write(self, topic: str, message: Any) -> None:
+        """Record a message.
+
+        Args:
+            topic: The full name of its topic.
+            message: The message.
+        """
+        self._put(_Recorded(topic, type(message), serialize_message(message), time.time_ns()))
+
+    def _put(self, recorded: _Recorded) -> None:
+        if not self._is_broken:
+            self._waiting.put(recorded)
+
+    def close(self) -> None:
+        """Write what is left to be written, and close the file; one in which nothing was recorded is removed."""
+        self._waiting.put(None)
+        self._thread.join()
+        if not self._channels:
+            self._path.unlink(missing_ok=True)
+
+    def _work(self) -> None:
+        try:
+            with self._file:
+                writer = Writer(self._file)
+                writer.start(profile="ros2", library="sar_compiler")
+                while (recorded := self._waiting.get()) is not None:
+                    self._add(writer, recorded)
+                writer.finish()  # type: ignore[no-untyped-call]
+        except Exception as error:  # noqa: BLE001 - whatever it is, the mission goes on
+            self._is_broken = True
+            reason = (error.strerror if isinstance(error, OSError) else None) or repr(error)
+            self._complain(
+                f"{self._path} cannot be written any more ({reason}): the mission goes on unrecorded."
+            )
+
+    def _add(self, writer: Writer, recorded: _Recorded) -> None:
+        topic, kind, data, time_ns = recorded
+        if topic not in self._channels:
+            name = type_name(kind)
+            if name not in self._schemas:
+                self._schemas[name] = writer.register_schema(name, "ros2msg", message_text(kind).encode())
+            self._channels[topic] = writer.register_channel(topic, "cdr", self._schemas[name])
+        writer.add_message(self._channels[topic], time_ns, data, time_ns)

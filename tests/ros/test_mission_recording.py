@@ -1,0 +1,160 @@
+"""A mission in an MCAP file, read back by somebody else's reader."""
+
+import re
+from typing import Any
+
+import pytest
+
+import sar_compiler
+from sar_compiler import ManualClock, TreeRunner
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.monitoring.numbered_tree import NumberedTree
+from tests.launch.test_search_and_rescue_launch import FILE
+from tests.monitoring.test_groot2 import Queue, main
+from tests.trees import write
+
+pytestmark = pytest.mark.ros
+
+
+def read(path):
+    """Return the messages of a recording, by topic, decoded by the definitions that it has in it."""
+    from rosbags.highlevel import AnyReader
+
+    found: dict[str, list[Any]] = {}
+    with AnyReader([path]) as reader:
+        for connection, _, data in reader.messages():
+            found.setdefault(connection.topic, []).append(reader.deserialize(data, connection.msgtype))
+    return found
+
+
+@pytest.fixture
+def record(ros, tmp_path):
+    """Record a tree that is ticked; return the recording, what ticks the tree, and its node."""
+    from sar_compiler.ros.mission_recording import MissionRecording
+
+    path = tmp_path / "tree.xml"
+    write(
+        path,
+        *main('<Sequence><Queue name="one" answers="S"/><Queue name="two" answers="S"/></Sequence>'),
+        main="Main",
+    )
+    tree = sar_compiler.load(path, nodes=[Queue]).compile(context={sar_compiler.Clock: ManualClock()})
+    node, runner = ros.node("mission", namespace="/robot1"), TreeRunner(tree)
+    recording = MissionRecording(node, tmp_path / "run.mcap")
+    recording.show(NumberedTree(tree))
+    recording.watch(runner)
+    runner.setup(node=node)
+    yield recording, runner, node
+    runner.shutdown()
+
+
+def test_the_trees_log_and_the_missions_are_read_back(record, tmp_path):
+    recording, runner, _ = record
+    runner.tick()
+    recording.take(JournalEntry(1, 1, 1e9 + 0.5, 0.0, "zone_visited", {"zone": "zone_a"}))
+    recording.take(JournalEntry(1, 1, 1e9, 0.0, "pose", {"x": 1.0}))
+    recording.end()
+    recording.close()
+    found = read(tmp_path / "run.mcap")
+    (tree,), (log,), (said,) = (
+        found[f"/robot1/{name}"] for name in ("mission/tree", "behavior_tree_log", "mission_log")
+    )
+    assert 'name="two" _uid="3"' in tree.data
+    assert [
+        (each.uid, each.node_name, each.previous_status, each.current_status) for each in log.event_log
+    ] == [
+        (2, "one", "IDLE", "SUCCESS"),
+        (3, "two", "IDLE", "SUCCESS"),
+        (1, "Sequence", "IDLE", "SUCCESS"),
+        (1, "Sequence", "SUCCESS", "IDLE"),
+        (2, "one", "SUCCESS", "IDLE"),
+        (3, "two", "SUCCESS", "IDLE"),
+    ]
+    assert (said.name, said.msg) == ("robot1.mission", 'zone_visited {"zone": "zone_a"}')
+    assert (said.stamp.sec, said.stamp.nanosec) == (10**9, 5 * 10**8)
+
+
+def test_topics_of_the_mission_are_recorded_as_they_come(record, ros, tmp_path):
+    from geometry_msgs.msg import Twist, TwistStamped
+    from nav2_msgs.action import NavigateToPose
+    from sensor_msgs.msg import LaserScan
+
+    recording, _, node = record
+    feedback = NavigateToPose.Impl.FeedbackMessage()
+    feedback.feedback.distance_remaining = 2.5
+    sent = {
+        "cmd_vel": Twist(),
+        "scan": LaserScan(ranges=[1.0, 2.0]),
+        "navigate_to_pose/_action/feedback": feedback,
+    }
+    sent["cmd_vel"].linear.x = 0.5
+    publishers = {name: node.create_publisher(type(message), name, 10) for name, message in sent.items()}
+    # Somebody else means something else by it.
+    odd = node.create_publisher(TwistStamped, "plan", 10)
+    ros.spin_until(lambda: all(each.get_subscription_count() for each in publishers.values()), "the recorder")
+    for name, message in sent.items():
+        publishers[name].publish(message)
+    assert odd.get_subscription_count() == 0
+    ros.spin_until(lambda: len(recording._recorder._channels) == 4, "the messages")
+    recording.close()
+    found = read(tmp_path / "run.mcap")
+    assert found["/robot1/cmd_vel"][0].linear.x == 0.5
+    assert list(found["/robot1/scan"][0].ranges) == [1.0, 2.0]
+    assert found["/robot1/navigate_to_pose/_action/feedback"][0].feedback.distance_remaining == 2.5
+
+
+def test_what_is_there_is_not_written_over(tmp_path):
+    from sar_compiler.ros.mcap_recorder import McapRecorder, RecordingError
+
+    path = tmp_path / "run.mcap"
+    path.write_text("somebody's")
+    with pytest.raises(RecordingError, match=re.escape(f"{path} is there already, and is not written over")):
+        McapRecorder(path, print)
+    assert path.read_text() == "somebody's"
+
+
+def test_a_recording_in_which_nothing_came_leaves_no_file(tmp_path):
+    from sar_compiler.ros.mcap_recorder import McapRecorder
+
+    McapRecorder(tmp_path / "run.mcap", print).close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_that_is_full_ends_the_recording_and_nothing_else(tmp_path):
+    from std_msgs.msg import String
+
+    from sar_compiler.ros.mcap_recorder import McapRecorder
+
+    said: list[str] = []
+    (tmp_path / "run.mcap").symlink_to("/dev/full")
+    recorder = McapRecorder.__new__(McapRecorder)
+    recorder.begin((tmp_path / "run.mcap"), (tmp_path / "run.mcap").open("wb"), said.append)
+    recorder.write("/text", String(data="x"))
+    recorder.close()
+    assert said == [
+        f"{tmp_path / 'run.mcap'} cannot be written any more (No space left on device): the mission goes on unrecorded."
+    ]
+
+
+def test_the_definition_of_every_message_that_is_recorded_is_understood():
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    from sar_compiler.ros.mcap_recorder import RECORDED
+    from sar_compiler.ros.message_text import message_text, type_name
+
+    jazzy = get_typestore(Stores.ROS2_JAZZY)
+    for kinds in RECORDED.values():
+        for kind in kinds if isinstance(kinds, tuple) else (kinds,):
+            types = get_types_from_msg(message_text(kind), type_name(kind))
+            known = {name: fields for name, fields in types.items() if name in jazzy.fielddefs}
+            assert all(fields[1] == jazzy.fielddefs[name][1] for name, fields in known.items()), kind
+
+
+def test_the_launch_file_records_the_same():
+    from sar_compiler.ros.mcap_recorder import RECORDED
+
+    launched = {*FILE.constant("RECORDED"), *FILE.constant("RECORDED_GLOBALLY")}  # type: ignore[misc]
+    # A bag has them as they are published; the run writes them itself.
+    launched -= {"behavior_tree_log", "search_and_rescue/tree"}
+    named = {name.replace("~", "search_and_rescue").removeprefix("/") for name in RECORDED}
+    assert named == {name.removeprefix("/") for name in launched}
