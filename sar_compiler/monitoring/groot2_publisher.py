@@ -4,6 +4,7 @@ import time
 import uuid
 from collections import deque
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from threading import Lock, Thread
 from typing import Protocol
 
@@ -165,7 +166,8 @@ class Groot2Publisher:
         """Tell of a hook that the tick has come to; all others who use this socket have ended, or not begun."""
         self._changes.run_around(hook.uid)
         number = uuid.uuid4().int & 0xFFFFFFFF
-        self._publisher.send_multipart([header(RequestKind.BREAKPOINT_REACHED, number), b"%d" % hook.uid])
+        with suppress(zmq.ZMQError):
+            self._publisher.send_multipart([header(RequestKind.BREAKPOINT_REACHED, number), b"%d" % hook.uid])
 
     def _serve(self) -> None:
         poller = zmq.Poller()

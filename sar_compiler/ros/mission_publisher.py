@@ -20,6 +20,7 @@ from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.monitoring.numbered_tree import NumberedTree
 from sar_compiler.monitoring.tree_xml import tree_xml
 from sar_compiler.ros.engine import Engine
+from sar_compiler.ros.failure_reports import described
 from sar_compiler.ros.landmark import Landmark
 from sar_compiler.ros.tree_log import TOPIC, TreeLog
 from sar_compiler.runtime.kernel.cells import RUNNING
@@ -60,6 +61,7 @@ class MissionPublisher:
     ) -> None:
         self._node, self._tree = node, tree
         self._landmarks, self._figures = landmarks, figures
+        self._is_broken = False
         self._is_state_known = self._are_markers_known = False
         self._plan: Mapping[str, Any] = {}
         self._due = 0.0
@@ -86,22 +88,32 @@ class MissionPublisher:
     def end(self) -> None:
         """Publish how it has ended; nothing is ticked any more."""
         self._log.end()
-        self._publish_state()
-        self._publish_markers()
+        self._try(self._publish_state)
+        self._try(self._publish_markers)
 
     def _publish_changes(self, message: BehaviorTreeLog) -> None:
         self._is_state_known = False
-        self._changes.publish(message)
+        self._try(lambda: self._changes.publish(message))
 
     def _after_tick(self, tree: BehaviourTree) -> None:
         if not self._are_markers_known:
-            self._publish_markers()
+            self._try(self._publish_markers)
         now = time.monotonic()
         if now >= self._due:
             self._due = now + _PERIOD_SEC
-            self._diagnose(tree)
+            self._try(lambda: self._diagnose(tree))
             if not self._is_state_known:
-                self._publish_state()
+                self._try(self._publish_state)
+
+    def _try(self, publish: Callable[[], object]) -> None:
+        """Publish something; what goes wrong is no reason to stop the mission."""
+        if self._is_broken:
+            return
+        try:
+            publish()
+        except Exception as error:  # noqa: BLE001
+            self._is_broken = True
+            self._node.get_logger().error(f"Nothing more is published of the mission: {described(error)}")
 
     def _publish_state(self) -> None:
         self._is_state_known = True

@@ -12,6 +12,7 @@ from sar_compiler.journal.journal_entries import RUN_BEGAN, JournalEntry
 from sar_compiler.monitoring.numbered_tree import NumberedTree
 from sar_compiler.monitoring.tree_xml import tree_xml
 from sar_compiler.ros.engine import Engine
+from sar_compiler.ros.failure_reports import described
 from sar_compiler.ros.mcap_recorder import McapRecorder
 from sar_compiler.ros.tree_log import TOPIC, TreeLog
 
@@ -72,4 +73,7 @@ class MissionRecording:
         self._recorder.close()
 
     def _write(self, name: str, message: object) -> None:
-        self._recorder.write(self._node.resolve_topic_name(name), message)
+        try:
+            self._recorder.write(self._node.resolve_topic_name(name), message)
+        except Exception as error:  # noqa: BLE001 - what cannot be written is no reason to stop the mission
+            self._node.get_logger().error(f"A message of {name} is not recorded: {described(error)}")

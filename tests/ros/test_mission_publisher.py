@@ -183,3 +183,15 @@ def test_markers_are_published_again_when_something_has_come_true(publish):
         runner.tick()
         runner.tick()
         assert repr(asked) == f"count({times})", kind
+
+
+def test_a_mission_that_cannot_be_shown_flies_on(publish, said):
+    def broken():
+        message = "no map"
+        raise LookupError(message)
+
+    runner, _ = publish('<Queue answers="R"/>', landmarks=broken)
+    runner.tick()
+    runner.tick()
+    assert runner.count == 2
+    assert sum("Nothing more is published of the mission" in line for line in said.lines()) == 1

@@ -17,11 +17,13 @@ from sar_compiler.runtime.blackboard import Board
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.frozen import freeze
+from sar_compiler.runtime.hooked_tick import hooked_tick
 from sar_compiler.runtime.kernel.cells import SKIPPED, STATUSES
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.kernel.table import flatten
 from sar_compiler.runtime.kernel.times import ClockTimes
+from sar_compiler.runtime.kernel.tree_nodes import Visit
 from sar_compiler.runtime.numbered_board import NumberedBoard
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.tree.diagnostic import TreeError
@@ -194,6 +196,27 @@ class LiveStage(Stage):
 
     def stop(self) -> None:
         self.live.stop()
+
+
+class Holding:
+    """Holds a tick before and after each node, and changes nothing."""
+
+    def before(self, behaviour):
+        yield
+        return SKIPPED
+
+    after = before
+
+
+class HeldStage(LiveStage):
+    """Ticked as a run does that is held before and after each node."""
+
+    def tick(self) -> str:
+        visits: list[Visit] = []
+        for _ in hooked_tick(self.live, Holding(), visits):
+            pass
+        assert visits[-1].behaviour is self.tree.root
+        return "SKIPPED" if visits[-1].outcome == SKIPPED else STATUSES[visits[-1].outcome].name
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from sar_compiler.runtime.kernel.table import STOCK
 from sar_compiler.runtime.parents import Built
 from tests.runtime.kernel.stage import (
     FlatStage,
+    HeldStage,
     LiveStage,
     PyTreesStage,
     Stage,
@@ -29,7 +30,9 @@ def seen(stage: Stage, seed: int):
 @pytest.mark.parametrize("skips", [False, True], ids=["stock nodes", "nodes that skip"])
 def test_random_trees_show_the_same_statuses_calls_messages_and_entries_in_every_tick(skips, raises):
     for seed, binding in random_bindings(TREES, skips=skips):
-        stages = (cls(binding, seed, raises=raises) for cls in (PyTreesStage, FlatStage, LiveStage))
+        stages = (
+            cls(binding, seed, raises=raises) for cls in (PyTreesStage, FlatStage, LiveStage, HeldStage)
+        )
         for tick, (expected, *others) in enumerate(
             zip(*(seen(stage, seed) for stage in stages), strict=True)
         ):
