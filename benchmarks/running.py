@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 
-from benchmarks import journaling, large_files, pipeline, startup, ticking, verifying
+from benchmarks import journaling, large_files, pipeline, startup, ticking, verifying, watching
 from benchmarks.figures import Effort, Figure, Missing, Result, alone
 from benchmarks.peers import PYTHON
 from benchmarks.record import Run
@@ -23,6 +23,7 @@ BENCHMARKS: Mapping[str, Callable[[Effort], Iterator[Result]]] = {
     "pipeline": pipeline.measure,
     "startup": startup.measure,
     "journal": journaling.measure,
+    "watching": watching.measure,
     "verify": verifying.measure,
     "large-files": large_files.measure,
 }
