@@ -28,7 +28,14 @@ _SIMULATOR = ("numpy", "scipy", "PIL")
 # Of libraries that only one option needs: what they are, and the extra that brings them.
 _OF_OPTIONS = {
     **dict.fromkeys(("dask", "distributed"), ("dask.distributed is not here", "sweep", "it")),
-    **dict.fromkeys(("zmq", "msgpack"), ("--groot2 needs pyzmq and msgpack", "groot2", "them")),
+    **dict.fromkeys(
+        ("zmq", "msgpack"),
+        (
+            "--groot2 needs pyzmq and msgpack",
+            "groot2",
+            "them, apt's python3-zmq and python3-msgpack on a robot",
+        ),
+    ),
     **dict.fromkeys(("mcap", "lz4", "zstandard"), ("--record needs mcap", "record", "it")),
 }
 _ROS = ("rclpy", "rpyutils", "ament_index_python")

@@ -2,6 +2,8 @@
 
 import json
 import signal
+import subprocess
+import sys
 from contextlib import closing
 
 import pytest
@@ -111,3 +113,10 @@ def test_a_mission_is_published_until_its_end(start, tree, ros):
     run.send(signal.SIGINT)
     ros.spin_until(lambda: seen[-1].event_log[0].current_status == "IDLE", "the last state")
     run.end()
+
+
+def test_what_watching_takes_is_imported_only_where_it_is_asked_for():
+    libraries = ("zmq", "msgpack", "mcap", "diagnostic_msgs", "visualization_msgs", "sar_compiler.monitoring")
+    program = f"import sys, sar_compiler.cli.run_mission; print([each for each in {libraries} if each in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
