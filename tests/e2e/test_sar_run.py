@@ -49,7 +49,7 @@ def test_a_tree_file_that_is_not_there_is_named(start):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--record", "x.mcap"], "unrecognized arguments: --record"),
+        (["--no-such-option"], "unrecognized arguments: --no-such-option"),
         (["--engine", "theirs"], "invalid choice: 'theirs'"),
         (["--view", "web"], "invalid choice: 'web'"),
         (["--speed", "2"], "--speed is for the simulator"),
