@@ -1,5 +1,8 @@
 """Standard output of a run, which must continue even if the output is closed."""
 
+import sys
+from collections.abc import Callable
+
 from sar_compiler.commands import discard_output, print_error, print_text
 
 
@@ -18,6 +21,11 @@ class RunOutput:
         if not self.lost:
             self._print(text)
 
+    def draw(self, text: str) -> None:
+        """Write what a terminal is to obey; nothing once standard output is closed."""
+        if not self.lost:
+            self._try(lambda: _write(text))
+
     def say(self, text: str) -> None:
         """Print a text that must be seen; on standard error once standard output is closed."""
         self.show(text)
@@ -25,8 +33,11 @@ class RunOutput:
             print_error(text)
 
     def _print(self, text: str) -> None:
+        self._try(lambda: print_text(text, flush=True))
+
+    def _try(self, write: Callable[[], object]) -> None:
         try:
-            print_text(text, flush=True)
+            write()
         except (OSError, UnicodeError) as error:
             self.lost = True
             reason = error.strerror if isinstance(error, OSError) else str(error)
@@ -36,3 +47,11 @@ class RunOutput:
             )
             if isinstance(error, OSError):
                 discard_output()
+
+
+def _write(text: str) -> None:
+    """Write a text at once, so that nothing comes in between; what the encoding lacks is a question mark."""
+    stream = sys.stdout.buffer
+    sys.stdout.flush()
+    stream.write(text.encode(sys.stdout.encoding, "replace"))
+    stream.flush()

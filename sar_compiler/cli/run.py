@@ -220,7 +220,10 @@ def _parser() -> Parser:
         help="the mission, where the leaves of the tree do not say which one it is",
     )
     parser.add_argument(
-        "--view", choices=("text", "none"), default="none", help="show the tree at every tick"
+        "--view",
+        choices=("text", "none"),
+        default="none",
+        help="show the mission while it runs: in place on a terminal, else a line for each change",
     )
     parser.add_argument(
         "--groot2",

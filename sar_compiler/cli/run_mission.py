@@ -21,6 +21,7 @@ from sar_compiler.cli.loading import tell_passed_over
 from sar_compiler.cli.output import RunOutput
 from sar_compiler.cli.run_journal import RunJournal, open_run_journal
 from sar_compiler.cli.run_mission_check import RouteCheck
+from sar_compiler.cli.run_view import RunView, view_of
 from sar_compiler.cli.run_watchers import RunWatchers, open_watchers
 from sar_compiler.commands import FINDINGS, OK, print_error
 from sar_compiler.compiler import CompiledTree, compile_tree, require_classes
@@ -59,7 +60,6 @@ from sar_compiler.ros.watch import Watch, refuse_parameters
 from sar_compiler.runtime.clock import Clock
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.tree.showing import in_one_line
-from sar_compiler.views.text import unicode_tree
 
 if TYPE_CHECKING:
     from sar_compiler.cli.run import Options
@@ -91,6 +91,8 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
     targets = {**(mission.faults if mission is not None else {}), **NAVIGATION_FAULTS}
     faults = [parse_fault(text, targets) for text in options.fault]
     world = _world(options)
+    output = RunOutput()
+    view = view_of(options.view, output)
     with ExitStack() as stack:
         context = stack.enter_context(_ros(options, signals, mission))
         if signals.came:
@@ -109,11 +111,26 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
         fixed = fixed_parameters(mission, binding)
         journal = stack.enter_context(open_run_journal(options, mission, node))
         watchers = stack.enter_context(open_watchers(options, node, journal))
+        if view is not None:
+            journal.listen(view.take)
         journal.keep_facts(begun, reader.parameters)
         if _wants_guardian(options, journal):
             guardian = stack.enter_context(closing(_guardian(options, node)))
             goals_under_way(node).listen(guardian.note)
-        run = _Run(options, signals, node, parameters, begun, make_engine, fixed, journal, watchers, world)
+        run = _Run(
+            options,
+            signals,
+            node,
+            parameters,
+            begun,
+            make_engine,
+            fixed,
+            journal,
+            watchers,
+            output,
+            world,
+            view,
+        )
         tree = compile_tree(binding, run.context, reader.parameters)
         journal.describe(tree)
         watchers.show(tree, begun or MissionRun())
@@ -177,7 +194,8 @@ def _ros(options: "Options", signals: StopSignals, mission: Mission | None) -> I
     context = Context()
     arguments = init_arguments(options.ros, _parameter_file(options, mission))
     if options.sim is not None:
-        from sar_compiler.sim.isolation import LOOKING_AROUND, refuse_company, stay_on_this_machine
+        from sar_compiler.cli.sim_isolation import look_around
+        from sar_compiler.sim.isolation import stay_on_this_machine
 
         stay_on_this_machine()
     with readable_ros_errors():
@@ -185,8 +203,7 @@ def _ros(options: "Options", signals: StopSignals, mission: Mission | None) -> I
         rclpy.init(args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO)
     try:
         if options.sim is not None:
-            print(LOOKING_AROUND, file=sys.stderr, flush=True)
-            refuse_company(context=context, should_stop=lambda: signals.came)
+            look_around(signals, context=context)
         yield context
     finally:
         context.try_shutdown()
@@ -237,7 +254,9 @@ class _Run:
         fixed_parameters: The names of parameters that are not set while it runs.
         journal: The journal, which may be none.
         watchers: Those outside who watch it.
+        output: What is printed.
         world: The world that is simulated, if one is.
+        view: What is shown while it runs, if anything is.
         simulation: The simulation, if there is one.
     """
 
@@ -250,13 +269,14 @@ class _Run:
     fixed_parameters: Collection[str]
     journal: RunJournal
     watchers: RunWatchers
+    output: RunOutput
     world: "World | None" = None
+    view: RunView | None = None
     simulation: "Simulation | None" = None
 
     def __post_init__(self) -> None:
         self._clock = RosClock(self.node)
         self._end = self._end_condition()
-        self._output = RunOutput()
         self._result: RunResult | None = None
         self._reason = ""
         self._started = 0.0
@@ -304,7 +324,7 @@ class _Run:
             return self._tick(executor, tree)
         except NotReadyError:
             if route is not None:
-                route.tell(executor, self._output.say)
+                route.tell(executor, self.output.say)
             raise
         finally:
             executor.shutdown()
@@ -341,18 +361,16 @@ class _Run:
 
     def _checked(self, executor: SingleThreadedExecutor, route: RouteCheck | None) -> int:
         """Conclude a check for which everything is there; returns the exit status."""
-        if route is not None and (problems := route.tell(executor, self._output.say)):
+        if route is not None and (problems := route.tell(executor, self.output.say)):
             count = "one problem" if problems == 1 else f"{problems} problems"
             return self._failed(
                 f"everything that the tree needs is there, and the way has {count} (see above)"
             )
-        self._output.say("Everything that the tree needs is there.")
+        self.output.say("Everything that the tree needs is there.")
         return OK
 
     def _tick(self, executor: SingleThreadedExecutor, tree: CompiledTree) -> int:
         engine = self.make_engine(tree.root)
-        if self.options.view == "text":
-            engine.add_post_tick_handler(self._show)
         engine.add_post_tick_handler(self._look_for_end)
         self.journal.begin(engine, tree)
         self.watchers.begin(engine)
@@ -364,6 +382,8 @@ class _Run:
             engine.tick_tock(1000.0 / self.parameters.tick_rate_hz)
             while self._result is None and engine.failure is None and not self._over:
                 self._turn(executor)
+                if self.view is not None:
+                    self.view.refresh(self._clock.now())
             elapsed = self._clock.now() - self._started
             self._adrift = engine.settle(executor, self.parameters.settle_timeout_sec)
         except SetupFailedError as error:
@@ -379,6 +399,8 @@ class _Run:
             if self._watch is not None:
                 self._watch.close()
             engine.shutdown()
+            if self.view is not None:
+                self.view.close()
         try:
             status = self._conclude(engine, elapsed)
         except MissionError as error:
@@ -399,6 +421,8 @@ class _Run:
             tell(self.node, f"A callback failed: {described(error)}. The tree is stopped.", error)
 
     def _leave_at_once(self, tree: CompiledTree) -> int | None:
+        if self.view is not None:
+            self.view.close()
         active = len(goals_under_way(self.node))
         send_cancels(tree.root, self.node)
         if not active:
@@ -422,9 +446,6 @@ class _Run:
         troubled = self._watch is not None and bool(self._watch.trouble)
         return self.signals.came or failed or troubled or self._callback_failed or not self.node.context.ok()
 
-    def _show(self, tree: BehaviourTree) -> None:
-        self._output.show(unicode_tree(tree.root, statuses=True))
-
     def _look_for_end(self, tree: BehaviourTree) -> None:
         status = Status.INVALID if was_skipped(tree.root) else tree.root.status
         self._result = self._end.after_tick(status, self._clock.now() - self._started)
@@ -433,11 +454,11 @@ class _Run:
         mission = self.mission or MissionRun()
         as_json = self.options.summary == "json"
         if not as_json and (summary := mission.summary(elapsed_sec, engine.count)):
-            self._output.say(summary)
+            self.output.say(summary)
         status = self._status(engine)
         if as_json:
             said = {"status": status, "reason": self._reason, "duration": elapsed_sec, "ticks": engine.count}
-            self._output.say(json.dumps({**said, "figures": dict(mission.figures())}))
+            self.output.say(json.dumps({**said, "figures": dict(mission.figures())}))
         return status
 
     def _status(self, engine: Engine) -> int:

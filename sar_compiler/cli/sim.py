@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import OK, Parser, add_version, run, seed, speed
 from sar_compiler.cli.sim_sweep import DEFAULT_WORLD, add_sim_sweep, sweep_missions
+from sar_compiler.cli.terminal import ProgressLine
 from sar_compiler.commands import interruptible, print_text
 from sar_compiler.ros.arguments import init_arguments, split_arguments
 from sar_compiler.ros.faults import NAVIGATION_FAULTS, Fault, FaultError, FaultPlan, parse_fault
@@ -132,7 +133,16 @@ def _map(options: argparse.Namespace) -> int:
     from sar_compiler.sim.world_file import find_world
 
     world = find_world(options.world)
-    files = map_files(survey(world, seed=options.seed), options.output or Path(world.name))
+    line = ProgressLine("sar-sim")
+
+    def show(part: float) -> None:
+        line.show(lambda: f"mapping '{world.name}': {part:.0%} of the way driven")
+
+    try:
+        occupancy = survey(world, seed=options.seed, report=show)
+    finally:
+        line.clear()
+    files = map_files(occupancy, options.output or Path(world.name))
     for path, content in files.items():
         write_bytes(path, content)
         print_text(str(path))
@@ -145,9 +155,10 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     require_middleware()
     import rclpy
 
+    from sar_compiler.cli.sim_isolation import look_around
     from sar_compiler.ros.errors import readable_ros_errors
     from sar_compiler.sim.fleet import check_placements
-    from sar_compiler.sim.isolation import LOOKING_AROUND, refuse_company, stay_on_this_machine
+    from sar_compiler.sim.isolation import stay_on_this_machine
     from sar_compiler.sim.kept_places import KeptPlaces
     from sar_compiler.sim.simulation import Simulation
     from sar_compiler.sim.world_file import find_world
@@ -163,8 +174,7 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     with readable_ros_errors():
         rclpy.init(args=arguments, signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
     try:
-        print(LOOKING_AROUND, file=sys.stderr, flush=True)
-        refuse_company(actions=[robot.action for robot in robots], should_stop=lambda: signals.came)
+        look_around(signals, actions=[robot.action for robot in robots])
         if signals.came:
             return OK
         faults = FaultPlan(options.fault)

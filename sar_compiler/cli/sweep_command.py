@@ -3,13 +3,13 @@
 import argparse
 import contextlib
 import os
-import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, INTERRUPTED, OK, count, seed
+from sar_compiler.cli.terminal import ProgressLine
 from sar_compiler.commands import print_text
 
 if TYPE_CHECKING:
@@ -107,13 +107,14 @@ def swept(
     from sar_compiler.views.sweep_table import sweep_as_json, sweep_as_text
 
     rule = StoppingRule(arguments.runs, arguments.half_width, arguments.confidence, batch)
+    line = ProgressLine("sweep")
     stopped = False
     try:
         with on_dask(arguments.dask) if arguments.dask else workers(arguments.jobs) as working:
-            sweep(rows, rule, arguments.seed, working, _show)
+            sweep(rows, rule, arguments.seed, working, lambda rows: line.show(lambda: _progress(rows)))
     except (KeyboardInterrupt, CancelledError):
         stopped = True
-    _show(())
+    line.clear()
     failure = None if stopped else smallest_failure(rows)
     written = None if failure is None else write(*failure)
     view = sweep_as_json if arguments.format == "json" else sweep_as_text
@@ -125,9 +126,6 @@ def swept(
     return OK if failure is None else FINDINGS
 
 
-def _show(rows: "Sequence[SweptRow]") -> None:
-    """Show the progress in a line that is overwritten, on a terminal; without rows, remove it."""
-    if sys.stderr.isatty():
-        done, runs = sum(row.is_done for row in rows), sum(len(row.outcomes) for row in rows)
-        text = f"{runs:,} runs, {done} of {len(rows)} rows done" if rows else ""
-        print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
+def _progress(rows: "Sequence[SweptRow]") -> str:
+    done, runs = sum(row.is_done for row in rows), sum(len(row.outcomes) for row in rows)
+    return f"{runs:,} runs, {done} of {len(rows)} rows done"

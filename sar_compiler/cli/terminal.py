@@ -1,6 +1,8 @@
-"""What a command's output is shown on: the width of a terminal, and whether to use its colours."""
+"""What a command's output is shown on: the width of a terminal, whether to use its colours, and how far something is."""
 
 import os
+import sys
+import time
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, TextIO
 
@@ -48,3 +50,43 @@ def findings_as_text(findings: "Iterable[Diagnostic]", stream: TextIO) -> str:
 
     width, paint = columns(stream) or WIDTH, painter(stream)
     return "\n".join(finding.render(width, paint) for finding in findings)
+
+
+class ProgressLine:
+    """How far something is, on standard error: a line that is overwritten on a terminal, an occasional line elsewhere.
+
+    What takes less than a second says nothing.
+
+    Args:
+        prog: The command, with which a line in a log begins.
+    """
+
+    _PATIENCE_SEC = 1.0
+    _EVERY_SEC = 0.25
+    _EVERY_SEC_IN_A_LOG = 10.0
+
+    def __init__(self, prog: str) -> None:
+        self._prog = prog
+        self._is_terminal = sys.stderr.isatty()
+        self._every = self._EVERY_SEC if self._is_terminal else self._EVERY_SEC_IN_A_LOG
+        first = self._PATIENCE_SEC if self._is_terminal else self._EVERY_SEC_IN_A_LOG
+        self._due = time.monotonic() + first
+        self._is_shown = False
+
+    def show(self, text: Callable[[], str]) -> None:
+        """Show a text, if one is due; it is asked for only then."""
+        now = time.monotonic()
+        if now < self._due:
+            return
+        self._due, self._is_shown = now + self._every, True
+        if self._is_terminal:
+            width = (columns(sys.stderr) or 80) - 1
+            print(f"\r\x1b[K{text()[:width]}", end="", file=sys.stderr, flush=True)
+        else:
+            print(f"{self._prog}: {text()}", file=sys.stderr, flush=True)
+
+    def clear(self) -> None:
+        """Remove the line from a terminal."""
+        if self._is_terminal and self._is_shown:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+        self._is_shown = False

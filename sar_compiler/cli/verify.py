@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, INTERRUPTED, OK, USAGE, count
 from sar_compiler.cli.loading import FILE_HELP, add_params, add_project_options, workspace
-from sar_compiler.cli.terminal import findings_as_text
+from sar_compiler.cli.terminal import ProgressLine, findings_as_text
 from sar_compiler.commands import print_error, print_text
 
 if TYPE_CHECKING:
@@ -196,7 +196,7 @@ def _assignment(text: str) -> tuple[str, str]:
 
 
 class _Shown:
-    """Progress on standard error: a line that is overwritten on a terminal, an occasional line elsewhere.
+    """Progress on standard error, and what is broken.
 
     The first Ctrl-C has the search stopped, so that what was found so far is told; the second one ends the command.
 
@@ -204,16 +204,13 @@ class _Shown:
         whose: What stands before everything, to tell the trees apart where there are several.
     """
 
-    _EVERY_SEC = 0.5
-    _EVERY_SEC_IN_A_LOG = 10.0
     _PATIENCE_SEC = 1.0  # what takes no longer is told with the rest
 
     def __init__(self, whose: str = "") -> None:
         self._whose = whose
-        self._terminal = sys.stderr.isatty()
-        self._every = self._EVERY_SEC if self._terminal else self._EVERY_SEC_IN_A_LOG
-        self._started = self._last = time.monotonic()
-        self._written = self._stopped = False
+        self._line = ProgressLine("sar-compile")
+        self._started = time.monotonic()
+        self._stopped = False
         self._broken = 0
         self._before = signal.signal(signal.SIGINT, self._stop)
 
@@ -224,34 +221,22 @@ class _Shown:
     def close(self) -> None:
         """Remove the line from a terminal."""
         signal.signal(signal.SIGINT, self._before)
-        self._clear()
-
-    def _clear(self) -> None:
-        if self._terminal and self._written:
-            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+        self._line.clear()
 
     def show(self, progress: "Progress") -> bool:
         """Show the progress, if it is due, and what is broken; return whether to stop."""
         if len(progress.broken) > self._broken and time.monotonic() - self._started > self._PATIENCE_SEC:
-            self._clear()
+            self._line.clear()
             for name in progress.broken[self._broken :]:
                 told = f"{self._whose}{name}: does not hold (Ctrl-C stops and shows a run)"
                 print_error(f"sar-compile: {told}")
             self._broken = len(progress.broken)
-        self._show_numbers(progress)
+        self._line.show(lambda: self._numbers(progress))
         return self._stopped
 
-    def _show_numbers(self, progress: "Progress") -> None:
-        now = time.monotonic()
-        if now - self._last < self._every:
-            return
-        self._last, self._written = now, True
-        rate = progress.states / (now - self._started)
-        text = (
+    def _numbers(self, progress: "Progress") -> str:
+        rate = progress.states / (time.monotonic() - self._started)
+        return (
             f"{self._whose}{progress.states:,} states, {progress.states - progress.expanded:,} of them to go through, "
             f"{progress.depth} ticks deep, {rate:,.0f} states/s"
         )
-        if self._terminal:
-            print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
-        else:
-            print(f"sar-compile: {text}", file=sys.stderr, flush=True)

@@ -9,12 +9,15 @@ from py_trees.visitors import VisitorBase
 from sar_compiler.journal.journal import Journal
 from sar_compiler.runtime.skipping import was_skipped
 
+_STANDING = {Status.RUNNING.value, Status.SUCCESS.value, Status.FAILURE.value}
+
 
 class StatusWatch(VisitorBase):
     """Watches every node that is ticked: kind `status`, with `node` (its number), `tick`, `status`, `message`.
 
     A node has an entry where its status or its message is another one than in its last. Nodes are numbered from 0 in
-    pre-order, as in the journal's tree. HALTED is the status of one that was stopped.
+    pre-order, as in the journal's tree. HALTED is the status of one that was stopped while it was running; IDLE of one that
+    had ended, and was reset because what is above it began anew or was stopped.
 
     Args:
         root: The tree.
@@ -27,7 +30,7 @@ class StatusWatch(VisitorBase):
         self._behaviours = list(_pre_order(root))
         self._numbers = {id(behaviour): number for number, behaviour in enumerate(self._behaviours)}
         self._last: dict[int, tuple[str, str]] = {}
-        self._running: set[int] = set()
+        self._standing: set[int] = set()
         self._tick = 0
 
     def initialise(self) -> None:
@@ -42,17 +45,18 @@ class StatusWatch(VisitorBase):
             self._note(number, str(status), behaviour.feedback_message)
 
     def finalise(self) -> None:
-        """Watch the nodes that were stopped, and end the tick."""
-        for number in sorted(self._running):
-            if self._behaviours[number].status is Status.INVALID:
-                self._note(number, "HALTED", "")
+        """Watch the nodes that were stopped or reset, and end the tick."""
+        gone = [each for each in self._standing if self._behaviours[each].status is Status.INVALID]
+        for number in sorted(gone):
+            was_running = self._last[number][0] == Status.RUNNING.value
+            self._note(number, "HALTED" if was_running else "IDLE", "")
         self._journal.write_when_due()
 
     def _note(self, number: int, status: str, message: str) -> None:
         if self._last.get(number) == (status, message):
             return
         self._last[number] = status, message
-        (self._running.add if status == Status.RUNNING.value else self._running.discard)(number)
+        (self._standing.add if status in _STANDING else self._standing.discard)(number)
         self._journal.watch("status", node=number, tick=self._tick, status=status, message=message)
 
 

@@ -1,5 +1,7 @@
 """Mapping a world: the robot drives through it with its lidar, and the scans become the map."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from sar_compiler.errors import SarError
@@ -22,8 +24,15 @@ class SurveyError(SarError):
     """A world cannot be mapped."""
 
 
-def survey(world: World, *, seed: int = 0) -> OccupancyMap:
+def survey(
+    world: World, *, seed: int = 0, report: Callable[[float], object] = lambda _: None
+) -> OccupancyMap:
     """Drive the world's survey route and return the map made of the scans.
+
+    Args:
+        world: The world.
+        seed: The seed of the noise.
+        report: Is told now and then which part of the route is driven, from 0 to 1.
 
     Raises:
         SurveyError: If the world has no survey route, or the robot gets stuck on it.
@@ -41,6 +50,7 @@ def survey(world: World, *, seed: int = 0) -> OccupancyMap:
         if step % _SCAN_EVERY == 0:
             pose = robot.state.pose
             mapper.integrate(pose, lidar.scan(world.solid, pose, random))
+            report(1.0 - follower.distance_remaining(pose) / float(path.to_go[0]))
         robot.command(follower.command(robot.state))
         if follower.done:
             return mapper.result()

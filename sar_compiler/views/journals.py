@@ -69,11 +69,12 @@ def _table(run: JournalRun, entries: Sequence[JournalEntry], nodes: Sequence[str
     start = began if isinstance(began, (int, float)) else 0.0
     width = max((len(entry.kind) for entry in entries), default=0)
     for entry in entries:
-        words = shortened(", ".join(_words(entry.data, nodes)))
+        words = shortened(", ".join(entry_words(entry.data, nodes)))
         yield f"{entry.time - start:9.1f} s  {entry.kind:{width}}  {words}".rstrip()
 
 
-def _words(data: Mapping[str, Any], nodes: Sequence[str]) -> Iterator[str]:
+def entry_words(data: Mapping[str, Any], nodes: Sequence[str] = ()) -> Iterator[str]:
+    """Yield what belongs to an entry in words; a node by its name, if the names of all are given."""
     for key, value in data.items():
         if key == "node" and isinstance(value, int) and 0 <= value < len(nodes):
             yield f"node '{nodes[value]}'"

@@ -384,8 +384,9 @@ def test_progress_goes_to_standard_error(run, monkeypatch, terminal, said):
     shown = Terminal()
     monkeypatch.setattr(shown, "isatty", lambda: terminal)
     monkeypatch.setattr("sys.stderr", shown)
-    monkeypatch.setattr(command._Shown, "_EVERY_SEC", 0.0)
-    monkeypatch.setattr(command._Shown, "_EVERY_SEC_IN_A_LOG", 0.0)
+    monkeypatch.setattr(command.ProgressLine, "_PATIENCE_SEC", 0.0)
+    monkeypatch.setattr(command.ProgressLine, "_EVERY_SEC", 0.0)
+    monkeypatch.setattr(command.ProgressLine, "_EVERY_SEC_IN_A_LOG", 0.0)
     assert run(FINE, "--set", "zones_left=60")[0] == 0
     assert shown.text.startswith(said)
     assert "states/s" in shown.text

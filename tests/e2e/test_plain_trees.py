@@ -55,10 +55,10 @@ def test_a_root_that_fails_again_and_again_is_said_each_time(start, tree):
 def test_a_run_without_end_goes_on_over_the_root_s_end(start, tree):
     run = start("sar-run", tree('<TickCounter duration="2" completion_status="FAILURE"/>'), "--until", "forever",
                 "--view", "text", "--ros-args", "-p", "tick_rate_hz:=50.0")  # fmt: skip
-    run.wait_for("TickCounter [✕]")
-    before = run.output.count("[✕]")
-    while run.output.count("[✕]") < before + 2:
-        run.wait_for("[✕]")
+    run.wait_for("TickCounter FAILURE")
+    before = run.output.count("TickCounter FAILURE")
+    while run.output.count("TickCounter FAILURE") < before + 2:
+        run.wait_for("TickCounter FAILURE")
     status = run.stop()
     assert status == 130
     assert run.log == []

@@ -58,8 +58,8 @@ def run_example(start, until, *ros):
 def test_the_robot_reaches_the_goal_and_the_run_ends(start):
     run = run_example(start, "failure")
     assert run.end() == 0, run.output
-    assert "[-] DriveToGoal [✕]" in run.output
-    left = re.findall(r"--> GoalNotReached\? \[✕\] -- (\d\.\d\d) m to go", run.output)
+    assert "DriveToGoal FAILURE" in run.output
+    left = re.findall(r"GoalNotReached\? FAILURE, (\d\.\d\d) m to go", run.output)
     assert [0.2 < float(metres) <= 0.3 for metres in left] == [True]
 
 
@@ -68,7 +68,7 @@ def test_the_robot_reaches_the_goal_and_the_run_ends(start):
 def test_the_robot_stands_at_the_goal_that_the_parameters_name(start, witness, goal_x, goal_y):
     watching = witness()
     run = run_example(start, "forever", "-p", f"goal_x:={goal_x}", "-p", f"goal_y:={goal_y}")
-    run.wait_for("--> GoalNotReached? [✕]")
+    run.wait_for("GoalNotReached? FAILURE")
     watching.wait_until_seen()
     assert 0.1 < math.dist(watching.place(), (goal_x, goal_y)) < 0.35
     status = run.stop()
@@ -81,8 +81,8 @@ def test_the_recovery_turns_the_robot_after_a_time_out(start, witness):
     run = run_example(
         start, "forever", "-p", "goal_x:=10.0", "-p", "timeout_duration:=3.0", "-p", "goal_yaw:=1.57"
     )
-    run.wait_for("-^- DriveForwardTimeout [✕] -- timed out")
-    run.wait_for("--> SpinInPlace [*] -- ")
+    run.wait_for("DriveForwardTimeout FAILURE, timed out")
+    run.wait_for("SpinInPlace RUNNING, ")
     watching.wait_for_yaw(lambda yaw: yaw > 0.02)
     status = run.stop()
     assert status == 130

@@ -37,7 +37,7 @@ def begin(start, tree, state):
 
     def run(*arguments, env=None):
         command = start("sar-run", tree, *MISSION, "--view", "text", *arguments, env={**state, **(env or {})})
-        return command.wait_for("--> Sleep [*]")
+        return command.wait_for("Sleep RUNNING")
 
     return run
 
@@ -64,7 +64,7 @@ def test_without_a_journal_nothing_is_left(begin, tmp_path):
 
 
 def test_a_plain_tree_has_a_journal_only_on_request(start, tree, state, tmp_path):
-    start("sar-run", tree, "--view", "text", env=state).wait_for("--> Sleep [*]").stop()
+    start("sar-run", tree, "--view", "text", env=state).wait_for("Sleep RUNNING").stop()
     assert journals(tmp_path) == []
 
 

@@ -64,3 +64,16 @@ def test_a_message_that_changes_is_written(journal):
     journal._write()
     entries = [entry.data["message"] for entry in journal._file.watched("status")]
     assert entries == ["2.5 m left", "1.0 m left"]
+
+
+def test_a_node_that_had_ended_is_written_as_idle_once_what_is_above_it_begins_anew(journal):
+    first = leaf("first", Status.SUCCESS, Status.FAILURE)
+    second = leaf("second", Status.FAILURE)
+    root = Sequence("root", memory=True, children=[first, second])
+    assert watched(journal, root, 3) == [
+        (1, 1, "SUCCESS"),
+        (1, 2, "FAILURE"),
+        (1, 0, "FAILURE"),
+        (2, 1, "FAILURE"),
+        (2, 2, "IDLE"),
+    ]

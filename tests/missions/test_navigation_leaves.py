@@ -103,6 +103,17 @@ class TestTheGoal:
         assert leaf.settled()
 
 
+def test_what_is_left_of_a_drive_is_told_to_the_journal(stage: "Stage") -> None:
+    entries: list[Any] = []
+    stage.record.journal.listen(entries.append)
+    server = stage.nav_server()
+    server.script = ["feedback"]
+    leaf = drive(stage)
+    stage.tick_until(leaf, lambda: "2.50 m" in leaf.feedback_message, "feedback")
+    told = [entry.data for entry in entries if entry.kind == "progress"]
+    assert told == [{"target": "zone_a", "distance": 2.5, "time_left": 0.0}]
+
+
 class TestTheLog:
     def test_a_zone_is_announced_driven_to_and_reached(self, stage: "Stage") -> None:
         stage.nav_server().script = ["feedback", "succeed"]

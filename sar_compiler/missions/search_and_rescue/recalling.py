@@ -93,7 +93,7 @@ class _Recollection:
             raise ValueError(message)
         self._record.before.zone_left()
 
-    def _survivor_named(self, survivor: str, x: float, y: float) -> None:
+    def _survivor_named(self, survivor: str, x: float, y: float, **_possibly: object) -> None:
         place = _place(x, y)
         self._record.survivor_named(survivor, *place)
         self._record.before.named(survivor, *place)

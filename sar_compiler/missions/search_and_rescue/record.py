@@ -166,15 +166,12 @@ class MissionRecord:
 
     def survivor_named(self, survivor_id: str, x: float, y: float) -> None:
         """Note the assigned name of the survivor at a position (replaces an earlier one)."""
-        self.journal.note("survivor_named", survivor=survivor_id, x=x, y=y)
-        for index in reversed(range(len(self._survivors))):
-            known = self._survivors[index]
-            if (known.x, known.y) == (x, y):
-                near = self._near(index, x, y)
-                self._survivors[index] = replace(known, survivor_id=survivor_id, possibly=near)
-                return
-        near = self._near(len(self._survivors), x, y)
-        self._survivors.append(FoundSurvivor("", x, y, survivor_id, possibly=near))
+        found = [index for index, known in enumerate(self._survivors) if (known.x, known.y) == (x, y)]
+        index = found[-1] if found else len(self._survivors)
+        near = self._near(index, x, y)
+        self.journal.note("survivor_named", survivor=survivor_id, x=x, y=y, possibly=near)
+        known = self._survivors[index] if found else FoundSurvivor("", x, y)
+        self._survivors[index : index + 1] = [replace(known, survivor_id=survivor_id, possibly=near)]
 
     def survivor(self, survivor_id: str) -> FoundSurvivor | None:
         """Return a survivor by the name; None if nobody has it."""

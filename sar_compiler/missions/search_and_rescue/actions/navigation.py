@@ -20,6 +20,8 @@ _OUTCOMES = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
 _USES = [Use.action("{action}"), Use.nav2()]
 # How long a goal in an obstacle is not sent again, seconds: some obstacles go away.
 _OCCUPIED_SEC = 60.0
+# How often the journal is told what is left of the drive, seconds.
+_PROGRESS_SEC = 1.0
 
 
 class NavigateTo(ActionLeaf):
@@ -62,6 +64,7 @@ class NavigateTo(ActionLeaf):
         self._target = ""
         self._headline = ""
         self._hopeless: dict[str, tuple[str, Deadline]] = {}
+        self._next_progress: Deadline | None = None
 
     def on_send(self) -> None:
         """Log the target of the drive."""
@@ -69,8 +72,14 @@ class NavigateTo(ActionLeaf):
         self.say(f"Navigating to {self._target}...")
 
     def on_feedback(self, feedback: Any) -> None:
-        """Keep the remaining distance."""
-        self.feedback_message = f"navigating to {self._target}, {feedback.distance_remaining:.2f} m left"
+        """Keep the remaining distance, and note it in the journal."""
+        distance, time_left = feedback.distance_remaining, feedback.estimated_time_remaining
+        self.feedback_message = f"navigating to {self._target}, {distance:.2f} m left"
+        if math.isfinite(distance) and (self._next_progress is None or self._next_progress.passed):
+            self._next_progress = Deadline(_PROGRESS_SEC, self._clock)
+            seconds = time_left.sec + time_left.nanosec / 1e9
+            left = {"distance": round(distance, 3), "time_left": round(seconds, 1)}
+            self._record.journal.watch("progress", target=self._target, **left)
 
     def on_result(self, status: int, result: Any) -> Status:
         """Return SUCCESS on arrival; else FAILURE, and log Nav2's reason."""

@@ -1,0 +1,185 @@
+"""`--view text` of `sar-run`: a screen that is drawn in place on a terminal, else a line for each change.
+
+On a terminal the lower lines are the view's: the rest scrolls above them as ever, with the log, which nodes and libraries
+write to the terminal themselves. A terminal has margins for that, inside which it scrolls.
+"""
+
+import os
+import sys
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Sequence
+
+from sar_compiler.cli.output import RunOutput
+from sar_compiler.errors import SarError
+from sar_compiler.journal.journal_entries import RUN_BEGAN, JournalEntry
+from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.views.mission_view import Line, change_text, full_height, screen
+
+# How often the screen is drawn, at most, in seconds of the steady clock.
+_PERIOD_SEC = 0.2
+# The lines that are left to the log, and the fewest that a view is worth.
+_LOG_LINES, _LEAST = 4, 3
+_STYLES = {
+    "RUNNING": "bold cyan",
+    "SUCCESS": "green",
+    "FAILURE": "bold red",
+    "SKIPPED": "dim",
+    "title": "bold reverse",
+    "quiet": "dim",
+}
+
+_SAVE, _RESTORE, _HIDE, _SHOW = "\x1b7", "\x1b8", "\x1b[?25l", "\x1b[?25h"
+_NO_MARGINS, _TO_THE_END, _CLEAR = "\x1b[r", "\x1b[K", "\x1b[2J"
+
+
+class RunView(ABC):
+    """What `--view` shows of a run.
+
+    Args:
+        output: Where it is shown.
+    """
+
+    def __init__(self, output: RunOutput) -> None:
+        self._output = output
+        self._state = MissionState()
+
+    @abstractmethod
+    def take(self, entry: JournalEntry) -> None:
+        """Take an entry of the run's journal."""
+
+    def refresh(self, now: float) -> None:  # noqa: B027 - a log has nothing to do then
+        """Show what is due; called all the time. *now* is the time of the mission's clock, in seconds."""
+
+    def close(self) -> None:  # noqa: B027 - nor then
+        """Leave everything in order; called again it does nothing."""
+
+
+def view_of(name: str, output: RunOutput) -> RunView | None:
+    """Return the view of a run; None for none.
+
+    Args:
+        name: `text` or `none`.
+        output: Where it is shown.
+
+    Raises:
+        SarError: If what it takes is not installed.
+    """
+    if name != "text":
+        return None
+    if sys.stdout is None or not sys.stdout.isatty() or os.environ.get("TERM", "dumb") == "dumb":
+        return ChangeLog(output)
+    try:
+        return RunScreen(output, _painter())
+    except ImportError as error:
+        message = (
+            f"--view text draws on a terminal with rich, which is not here ({error}): pip install 'sar_compiler[view]' "
+            "brings it; without it, `--view text | cat` shows each change in a line"
+        )
+        raise SarError(message) from error
+
+
+class ChangeLog(RunView):
+    """A line for each change."""
+
+    def take(self, entry: JournalEntry) -> None:
+        """Show an entry, if it is a change."""
+        nodes = self._state.nodes
+        before = nodes[entry.data["node"]].status if entry.kind == "status" else ""
+        self._state.take(entry)
+        text = change_text(self._state, entry, before)
+        if text:
+            self._output.show(text)
+
+
+class RunScreen(RunView):
+    """The mission on the lower lines of a terminal.
+
+    Args:
+        output: Where it is shown.
+        paint: Returns lines as texts for a terminal of a width.
+    """
+
+    def __init__(self, output: RunOutput, paint: "Paint") -> None:
+        super().__init__(output)
+        self._paint = paint
+        self._size = (0, 0)
+        self._height = 0
+        self._drawn_at = -_PERIOD_SEC
+        self._start = self._now = 0.0
+        self._is_closed = False
+
+    def take(self, entry: JournalEntry) -> None:
+        """Take an entry, which is shown when the next drawing is due."""
+        self._state.take(entry)
+        if entry.kind == RUN_BEGAN:
+            self._start = entry.time
+        self._now = max(self._now, entry.time)
+
+    def refresh(self, now: float) -> None:
+        """Draw, if that is due, and something has begun."""
+        steady = time.monotonic()
+        if self._state.runs and not self._is_closed and steady - self._drawn_at >= _PERIOD_SEC:
+            self._drawn_at, self._now = steady, now
+            self._draw()
+
+    def close(self) -> None:
+        """Draw a last time, and give the terminal back: the view stays where it is, and what follows comes below."""
+        if self._is_closed or not self._state.runs:
+            return
+        self._draw()
+        self._is_closed = True
+        if self._height:
+            self._output.draw(f"{_NO_MARGINS}\x1b[{self._size[1]};1H\r\n")
+
+    def _draw(self) -> None:
+        try:
+            size = tuple(os.get_terminal_size(sys.stdout.fileno()))
+        except (OSError, ValueError):
+            return
+        begin = self._take_lines(size) if size != self._size else ""
+        if not self._height:
+            return
+        width, lines = size
+        view = screen(self._state, self._now - self._start, self._height)
+        painted = self._paint(view, width, self._height)
+        top = lines - self._height + 1
+        rows = (f"\x1b[{top + index};1H{row}{_TO_THE_END}" for index, row in enumerate(painted))
+        self._output.draw(f"{begin}{_SAVE}{_HIDE}{''.join(rows)}{_RESTORE}{_SHOW}")
+
+    def _take_lines(self, size: tuple[int, ...]) -> str:
+        """Return what has a terminal keep the view's lines apart; after a change of size it begins anew."""
+        is_first, (_, lines) = self._size == (0, 0), size
+        self._size = (size[0], lines)
+        self._height = min(full_height(self._state), lines - max(_LOG_LINES, lines // 4))
+        if self._height < _LEAST:  # too small for both
+            self._height = 0
+            return _NO_MARGINS
+        last = lines - self._height
+        margins = f"\x1b[1;{last}r"
+        if not is_first:
+            return f"{_NO_MARGINS}{_CLEAR}{margins}\x1b[{last};1H"
+        # What stands there scrolls up; the cursor stays with it.
+        return f"{chr(10) * self._height}\x1b[{self._height}A{_SAVE}{margins}{_RESTORE}"
+
+
+Paint = Callable[[Sequence[Line], int, int], Iterable[str]]
+"""Returns as many lines as are asked for, with a terminal's colours, none longer than a width."""
+
+
+def _painter() -> Paint:
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console(file=sys.stdout)
+
+    def paint(lines: Sequence[Line], width: int, height: int) -> Iterable[str]:
+        for line in lines:
+            text = Text.assemble(*((piece.text, _STYLES.get(piece.style, "")) for piece in line), end="")
+            text.truncate(width, overflow="ellipsis")
+            with console.capture() as painted:
+                console.print(text, width=width, no_wrap=True, overflow="crop", highlight=False)
+            yield painted.get().rstrip("\n")
+        yield from [""] * (height - len(lines))
+
+    return paint

@@ -1,0 +1,108 @@
+"""`--view text` on a terminal: what is on the screen while a mission runs, after a change of size, and at the end."""
+
+import signal
+
+import pytest
+
+from tests.terminals import Terminal
+from tests.trees import document
+
+pytestmark = pytest.mark.ros
+
+WAIT = '<Sequence name="Main"><Sleep name="Wait" msec="1000000"/><AlwaysSuccess name="Then"/></Sequence>'
+SHOWN = ["[*] Main", "[*] Wait", "[-] Then"]
+
+
+@pytest.fixture
+def on_terminal(tmp_path):
+    """Run trees on terminals."""
+    begun = []
+
+    def run(tree, *arguments, **size):
+        path = tmp_path / "tree.xml"
+        path.write_text(document(tree), encoding="utf-8")
+        begun.append(Terminal("sar-run", path, "--view", "text", *arguments, **size))
+        return begun[-1]
+
+    yield run
+    for terminal in begun:
+        terminal.kill()
+
+
+def tree_of(rows):
+    """Return the lines of the tree without times and messages."""
+    return [row.strip().split("  ")[0] for row in rows if "[" in row and "]: " not in row]
+
+
+def stands(*expected):
+    return lambda rows: tree_of(rows) == list(expected)
+
+
+def test_the_tree_is_drawn_in_place_on_the_last_lines(on_terminal):
+    terminal = on_terminal(WAIT).wait_for(stands(*SHOWN))
+    assert [row.split("  ")[0] for row in terminal.rows[-5:-3]] == ["Main", "[*] Main"]
+    terminal.wait_for(lambda rows: any("[*] Wait  0:01" in row for row in rows))
+    assert tree_of(terminal.history) == SHOWN
+
+
+def test_it_is_right_after_the_terminal_has_another_size(on_terminal):
+    terminal = on_terminal(WAIT).wait_for(stands(*SHOWN))
+    for columns, lines in ((40, 12), (100, 40), (80, 24)):
+        terminal.resize(columns, lines)
+        # Drawn anew: nothing stands twice, and the last line of the tree above the padding of one line at the end.
+        terminal.wait_for(lambda rows, lines=lines: stands(*SHOWN)(rows) and "Then" in rows[lines - 2])
+
+
+def test_a_terminal_that_is_too_small_gets_it_back_once_it_is_large_enough(on_terminal):
+    terminal = on_terminal(WAIT, lines=6)
+    terminal.resize(80, 24)
+    terminal.wait_for(stands(*SHOWN))
+
+
+def test_the_log_scrolls_above_it(on_terminal):
+    ros = ("--until", "success", "--ros-args", "-p", "tick_rate_hz:=50.0")
+    terminal = on_terminal('<ForceFailure name="Again"><AlwaysSuccess/></ForceFailure>', *ros, columns=120)
+    terminal.wait_for(lambda _: any("starting again (40th time)" in row for row in terminal.history))
+    terminal.wait_for(stands("[✕] Again", "[✓] AlwaysSuccess"))
+    log = [row for row in terminal.history if "starting again (" in row]
+    assert "(1st time)" in log[0]
+    assert len(log) >= 40
+
+
+def test_a_large_tree_at_80_by_24_shows_what_runs_and_folds_the_rest(on_terminal):
+    folded = "".join(f'<Sequence name="Part {each}"><AlwaysSuccess/></Sequence>' for each in range(50))
+    terminal = on_terminal(f'<Sequence name="Main">{folded}<Sleep name="Wait" msec="1000000"/></Sequence>')
+    terminal.wait_for(
+        lambda rows: any("[*] Wait" in row for row in rows) and any("more" in row for row in rows)
+    )
+    shown = tree_of(terminal.rows)
+    assert shown[0] == "[*] Main"
+    assert shown[-2:] == ["[✓] Part 49 +1", "[*] Wait"]
+
+
+def test_at_the_end_the_view_stays_and_the_terminal_is_as_before(on_terminal):
+    terminal = on_terminal(WAIT).wait_for(stands(*SHOWN))
+    terminal.send(signal.SIGINT)
+    assert terminal.end() == 130
+    assert tree_of(terminal.rows) == SHOWN
+    assert terminal.screen.margins is None
+    assert not terminal.screen.cursor.hidden
+    # What comes next, a shell's prompt, stands below.
+    assert not any(terminal.rows[terminal.screen.cursor.y :])
+
+
+def test_a_terminal_that_obeys_nothing_gets_a_line_for_each_change(tmp_path):
+    path = tmp_path / "tree.xml"
+    path.write_text(document('<AlwaysSuccess name="Done"/>'), encoding="utf-8")
+    terminal = Terminal("sar-run", path, "--view", "text", env={"TERM": "dumb"})
+    assert terminal.end() == 0
+    assert any(row.endswith(" s  Done SUCCESS, success") for row in terminal.rows), terminal.rows
+    terminal.kill()
+
+
+def test_without_what_draws_the_option_names_the_extra_that_brings_it(tmp_path):
+    (tmp_path / "rich.py").write_text("raise ImportError('no rich here')", encoding="utf-8")
+    terminal = Terminal("sar-run", "--view", "text", env={"PYTHONPATH": str(tmp_path)}, columns=200)
+    assert terminal.end() == 2
+    assert "pip install 'sar_compiler[view]' brings it" in terminal.rows[0]
+    terminal.kill()

@@ -1,0 +1,113 @@
+"""A terminal for commands of the project: what is on its screen, also after it has another size."""
+
+import fcntl
+import os
+import pty
+import select
+import struct
+import subprocess
+import tempfile
+import termios
+import time
+
+import pyte
+
+from tests.processes import BIN
+from tests.waiting import SILENCE_SEC
+
+
+class Terminal:
+    """A command on a terminal.
+
+    Args:
+        name: The command, as installed.
+        arguments: Its arguments.
+        columns: The width.
+        lines: The height.
+        env: Changes to the environment.
+    """
+
+    def __init__(self, name, *arguments, columns=80, lines=24, env=None):
+        self.screen = pyte.HistoryScreen(columns, lines, history=10_000)
+        self._stream = pyte.ByteStream(self.screen)
+        self._state = tempfile.TemporaryDirectory(prefix="state_of_test")
+        self._here, there = pty.openpty()
+        self._set_size(columns, lines)
+        terminal = {"TERM": "xterm-256color", "XDG_STATE_HOME": self._state.name, "PYTHONUTF8": "1"}
+        without = ("COLUMNS", "LINES", "NO_COLOR")
+        self._process = subprocess.Popen(
+            [BIN / name, *map(str, arguments)],
+            stdin=there,
+            stdout=there,
+            stderr=there,
+            start_new_session=True,
+            env={
+                **{key: value for key, value in os.environ.items() if key not in without},
+                **terminal,
+                **(env or {}),
+            },
+        )
+        os.close(there)
+
+    def _set_size(self, columns, lines):
+        fcntl.ioctl(self._here, termios.TIOCSWINSZ, struct.pack("HHHH", lines, columns, 0, 0))
+
+    def resize(self, columns, lines):
+        """Give the terminal another size."""
+        self._set_size(columns, lines)
+        self.screen.resize(lines, columns)
+
+    @property
+    def rows(self):
+        """What is on the screen, line by line, without the spaces at the ends."""
+        return [row.rstrip() for row in self.screen.display]
+
+    @property
+    def history(self):
+        """The lines that have scrolled off the screen, and then what is on it."""
+        gone = [
+            "".join(line[column].data for column in range(self.screen.columns)).rstrip()
+            for line in self.screen.history.top
+        ]
+        return [*gone, *self.rows]
+
+    def wait_for(self, wanted):
+        """Wait until what is on the screen is as wanted: a function of the rows, or a text in one of them."""
+        is_so = wanted if callable(wanted) else lambda rows: any(wanted in row for row in rows)
+        deadline = time.monotonic() + SILENCE_SEC
+        while not is_so(self.rows):
+            self._read()
+            assert time.monotonic() < deadline, "\n".join(self.rows)
+            assert self._process.poll() is None or is_so(self.rows), "\n".join(self.history)
+        return self
+
+    def _read(self):
+        """Take what comes within a moment; return whether there was something."""
+        ready, _, _ = select.select([self._here], [], [], 0.1)
+        try:
+            data = os.read(self._here, 65536) if ready else b""
+        except OSError:  # nobody writes to it any more
+            return False
+        self._stream.feed(data)
+        return bool(data)
+
+    def send(self, number):
+        """Send a signal."""
+        self._process.send_signal(number)
+
+    def end(self):
+        """Wait for the command to end; return its exit status."""
+        deadline = time.monotonic() + SILENCE_SEC
+        while self._process.poll() is None:
+            deadline = time.monotonic() + SILENCE_SEC if self._read() else deadline
+            assert time.monotonic() < deadline, "\n".join(self.rows)
+        while self._read():
+            pass
+        return self._process.returncode
+
+    def kill(self):
+        """See that nothing is left of it."""
+        if self._process.poll() is None:
+            self._process.kill()
+            self._process.wait()
+        os.close(self._here)

@@ -1,0 +1,149 @@
+"""A mission on a screen: what is shown where not all of it has room."""
+
+import pytest
+
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.views.mission_view import change_text, clock_text, screen
+
+
+def node(name, *children):
+    return {
+        "class": "x",
+        "name": name,
+        "attributes": {},
+        "children": list(children),
+        "file": "m.xml",
+        "line": 1,
+    }
+
+
+def mission(tree, *statuses, more=(), zones=()):
+    """Return a mission after the statuses of some nodes by number, one a second."""
+    about = {"mission": "patrol", "identity": {"zones": list(zones)}, "tree": tree, "run": {}}
+    told = [("run_began", about)]
+    told += [
+        ("status", {"node": number, "tick": 1, "status": status, "message": message})
+        for number, status, message in statuses
+    ]
+    entries = enumerate([*told, *more])
+    return MissionState.of(JournalEntry(at, 1, at, float(at), kind, data) for at, (kind, data) in entries)
+
+
+def lines(state, height=24, now=10.0):
+    return ["".join(piece.text for piece in line) for line in screen(state, now, height)]
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(0, "0:00"), (65.9, "1:05"), (3600, "1:00:00"), (-1, "0:00")])
+def test_durations_are_told_as_on_a_clock(seconds, text):
+    assert clock_text(seconds) == text
+
+
+def test_a_small_tree_is_shown_as_a_whole():
+    state = mission(node("Main", node("Drive"), node("Look")), (1, "RUNNING", "3 m left"), (0, "RUNNING", ""))
+    assert lines(state) == [
+        "patrol  0:10  RUNNING",
+        "[*] Main  0:08",
+        "  [*] Drive  0:09  3 m left",
+        "  [-] Look",
+    ]
+
+
+def test_what_a_node_said_in_a_former_activation_is_not_shown():
+    state = mission(node("Main", node("Drive")), (1, "RUNNING", "driving to a"), (1, "HALTED", ""))
+    assert lines(state)[2] == "  [-] Drive"
+
+
+def test_the_headline_has_the_zone_what_is_left_of_the_drive_and_the_plan():
+    zones = [{"id": "zone_a", "x": 0, "y": 0}, {"id": "zone_b", "x": 0, "y": 0}]
+    drive = ("progress", {"target": "zone_b", "distance": 3.21, "time_left": 8.0})
+    told = [("zone_visited", {"zone": "zone_a"}), ("zone_started", {"zone": "zone_b"}), drive]
+    assert lines(mission(node("Main"), more=told, zones=zones))[0] == (
+        "patrol  0:10  zone_b in 3.2 m, 0:08 left  1/2 zones done"
+    )
+
+
+def test_the_latest_survivor_comes_first():
+    found = [("survivor_named", {"survivor": f"survivor_{each}", "x": each, "y": 0}) for each in (1, 2)]
+    told = [*found, ("report_acknowledged", {"survivor": "survivor_1"})]
+    assert lines(mission(node("Main"), more=told))[1] == (
+        "survivors: 2; survivor_2 (2.0, 0.0) not sent; survivor_1 (1.0, 0.0) acknowledged"
+    )
+
+
+def test_an_alarm_is_in_the_headline():
+    assert (
+        "ALARM: battery low" in lines(mission(node("Main"), more=[("alarmed", {"reason": "battery low"})]))[0]
+    )
+
+
+def wide(count=100):
+    return node("Main", *(node(f"child {number}", node("below")) for number in range(count)))
+
+
+def test_of_a_large_tree_the_way_to_what_runs_and_its_siblings_are_shown():
+    # The root, then each child with one below it.
+    shown = lines(
+        mission(wide(), (0, "RUNNING", ""), (101, "RUNNING", ""), (102, "RUNNING", "here")), height=10
+    )
+    assert len(shown) == 10
+    assert "  [*] child 50  0:08" in shown
+    assert "    [*] below  0:07  here" in shown
+    assert "  [-] child 49 +1" in shown
+    assert "  [-] child 51 +1" in shown
+    assert [line for line in shown if "more" in line] == ["  … 47 more", "  … 48 more"]
+
+
+def test_a_tree_that_is_deeper_than_the_screen_shows_its_deepest_running_nodes():
+    tree = node("leaf")
+    for depth in reversed(range(60)):
+        tree = node(f"level {depth}", tree)
+    shown = lines(mission(tree, *((number, "RUNNING", "") for number in range(61))), height=12)
+    assert len(shown) == 12
+    assert shown[-1].strip().startswith("[*] leaf")
+
+
+@pytest.mark.parametrize("height", range(3, 40))
+def test_a_screen_has_never_more_lines_than_there_is_room_for(height):
+    running = [(0, "RUNNING", ""), *((number, "RUNNING", "") for number in range(1, 200, 14))]
+    assert len(lines(mission(wide(), *running), height=height)) <= height
+
+
+def test_a_mission_that_has_ended_shows_how_it_came_to_that():
+    tree = node("Main", node("A", node("a")), node("B", node("b")), *(node(f"C{each}") for each in range(30)))
+    shown = lines(
+        mission(tree, (1, "SUCCESS", ""), (4, "FAILURE", "no way"), (3, "FAILURE", ""), (0, "FAILURE", "")),
+        10,
+    )
+    assert "    [✕] b  0:08  no way" in shown
+
+
+def test_what_is_told_of_strangers_cannot_move_the_cursor():
+    state = mission(node("Main\x1b[2J"), (0, "RUNNING", "a\nb\x1b]0;title\x07"))
+    assert lines(state)[1] == r"[*] Main\x1b[2J  0:09  a\nb\x1b]0;title\x07"
+
+
+def change(kind, data, before=""):
+    state = mission(node("Main", node("Drive")))
+    entry = JournalEntry(9, 1, 9.0, 2.5, kind, data)
+    state.take(entry)
+    return change_text(state, entry, before)
+
+
+def test_a_change_is_a_line_with_the_time():
+    told = {"node": 1, "tick": 2, "status": "FAILURE", "message": "no way"}
+    assert change("status", told) == "      2.5 s  Drive FAILURE, no way"
+    assert change("zone_visited", {"zone": "zone_a"}) == "      2.5 s  zone_visited zone zone_a"
+
+
+@pytest.mark.parametrize(
+    ("kind", "data"),
+    [
+        ("status", {"node": 1, "tick": 2, "status": "RUNNING", "message": "2 m left"}),
+        ("status", {"node": 1, "tick": 2, "status": "IDLE", "message": ""}),
+        ("pose", {"x": 1.0, "y": 1.0, "yaw": 0.0}),
+        ("goal_sent", {"action": "/a", "goal": "ab"}),
+    ],
+)
+def test_what_is_no_change_to_people_is_no_line(kind, data):
+    assert change(kind, data, before="RUNNING") == ""
