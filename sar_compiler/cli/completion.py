@@ -111,7 +111,7 @@ def _modules(prefix: str, **_: Any) -> Iterator[str]:
 COMPLETERS: Mapping[str, Callable[..., Iterable[str]]] = {
     **dict.fromkeys(("file", "files", "old", "new", "against"), _trees),
     **dict.fromkeys(("params", "properties", "scenario"), _yaml_files),
-    **dict.fromkeys(("output", "export", "keep", "record"), FilesCompleter()),
+    **dict.fromkeys(("output", "export", "keep", "record", "report", "to"), FilesCompleter()),
     **dict.fromkeys(("sim", "world"), _worlds),
     "code": _codes,
     "include_path": DirectoriesCompleter(),

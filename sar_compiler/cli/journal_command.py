@@ -20,7 +20,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit status: 0; 2 for wrong usage, or a file that is no journal or cannot be read.
     """
-    return run(lambda: _show(_parser().parse_args(sys.argv[1:] if argv is None else argv)), "sar-journal")
+    return run(lambda: _command(_parser().parse_args(sys.argv[1:] if argv is None else argv)), "sar-journal")
+
+
+def _command(options: argparse.Namespace) -> int:
+    commands = {"show": _show, "report": _report}
+    return commands[options.command](options)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -36,7 +41,32 @@ def _parser() -> argparse.ArgumentParser:
     show.add_argument(
         "--all", action="store_true", help="also what was watched: nodes, log, pose, plan, ends of goals"
     )
+    text = "Write a report of a mission, to be printed and handed on, or for maps and rescue services."
+    report = commands.add_parser("report", help=text, description=text)
+    report.add_argument(
+        "journal", type=Path, metavar="FILE", help="the journal; a mission may be writing to it"
+    )
+    report.add_argument(
+        "--to",
+        nargs="+",
+        required=True,
+        type=Path,
+        metavar="OUT",
+        help="the files, each in the form of its ending: .html, .json, .geojson, .cot, .cap",
+    )
     return parser
+
+
+def _report(options: argparse.Namespace) -> int:
+    from sar_compiler.cli.run_report import write_reports
+    from sar_compiler.journal.database import JournalFile
+    from sar_compiler.journal.mission_state import MissionState
+    from sar_compiler.views.mission_report import georeference
+
+    with closing(JournalFile.read(options.journal)) as file:
+        state = MissionState.of(file.stream())
+    write_reports(state, options.to, georeference(state))
+    return OK
 
 
 def _show(options: argparse.Namespace) -> int:

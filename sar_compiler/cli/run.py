@@ -49,6 +49,7 @@ class Options:
         guardian: Whether a process of its own cancels the goals of a run that dies; None for what is usual.
         engine: The engine that ticks the tree: `own` or `py_trees_ros`.
         mission: The name of the mission; None to choose it by the tree's leaves.
+        report: The reports to write at the end.
         journal: The mission's journal; None for the default place, or for none.
         no_journal: Whether there is to be none.
         resume: Whether to go on with the mission in the journal.
@@ -79,6 +80,7 @@ class Options:
     guardian: bool | None
     engine: str
     mission: str | None
+    report: Sequence[Path]
     journal: Path | None
     no_journal: bool
     resume: bool
@@ -128,8 +130,8 @@ def _options(argv: Sequence[str]) -> Options:
     for option, value in (("--speed", given.speed), ("--fault", given.fault or None), ("--seed", given.seed)):
         if given.sim is None and value is not None:
             parser.error(f"{option} is for the simulator: add --sim")
-    if given.check and (given.resume or given.new):
-        parser.error("--check begins nothing: --resume and --new are for the run itself")
+    if given.check and (given.resume or given.new or given.report):
+        parser.error("--check begins nothing: --resume, --new and --report are for the run itself")
     if given.record is not None and given.record.suffix != ".mcap":
         parser.error(f"--record writes MCAP, which readers know by its ending: {given.record.stem}.mcap")
     if given.groot2_hooks and given.groot2 is None:
@@ -271,6 +273,15 @@ def _parser() -> Parser:
         metavar="FILE",
         help="write the mission's journal there (default without --sim, for a mission that can be resumed: a file of the "
         "node's name in ~/.local/state/sar_compiler)",
+    )
+    parser.add_argument(
+        "--report",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="FILE",
+        help="write a report when the run has ended, in the form of the file's ending: .html, .json, .geojson, .cot, .cap; "
+        "may be repeated",
     )
     parser.add_argument("--no-journal", action="store_true", help="write none")
     begun = parser.add_mutually_exclusive_group()

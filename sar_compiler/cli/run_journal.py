@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.journal.journal import Journal, Listener
-from sar_compiler.journal.journal_entries import Ending
+from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.missions.mission import Mission, MissionRun
 
 if TYPE_CHECKING:
@@ -47,6 +47,10 @@ class RunJournal:
         Call it at once: what the run does only for those who listen is decided as it goes on.
         """
         self._journal.listen(listener)
+
+    def earlier(self) -> list[JournalEntry]:
+        """Return the entries of the earlier runs of the mission, for who shows it from its beginning."""
+        return self._journal.earlier()
 
     @property
     def is_resumed(self) -> bool:

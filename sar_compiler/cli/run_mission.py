@@ -63,6 +63,7 @@ from sar_compiler.tree.showing import in_one_line
 
 if TYPE_CHECKING:
     from sar_compiler.cli.run import Options
+    from sar_compiler.cli.run_report import RunReport
     from sar_compiler.sim.simulation import Simulation
     from sar_compiler.sim.world import World
 
@@ -112,7 +113,9 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
         journal = stack.enter_context(open_run_journal(options, mission, node))
         watchers = stack.enter_context(open_watchers(options, node, journal))
         if view is not None:
+            view.begin(journal.earlier())
             journal.listen(view.take)
+        report = _report(options, parameters, journal)
         journal.keep_facts(begun, reader.parameters)
         if _wants_guardian(options, journal):
             guardian = stack.enter_context(closing(_guardian(options, node)))
@@ -140,10 +143,28 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
             if world is not None:
                 _require_navigation(tree, world)
                 run.simulation = stack.enter_context(_simulation(options, world, node, begun, faults))
-            return run.run(tree)
+            status = run.run(tree)
         except NotReadyError as error:
             print_error(f"sar-run: {error}")
             return NOT_READY
+        if report is not None:
+            report.write()
+        return status
+
+
+def _report(options: "Options", parameters: RunParameters, journal: RunJournal) -> "RunReport | None":
+    """Return the reports that are asked for, which listen from now on; None if none are.
+
+    Raises:
+        ReportError: If one of them could not be written.
+    """
+    if not options.report:
+        return None
+    from sar_compiler.cli.run_report import RunReport
+
+    report = RunReport(options.report, parameters.georeference, journal.earlier())
+    journal.listen(report.take)
+    return report
 
 
 def _wants_guardian(options: "Options", journal: RunJournal) -> bool:

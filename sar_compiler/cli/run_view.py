@@ -44,6 +44,10 @@ class RunView(ABC):
         self._output = output
         self._state = MissionState()
 
+    def begin(self, earlier: Iterable[JournalEntry]) -> None:
+        """Take what earlier runs of the mission have done, before anything else."""
+        self._state = MissionState.of(earlier)
+
     @abstractmethod
     def take(self, entry: JournalEntry) -> None:
         """Take an entry of the run's journal."""
@@ -107,25 +111,25 @@ class RunScreen(RunView):
         self._height = 0
         self._drawn_at = -_PERIOD_SEC
         self._start = self._now = 0.0
-        self._is_closed = False
+        self._has_begun = self._is_closed = False
 
     def take(self, entry: JournalEntry) -> None:
         """Take an entry, which is shown when the next drawing is due."""
         self._state.take(entry)
         if entry.kind == RUN_BEGAN:
-            self._start = entry.time
+            self._start, self._has_begun = entry.time, True
         self._now = max(self._now, entry.time)
 
     def refresh(self, now: float) -> None:
         """Draw, if that is due, and something has begun."""
         steady = time.monotonic()
-        if self._state.runs and not self._is_closed and steady - self._drawn_at >= _PERIOD_SEC:
+        if self._has_begun and not self._is_closed and steady - self._drawn_at >= _PERIOD_SEC:
             self._drawn_at, self._now = steady, now
             self._draw()
 
     def close(self) -> None:
         """Draw a last time, and give the terminal back: the view stays where it is, and what follows comes below."""
-        if self._is_closed or not self._state.runs:
+        if self._is_closed or not self._has_begun:
             return
         self._draw()
         self._is_closed = True

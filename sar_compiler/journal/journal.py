@@ -123,6 +123,10 @@ class Journal:
         """Return the facts of earlier runs, in their order."""
         return list(self._facts)
 
+    def earlier(self) -> "list[JournalEntry]":
+        """Return all entries of the earlier runs that the mission goes on from, in their order."""
+        return self._file.stream() if self._file is not None and self.aside is None else []
+
     def goals_left(self) -> list[SentGoal]:
         """Return the goals of earlier runs that may still be active.
 

@@ -184,13 +184,18 @@ class ParameterReader:
 
     def pose(self, prefix: str) -> dict[str, float]:
         """Return the one pose `<prefix>.{x,y,yaw}`; missing coordinates are 0."""
-        for key in self.parameters:
-            if key == prefix:
-                self.report(key, f"must hold x, y and yaw, is {_shown(self.parameters[key])}")
-            elif key.startswith(f"{prefix}.") and key.partition(".")[2] not in _POSE:
-                self.report(key, f"is not known there; {_did_you_mean(key.partition('.')[2], _POSE)}")
+        self.only(prefix, _POSE)
         keys = {name: f"{prefix}.{name}" for name in _POSE}
         return {name: self.number(key, 0.0) for name, key in keys.items()}
+
+    def only(self, prefix: str, names: tuple[str, ...]) -> None:
+        """Note as a mistake what stands below a prefix besides some names."""
+        listed = f"{', '.join(names[:-1])} and {names[-1]}"
+        for key in self.parameters:
+            if key == prefix:
+                self.report(key, f"must hold {listed}, is {_shown(self.parameters[key])}")
+            elif key.startswith(f"{prefix}.") and key.partition(".")[2] not in names:
+                self.report(key, f"is not known there; {_did_you_mean(key.partition('.')[2], names)}")
 
     def number(self, key: str, default: float | None = None) -> float:
         """Return a finite number; a missing one is the default, or else a mistake."""

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, fields
 
+from sar_compiler.journal.georeference import GEOREFERENCE, Georeference
 from sar_compiler.ros.parameter_reader import ParameterReader
 
 SETTLE_SEC = 5.0
@@ -25,6 +26,7 @@ class RunParameters:
         robot_radius_m: The radius of the robot's body, for planning before the flight, in metres.
         cruise_speed_mps: The speed that estimates of time assume, in m/s.
         settle_timeout_sec: The longest wait for the goals to end when the run is stopped, in seconds.
+        georeference: Where the frame `map` lies on the earth; None if that is not said.
     """
 
     tick_rate_hz: float = 2.0
@@ -35,6 +37,7 @@ class RunParameters:
     robot_radius_m: float = 0.22
     cruise_speed_mps: float = 0.4
     settle_timeout_sec: float = SETTLE_SEC
+    georeference: Georeference | None = None
 
 
 RUN_PARAMETER_NAMES = tuple(field.name for field in fields(RunParameters))
@@ -52,7 +55,26 @@ def read_run(reader: ParameterReader) -> RunParameters:
         robot_radius_m=reader.duration("robot_radius_m", RunParameters.robot_radius_m),
         cruise_speed_mps=reader.duration("cruise_speed_mps", RunParameters.cruise_speed_mps),
         settle_timeout_sec=reader.duration("settle_timeout_sec", RunParameters.settle_timeout_sec),
+        georeference=_georeference(reader),
     )
+
+
+def _georeference(reader: ParameterReader) -> Georeference | None:
+    if not any(key == GEOREFERENCE or key.startswith(f"{GEOREFERENCE}.") for key in reader.parameters):
+        return None
+    before = len(reader.problems)
+    reader.only(GEOREFERENCE, Georeference._fields)
+    given = Georeference(**reader.point(GEOREFERENCE, Georeference._fields))
+    if len(reader.problems) == before:
+        for name, value, most in (
+            ("lat", given.lat, 90),
+            ("lon", given.lon, 180),
+            ("heading", given.heading, 360),
+        ):
+            if abs(value) > most:
+                text = f"must be degrees between -{most} and {most}, is {value:g}"
+                reader.report(f"{GEOREFERENCE}.{name}", text)
+    return given
 
 
 def _rate(reader: ParameterReader, key: str, default: float) -> float:

@@ -1,15 +1,16 @@
-"""The stand-in for Nav2's localiser: silent until it receives an initial pose, exact from then on."""
+"""The stand-in for Nav2's localiser and map server: silent until it receives an initial pose, exact from then on."""
 
 from typing import Any
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
+from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from tf2_msgs.msg import TFMessage
 
 from sar_compiler.sim.geometry import Pose2D, normalise_angle
-from sar_compiler.sim.messages import from_pose, to_pose, to_stamp, to_transform
+from sar_compiler.sim.messages import from_pose, to_grid, to_pose, to_stamp, to_transform
 from sar_compiler.sim.node_host import NodeHost
 from sar_compiler.sim.occupancy import OccupancyMap
 from sar_compiler.sim.robot import Robot
@@ -26,7 +27,7 @@ _VARIANCES = {0: 0.01, 7: 0.01, 35: 0.005}
 
 
 class Amcl:
-    """Node `amcl`: `initialpose` in; `amcl_pose`, `map` → `odom` and `amcl/get_state` out.
+    """Node `amcl`: `initialpose` in; the topic `map`, `amcl_pose`, `map` → `odom` and `amcl/get_state` out.
 
     Args:
         host: Creates the node.
@@ -42,6 +43,8 @@ class Amcl:
         self._node = host.create("amcl")
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._pose = self._node.create_publisher(PoseWithCovarianceStamped, "amcl_pose", latched)
+        self._grid = self._node.create_publisher(OccupancyGrid, "map", latched)
+        self._grid.publish(to_grid(occupancy))
         self._tf = self._node.create_publisher(TFMessage, "/tf", 100)
         self._node.create_subscription(PoseWithCovarianceStamped, "initialpose", self._on_initial_pose, 10)
         self._node.create_service(GetState, "amcl/get_state", _active)

@@ -1,6 +1,7 @@
 """Conversion between the simulator's dataclasses and ROS messages."""
 
 import math
+from array import array
 from typing import Any
 
 import numpy as np
@@ -61,6 +62,17 @@ def from_pose(message: Any) -> Pose2D | None:
     yaw = math.atan2(2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y**2 + turn.z**2))
     pose = Pose2D(message.position.x, message.position.y, yaw)
     return pose if pose.is_finite else None
+
+
+def to_grid(occupancy: OccupancyMap) -> OccupancyGrid:
+    """Return an occupancy map as a message, without a time."""
+    grid = OccupancyGrid(data=array("b", occupancy.cells.tobytes()))
+    grid.header.frame_id = "map"
+    grid.info.height, grid.info.width = occupancy.cells.shape
+    grid.info.resolution = occupancy.resolution
+    grid.info.origin.position.x, grid.info.origin.position.y = occupancy.origin_x, occupancy.origin_y
+    grid.info.origin.orientation.w = 1.0
+    return grid
 
 
 def from_grid(message: OccupancyGrid) -> OccupancyMap | None:

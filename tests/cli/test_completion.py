@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.cli import compile as sar_compile
+from sar_compiler.cli import journal_command as sar_journal
 from sar_compiler.cli import run as sar_run
 from sar_compiler.cli import sim as sar_sim
 from sar_compiler.cli.completion import COMPLETERS, SHELLS
@@ -131,7 +132,7 @@ def arguments_of(parser):
 
 
 def test_every_argument_with_a_value_is_completed_or_left_to_the_user():
-    parsers = sar_compile._parser(), sar_run._parser(), sar_sim._parser()
+    parsers = sar_compile._parser(), sar_journal._parser(), sar_run._parser(), sar_sim._parser()
     assert {name for parser in parsers for name in arguments_of(parser)} == {*COMPLETERS, *NOTHING_TO_OFFER}
 
 

@@ -6,6 +6,8 @@ import pytest
 
 from sar_compiler.cli.terminal import ProgressLine
 
+TERMINAL, FILE = True, False
+
 
 class Screen(io.StringIO):
     """Standard error, on a terminal or not."""
@@ -28,7 +30,7 @@ def shown(monkeypatch):
         monkeypatch.setattr("sar_compiler.cli.terminal.time.monotonic", lambda: now[0])
         line = ProgressLine("sar-sim")
         for now[0], text in texts:
-            line.show(lambda text=text: text)
+            line.show(str(text).strip)
         line.clear()
         return screen.getvalue()
 
@@ -36,16 +38,16 @@ def shown(monkeypatch):
 
 
 def test_what_is_over_within_a_second_says_nothing(shown):
-    assert shown(True, (0.5, "half"), (0.9, "nearly")) == ""
+    assert shown(TERMINAL, (0.5, "half"), (0.9, "nearly")) == ""
 
 
 def test_on_a_terminal_a_line_is_overwritten_and_goes_away(shown):
-    assert shown(True, (1.0, "10 %"), (1.1, "11 %"), (2.0, "20 %")) == "\r\x1b[K10 %\r\x1b[K20 %\r\x1b[K"
+    assert shown(TERMINAL, (1.0, "10 %"), (1.1, "11 %"), (2.0, "20 %")) == "\r\x1b[K10 %\r\x1b[K20 %\r\x1b[K"
 
 
 def test_a_line_that_is_wider_than_the_terminal_is_cut(shown):
-    assert shown(True, (1.0, "x" * 100)) == f"\r\x1b[K{'x' * 79}\r\x1b[K"
+    assert shown(TERMINAL, (1.0, "x" * 100)) == f"\r\x1b[K{'x' * 79}\r\x1b[K"
 
 
 def test_in_a_log_a_line_comes_every_ten_seconds(shown):
-    assert shown(False, (5.0, "5"), (10.0, "10"), (15.0, "15"), (20.0, "20")) == "sar-sim: 10\nsar-sim: 20\n"
+    assert shown(FILE, (5.0, "5"), (10.0, "10"), (15.0, "15"), (20.0, "20")) == "sar-sim: 10\nsar-sim: 20\n"

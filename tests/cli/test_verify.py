@@ -5,8 +5,8 @@ import signal
 
 import pytest
 
-from sar_compiler.cli import verify as command
 from sar_compiler.cli.compile import main
+from sar_compiler.cli.terminal import ProgressLine
 from sar_compiler.resources import shipped
 from tests.processes import Command
 from tests.trees import document
@@ -384,9 +384,9 @@ def test_progress_goes_to_standard_error(run, monkeypatch, terminal, said):
     shown = Terminal()
     monkeypatch.setattr(shown, "isatty", lambda: terminal)
     monkeypatch.setattr("sys.stderr", shown)
-    monkeypatch.setattr(command.ProgressLine, "_PATIENCE_SEC", 0.0)
-    monkeypatch.setattr(command.ProgressLine, "_EVERY_SEC", 0.0)
-    monkeypatch.setattr(command.ProgressLine, "_EVERY_SEC_IN_A_LOG", 0.0)
+    monkeypatch.setattr(ProgressLine, "_PATIENCE_SEC", 0.0)
+    monkeypatch.setattr(ProgressLine, "_EVERY_SEC", 0.0)
+    monkeypatch.setattr(ProgressLine, "_EVERY_SEC_IN_A_LOG", 0.0)
     assert run(FINE, "--set", "zones_left=60")[0] == 0
     assert shown.text.startswith(said)
     assert "states/s" in shown.text

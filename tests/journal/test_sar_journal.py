@@ -87,3 +87,17 @@ def test_what_is_no_journal_is_said(tmp_path, capsys, content, words):
         place.write_text(content, encoding="utf-8")
     assert main(["show", str(place)]) == 2
     assert f"{place} {words}" in capsys.readouterr().err
+
+
+def test_a_report_is_written_of_a_journal_in_each_form_that_is_asked_for(tmp_path, capsys):
+    journal = open_journal(tmp_path / "m.journal")
+    journal.begin({"mission": "patrol", "tree": {"class": "x", "name": "Main", "children": []}}, {})
+    journal.note("zone_visited", zone="zone_a")
+    journal.end(Ending.OVER, 0)
+    journal.close()
+    out = tmp_path / "r.html", tmp_path / "r.json"
+    assert main(["report", str(tmp_path / "m.journal"), "--to", *map(str, out)]) == 0
+    assert "zone_a" in out[0].read_text(encoding="utf-8")
+    assert json.loads(out[1].read_text(encoding="utf-8"))["zones"][0]["state"] == "visited"
+    assert main(["report", str(tmp_path / "m.journal"), "--to", str(tmp_path / "r.cot")]) == 2
+    assert "takes georeference" in capsys.readouterr().err

@@ -3,6 +3,7 @@
 import contextlib
 import math
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -496,3 +497,37 @@ class TestParameterFiles:
         for problem in parameter_file._problems(HEAD + "    x: " + text):
             assert problem.text
             assert problem.line >= 1
+
+
+def test_where_the_map_lies_is_read_and_not_asked_for():
+    given = {"georeference.lat": 48.2, "georeference.lon": 16, "georeference.heading": 90.0}
+    assert read_run_of(given).georeference == (48.2, 16.0, 90.0)
+    assert read_run_of({}).georeference is None
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"georeference": 3}, "georeference: must hold lat, lon and heading, is the number 3"),
+        (
+            {"georeference.lat": 1.0, "georeference.lon": 2.0},
+            "georeference.heading: is missing: give a number",
+        ),
+        (
+            {"georeference.lat": 91.0, "georeference.lon": 2.0, "georeference.heading": 0.0},
+            "georeference.lat: must be degrees between -90 and 90, is 91",
+        ),
+        (
+            {
+                "georeference.lat": 1.0,
+                "georeference.lon": 2.0,
+                "georeference.heading": 0.0,
+                "georeference.yaw": 1.0,
+            },
+            "georeference.yaw: is not known there; there may be lat, lon, heading",
+        ),
+    ],
+)
+def test_a_place_on_the_earth_is_whole_or_a_mistake(given, words):
+    with pytest.raises(ParameterError, match=re.escape(words)):
+        read_run_of(given)

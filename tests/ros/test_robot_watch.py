@@ -3,6 +3,7 @@
 import base64
 import io
 from array import array
+from typing import Any
 
 import pytest
 
@@ -20,7 +21,8 @@ def told(make_ros):
     from sar_compiler.ros.robot_watch import RobotWatch
 
     def tell(cells, width, height, **turn):
-        ros, entries = make_ros(), []
+        ros = make_ros()
+        entries: list[Any] = []
         node, robot = ros.node("mission"), ros.node("map_server")
         journal = Journal()
         journal.listen(entries.append)

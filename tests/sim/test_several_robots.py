@@ -59,6 +59,7 @@ def test_everything_of_a_robot_is_in_its_namespace_with_its_transforms(
             "cmd_vel",
             "amcl_pose",
             "initialpose",
+            "map",
         )
     } | {"/clock"}
     node = clients[0].node

@@ -1,0 +1,55 @@
+"""`--report` of `sar-run`, and `sar-journal report`."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from sar_compiler.cli.writing import WriteError, write_text
+from sar_compiler.commands import print_error
+from sar_compiler.journal.georeference import Georeference
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.views.reports import report_text, require_form
+
+
+class RunReport:
+    """The reports of a run, which are written when it has ended.
+
+    Args:
+        files: Where to.
+        place: Where the map lies on the earth, if that is known.
+        earlier: The entries of earlier runs of the mission.
+
+    Raises:
+        ReportError: If one of them could not be written then.
+    """
+
+    def __init__(
+        self, files: Sequence[Path], place: Georeference | None, earlier: Iterable[JournalEntry]
+    ) -> None:
+        for file in files:
+            require_form(file, place)
+        self._files = files
+        self._state = MissionState.of(earlier)
+        self.take = self._state.take
+
+    def write(self) -> None:
+        """Write them, if the run has begun; what cannot be written is said, because the mission is over."""
+        if not self._state.runs:
+            return
+        for file in self._files:
+            try:
+                write_text(file, report_text(self._state, file))
+            except WriteError as error:  # noqa: PERF203 - the next one is tried as well
+                print_error(f"sar-run: {error}")
+
+
+def write_reports(state: MissionState, files: Sequence[Path], place: Georeference | None) -> None:
+    """Write the reports of a mission.
+
+    Raises:
+        SarError: If one cannot be written; then none is.
+    """
+    for file in files:
+        require_form(file, place)
+    for file in files:
+        write_text(file, report_text(state, file))

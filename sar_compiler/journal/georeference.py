@@ -1,0 +1,42 @@
+"""Where the frame `map` lies on the earth."""
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+GEOREFERENCE = "georeference"
+"""The parameter, with `lat`, `lon` and `heading`."""
+
+
+class Georeference(NamedTuple):
+    """The place of the frame `map`.
+
+    Attributes:
+        lat: Latitude of its origin, degrees north, WGS 84.
+        lon: Longitude of its origin, degrees east, WGS 84.
+        heading: Where its x axis points, degrees clockwise from true north: 90 if x is east and y north.
+    """
+
+    lat: float
+    lon: float
+    heading: float
+
+    @classmethod
+    def among(cls, parameters: Mapping[str, Any]) -> "Georeference | None":
+        """Return that of a run by its parameters' flat names; None if it has none."""
+        values = [parameters.get(f"{GEOREFERENCE}.{name}") for name in cls._fields]
+        if not all(isinstance(value, int | float) for value in values):
+            return None
+        return cls(*map(float, values))  # type: ignore[arg-type]
+
+    def located(self, x: float, y: float) -> tuple[float, float]:
+        """Return latitude and longitude of a position in the frame `map` (metres), along the ellipsoid.
+
+        Raises:
+            ImportError: If pyproj is not installed.
+        """
+        from pyproj import Geod
+
+        bearing = self.heading - math.degrees(math.atan2(y, x))
+        lon, lat, _ = Geod(ellps="WGS84").fwd(self.lon, self.lat, bearing, math.hypot(x, y))
+        return float(lat), float(lon)

@@ -1,0 +1,292 @@
+"""The report of a mission as one page of HTML, with all that it needs, to be read, printed and handed on."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from datetime import datetime
+from html import escape
+from typing import Any
+
+from sar_compiler.journal.mission_state import (
+    Instant,
+    MissionState,
+    NodeState,
+    Position,
+    SurvivorState,
+    Told,
+    ZoneState,
+)
+from sar_compiler.tree.showing import visible
+from sar_compiler.views.mission_report import georeference, outcome
+from sar_compiler.views.mission_view import SIGNS, clock_text
+from sar_compiler.views.report_map import report_map
+
+_NONE = "-"
+# Of the log's warnings so many are told.
+_MOST_WARNINGS = 200
+# As in rcl_interfaces/msg/Log.
+_ERROR = 40
+
+_STYLE = """
+:root { color-scheme: light dark; --ink: #1a1a1a; --paper: #fff; --quiet: #595959; --rule: #bbb; --path: #0072b2;
+  --alarm: #b3261e; --found: #d55e00; --fill: #f3f3f3 }
+@media (prefers-color-scheme: dark) { :root { --ink: #eee; --paper: #161616; --quiet: #aaa; --rule: #555; --path: #56b4e9;
+  --alarm: #ff8a80; --found: #ff9d4d; --fill: #262626 } }
+* { box-sizing: border-box }
+body { font: 15px/1.45 system-ui, sans-serif; color: var(--ink); background: var(--paper); max-width: 66rem; margin: 0 auto;
+  padding: 1rem }
+h1 { font-size: 1.6rem; margin: 0 } h2 { font-size: 1.15rem; margin: 1.8rem 0 .5rem; border-bottom: 2px solid var(--rule) }
+.outcome { font-size: 1.15rem; font-weight: 600; margin: .3rem 0 } .bad, .alarm { color: var(--alarm) }
+.simulated { border: 2px solid var(--alarm); color: var(--alarm); padding: .3rem .6rem; font-weight: 700; display: inline-block }
+.quiet { color: var(--quiet) } dl { display: grid; grid-template-columns: max-content 1fr; gap: .15rem 1rem; margin: .6rem 0 }
+dt { color: var(--quiet) } dd { margin: 0; overflow-wrap: anywhere }
+.wide { overflow-x: auto } table { border-collapse: collapse; width: 100% }
+th, td { text-align: left; vertical-align: top; padding: .25rem .7rem .25rem 0; border-bottom: 1px solid var(--rule) }
+th { color: var(--quiet); font-weight: 600 } td.number { font-variant-numeric: tabular-nums; white-space: nowrap }
+td.text { overflow-wrap: anywhere; min-width: 5rem }
+.confirmed td:first-child { font-weight: 700 } .rejected td, .merged td { color: var(--quiet) }
+.map { width: 100%; max-height: 42rem; background: #fff; border: 1px solid var(--rule) }
+.map text { fill: #000; stroke: #fff; stroke-width: .25em; paint-order: stroke; font-family: system-ui, sans-serif }
+.map .name { font-weight: 700 } .map .scale { fill: #444 } .map image { image-rendering: pixelated; opacity: .75 }
+.grid { stroke: #0002; stroke-width: .02 } .fence { fill: none; stroke: #000; stroke-dasharray: .3 .2 }
+.path { fill: none; stroke: #0072b2; stroke-linejoin: round } .base { fill: #fff; stroke: #000 }
+.zone { fill: #fff; stroke: #0072b2 } .zone.visited { fill: #0072b2 } .zone.searched, .zone.under-way { fill: #56b4e9 }
+.zone.abandoned { fill: #000; stroke: #000 } .zone.open { stroke-dasharray: .15 .1 }
+.survivor { fill: #e69f00; stroke: #000 } .survivor.confirmed { fill: #d55e00 }
+.survivor.rejected, .survivor.merged { fill: #fff; stroke: #777 }
+ul.legend { list-style: none; padding: 0; display: flex; flex-wrap: wrap; gap: .2rem 1.2rem; margin: .4rem 0 }
+.legend i { display: inline-block; width: .8em; height: .8em; margin-right: .4em; border: 1px solid #000 }
+.tree td { font: 12px/1.35 ui-monospace, monospace; padding-top: 0; padding-bottom: 0; border: 0 }
+.FAILURE { color: var(--alarm) }
+footer { margin-top: 2rem; color: var(--quiet); font-size: .85rem }
+@media screen and (max-width: 40rem) { body { padding: .6rem; font-size: 14px } dl { grid-template-columns: 1fr }
+  dt { margin-top: .4rem } .rows thead { display: none } .rows tr { display: block; border-bottom: 1px solid var(--rule);
+  padding: .4rem 0 } .rows td { display: grid; grid-template-columns: 7.5rem 1fr; border: 0; padding: .05rem 0;
+  white-space: normal } .rows td::before { content: attr(data-head); color: var(--quiet); font-weight: 400 } }
+@page { size: A4; margin: 16mm 14mm }
+@media print { :root { color-scheme: light; --ink: #000; --paper: #fff; --quiet: #444; --rule: #999; --path: #0072b2;
+  --alarm: #b3261e; --found: #d55e00; --fill: #fff }
+  body { font-size: 10pt; max-width: none; padding: 0; print-color-adjust: exact; -webkit-print-color-adjust: exact }
+  h2 { break-after: avoid } tr, .map, dl { break-inside: avoid } thead { display: table-header-group }
+  .map { max-height: 150mm } .wide { overflow: visible } .annex { break-before: page } .tree td { font-size: 7.5pt } }
+"""
+
+_LEGEND = (
+    ("#d55e00", "survivor, confirmed by the operator"),
+    ("#e69f00", "survivor, not yet judged"),
+    ("#fff", "rejected, or merged with another; a white square: the base station"),
+    ("#0072b2", "zone visited, and the way of the robot"),
+    ("#000", "zone given up"),
+)
+
+
+def html_report(state: MissionState) -> str:
+    """Return the report of a mission as a page; whatever a stranger has written is escaped."""
+    name = str(state.about.get("mission") or (state.nodes[0].name if state.nodes else "mission"))
+    title = f"Report: {name}, {_day(state.runs[0].began) if state.runs else 'not begun'}"
+    body = "".join(
+        (
+            *_head(state, name),
+            *_survivors(state),
+            *_map(state),
+            *_zones(state),
+            *_events("Alarms of the failsafes", state.alarms),
+            *_events("Orders of the operator", state.orders),
+            *_faults(state),
+            *_annex(state),
+        )
+    )
+    return (
+        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{_text(title)}</title><style>{_STYLE}</style></head>\n<body>{body}</body></html>\n"
+    )
+
+
+def _head(state: MissionState, name: str) -> Iterator[str]:
+    word, reason = outcome(state)
+    yield f"<header><h1>{_text(name)}</h1>"
+    if state.about.get("simulated"):
+        yield '<p class="simulated">Simulated: nobody was searched for, nobody was found</p>'
+    yield f'<p class="outcome{"" if word == "complete" else " bad"}">{_text(word.capitalize())}'
+    yield f"{_text(f': {reason}') if reason and word != 'complete' else ''}</p>"
+    listed = [each for each in state.survivors if each.standing not in ("rejected", "merged")]
+    done = sum(zone.state == "visited" for zone in state.zones.values())
+    facts: list[tuple[str, str]] = [
+        (f"run {run.number}" if len(state.runs) > 1 else "time", _duration(run.began, run.ended))
+        for run in state.runs
+    ]
+    if state.zones:
+        known = sum(each.report == "acknowledged" for each in listed)
+        facts += [
+            (
+                "survivors",
+                f"{len(listed)}, of whom base has acknowledged {known}" if listed else "none found",
+            ),
+            ("zones", f"{done} of {len(state.zones)} visited"),
+            ("robot", _robot(state)),
+        ]
+    place = georeference(state)
+    if place is not None:
+        where = f"origin of the map at {place.lat:.7f}, {place.lon:.7f} (WGS 84), its x axis {place.heading:g}° from north"
+        facts.append(("place", where))
+    items = "".join(f"<dt>{_text(key)}</dt><dd>{_text(value)}</dd>" for key, value in facts)
+    yield f"<dl>{items}</dl></header>"
+
+
+def _robot(state: MissionState) -> str:
+    if state.home:
+        return "at the base station"
+    return f"last seen at ({state.pose.x:.2f}, {state.pose.y:.2f})" if state.pose is not None else "not known"
+
+
+def _survivors(state: MissionState) -> Iterator[str]:
+    if state.zones or state.survivors:
+        yield "<h2>Survivors</h2>"
+        heads = ("who", "state", "zone", *_position_heads(state), "found", "base has acknowledged")
+        rows = ((each.standing, _survivor(state, each)) for each in state.survivors)
+        yield _table(heads, rows, "Nobody was found.")
+
+
+def _survivor(state: MissionState, survivor: SurvivorState) -> list[str]:
+    standing = {"candidate": "not yet judged"}.get(survivor.standing, survivor.standing)
+    if survivor.possibly:
+        standing += (
+            f" with {survivor.possibly}"
+            if survivor.standing == "merged"
+            else f", possibly {survivor.possibly}"
+        )
+    told = _when(survivor.acknowledged) if survivor.acknowledged else f"NO ({survivor.report})"
+    return [
+        survivor.name or "without a name",
+        standing,
+        survivor.zone or _NONE,
+        *_position(state, survivor.place),
+        _when(survivor.found),
+        told,
+    ]
+
+
+def _map(state: MissionState) -> Iterator[str]:
+    drawing = report_map(state)
+    if drawing:
+        legend = "".join(
+            f'<li><i style="background:{colour}"></i>{_text(text)}</li>' for colour, text in _LEGEND
+        )
+        yield f'<h2>Map</h2>{drawing}<ul class="legend">{legend}</ul>'
+
+
+def _zones(state: MissionState) -> Iterator[str]:
+    if state.zones:
+        yield "<h2>Zones</h2>"
+        heads = ("zone", "state", *_position_heads(state), "attempts", "last set out", "left")
+        yield _table(heads, (("", _zone(state, each)) for each in state.zones.values()), "")
+
+
+def _zone(state: MissionState, zone: ZoneState) -> list[str]:
+    said = f"{zone.state}{f': {zone.reason}' if zone.reason else ''}"
+    return [
+        zone.name,
+        said,
+        *_position(state, zone.place),
+        str(zone.attempts),
+        _when(zone.started),
+        _when(zone.left),
+    ]
+
+
+def _events(title: str, told: Sequence[Told]) -> Iterator[str]:
+    if told:
+        yield f"<h2>{_text(title)}</h2>"
+        yield _table(("when", "what"), (("", [_when(each.at), each.text]) for each in told), "")
+
+
+def _faults(state: MissionState) -> Iterator[str]:
+    yield "<h2>Faults met</h2>"
+    shown = state.warnings[:_MOST_WARNINGS]
+    rows = (
+        ("", [_when(each.at), "error" if each.level >= _ERROR else "warning", each.by, each.text])
+        for each in shown
+    )
+    yield _table(("when", "kind", "of", "what"), rows, "The log has no warnings and no errors.")
+    if len(state.warnings) > len(shown):
+        yield f"<p class='quiet'>{len(state.warnings) - len(shown)} more are in the journal.</p>"
+
+
+def _annex(state: MissionState) -> Iterator[str]:
+    yield '<section class="annex"><h2>Parameters</h2>'
+    rows = (("", [name, _value(value)]) for name, value in sorted(state.parameters.items()))
+    yield _table(("name", "value"), rows, "None were kept.")
+    yield "<h2>Tree</h2><p class='quiet'>The last status of each node, and what it said then.</p><div class='wide'>"
+    yield f'<table class="tree"><tbody>{"".join(map(_node, state.nodes))}</tbody></table></div></section>'
+    about = state.runs[-1].about if state.runs else {}
+    yield f"<footer>sar_compiler {_text(str(about.get('version') or ''))}, node {_text(str(about.get('node') or _NONE))}</footer>"
+
+
+def _node(node: NodeState) -> str:
+    sign = SIGNS.get(node.status, "[-]")
+    name = f"{'  ' * node.depth}{sign} {node.name}".replace("  ", "\u00a0\u00a0")
+    place = f"{node.file}:{node.line}" if node.file else ""
+    cells = (name, node.message, place)
+    return f'<tr class="{escape(node.status)}">{"".join(f"<td>{_text(cell)}</td>" for cell in cells)}</tr>'
+
+
+def _table(heads: Sequence[str], rows: Iterable[tuple[str, Sequence[str]]], empty: str) -> str:
+    """Return a table; each row has a class, and its cells."""
+    body = "".join(
+        f'<tr class="{escape(kind)}">{"".join(map(_cell, heads, cells))}</tr>' for kind, cells in rows
+    )
+    if not body:
+        return f"<p>{_text(empty)}</p>"
+    head = "".join(f"<th>{_text(each)}</th>" for each in heads)
+    return f'<div class="wide"><table class="rows"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def _cell(head: str, text: str) -> str:
+    is_number = text[:1] in "-0123456789" and len(text) < 26  # noqa: PLR2004 - a time, or a coordinate
+    return f'<td class="{"number" if is_number else "text"}" data-head="{_text(head)}">{_text(text)}</td>'
+
+
+def _position_heads(state: MissionState) -> tuple[str, ...]:
+    return ("x, y in map (m)",) if georeference(state) is None else ("x, y in map (m)", "latitude, longitude")
+
+
+def _position(state: MissionState, place: Position | None) -> list[str]:
+    reference = georeference(state)
+    if place is None:
+        return [_NONE] * (1 if reference is None else 2)
+    cells = [f"{place.x:.2f}, {place.y:.2f}"]
+    if reference is not None:
+        try:
+            lat, lon = reference.located(*place)
+            cells.append(f"{lat:.7f}, {lon:.7f}")
+        except ImportError:  # said where a form is asked for that needs it
+            cells.append(_NONE)
+    return cells
+
+
+def _when(instant: Instant | None) -> str:
+    """Return the local time, and the mission's clock; the day and the zone stand at the top."""
+    return _NONE if instant is None else f"{_day(instant, '%H:%M:%S')} ({clock_text(instant.time)})"
+
+
+def _day(instant: Instant, form: str = "%Y-%m-%d %H:%M:%S %z") -> str:
+    """Return the local time, and its zone; the mission's clock if there is no such day."""
+    try:
+        return datetime.fromtimestamp(instant.wall).astimezone().strftime(form)
+    except (OSError, OverflowError, ValueError):
+        return clock_text(instant.time)
+
+
+def _duration(began: Instant, ended: Instant | None) -> str:
+    if ended is None:
+        return f"{_day(began)}; no end is known"
+    return f"{_day(began)} to {_day(ended)}, {clock_text(ended.time)} of the mission's clock"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return ", ".join(map(_value, value)) if isinstance(value, list) else str(value)
+
+
+def _text(text: str) -> str:
+    return escape(visible(text))

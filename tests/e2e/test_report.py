@@ -1,0 +1,82 @@
+"""`--report` of `sar-run`: what is written at the end, and what is refused before anything moves."""
+
+import json
+
+import geojson
+import pytest
+
+from tests.trees import document
+
+pytestmark = pytest.mark.ros
+
+GEO = ("-p", "georeference.lat:=48.2", "-p", "georeference.lon:=16.37", "-p", "georeference.heading:=90.0")
+
+
+@pytest.fixture
+def tree(tmp_path):
+    path = tmp_path / "tree.xml"
+    path.write_text(document('<AlwaysFailure name="Nothing"/>'), encoding="utf-8")
+    return path
+
+
+def test_a_flight_is_reported_with_its_map_its_way_and_who_was_found(start, tmp_path):
+    out = [tmp_path / f"report.{form}" for form in ("html", "json", "geojson", "cot", "cap")]
+    asked = [word for file in out for word in ("--report", file)]
+    run = start("sar-run", "--sim", "--speed", "20", *asked, "--ros-args", "-p", "zone_order:=[zone_a]", *GEO)
+    assert run.end() == 0, run.output
+    data = json.loads(out[1].read_text(encoding="utf-8"))
+    (survivor,) = data["survivors"]
+    assert (survivor["name"], survivor["zone"], survivor["report"]) == (
+        "survivor_1",
+        "zone_a",
+        "acknowledged",
+    )
+    assert (data["outcome"], data["simulated"], data["home"]) == ("complete", True, True)
+    assert len(data["path"]) > 3
+    assert 'href="data:image/png;base64,' in out[0].read_text(encoding="utf-8")
+    assert geojson.loads(out[2].read_text(encoding="utf-8")).is_valid
+    assert "survivor_1" in out[3].read_text(encoding="utf-8")
+    assert "<status>Exercise</status>" in out[4].read_text(encoding="utf-8")
+
+
+def test_a_run_that_has_failed_is_reported_too(start, tree, tmp_path):
+    assert start("sar-run", tree, "--report", tmp_path / "r.json").end() == 1
+    data = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))
+    assert data["outcome"] == "incomplete"
+    assert [(node["name"], node["status"], node["line"]) for node in data["tree"]] == [
+        ("Nothing", "FAILURE", 3)
+    ]
+
+
+def test_a_mission_that_is_resumed_is_reported_from_its_beginning(start, tmp_path):
+    place, ros = tmp_path / "m.journal", ("--ros-args", "-p", "zone_order:=[zone_a, zone_b]")
+    first = start("sar-run", "--sim", "--speed", "20", "--journal", place, *ros)
+    first.wait_for("--- Zone 2/2: zone_b").stop()
+    again = ("--journal", place, "--resume", "--report", tmp_path / "r.json")
+    assert start("sar-run", "--sim", "--speed", "20", *again, *ros).end() == 0
+    data = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))
+    assert len(data["runs"]) == 2
+    assert {zone["name"]: zone["state"] for zone in data["zones"]} == {
+        "zone_a": "visited",
+        "zone_b": "visited",
+    }
+    assert [each["name"] for each in data["survivors"]] == ["survivor_1"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--report", "r.pdf"], "a report ends in .html, .json, .geojson, .cot, .cap, and r.pdf does not"),
+        (["--report", "r.cot"], "r.cot has coordinates of the world, which takes georeference"),
+        (["--report", "not/there/r.html"], "there is no folder"),
+        (["--check", "--report", "r.html"], "--check begins nothing"),
+        (
+            ["--report", "r.cap", "--ros-args", "-p", "georeference.lat:=91.0"],
+            "parameters:\n  georeference.lon: is missing",
+        ),
+    ],
+)
+def test_what_cannot_be_written_is_refused_before_anything_moves(start, tree, arguments, words):
+    run = start("sar-run", tree, *arguments)
+    assert run.end() == 2
+    assert words in run.output

@@ -1,0 +1,289 @@
+"""The report of a mission, in each form, read back by the libraries that others read it with."""
+
+import base64
+import html
+import itertools
+import json
+import re
+import xml.etree.ElementTree as ET
+
+import geojson
+import pytest
+import takproto
+from cap_tools.models import Alert, Certainty, Scope, Status
+from xsdata.formats.dataclass.parsers import XmlParser
+
+from sar_compiler.journal.georeference import Georeference
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.views.mission_report import ReportError, report_data
+from sar_compiler.views.report_html import html_report
+from sar_compiler.views.reports import FORMS, report_text, require_form
+
+NASTY = "<script>alert('x')</script>&\x1b[2J"
+VIENNA = {"georeference.lat": 48.2, "georeference.lon": 16.37, "georeference.heading": 90.0}
+PNG = base64.b64encode(b"\x89PNG and so on").decode()
+
+
+def mission(*told, simulated=False, parameters=VIENNA, ended=True, name="search_and_rescue"):
+    """Return a mission with two survivors and three zones, of which one was given up."""
+    zones = [
+        {"id": f"zone_{letter}", "x": x, "y": 1.0} for letter, x in (("a", 10.0), ("b", 20.0), ("c", 30.0))
+    ]
+    tree = {"class": "Sequence", "name": "Main", "attributes": {}, "children": [], "file": "m.xml", "line": 2}
+    about = {"mission": name, "simulated": simulated, "identity": {"zones": zones}, "tree": tree}
+    run = {
+        "parameters": {**parameters, "geofence": [0, 0, 0, 9, 40, 9]},
+        "node": "/robot1/sar",
+        "version": "0.1.0",
+    }
+    entries = [
+        ("run_began", {**about, "run": run}),
+        ("map", {"x": -1.0, "y": -2.0, "resolution": 0.5, "width": 100, "height": 30, "png": PNG}),
+        ("pose", {"x": 0.0, "y": 0.0, "yaw": 0.0}),
+        ("zone_started", {"zone": "zone_a"}),
+        ("pose", {"x": 1.0, "y": 0.0, "yaw": 0.0}),
+        ("zone_searched", {"zone": "zone_a", "survivor": [100.0, 0.0]}),
+        ("survivor_named", {"survivor": "survivor_1", "x": 100.0, "y": 0.0, "possibly": None}),
+        ("report_sent", {"survivor": "survivor_1"}),
+        ("report_acknowledged", {"survivor": "survivor_1"}),
+        ("zone_visited", {"zone": "zone_a"}),
+        ("zone_abandoned", {"zone": "zone_b", "attempts": 2, "reason": ""}),
+        *told,
+        *(
+            [("run_ended", {"ending": "over", "status": 1, "reason": "zone_b was abandoned."})]
+            if ended
+            else []
+        ),
+    ]
+    wall = 1_700_000_000.0
+    return MissionState.of(
+        JournalEntry(at, 1, wall + at, float(at), kind, data) for at, (kind, data) in enumerate(entries)
+    )
+
+
+CONFIRMED = ("survivor_judged", {"survivor": "survivor_1", "standing": "confirmed", "same_as": None})
+REJECTED = ("survivor_judged", {"survivor": "survivor_1", "standing": "rejected", "same_as": None})
+
+
+class TestWhereTheMapLies:
+    @pytest.mark.parametrize(
+        ("heading", "x", "y", "lat", "lon"),
+        [
+            (90.0, 1000.0, 0.0, 0.0, 0.00898315),  # x is east
+            (90.0, 0.0, 1000.0, 0.00904369, 0.0),  # y is north
+            (0.0, 1000.0, 0.0, 0.00904369, 0.0),  # x is north
+            (0.0, 0.0, 1000.0, 0.0, -0.00898315),  # y is west
+        ],
+    )
+    def test_a_position_on_the_map_is_one_on_the_earth(self, heading, x, y, lat, lon):
+        assert Georeference(0.0, 0.0, heading).located(x, y) == pytest.approx((lat, lon), abs=1e-8)
+
+    def test_it_is_known_only_if_all_of_it_is_said(self):
+        assert Georeference.among(VIENNA) == (48.2, 16.37, 90.0)
+        assert Georeference.among({"georeference.lat": 48.2}) is None
+
+
+class TestJson:
+    def test_it_has_who_was_found_where_and_when_base_knew(self):
+        data = json.loads(report_text(mission(), "r.json"))
+        (survivor,) = data["survivors"]
+        assert survivor["position"] == {"x": 100.0, "y": 0.0, "lat": 48.19999999, "lon": 16.37134523}
+        assert (survivor["standing"], survivor["report"]) == ("candidate", "acknowledged")
+        assert survivor["found"] == {"run": 1, "time": 5.0, "utc": "2023-11-14T22:13:25Z"}
+        assert survivor["acknowledged"]["time"] == 8.0
+        assert {zone["name"]: zone["state"] for zone in data["zones"]} == {
+            "zone_a": "visited",
+            "zone_b": "abandoned",
+            "zone_c": "open",
+        }
+        assert (data["outcome"], data["reason"]) == ("incomplete", "zone_b was abandoned.")
+        assert [pose["x"] for pose in data["path"]] == [0.0, 1.0]
+
+    def test_without_a_place_on_the_earth_positions_are_those_of_the_map(self):
+        assert report_data(mission(parameters={}))["survivors"][0]["position"] == {"x": 100.0, "y": 0.0}
+
+    def test_a_run_without_an_end_is_unfinished(self):
+        assert report_data(mission(ended=False))["outcome"] == "unfinished"
+
+
+class TestGeoJson:
+    def features(self, *told):
+        read = geojson.loads(report_text(mission(*told), "r.geojson"))
+        assert read.is_valid, read.errors()
+        return read["features"]
+
+    def test_longitude_stands_first(self):
+        (survivor,) = [each for each in self.features() if each["properties"]["kind"] == "survivor"]
+        assert survivor["geometry"]["coordinates"] == pytest.approx([16.3713452, 48.2], abs=1e-6)
+
+    def test_there_is_a_feature_for_each_survivor_zone_way_and_the_geofence(self):
+        kinds = sorted(each["properties"]["kind"] for each in self.features())
+        assert kinds == ["geofence", "path", "survivor", "zone", "zone", "zone"]
+
+    def test_an_area_lies_to_the_left_of_its_boundary(self):
+        (fence,) = [each for each in self.features() if each["properties"]["kind"] == "geofence"]
+        (ring,) = fence["geometry"]["coordinates"]
+        area = sum(ax * by - bx * ay for (ax, ay), (bx, by) in itertools.pairwise(ring))
+        assert ring[0] == ring[-1]
+        assert area > 0
+
+    def test_who_was_rejected_is_still_there_and_says_so(self):
+        (survivor,) = [each for each in self.features(REJECTED) if each["properties"]["kind"] == "survivor"]
+        assert survivor["properties"]["standing"] == "rejected"
+
+
+def as_tak_reads(line):
+    return takproto.parse_proto(takproto.xml2proto(line)).cotEvent
+
+
+class TestCursorOnTarget:
+    def test_tak_reads_an_event_for_each_survivor(self):
+        (line,) = report_text(mission(CONFIRMED), "r.cot").splitlines()
+        event = as_tak_reads(line)
+        assert (event.uid, event.type, event.how) == ("robot1.sar.survivor_1", "b-m-p-s-m", "m-g")
+        assert (event.lat, event.lon) == pytest.approx((48.2, 16.3713452), abs=1e-6)
+        assert event.detail.contact.callsign == "survivor_1"
+        assert event.startTime == 1_700_000_005_000
+        assert event.staleTime > event.sendTime
+        assert ET.fromstring(line).get("version") == "2.0"  # noqa: S314 - our own
+
+    def test_nobody_is_sent_to_who_was_rejected(self):
+        assert report_text(mission(REJECTED), "r.cot") == ""
+
+    def test_of_a_simulation_it_is_said_to_be_one(self):
+        assert "SIMULATED" in report_text(mission(simulated=True), "r.cot")
+
+    def test_what_a_stranger_has_written_is_a_text(self):
+        found = ("survivor_named", {"survivor": NASTY, "x": 1.0, "y": 1.0})
+        line = report_text(mission(found), "r.cot").splitlines()[1]
+        assert as_tak_reads(line).detail.contact.callsign == NASTY.replace("\x1b", "�")
+
+
+class TestCommonAlertingProtocol:
+    def read(self, *told, **about):
+        return XmlParser().from_string(report_text(mission(*told, **about), "r.cap"), Alert)
+
+    def test_an_alert_has_an_info_for_each_survivor_with_a_circle_around_it(self):
+        alert = self.read()
+        assert (alert.status, alert.scope) == (Status.ACTUAL, Scope.RESTRICTED)
+        assert alert.note == "The search is incomplete: zone_b was abandoned."
+        (info,) = alert.infos
+        assert info.headline == "survivor_1: candidate"
+        assert info.areas[0].area_desc == "zone_a"
+        place, radius = info.areas[0].circles[0].split()
+        assert [float(each) for each in place.split(",")] == pytest.approx([48.2, 16.3713452], abs=1e-7)
+        assert radius == "0.002"
+
+    def test_who_is_confirmed_was_observed_and_others_are_likely(self):
+        assert self.read().infos[0].certainty is Certainty.LIKELY
+        assert self.read(CONFIRMED).infos[0].certainty is Certainty.OBSERVED
+
+    def test_a_simulation_is_an_exercise(self):
+        assert self.read(simulated=True).status is Status.EXERCISE
+
+    def test_who_was_rejected_is_nobody_to_go_to(self):
+        assert self.read(REJECTED).infos == []
+
+
+def texts(page):
+    """Return what is read on a page, without its style."""
+    body = re.sub(r"<style>.*?</style>", "", page, flags=re.DOTALL)
+    return html.unescape(re.sub(r"<[^>]*>", "\n", body))
+
+
+class TestThePage:
+    def test_it_needs_nothing_but_itself(self):
+        page = html_report(mission())
+        assert re.findall(r"""(?:src|href)=["'](?!data:)""", page) == []
+        assert "@import" not in page
+        assert "url(" not in page
+        assert "<script" not in page
+
+    def test_it_says_what_has_come_of_the_mission_and_who_was_found_where(self):
+        read = texts(html_report(mission()))
+        for words in (
+            "Incomplete: zone_b was abandoned.",
+            "survivor_1",
+            "not yet judged",
+            "100.00, 0.00",
+            "48.2000000",
+        ):
+            assert words in read
+
+    def test_who_base_does_not_know_of_stands_out(self):
+        found = ("survivor_named", {"survivor": "survivor_2", "x": 1.0, "y": 1.0})
+        kept = ("report_kept", {"survivor": "survivor_2"})
+        assert "NO (kept)" in texts(html_report(mission(found, kept)))
+
+    def test_faults_alarms_and_orders_are_told(self):
+        told = [
+            ("log", {"node": "bt_navigator", "level": 40, "text": "Goal aborted"}),
+            ("alarmed", {"reason": "the battery is at 12 %"}),
+            ("operator_ordered", {"order": "recall"}),
+        ]
+        read = texts(html_report(mission(*told)))
+        for words in ("Goal aborted", "the battery is at 12 %", "recall"):
+            assert words in read
+
+    def test_the_way_of_the_robot_is_drawn_over_the_map(self):
+        page = html_report(mission())
+        assert f"data:image/png;base64,{PNG}" in page
+        assert '<polyline class="path" points="0.000,-0.000 1.000,-0.000"/>' in page
+
+    def test_a_picture_that_is_none_is_left_out(self):
+        (change,) = [
+            ("map", {"x": 0, "y": 0, "resolution": 1, "width": 1, "height": 1, "png": '"/><script>'})
+        ]
+        assert "<image" not in html_report(mission(change))
+
+    def test_a_simulation_says_that_nobody_was_found(self):
+        assert "Simulated: nobody was searched for" in texts(html_report(mission(simulated=True)))
+
+    @pytest.mark.parametrize(
+        "told",
+        [
+            ("survivor_named", {"survivor": NASTY, "x": 1.0, "y": 1.0}),
+            ("zone_added", {"id": NASTY, "x": 1.0, "y": 1.0, "yaw": 0.0}),
+            ("log", {"node": NASTY, "level": 40, "text": NASTY}),
+            ("alarmed", {"reason": NASTY}),
+            ("survivor_judged", {"survivor": "survivor_1", "standing": '"><script>', "same_as": NASTY}),
+            ("status", {"node": 0, "tick": 1, "status": '"><script>', "message": NASTY}),
+            ("run_ended", {"ending": NASTY, "status": 1, "reason": NASTY}),
+        ],
+    )
+    def test_what_a_stranger_has_written_is_a_text(self, told):
+        page = html_report(mission(told, name=NASTY))
+        assert "<script" not in page
+        assert "\x1b" not in page
+
+    def test_a_journal_of_no_mission_has_a_page_too(self):
+        assert "not begun" in html_report(MissionState())
+
+
+class TestWhatIsRefusedBeforehand:
+    @pytest.mark.parametrize("ending", sorted(FORMS))
+    def test_each_form_can_be_asked_for(self, ending, tmp_path):
+        require_form(tmp_path / f"report{ending}", Georeference(48.2, 16.37, 90.0))
+
+    @pytest.mark.parametrize("ending", [".geojson", ".cot", ".cap"])
+    def test_coordinates_of_the_world_take_the_place_of_the_map(self, ending, tmp_path):
+        with pytest.raises(
+            ReportError, match=r"takes georeference: {lat: …, lon: …, heading: …} in the parameter file"
+        ):
+            require_form(tmp_path / f"report{ending}", None)
+
+    def test_another_ending_is_no_form(self, tmp_path):
+        with pytest.raises(
+            ReportError, match=r"ends in \.html, \.json, \.geojson, \.cot, \.cap, and .*report.pdf does not"
+        ):
+            require_form(tmp_path / "report.pdf", None)
+
+    def test_there_must_be_the_folder(self, tmp_path):
+        with pytest.raises(ReportError, match="there is no folder"):
+            require_form(tmp_path / "not" / "report.html", None)
+
+    def test_without_the_library_the_extra_is_named(self, tmp_path, monkeypatch):
+        monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+        with pytest.raises(ReportError, match=re.escape("pip install 'sar_compiler[report]' brings it")):
+            require_form(tmp_path / "report.cot", Georeference(48.2, 16.37, 90.0))
