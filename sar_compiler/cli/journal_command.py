@@ -6,9 +6,14 @@ import sys
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import Parser, add_version
-from sar_compiler.commands import OK, run
+from sar_compiler.commands import OK, print_text, run
+from sar_compiler.views.plain import as_json
+
+if TYPE_CHECKING:
+    from sar_compiler.journal.journal_entries import JournalEntry
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -24,7 +29,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _command(options: argparse.Namespace) -> int:
-    commands = {"show": _show, "report": _report}
+    commands = {"show": _show, "report": _report, "why": _why}
     return commands[options.command](options)
 
 
@@ -54,17 +59,54 @@ def _parser() -> argparse.ArgumentParser:
         metavar="OUT",
         help="the files, each in the form of its ending: .html, .json, .geojson, .cot, .cap",
     )
+    text = "Tell why a mission has failed: from the root down to the answers that caused it."
+    why = commands.add_parser("why", help=text, description=text)
+    why.add_argument("journal", type=Path, metavar="FILE", help="the journal; its last run counts")
+    why.add_argument(
+        "--against",
+        type=Path,
+        metavar="OTHER",
+        help="the journal of another run: say what was different first",
+    )
+    why.add_argument("--format", choices=("text", "json"), default="text", help="for people, or for scripts")
     return parser
+
+
+def _why(options: argparse.Namespace) -> int:
+    from sar_compiler.nodes.registry import default_registry
+    from sar_compiler.nodes.spec import Kind
+    from sar_compiler.views import why as views
+
+    conditions = [
+        each.maker_path.replace(":", ".") for each in default_registry() if each.kind is Kind.CONDITION
+    ]
+    stream = _stream(options.journal)
+    reasons = views.why(stream, conditions)
+    other = None if options.against is None else _stream(options.against)
+    difference = None if other is None else views.first_difference(stream, other)
+    if options.format == "json":
+        data = views.why_data(reasons)
+        print(as_json(data if other is None else {**data, "difference": views.difference_data(difference)}))
+        return OK
+    print_text(views.why_text(reasons))
+    if other is not None:
+        print_text(f"\n{views.difference_text(difference, (str(options.journal), str(options.against)))}")
+    return OK
+
+
+def _stream(place: Path) -> "list[JournalEntry]":
+    from sar_compiler.journal.database import JournalFile
+
+    with closing(JournalFile.read(place)) as file:
+        return file.stream()
 
 
 def _report(options: argparse.Namespace) -> int:
     from sar_compiler.cli.run_report import write_reports
-    from sar_compiler.journal.database import JournalFile
     from sar_compiler.journal.mission_state import MissionState
     from sar_compiler.views.mission_report import georeference
 
-    with closing(JournalFile.read(options.journal)) as file:
-        state = MissionState.of(file.stream())
+    state = MissionState.of(_stream(options.journal))
     write_reports(state, options.to, georeference(state))
     return OK
 

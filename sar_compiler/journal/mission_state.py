@@ -331,7 +331,7 @@ class MissionState:
         self.goals.pop(goal, None)
         self.drive, self.plan = None, []
 
-    def _status(self, node: int, tick: int, status: str, message: str) -> None:
+    def _status(self, node: int, tick: int, status: str, message: str, **_last: object) -> None:
         state = self.nodes[node]
         if state.status != status:
             state.status, state.since = str(status), self.now

@@ -17,7 +17,7 @@ class StatusWatch(VisitorBase):
 
     A node has an entry where its status or its message is another one than in its last. Nodes are numbered from 0 in
     pre-order, as in the journal's tree. HALTED is the status of one that was stopped while it was running; IDLE of one that
-    had ended, and was reset because what is above it began anew or was stopped.
+    had ended, and was reset because what is above it began anew or was stopped; `last` is then the tick in which it was ticked last.
 
     Args:
         root: The tree.
@@ -32,6 +32,7 @@ class StatusWatch(VisitorBase):
         self._last: dict[int, tuple[str, str]] = {}
         self._standing: set[int] = set()
         self._tick = 0
+        self._ticked: dict[int, int] = {}
 
     def initialise(self) -> None:
         """Begin a tick."""
@@ -49,15 +50,17 @@ class StatusWatch(VisitorBase):
         gone = [each for each in self._standing if self._behaviours[each].status is Status.INVALID]
         for number in sorted(gone):
             was_running = self._last[number][0] == Status.RUNNING.value
-            self._note(number, "HALTED" if was_running else "IDLE", "")
+            self._note(number, "HALTED" if was_running else "IDLE", "", last=self._ticked.get(number, 0))
         self._journal.write_when_due()
 
-    def _note(self, number: int, status: str, message: str) -> None:
+    def _note(self, number: int, status: str, message: str, **more: int) -> None:
+        if not more:
+            self._ticked[number] = self._tick
         if self._last.get(number) == (status, message):
             return
         self._last[number] = status, message
         (self._standing.add if status in _STANDING else self._standing.discard)(number)
-        self._journal.watch("status", node=number, tick=self._tick, status=status, message=message)
+        self._journal.watch("status", node=number, tick=self._tick, status=status, message=message, **more)
 
 
 def _pre_order(root: Behaviour) -> Iterator[Behaviour]:

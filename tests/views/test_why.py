@@ -1,0 +1,228 @@
+"""Why a mission has failed, by hand-made trees that are ticked for real."""
+
+import json
+
+import pytest
+from py_trees.behaviours import StatusQueue
+from py_trees.common import Status
+from py_trees.composites import Parallel, Selector, Sequence
+from py_trees.decorators import Inverter, Retry, Timeout
+from py_trees.trees import BehaviourTree
+
+from sar_compiler.cli.journal_command import main
+from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import Ending, JournalEntry
+from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.status_watch import StatusWatch
+from sar_compiler.views.why import difference_text, first_difference, why, why_text
+
+S, F, R = Status.SUCCESS, Status.FAILURE, Status.RUNNING
+
+
+def leaf(name, *statuses):
+    return StatusQueue(name, list(statuses), eventually=statuses[-1])
+
+
+def described(node, line=1):
+    kind = f"{type(node).__module__}.{type(node).__qualname__}"
+    kind = f"Condition.{kind}" if node.name.endswith("?") else kind
+    children = [described(child, line + 1) for child in node.children]
+    return {
+        "class": kind,
+        "name": node.name,
+        "attributes": {},
+        "children": children,
+        "file": "m.xml",
+        "line": line,
+    }
+
+
+LOOKS = ["Condition.py_trees.behaviours.StatusQueue"]
+
+
+def flown(root, ticks=1, journal=None, told=(), **about):
+    """Tick a tree; return the stream of its journal. Facts come after the ticks."""
+    journal = journal or Journal()
+    stream: list[JournalEntry] = []
+    journal.listen(stream.append)
+    journal.begin({"tree": described(root), **about}, {})
+    tree = BehaviourTree(root)
+    tree.add_visitor(StatusWatch(root, journal))
+    for _ in range(ticks):
+        tree.tick()
+    for kind, data in told:
+        journal.note(kind, **data)
+    journal.end(Ending.OVER, int(root.status is not S), "The root has failed.")
+    return stream
+
+
+def names(answers):
+    return [answer.name for answer in answers]
+
+
+def test_the_chain_goes_from_the_root_to_what_has_failed():
+    root = Sequence(
+        "root",
+        memory=True,
+        children=[leaf("one", S), Sequence("inner", memory=True, children=[leaf("two", F)])],
+    )
+    reasons = why(flown(root))
+    assert [(each.name, each.depth, each.place) for each in reasons.chain] == [
+        ("root", 0, "m.xml:1"),
+        ("inner", 1, "m.xml:2"),
+        ("two", 2, "m.xml:3"),
+    ]
+    assert names(reasons.answers) == ["two"]
+
+
+def test_of_several_ways_all_are_told_and_the_last_one_is_the_first_to_look_at():
+    reasons = why(flown(Selector("root", memory=False, children=[leaf("one", F), leaf("two", F)])))
+    assert names(reasons.chain) == ["root", "one", "two"]
+    assert names(reasons.answers) == ["two", "one"]
+
+
+def test_a_condition_only_tells_what_is_so():
+    reasons = why(flown(Selector("root", memory=False, children=[leaf("do", F), leaf("is?", F)])), LOOKS)
+    assert names(reasons.answers) == ["do", "is?"]
+
+
+def test_what_was_passed_over_before_is_not_blamed_first():
+    ways = Selector("ways", memory=False, children=[leaf("second", S, F), leaf("never", F)])
+    root = Selector("root", memory=False, children=[leaf("never", F), ways])
+    assert names(why(flown(root, 2)).answers)[0] == "second"
+
+
+def test_under_what_turns_a_status_the_other_one_is_the_cause():
+    assert names(why(flown(Inverter("not", leaf("one", S)))).chain) == ["not", "one"]
+
+
+def test_a_time_limit_is_an_answer_of_its_own():
+    root = Timeout("limit", leaf("one", R), duration=-1.0)
+    reasons = why(flown(root, 1))
+    assert names(reasons.answers) == ["limit"]
+    assert reasons.first is not None
+    assert reasons.first.message == "timed out"
+
+
+def test_what_failed_in_an_earlier_tick_of_the_same_activation_counts():
+    root = Selector("root", memory=True, children=[leaf("one", F), leaf("two", R, R, F)])
+    assert names(why(flown(root, 3)).chain) == ["root", "one", "two"]
+
+
+def test_what_failed_in_an_earlier_activation_does_not_count():
+    first, second = leaf("one", S, F), leaf("two", F)
+    root = Sequence("root", memory=True, children=[first, second])
+    assert names(why(flown(Inverter("not", Inverter("not not", root)), 2)).answers) == ["one"]
+
+
+def test_the_last_try_is_the_one_that_counts():
+    root = Retry("again", leaf("one", F, F, F), num_failures=3)
+    reasons = why(flown(root, 3))
+    assert names(reasons.chain) == ["again", "one"]
+
+
+def test_of_a_parallel_those_are_told_that_failed():
+    from py_trees.common import ParallelPolicy
+
+    root = Parallel("root", ParallelPolicy.SuccessOnAll(), children=[leaf("one", S), leaf("two", F)])
+    assert names(why(flown(root)).chain) == ["root", "two"]
+
+
+def test_a_root_that_succeeds_has_no_chain():
+    reasons = why(flown(leaf("one", S)))
+    assert (reasons.chain, reasons.first, reasons.outcome) == ((), None, "complete")
+    assert why_text(reasons) == "The mission is complete: The root has failed."
+
+
+ZONE = {"identity": {"zones": [{"id": "zone_a", "x": 0.0, "y": 0.0}]}, "mission": "search_and_rescue"}
+
+
+def test_behind_a_condition_stands_what_has_cost_the_mission_a_zone():
+    lost = ("zone_abandoned", {"zone": "zone_a", "attempts": 1, "reason": ""})
+
+    class Lose(StatusQueue):
+        def update(self):
+            journal.note("zone_started", zone="zone_a")
+            return F
+
+    journal = Journal()
+    drive = Selector("try", memory=False, children=[Lose("drive", [F], F), leaf("go on", S)])
+    root = Sequence("root", memory=True, children=[drive, leaf("complete?", F)])
+    reasons = why(flown(root, 1, journal, [lost], **ZONE), LOOKS)
+    assert names(reasons.chain) == ["root", "complete?"]
+    assert names(reasons.answers) == ["drive", "complete?"]
+
+
+def test_what_had_failed_before_is_told_with_how_often():
+    root = Sequence(
+        "root", memory=True, children=[Retry("again", leaf("one", F, R, F, S), 5), leaf("two", F)]
+    )
+    (before,) = why(flown(root, 4)).before
+    assert (before.first.name, before.times, before.has_recovered) == ("one", 2, True)
+
+
+class TestTheFirstDifference:
+    def test_two_runs_that_came_to_the_same_have_none(self):
+        one, two = (
+            flown(Sequence("root", memory=True, children=[leaf("one", R, S)]), ticks) for ticks in (2, 2)
+        )
+        assert first_difference(one, two) is None
+        assert "came to the same" in difference_text(None, ("a", "b"))
+
+    def test_it_is_where_a_node_came_to_something_else(self):
+        good, bad = (
+            flown(Sequence("root", memory=True, children=[leaf("one", S), leaf("two", status)]))
+            for status in (S, F)
+        )
+        difference = first_difference(bad, good)
+        assert difference is not None and difference.here and difference.there  # noqa: PT018
+        assert difference.step == 1
+        assert (difference.here.name, difference.here.status, difference.there.status) == (
+            "two",
+            "FAILURE",
+            "SUCCESS",
+        )
+
+    def test_a_run_that_ended_earlier_has_nothing_more(self):
+        short, long = (flown(leaf("one", R, S), ticks) for ticks in (1, 2))
+        difference = first_difference(short, long)
+        assert difference is not None and difference.there  # noqa: PT018
+        assert (difference.here, difference.there.status) == (None, "SUCCESS")
+        assert "nothing more, it had ended" in difference_text(difference, ("a", "b"))
+
+
+class TestTheCommand:
+    @pytest.fixture
+    def places(self, tmp_path):
+        """The journals of a run that failed, and of one that did not."""
+        made = []
+        for status in (F, S):
+            journal = open_journal(tmp_path / f"{status.value}.journal")
+            flown(Sequence("root", memory=True, children=[leaf("Drive\x1b[2J", status)]), 1, journal)
+            journal.close()
+            made.append(str(tmp_path / f"{status.value}.journal"))
+        return made
+
+    def test_it_tells_people(self, places, capsys):
+        assert main(["why", places[0]]) == 0
+        shown = capsys.readouterr().out
+        assert shown.startswith("The mission is incomplete: The root has failed.\n\nFirst to look at:\n")
+        assert r"Drive\x1b[2J FAILURE" in shown
+        assert "(m.xml:2)" in shown
+
+    def test_it_tells_scripts(self, places, capsys):
+        assert main(["why", places[0], "--against", places[1], "--format", "json"]) == 0
+        data = json.loads(capsys.readouterr().out)
+        assert [each["name"] for each in data["chain"]] == ["root", "Drive\x1b[2J"]
+        assert (data["difference"]["alike"], data["difference"]["there"]["status"]) == (0, "SUCCESS")
+
+    def test_it_compares_two_runs(self, places, capsys):
+        assert main(["why", places[0], "--against", places[1]]) == 0
+        assert "The runs are alike in 0 changes of status. Then:" in capsys.readouterr().out
+
+    def test_a_journal_in_which_nothing_has_begun_is_no_failure(self, tmp_path, capsys):
+        journal = open_journal(tmp_path / "m.journal")
+        journal.begin({}, {})
+        journal.close()
+        assert main(["why", str(tmp_path / "m.journal")]) == 0
+        assert "unfinished" in capsys.readouterr().out
