@@ -234,3 +234,13 @@ def test_what_a_journal_takes_is_imported_only_where_one_is_kept():
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert (done.stdout, done.stderr) == ("\n", "")
+
+
+@pytest.mark.ros
+def test_what_shows_and_reports_a_run_is_imported_only_where_that_is_asked_for():
+    program = (
+        "import sys, sar_compiler.cli.run_mission\n"
+        "print(*sorted({'rich', 'pyproj', 'sqlite3', 'sar_compiler.journal.mission_state'} & set(sys.modules)))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ("\n", "")

@@ -21,7 +21,6 @@ from sar_compiler.cli.loading import tell_passed_over
 from sar_compiler.cli.output import RunOutput
 from sar_compiler.cli.run_journal import RunJournal, open_run_journal
 from sar_compiler.cli.run_mission_check import RouteCheck
-from sar_compiler.cli.run_view import RunView, view_of
 from sar_compiler.cli.run_watchers import RunWatchers, open_watchers
 from sar_compiler.commands import FINDINGS, OK, print_error
 from sar_compiler.compiler import CompiledTree, compile_tree, require_classes
@@ -64,6 +63,7 @@ from sar_compiler.tree.showing import in_one_line
 if TYPE_CHECKING:
     from sar_compiler.cli.run import Options
     from sar_compiler.cli.run_report import RunReport
+    from sar_compiler.cli.run_view import RunView
     from sar_compiler.sim.simulation import Simulation
     from sar_compiler.sim.world import World
 
@@ -93,7 +93,7 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
     faults = [parse_fault(text, targets) for text in options.fault]
     world = _world(options)
     output = RunOutput()
-    view = view_of(options.view, output)
+    view = _view(options, output)
     with ExitStack() as stack:
         context = stack.enter_context(_ros(options, signals, mission))
         if signals.came:
@@ -150,6 +150,19 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
         if report is not None:
             report.write()
         return status
+
+
+def _view(options: "Options", output: RunOutput) -> "RunView | None":
+    """Return what shows the run; None if nothing does.
+
+    Raises:
+        SarError: If what it takes is not installed.
+    """
+    if options.view == "none":
+        return None
+    from sar_compiler.cli.run_view import run_view
+
+    return run_view(output)
 
 
 def _report(options: "Options", parameters: RunParameters, journal: RunJournal) -> "RunReport | None":
@@ -292,7 +305,7 @@ class _Run:
     watchers: RunWatchers
     output: RunOutput
     world: "World | None" = None
-    view: RunView | None = None
+    view: "RunView | None" = None
     simulation: "Simulation | None" = None
 
     def __post_init__(self) -> None:

@@ -59,18 +59,12 @@ class RunView(ABC):
         """Leave everything in order; called again it does nothing."""
 
 
-def view_of(name: str, output: RunOutput) -> RunView | None:
-    """Return the view of a run; None for none.
-
-    Args:
-        name: `text` or `none`.
-        output: Where it is shown.
+def run_view(output: RunOutput) -> RunView:
+    """Return what shows a run on its output: in place on a terminal, else as a log.
 
     Raises:
         SarError: If what it takes is not installed.
     """
-    if name != "text":
-        return None
     if sys.stdout is None or not sys.stdout.isatty() or os.environ.get("TERM", "dumb") == "dumb":
         return ChangeLog(output)
     try:

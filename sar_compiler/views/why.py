@@ -43,7 +43,7 @@ class FormerFailure(NamedTuple):
 
     Attributes:
         first: The first of them.
-        zone: The zone that was under way at the last; empty if none was.
+        zone: The zone that was under way at the last of them, or had been before; empty if none had been yet.
         has_recovered: Whether the leaf has succeeded since.
         times: How many there were, those left out that followed each other without anything else between.
         last: When the last one was.
@@ -242,8 +242,11 @@ class _History:
         self._worked: set[int] = set()
         self._tolerated: set[int] = set()
         state, pending = MissionState(), set[int]()
+        zone = ""
         for entry in entries:
             state.take(entry)
+            # What a tick has come to is told after the facts of it, by which the zone may be left already.
+            zone = state.zone or zone
             if entry.kind != "status":
                 continue
             node = state.nodes[entry.data["node"]]
@@ -251,7 +254,7 @@ class _History:
                 pending.add(node.number)
                 if not node.children:
                     self._failures.setdefault(node.number, []).append(_answer(node, 0))
-                    self._zones[node.number] = state.zone
+                    self._zones[node.number] = zone
                     self._recovered.discard(node.number)
             elif node.status in (SUCCESS, "RUNNING"):
                 self._tolerated |= pending.intersection(node.children)
@@ -283,9 +286,9 @@ def _cost(state: MissionState, failure: FormerFailure) -> bool:
     """Return whether a mission lacks something that has to do with a failure: a zone, a report, the way home."""
     zone = state.zones.get(failure.zone)
     if zone is None:
-        return bool(state.zones) and not state.home
+        return False
     unknown = any(each.zone == zone.name and each.report != "acknowledged" for each in state.survivors)
-    return zone.state != "visited" or unknown
+    return zone.state != "visited" or unknown or not (state.home or failure.has_recovered)
 
 
 class RunDifference(NamedTuple):

@@ -137,20 +137,43 @@ def test_a_root_that_succeeds_has_no_chain():
 ZONE = {"identity": {"zones": [{"id": "zone_a", "x": 0.0, "y": 0.0}]}, "mission": "search_and_rescue"}
 
 
-def test_behind_a_condition_stands_what_has_cost_the_mission_a_zone():
-    lost = ("zone_abandoned", {"zone": "zone_a", "attempts": 1, "reason": ""})
+def mission(update, told):
+    """Return why a mission has failed whose root says so by a condition, after an action that fails and is passed over."""
 
-    class Lose(StatusQueue):
+    class Act(StatusQueue):
         def update(self):
-            journal.note("zone_started", zone="zone_a")
+            update(journal)
             return F
 
     journal = Journal()
-    drive = Selector("try", memory=False, children=[Lose("drive", [F], F), leaf("go on", S)])
-    root = Sequence("root", memory=True, children=[drive, leaf("complete?", F)])
-    reasons = why(flown(root, 1, journal, [lost], **ZONE), LOOKS)
+    act = Selector("try", memory=False, children=[Act("act", [F], F), leaf("go on", S)])
+    root = Sequence("root", memory=True, children=[act, leaf("complete?", F)])
+    return why(flown(root, 1, journal, told, **ZONE), LOOKS)
+
+
+def test_behind_a_condition_stands_what_has_cost_the_mission_a_zone():
+    lost = ("zone_abandoned", {"zone": "zone_a", "attempts": 1, "reason": ""})
+    reasons = mission(lambda journal: journal.note("zone_started", zone="zone_a"), [lost])
     assert names(reasons.chain) == ["root", "complete?"]
-    assert names(reasons.answers) == ["drive", "complete?"]
+    assert names(reasons.answers) == ["act", "complete?"]
+
+
+def test_behind_a_condition_stands_what_has_cost_the_mission_a_report_though_the_zone_is_left_in_the_same_tick():
+    def report(journal):
+        journal.note("zone_started", zone="zone_a")
+        journal.note("zone_searched", zone="zone_a", survivor=(1.0, 2.0))
+        journal.note("zone_visited", zone="zone_a")
+
+    assert names(mission(report, [("base_reached", {})]).answers) == ["act", "complete?"]
+
+
+def test_what_has_cost_the_mission_nothing_does_not_stand_behind_it():
+    def search(journal):
+        journal.note("zone_started", zone="zone_a")
+        journal.note("zone_searched", zone="zone_a", survivor=None)
+        journal.note("zone_visited", zone="zone_a")
+
+    assert names(mission(search, [("base_reached", {})]).answers) == ["complete?"]
 
 
 def test_what_had_failed_before_is_told_with_how_often():
