@@ -29,6 +29,9 @@ _STYLES = {
     "quiet": "dim",
 }
 
+# For terminals of other encodings than UTF-8.
+_IN_ASCII = str.maketrans({"✓": "+", "✕": "x", "…": "~"})
+
 _SAVE, _RESTORE, _HIDE, _SHOW = "\x1b7", "\x1b8", "\x1b[?25l", "\x1b[?25h"
 _NO_MARGINS, _TO_THE_END, _CLEAR = "\x1b[r", "\x1b[K", "\x1b[2J"
 
@@ -170,10 +173,13 @@ def _painter() -> Paint:
     from rich.text import Text
 
     console = Console(file=sys.stdout)
+    signs = {} if console.encoding.startswith("utf") else _IN_ASCII
 
     def paint(lines: Sequence[Line], width: int, height: int) -> Iterable[str]:
         for line in lines:
-            text = Text.assemble(*((piece.text, _STYLES.get(piece.style, "")) for piece in line), end="")
+            text = Text.assemble(
+                *((piece.text.translate(signs), _STYLES.get(piece.style, "")) for piece in line), end=""
+            )
             text.truncate(width, overflow="ellipsis")
             with console.capture() as painted:
                 console.print(text, width=width, no_wrap=True, overflow="crop", highlight=False)

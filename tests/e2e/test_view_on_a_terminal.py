@@ -106,3 +106,9 @@ def test_without_what_draws_the_option_names_the_extra_that_brings_it(tmp_path):
     assert terminal.end() == 2
     assert "pip install 'sar_compiler[view]' brings it" in terminal.rows[0]
     terminal.kill()
+
+
+def test_a_terminal_that_has_no_such_signs_gets_others(on_terminal):
+    terminal = on_terminal(WAIT.replace("Then", "Thén"), env={"PYTHONUTF8": "0", "PYTHONIOENCODING": "ascii"})
+    terminal.wait_for(lambda rows: any("[-] Th?n" in row for row in rows))
+    assert tree_of(terminal.rows) == ["[*] Main", "[*] Wait", "[-] Th?n"]

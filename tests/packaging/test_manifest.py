@@ -24,7 +24,7 @@ NEVER_RUN = {"typing_extensions"}
 # Python 3.10 lacks tomllib, and tomli stands in for it; the Pythons of a robot's apt have it.
 NEVER_RUN |= {"tomli", "tomllib"}
 # Extras, which say what to install where they are missing.
-NEVER_RUN |= {"distributed", "mcap", "msgpack", "zmq"}
+NEVER_RUN |= {"distributed", "mcap", "msgpack", "zmq", "rich", "cap_tools", "geojson", "pyproj", "xsdata"}
 
 
 def manifest():
