@@ -30,6 +30,7 @@ VALIDATE = f"sar-compile validate {TREE}"
 FIRST_TICK = f"sar-run {TREE}, to the first tick"
 WITH_JOURNAL = f"{FIRST_TICK}, with a journal"
 MISSION = f"sar-run {TREE} --sim, the whole mission"
+_FIRST_TICK_SAYS = "Navigating to "
 _MAIN = "import sys; from sar_compiler.cli.compile import main; "
 _ARGUMENTS = f"['validate', '{TREE}']"
 _AGAIN = f"import time; main({_ARGUMENTS}); start = time.process_time(); main({_ARGUMENTS}); "
@@ -99,14 +100,14 @@ def _short(effort: Effort) -> Iterator[Result]:
 
 def _with_ros(effort: Effort) -> Iterator[Result]:
     bare = [sys.executable, "-c", _BARE_NODE]
-    run = [str(_SCRIPTS / "sar-run"), TREE, "--view", "text"]
+    run = [str(_SCRIPTS / "sar-run"), TREE]
     with _servers(), tempfile.TemporaryDirectory() as folder:
         journal = ["--new", "--journal", str(Path(folder, "mission.journal"))]
         taken = in_turns(
             {
-                BARE_NODE: lambda: _to_the_first_line(bare),
-                "": lambda: _to_the_first_line([*run, "--no-journal"]),
-                WITH_JOURNAL: lambda: _to_the_first_line([*run, *journal]),
+                BARE_NODE: lambda: _to_a_line(bare),
+                "": lambda: _to_a_line([*run, "--no-journal"], _FIRST_TICK_SAYS),
+                WITH_JOURNAL: lambda: _to_a_line([*run, *journal], _FIRST_TICK_SAYS),
             },
             effort.rounds,
         )
@@ -138,12 +139,12 @@ def _printed(code: str) -> float:
     return float(done.stdout.splitlines()[-1])
 
 
-def _to_the_first_line(command: Sequence[str]) -> tuple[float, float]:
-    """Return the CPU seconds and the seconds until a command has written its first line; it is interrupted then."""
+def _to_a_line(command: Sequence[str], words: str = "") -> tuple[float, float]:
+    """Return the CPU seconds and the seconds until a command has written a line with some words; it is interrupted then."""
     start = time.perf_counter()
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:
         assert process.stdout is not None
-        assert process.stdout.readline(), f"{command} has written nothing"
+        assert any(words.encode() in line for line in process.stdout), f"{command} has not written '{words}'"
         wall = time.perf_counter() - start
         fields = Path(f"/proc/{process.pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
         process.send_signal(signal.SIGINT)

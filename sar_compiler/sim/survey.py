@@ -50,7 +50,7 @@ def survey(
         if step % _SCAN_EVERY == 0:
             pose = robot.state.pose
             mapper.integrate(pose, lidar.scan(world.solid, pose, random))
-            report(1.0 - follower.distance_remaining(pose) / float(path.to_go[0]))
+            report(max(0.0, 1.0 - follower.distance_remaining(pose) / float(path.to_go[0])))
         robot.command(follower.command(robot.state))
         if follower.done:
             return mapper.result()

@@ -1,5 +1,6 @@
 """The map: making, writing, reading."""
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -161,3 +162,24 @@ def test_a_map_that_is_not_there_is_named(tmp_path: Path) -> None:
 def test_a_map_that_cannot_be_written_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["map", "-o", str(tmp_path / "no" / "m")]) == 2
     assert "m.pgm: No such file or directory" in capsys.readouterr().err
+
+
+@pytest.mark.ros
+def test_a_map_that_is_published_is_read_as_the_same_map(shipped_map: OccupancyMap) -> None:
+    from sar_compiler.sim.messages import from_grid, to_grid
+
+    message = to_grid(shipped_map)
+    read = from_grid(message)
+    assert read is not None
+    assert message.header.frame_id == "map"
+    assert np.array_equal(read.cells, shipped_map.cells)
+    place = (read.resolution, read.origin_x, read.origin_y)
+    assert place == pytest.approx((shipped_map.resolution, shipped_map.origin_x, shipped_map.origin_y))
+
+
+def test_the_survey_says_how_far_it_is(disaster_zone: World) -> None:
+    told: list[float] = []
+    survey(disaster_zone, report=told.append)
+    assert all(later > earlier - 0.01 for earlier, later in itertools.pairwise(told))
+    assert 0.0 <= told[0] < 0.05
+    assert told[-1] > 0.95
