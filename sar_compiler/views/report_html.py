@@ -41,7 +41,7 @@ dt { color: var(--quiet) } dd { margin: 0; overflow-wrap: anywhere }
 .wide { overflow-x: auto } table { border-collapse: collapse; width: 100% }
 th, td { text-align: left; vertical-align: top; padding: .25rem .7rem .25rem 0; border-bottom: 1px solid var(--rule) }
 th { color: var(--quiet); font-weight: 600 } td.number { font-variant-numeric: tabular-nums; white-space: nowrap }
-td.text { overflow-wrap: anywhere; min-width: 5rem }
+td.text { overflow-wrap: anywhere; min-width: 6.5rem }
 .confirmed td:first-child { font-weight: 700 } .rejected td, .merged td { color: var(--quiet) }
 .map { width: 100%; max-height: 42rem; background: #fff; border: 1px solid var(--rule) }
 .map text { fill: #000; stroke: #fff; stroke-width: .25em; paint-order: stroke; font-family: system-ui, sans-serif }

@@ -147,7 +147,11 @@ def _label(place: Position, right: float, size: float, text: str, kind: str = ""
     anchor, x = (
         ("end", place.x - 2 * size) if place.x > right - _LABEL * size else ("start", place.x + 2 * size)
     )
-    return f'<text class="{kind}" text-anchor="{anchor}" x="{x:.3f}" y="{-place.y + size * 0.8:.3f}">{escape(visible(text))}</text>'
+    # A name stands a little higher, so that it does not hide that of the zone.
+    y = -place.y + size * (-0.6 if kind else 0.8)
+    return (
+        f'<text class="{kind}" text-anchor="{anchor}" x="{x:.3f}" y="{y:.3f}">{escape(visible(text))}</text>'
+    )
 
 
 def _points(places: Iterable[Position]) -> str:
