@@ -2,6 +2,7 @@
 
 import errno
 import json
+import math
 import os
 import sqlite3
 import stat
@@ -56,6 +57,22 @@ class Row(NamedTuple):
     time: float
     kind: str
     data: str
+
+
+class StreamMark(NamedTuple):
+    """How far the stream of a journal was read; nothing of it yet, without arguments.
+
+    Attributes:
+        fact: The number of the last fact.
+        watched: The number of the last entry of what was watched.
+        begun: The numbers of the runs whose beginnings were read.
+        ended: The numbers of the runs whose ends were read.
+    """
+
+    fact: int = 0
+    watched: int = 0
+    begun: frozenset[int] = frozenset()
+    ended: frozenset[int] = frozenset()
 
 
 class JournalFile:
@@ -194,22 +211,50 @@ class JournalFile:
 
     def stream(self) -> list[JournalEntry]:
         """Return all that has happened, in its order: what `Journal.listen` tells of while it happens."""
-        about = self.about()
-        entries = [*self.facts(), *self.watched()]
-        for run in self.runs():
+        entries, _ = self.news(StreamMark())
+        return [entry._replace(number=number) for number, entry in enumerate(entries, 1)]
+
+    def news(self, mark: "StreamMark") -> "tuple[list[JournalEntry], StreamMark]":
+        """Return what has happened since a mark, in its order, and the next mark.
+
+        Args:
+            mark: How far the stream was read.
+        """
+        about, runs = self.about(), self.runs()
+        columns = "SELECT number, run, wall, time, kind, data FROM"
+        facts = self._entries(f"{columns} fact WHERE number > ? ORDER BY number", (mark.fact,))
+        watched = self._entries(f"{columns} watched WHERE number > ? ORDER BY number", (mark.watched,))
+        entries = [*facts, *watched]
+        for run in runs:
             began = run.about.get("time")
             at = float(began) if isinstance(began, (int, float)) else 0.0
-            entries.append(JournalEntry(0, run.number, run.began, at, RUN_BEGAN, {**about, "run": run.about}))
-            if run.ended is not None and run.ending is not None:
-                last = max((entry.time for entry in entries if entry.run == run.number), default=at)
+            if run.number not in mark.begun:
+                entries.append(
+                    JournalEntry(0, run.number, run.began, at, RUN_BEGAN, {**about, "run": run.about})
+                )
+            if run.ended is not None and run.ending is not None and run.number not in mark.ended:
                 data = {"ending": run.ending.value, "status": run.status, "reason": run.reason}
+                last = max(at, self._last_time(run.number))
                 entries.append(JournalEntry(0, run.number, run.ended, last, RUN_ENDED, data))
         # The system's clock may be set; the order of runs, and of their beginnings and ends, may not.
         rank = {RUN_BEGAN: 0, RUN_ENDED: 2}
         entries.sort(key=lambda entry: (entry.run, rank.get(entry.kind, 1), entry.wall))
-        return [entry._replace(number=number) for number, entry in enumerate(entries, 1)]
+        following = StreamMark(
+            max((entry.number for entry in facts), default=mark.fact),
+            max((entry.number for entry in watched), default=mark.watched),
+            frozenset(run.number for run in runs),
+            frozenset(run.number for run in runs if run.ended is not None),
+        )
+        return entries, following
 
-    def _entries(self, query: str, values: Iterable[str]) -> list[JournalEntry]:
+    def _last_time(self, run: int) -> float:
+        """Return the mission's time of the last entry of a run; minus infinity if there is none."""
+        with _readable(self.path):
+            query = "SELECT max(time) FROM (SELECT run, time FROM fact UNION ALL SELECT run, time FROM watched) WHERE run = ?"
+            (last,) = self._connection.execute(query, (run,)).fetchone()
+        return -math.inf if last is None else float(last)
+
+    def _entries(self, query: str, values: Iterable[str | int]) -> list[JournalEntry]:
         with _readable(self.path):
             rows = self._connection.execute(query, tuple(values))
             return [

@@ -119,13 +119,13 @@ class Journal:
         """What the mission is, as the run said that began it; empty before."""
         return self._about
 
+    def earlier(self) -> list[JournalEntry]:
+        """Return all that has happened in earlier runs, in its order: what `listen` does not tell of."""
+        return self._file.stream() if self._file is not None and self.is_resumed else []
+
     def facts(self) -> list[JournalEntry]:
         """Return the facts of earlier runs, in their order."""
         return list(self._facts)
-
-    def earlier(self) -> "list[JournalEntry]":
-        """Return all entries of the earlier runs that the mission goes on from, in their order."""
-        return self._file.stream() if self._file is not None and self.aside is None else []
 
     def goals_left(self) -> list[SentGoal]:
         """Return the goals of earlier runs that may still be active.

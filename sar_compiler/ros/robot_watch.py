@@ -2,8 +2,6 @@
 
 import base64
 import math
-import struct
-import zlib
 from typing import Any
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -13,9 +11,10 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from sar_compiler.journal.journal import Journal
+from sar_compiler.ros.grid_image import grid_image
 
-# At most one of each in so many seconds of the node's clock; a map that is being made changes all the time.
-_PERIODS_SEC = {"pose": 1.0, "plan": 1.0, "map": 60.0}
+# At most one in so many seconds of the node's clock; while a map is being made there is one after the other.
+_PERIODS_SEC = {"pose": 1.0, "plan": 1.0, "map": 10.0}
 # A plan has a point every few centimetres; a drawing needs fewer.
 _POINTS = 200
 # The grey of a cell of which nothing is known.
@@ -29,8 +28,8 @@ class RobotWatch:
 
     - `pose`: `x`, `y` (m) and `yaw` (rad) in the frame `map`, from `amcl_pose`
     - `plan`: `points`, x and y in metres in the plan's `frame`, from `plan`
-    - `map`: `x`, `y` of its lower left corner and the edge `resolution` of a cell, metres, `width` and `height` in cells, and
-      `png`, the image in base64: free is white, occupied black, unknown grey; from `map`. One that is turned is left out
+    - `map`: `png`, an image in base64 of `width` and `height` pixels of `resolution` metres, whose lower left corner is at `x`, `y`
+      (m), turned by `yaw` (rad), from `map`; where it is another one than before
     - `log`: `node`, `level` (as in `rcl_interfaces/msg/Log`), `text`; of other nodes than the mission's own only warnings and
       errors
 
@@ -43,6 +42,7 @@ class RobotWatch:
         self._journal = journal
         self._name = node.get_logger().name
         self._due = dict.fromkeys(_PERIODS_SEC, -math.inf)
+        self._map: dict[str, Any] = {}
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         for message, topic, take, qos in (
             (PoseWithCovarianceStamped, "amcl_pose", self._on_pose, QoSProfile(depth=1)),
@@ -66,15 +66,25 @@ class RobotWatch:
             self._journal.watch("plan", frame=message.header.frame_id, points=points)
 
     def _on_map(self, message: Any) -> None:
-        info, origin = message.info, message.info.origin
-        size = {"width": info.width, "height": info.height}
-        if (
-            origin.orientation.z == 0.0
-            and 0 < info.width * info.height == len(message.data)
-            and self._is_due("map")
-        ):
-            place = {"x": origin.position.x, "y": origin.position.y, "resolution": info.resolution}
-            self._journal.watch("map", **place, **size, png=_png(message.data, **size))
+        origin = message.info.origin
+        numbers = (message.info.resolution, origin.position.x, origin.position.y, origin.orientation.z)
+        if not (all(map(math.isfinite, numbers)) and self._is_due("map")):
+            return
+        if (drawn := grid_image(message)) is None:
+            return
+        width, height, step, png = drawn
+        said = {
+            "resolution": message.info.resolution * step,
+            "width": width,
+            "height": height,
+            "x": origin.position.x,
+            "y": origin.position.y,
+            "yaw": 2.0 * math.atan2(origin.orientation.z, origin.orientation.w),
+            "png": base64.b64encode(png).decode(),
+        }
+        if said != self._map:
+            self._map = said
+            self._journal.watch("map", **said)
 
     def _on_log(self, message: Any) -> None:
         if message.name == self._name or message.level >= Log.WARN:
@@ -83,22 +93,7 @@ class RobotWatch:
     def _is_due(self, kind: str) -> bool:
         now = self._journal.clock.now()
         # A clock that was set back begins anew.
-        period = _PERIODS_SEC[kind]
-        if self._due[kind] - period <= now < self._due[kind]:
+        if self._due[kind] - _PERIODS_SEC[kind] <= now < self._due[kind]:
             return False
-        self._due[kind] = now + period
+        self._due[kind] = now + _PERIODS_SEC[kind]
         return True
-
-
-def _png(cells: Any, width: int, height: int) -> str:
-    """Return an occupancy grid, whose first row is the lowest, as a grey image in base64."""
-    grey = bytes(255 - cell * 255 // 100 if cell <= 100 else _UNKNOWN for cell in range(256))  # noqa: PLR2004 - per cent
-    pixels = cells.tobytes().translate(grey)
-    rows = (b"\0" + pixels[row * width : (row + 1) * width] for row in reversed(range(height)))
-    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
-    parts = ((b"IHDR", header), (b"IDAT", zlib.compress(b"".join(rows), 9)), (b"IEND", b""))
-    chunks = (
-        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-        for kind, data in parts
-    )
-    return base64.b64encode(b"\x89PNG\r\n\x1a\n" + b"".join(chunks)).decode()

@@ -27,7 +27,7 @@ _VARIANCES = {0: 0.01, 7: 0.01, 35: 0.005}
 
 
 class Amcl:
-    """Node `amcl`: `initialpose` in; the topic `map`, `amcl_pose`, `map` → `odom` and `amcl/get_state` out.
+    """Node `amcl`: `initialpose` in; `amcl_pose`, `map` → `odom`, `amcl/get_state`, and the topic `map` of Nav2's map server out.
 
     Args:
         host: Creates the node.

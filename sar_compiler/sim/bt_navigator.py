@@ -7,13 +7,14 @@ from typing import Any
 from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
 from nav2_msgs.action import NavigateToPose
+from nav_msgs.msg import Path as PathMessage
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
 
 from sar_compiler.ros.faults import GoalFate, NavigationFaults
 from sar_compiler.sim.geometry import Pose2D
-from sar_compiler.sim.messages import from_pose, to_duration, to_pose, to_stamp
+from sar_compiler.sim.messages import from_pose, to_duration, to_path, to_pose, to_stamp
 from sar_compiler.sim.navigator import Drive, DriveEnd, DriveOutcome, DriveProgress
 from sar_compiler.sim.node_host import NodeHost
 from sar_compiler.sim.planner import NavCode, Planner, PlanningError
@@ -57,7 +58,7 @@ class _Goal:
 
 
 class BtNavigator:
-    """Node `bt_navigator`: `navigate_to_pose` and `bt_navigator/get_state`.
+    """Node `bt_navigator`: `navigate_to_pose`, `bt_navigator/get_state`, and the topic `plan` of Nav2's planner.
 
     A new goal pre-empts the current one, which ends aborted with error code 0. A new goal with another
     behaviour tree than the current one is aborted instead.
@@ -129,6 +130,7 @@ class BtNavigator:
         self._active_at = None
         self._node = self._host.create("bt_navigator")
         self._node.create_service(GetState, "bt_navigator/get_state", self._on_get_state)
+        self._plan = self._node.create_publisher(PathMessage, "plan", 1)
         self._server = ActionServer(
             self._node,
             NavigateToPose,
@@ -220,6 +222,7 @@ class BtNavigator:
             goal.drive = Drive(self._planner, self._robot.limits, target, here, self._now)
         except PlanningError as error:
             return DriveOutcome(DriveEnd.ABORTED, error.code, str(error))
+        self._plan.publish(to_path(goal.drive.path, to_stamp(round(self._now * 1e9))))
         return None
 
     def _end(self, outcome: DriveOutcome) -> None:

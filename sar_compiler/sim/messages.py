@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
-from geometry_msgs.msg import Pose, Quaternion, TransformStamped
-from nav_msgs.msg import OccupancyGrid
+from geometry_msgs.msg import Pose, PoseStamped, Quaternion, TransformStamped
+from nav_msgs.msg import OccupancyGrid, Path
 
 from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from sar_compiler.sim.path import Path2D
 
 NANOSECONDS = 1_000_000_000
 # A quaternion whose length is off by more than this is no rotation.
@@ -65,14 +66,24 @@ def from_pose(message: Any) -> Pose2D | None:
 
 
 def to_grid(occupancy: OccupancyMap) -> OccupancyGrid:
-    """Return an occupancy map as a message, without a time."""
-    grid = OccupancyGrid(data=array("b", occupancy.cells.tobytes()))
-    grid.header.frame_id = "map"
-    grid.info.height, grid.info.width = occupancy.cells.shape
-    grid.info.resolution = occupancy.resolution
-    grid.info.origin.position.x, grid.info.origin.position.y = occupancy.origin_x, occupancy.origin_y
-    grid.info.origin.orientation.w = 1.0
-    return grid
+    """Return an occupancy map as a message."""
+    message = OccupancyGrid()
+    message.header.frame_id = "map"
+    message.info.resolution = occupancy.resolution
+    message.info.height, message.info.width = occupancy.cells.shape
+    place = message.info.origin.position
+    place.x, place.y = occupancy.origin_x, occupancy.origin_y
+    message.data = array("b", occupancy.cells.tobytes())
+    return message
+
+
+def to_path(path: Path2D, stamp: Time) -> Path:
+    """Return a path as a message; its poses have no direction of their own."""
+    message = Path()
+    message.header.frame_id, message.header.stamp = "map", stamp
+    for x, y in path.points.tolist():
+        message.poses.append(PoseStamped(header=message.header, pose=to_pose(Pose2D(x, y))))
+    return message
 
 
 def from_grid(message: OccupancyGrid) -> OccupancyMap | None:

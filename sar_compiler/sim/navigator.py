@@ -74,7 +74,8 @@ class Drive:
 
     def __init__(self, planner: Planner, limits: Limits, goal: Pose2D, start: Pose2D, now: float) -> None:
         self.goal = goal
-        self._follower = Follower(planner.plan(start, goal), goal.yaw, limits)
+        self.path = planner.plan(start, goal)
+        self._follower = Follower(self.path, goal.yaw, limits)
         self._began = now
         self._mark, self._mark_time = start, now
         self._braking = False

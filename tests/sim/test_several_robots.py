@@ -60,6 +60,7 @@ def test_everything_of_a_robot_is_in_its_namespace_with_its_transforms(
             "amcl_pose",
             "initialpose",
             "map",
+            "plan",
         )
     } | {"/clock"}
     node = clients[0].node

@@ -181,6 +181,27 @@ def test_the_last_pose_is_there_for_those_who_come_late(simulate: Simulate, clie
     client.wait(lambda: bool(late), "the latched amcl_pose")
 
 
+def test_the_map_and_the_plan_are_published_as_by_nav2(simulate: Simulate, client: Client) -> None:
+    from nav_msgs.msg import OccupancyGrid, Path
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+
+    from sar_compiler.sim.messages import from_grid
+
+    simulate()
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    maps, plans = client.listen(OccupancyGrid, "map", latched), client.listen(Path, "plan", 1)
+    client.make_ready()
+    navigation = Navigation(client)
+    assert navigation.result(navigation.send(0.3, 0.0)).status == SUCCEEDED
+    client.wait(lambda: bool(maps and plans), "map and plan")
+    occupancy = from_grid(maps[0])
+    assert occupancy is not None
+    assert occupancy.cell_at(0.0, 0.0) is not None
+    last = plans[0].poses[-1].pose.position
+    assert (plans[0].header.frame_id, round(last.x, 2), round(last.y, 2)) == ("map", 0.3, 0.0)
+    navigation.close()
+
+
 @pytest.mark.parametrize(
     ("pose", "frame"),
     [(Pose2D(100.0, 0.0), "map"), (Pose2D(math.nan, 0.0), "map"), (Pose2D(0.0, 0.0), "odom")],
