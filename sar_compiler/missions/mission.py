@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
     from sar_compiler.journal.journal import Journal
+    from sar_compiler.missions.verbs import Verb
     from sar_compiler.ros.faults import FaultPlan
 
 
@@ -51,6 +52,10 @@ class MissionRun:
         has what earlier runs have written: it is taken over here, and the leaves answer by it what is finished, because
         the tree starts anew.
         """
+
+    def verbs(self) -> "Sequence[Verb]":
+        """Return what the operator can order while it runs, for pages with a button each; the tree's leaves offer the services."""
+        return ()
 
     def places(self) -> Mapping[str, tuple[float, float]] | None:
         """Return the places that a fault may name: x and y in metres, frame `map`; None for the world's zones."""

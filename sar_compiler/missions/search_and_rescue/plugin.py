@@ -1,6 +1,6 @@
 """Search and rescue as a mission: the plug-in of the entry point `sar_compiler.missions`."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
     from sar_compiler.journal.journal import Journal
+    from sar_compiler.missions.verbs import Verb
     from sar_compiler.ros.faults import FaultPlan
 
 
@@ -114,6 +115,12 @@ class Search(MissionRun):
     def facts(self) -> dict[str, int]:
         """Return the number of zones."""
         return {"zones_left": self._zones.total_zones()}
+
+    def verbs(self) -> "Sequence[Verb]":
+        """Return the orders that guarded trees heed."""
+        from sar_compiler.missions.search_and_rescue.operator_verbs import VERBS
+
+        return VERBS
 
     def places(self) -> dict[str, tuple[float, float]]:
         """Return the positions of the zones."""

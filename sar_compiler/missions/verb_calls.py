@@ -1,0 +1,75 @@
+"""Carrying out the operator's orders from another thread than the mission's."""
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
+from typing import TYPE_CHECKING, Any
+
+from sar_compiler.missions.verbs import Verb, VerbError
+from sar_compiler.ros.leaves.interfaces import find_interface
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+
+class VerbCalls:
+    """Calls the services of a mission's verbs: ordered from any thread, called in that of the node's executor.
+
+    Args:
+        node: The mission's node, which has the services as well.
+        verbs: What can be ordered.
+    """
+
+    def __init__(self, node: "Node", verbs: Sequence[Verb]) -> None:
+        self._verbs = {verb.name: verb for verb in verbs}
+        self._clients = {
+            verb.name: node.create_client(
+                find_interface("Verb", "srv", verb.name, verb.service_type), f"~/{verb.name}"
+            )
+            for verb in verbs
+        }
+        self._waiting: deque[Callable[[], None]] = deque()
+        # The node keeps both as long as it lives.
+        self._bell = node.create_guard_condition(self._call)
+
+    def heeded(self) -> list[str]:
+        """Return the verbs whose services are there: those that the tree's leaves heed."""
+        return [name for name, client in self._clients.items() if client.service_is_ready()]
+
+    def give(self, verb: str, values: Mapping[str, Any]) -> "Future[tuple[bool, str]]":
+        """Give an order, from any thread.
+
+        Returns:
+            Whether it was heeded, and what was said to it.
+
+        Raises:
+            VerbError: If there is no such verb, or a value is wrong, or no leaf of the tree heeds it.
+        """
+        known = self._verbs.get(verb)
+        if known is None:
+            message = f"there is no order '{verb:.60}'"
+            raise VerbError(message)
+        checked = known.checked(values)
+        client = self._clients[verb]
+        if not client.service_is_ready():
+            message = f"no node of this tree heeds '{verb}'"
+            raise VerbError(message)
+        request = client.srv_type.Request()
+        known.fill(request, checked)
+        answer: Future[tuple[bool, str]] = Future()
+        self._waiting.append(lambda: self._send(client, request, answer))
+        self._bell.trigger()
+        return answer
+
+    def _call(self) -> None:
+        while self._waiting:
+            self._waiting.popleft()()
+
+    @staticmethod
+    def _send(client: Any, request: Any, answer: "Future[tuple[bool, str]]") -> None:
+        def take(called: Any) -> None:
+            response = called.result()
+            if not answer.cancelled():
+                answer.set_result((bool(response.success), str(response.message)))
+
+        client.call_async(request).add_done_callback(take)

@@ -1,0 +1,74 @@
+"""What comes with an order is what its verb asks for."""
+
+import pytest
+
+from sar_compiler.missions.search_and_rescue.operator_verbs import VERBS
+from sar_compiler.missions.verbs import Verb, VerbError, VerbField
+
+GO = Verb(
+    "go",
+    "Go",
+    "Goes.",
+    fields=(
+        VerbField("name", "Name"),
+        VerbField("x", "x", "number"),
+        VerbField("how", "How", "choice", (("FAST", "fast"), ("SLOW", "slow"))),
+        VerbField("whom", "Whom", "survivor", optional=True),
+    ),
+)
+RIGHT = {"name": "there", "x": 1, "how": "FAST", "whom": ""}
+
+
+def test_the_values_of_a_complete_order_are_taken():
+    assert GO.checked(RIGHT) == {**RIGHT, "x": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"name": ""}, "go: name is '', and must be a text"),
+        ({"name": 5}, "go: name is 5, and must be a text"),
+        ({"name": "n" * 201}, "and must be a text"),
+        ({"x": "1"}, "go: x is '1', and must be a number"),
+        ({"x": True}, "go: x is True, and must be a number"),
+        ({"x": float("nan")}, "go: x is nan, and must be a number"),
+        ({"how": "AWAY"}, "go: how is 'AWAY', and must be one of FAST, SLOW"),
+        ({"whom": None}, "go: whom is None, and must be a text"),
+        ({"why": "so"}, "go takes no 'why'"),
+    ],
+)
+def test_what_is_wrong_with_an_order_is_said(values, words):
+    with pytest.raises(VerbError) as error:
+        GO.checked({**RIGHT, **values})
+    assert words in str(error.value)
+
+
+def test_a_value_that_is_missing_is_named():
+    with pytest.raises(VerbError, match="go: x is None, and must be a number"):
+        GO.checked({"name": "there", "how": "FAST", "whom": ""})
+
+
+def test_orders_that_cannot_be_undone_ask_first():
+    assert {verb.name for verb in VERBS if verb.confirm} == {"skip_zone", "go_home", "abort"}
+
+
+@pytest.mark.ros
+def test_the_orders_of_the_mission_fill_the_requests_of_its_services():
+    from sar_interfaces.srv import AddZone, JudgeSurvivor
+
+    verbs = {verb.name: verb for verb in VERBS}
+    zone, judge = AddZone.Request(), JudgeSurvivor.Request()
+    values = verbs["add_zone"].checked({"zone": "zone_e", "x": 1.5, "y": -2, "heading": 180})
+    verbs["add_zone"].fill(zone, values)
+    assert (zone.zone_id, zone.pose.header.frame_id) == ("zone_e", "map")
+    assert (zone.pose.pose.position.x, zone.pose.pose.position.y) == (1.5, -2.0)
+    assert (round(zone.pose.pose.orientation.z, 6), round(zone.pose.pose.orientation.w, 6)) == (1.0, 0.0)
+    judged = verbs["judge_survivor"].checked(
+        {"survivor": "survivor_2", "verdict": "SAME", "same_as": "survivor_1"}
+    )
+    verbs["judge_survivor"].fill(judge, judged)
+    assert (judge.survivor_id, judge.verdict, judge.same_as) == (
+        "survivor_2",
+        JudgeSurvivor.Request.SAME,
+        "survivor_1",
+    )
