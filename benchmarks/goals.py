@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from benchmarks import large_files, pipeline, startup, ticking, verifying
+from benchmarks import large_files, paging, pipeline, startup, ticking, verifying
 from benchmarks.peers import COMPILED
 
 
@@ -156,5 +156,22 @@ GOALS = (
         large_files.SLOWEST,
         {"": 10.0},
         "the slowest of the files below",
+    ),
+    Goal(
+        "`sar-run --view web`, while a browser looks",
+        "there was no page",
+        "page",
+        paging.CORE,
+        {"": 0.05},
+        "thirty leaves, ten ticks a second; what the process takes more than without a page",
+        "core",
+    ),
+    Goal(
+        "a tick while a browser looks",
+        "there was no page",
+        "page",
+        paging.TICK,
+        {paging.NONE: 1.1},
+        "the same; the median of what passes",
     ),
 )

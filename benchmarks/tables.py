@@ -32,6 +32,7 @@ UNITS: Mapping[str, Callable[[float], str]] = {
     "bytes": lambda value: f"{value / 2**20:,.0f} MiB",
     "bytes/state": lambda value: f"{value:,.0f} bytes a state",
     "states": lambda value: f"{value:,.0f} states",
+    "core": lambda value: f"{value:.1%} of a core",
     "modules": lambda value: f"{value:,.0f} modules",
 }
 """How a figure is written, by its unit."""

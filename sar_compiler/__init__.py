@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from sar_compiler.errors import SarError, UndecidableError
     from sar_compiler.journal.journal import Journal
     from sar_compiler.missions.mission import Mission, MissionRun
+    from sar_compiler.missions.verbs import Verb, VerbField
     from sar_compiler.monitoring.groot2_publisher import Groot2Publisher
     from sar_compiler.nodes.register import register
     from sar_compiler.nodes.registry import RegistryError
@@ -84,6 +85,8 @@ __all__ = [
     "UndecidableError",
     "UnreadableFileError",
     "Use",
+    "Verb",
+    "VerbField",
     "Verdict",
     "Verification",
     "create_service",
@@ -100,6 +103,7 @@ _MODULES = {
     "errors": ("SarError", "UndecidableError"),
     "journal.journal": ("Journal",),
     "missions.mission": ("Mission", "MissionRun"),
+    "missions.verbs": ("Verb", "VerbField"),
     "monitoring.groot2_publisher": ("Groot2Publisher",),
     "nodes.register": ("register",),
     "nodes.registry": ("RegistryError",),

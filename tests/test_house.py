@@ -28,6 +28,7 @@ MAY_IMPORT = {
     "missions": {"tree", "runtime", "nodes", "compiler", "checks", "journal", "ros"},
     "sim": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "ros"},
     "views": {"tree", "runtime", "nodes", "compiler", "checks", "journal"},
+    "web": {"journal"},
     "project": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "ros", "missions", "views"},
     "testing": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "views", "project"},
 }

@@ -24,6 +24,7 @@ __all__ = [
     "Parser",
     "add_version",
     "count",
+    "port",
     "run",
     "seed",
     "speed",
@@ -48,6 +49,14 @@ def count(text: str) -> int:
         message = f"'{text}' is not a whole number above 0"
         raise argparse.ArgumentTypeError(message)
     return int(digits)
+
+
+def port(text: str) -> int:
+    """Read the number of a port; 0 stands for any that is free."""
+    if not (text.isascii() and text.isdigit() and int(text) < 1 << 16):
+        message = f"'{text}' is not a port, 0 to 65535"
+        raise argparse.ArgumentTypeError(message)
+    return int(text)
 
 
 def seed(text: str) -> int:

@@ -115,7 +115,7 @@ COMPLETERS: Mapping[str, Callable[..., Iterable[str]]] = {
     **dict.fromkeys(("sim", "world"), _worlds),
     "code": _codes,
     "include_path": DirectoriesCompleter(),
-    "journal": FilesCompleter(),
+    **dict.fromkeys(("journal", "journals"), FilesCompleter()),
     "mission": _missions,
     "model": _palettes,
     "nodes": _modules,

@@ -4,12 +4,12 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import Parser, add_version
-from sar_compiler.commands import OK, print_text, run
+from sar_compiler.cli.arguments import Parser, add_version, port
+from sar_compiler.commands import OK, interruptible, print_text, run
 from sar_compiler.views.plain import as_json
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _command(options: argparse.Namespace) -> int:
-    commands = {"show": _show, "report": _report, "why": _why}
+    commands = {"show": _show, "report": _report, "why": _why, "replay": _serve, "watch": _serve}
     return commands[options.command](options)
 
 
@@ -69,6 +69,15 @@ def _parser() -> argparse.ArgumentParser:
         help="the journal of another run: say what was different first",
     )
     why.add_argument("--format", choices=("text", "json"), default="text", help="for people, or for scripts")
+    for name, text in (
+        ("replay", "Serve a page on this machine that shows missions again, back and forth through time."),
+        ("watch", "Serve a page on this machine of missions that are running, by what they write."),
+    ):
+        page = commands.add_parser(name, help=text, description=text)
+        page.add_argument("journals", type=Path, nargs="+", metavar="FILE", help="a journal for each robot")
+        page.add_argument(
+            "--web-port", type=port, metavar="N", help="the page's port (default 8043; 0 for any)"
+        )
     return parser
 
 
@@ -108,6 +117,16 @@ def _report(options: argparse.Namespace) -> int:
 
     state = MissionState.of(_stream(options.journal))
     write_reports(state, options.to, georeference(state))
+    return OK
+
+
+def _serve(options: argparse.Namespace) -> int:
+    from sar_compiler.cli.run_page import replay_journals, watch_journals
+
+    interruptible()
+    serve = replay_journals if options.command == "replay" else watch_journals
+    with suppress(KeyboardInterrupt):  # which is how it ends
+        serve(options.journals, options.web_port)
     return OK
 
 

@@ -1,13 +1,13 @@
 """`sar-run`: run a mission on ROS 2."""
 
 import sys
-from argparse import BooleanOptionalAction
-from collections.abc import Sequence
+from argparse import BooleanOptionalAction, Namespace
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import Parser, add_version, seed, speed
+from sar_compiler.cli.arguments import Parser, add_version, port, seed, speed
 from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_models, add_nodes, add_trust
 from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import USAGE, print_error, run
@@ -39,7 +39,8 @@ class Options:
         seed: The seed of the simulation's noise.
         speed: Upper limit of simulated seconds per second.
         until: The condition that ends the run; None leaves it to the tree.
-        view: How to show the tree: `text` or `none`.
+        view: How to show the mission: `text`, `web` or `none`.
+        web_port: The port of the page; None for the usual one.
         groot2: The port on which Groot2 is answered; None for none.
         groot2_hooks: Whether Groot2 may hold the tree, and replace outcomes.
         publish: Whether to publish what becomes of the mission.
@@ -71,6 +72,7 @@ class Options:
     speed: float
     until: "Until | None"
     view: str
+    web_port: int | None
     groot2: int | None
     groot2_hooks: bool
     publish: bool
@@ -130,20 +132,9 @@ def _options(argv: Sequence[str]) -> Options:
     for option, value in (("--speed", given.speed), ("--fault", given.fault or None), ("--seed", given.seed)):
         if given.sim is None and value is not None:
             parser.error(f"{option} is for the simulator: add --sim")
-    if given.check and (given.resume or given.new or given.report):
-        parser.error("--check begins nothing: --resume, --new and --report are for the run itself")
-    if given.record is not None and given.record.suffix != ".mcap":
-        parser.error(f"--record writes MCAP, which readers know by its ending: {given.record.stem}.mcap")
-    if given.groot2_hooks and given.groot2 is None:
-        parser.error("--groot2-hooks is about what Groot2 may do: add --groot2 PORT")
-    if given.groot2_hooks and given.engine != ENGINES[0]:
-        parser.error(
-            f"--groot2-hooks: {given.engine} cannot be held in the middle of a tick; leave --engine out"
-        )
-    if given.no_journal and (given.journal or given.resume or given.new):
-        parser.error("--no-journal does not go with --journal, --resume or --new")
-    if given.sim is not None and _looks_like_a_tree(given.sim):
-        parser.error(f"--sim takes a world, and '{given.sim}' looks like a tree: put the tree before --sim")
+    for is_wrong, message in _contradictions(given):
+        if is_wrong:
+            parser.error(message)
     read = {
         "tree": given.tree or "",
         "seed": given.seed or 0,
@@ -152,6 +143,40 @@ def _options(argv: Sequence[str]) -> Options:
         "ros": split.ros,
     }
     return Options(**{**vars(given), **read})
+
+
+def _contradictions(given: Namespace) -> Iterator[tuple[object, str]]:
+    """Yield which options do not go together, and whether they are given."""
+    yield given.web_port is not None and given.view != "web", "--web-port is for the page: add --view web"
+    yield (
+        given.check and given.view == "web",
+        "--check begins nothing that a page could show: leave --view web out",
+    )
+    yield (
+        given.check and (given.resume or given.new or given.report),
+        "--check begins nothing: --resume, --new and --report are for the run itself",
+    )
+    if given.record is not None:
+        yield (
+            given.record.suffix != ".mcap",
+            f"--record writes MCAP, which readers know by its ending: {given.record.stem}.mcap",
+        )
+    yield (
+        given.groot2_hooks and given.groot2 is None,
+        "--groot2-hooks is about what Groot2 may do: add --groot2 PORT",
+    )
+    yield (
+        given.groot2_hooks and given.engine != ENGINES[0],
+        f"--groot2-hooks: {given.engine} cannot be held in the middle of a tick; leave --engine out",
+    )
+    yield (
+        given.no_journal and (given.journal or given.resume or given.new),
+        "--no-journal does not go with --journal, --resume or --new",
+    )
+    yield (
+        given.sim is not None and _looks_like_a_tree(given.sim),
+        f"--sim takes a world, and '{given.sim}' looks like a tree: put the tree before --sim",
+    )
 
 
 def _default_tree(mission: str | None) -> str:
@@ -223,9 +248,16 @@ def _parser() -> Parser:
     )
     parser.add_argument(
         "--view",
-        choices=("text", "none"),
+        choices=("text", "web", "none"),
         default="none",
-        help="show the mission while it runs: in place on a terminal, else a line for each change",
+        help="show the mission while it runs: in place on a terminal, else a line for each change; or on a page for a browser on "
+        "this machine",
+    )
+    parser.add_argument(
+        "--web-port",
+        type=port,
+        metavar="N",
+        help="with --view web: the page's port (default 8043; 0 for any)",
     )
     parser.add_argument(
         "--groot2",

@@ -85,6 +85,8 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
         SarError: If the mission, the parameters, the world or the ROS arguments are wrong; the robot has not moved.
     """
     make_engine = find_engine(options.engine)
+    if options.view == "web":  # what it lacks is said before anything starts
+        import sar_compiler.cli.run_page  # noqa: F401
     loaded = _loaded(options)
     binding = loaded.binding(options.tree_id)
     require_classes(binding)
@@ -111,7 +113,7 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
         begun, parameters, notes = begin_run(mission, reader, binding)
         fixed = fixed_parameters(mission, binding)
         journal = stack.enter_context(open_run_journal(options, mission, node))
-        watchers = stack.enter_context(open_watchers(options, node, journal))
+        watchers = stack.enter_context(open_watchers(options, node, journal, begun))
         if view is not None:
             view.begin(journal.earlier())
             journal.listen(view.take)
@@ -158,7 +160,7 @@ def _view(options: "Options", output: RunOutput) -> "RunView | None":
     Raises:
         SarError: If what it takes is not installed.
     """
-    if options.view == "none":
+    if options.view != "text":
         return None
     from sar_compiler.cli.run_view import run_view
 

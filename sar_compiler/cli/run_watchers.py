@@ -103,13 +103,19 @@ class RunWatchers:
 
 
 @contextmanager
-def open_watchers(options: "Options", node: "Node", journal: "RunJournal") -> Iterator[RunWatchers]:
+def open_watchers(
+    options: "Options", node: "Node", journal: "RunJournal", mission: MissionRun | None
+) -> Iterator[RunWatchers]:
     """Let those watch a run who are asked for on the command line; nobody watches a check.
 
     Raises:
-        SarError: If there can be no recording.
+        SarError: If there can be no recording, or no page.
     """
     with ExitStack() as stack:
+        if options.view == "web":
+            from sar_compiler.cli.run_page import serve_run
+
+            stack.enter_context(serve_run(options.web_port, journal, node, mission))
         if options.check:
             options = replace(options, groot2=None, publish=False, record=None)
         yield RunWatchers(options, node, journal, stack)

@@ -62,11 +62,13 @@ def _extent(state: MissionState) -> tuple[float, float, float, float] | None:
 def _corners(state: MissionState) -> list[Position]:
     try:
         x, y, edge = (float(state.map[key]) for key in ("x", "y", "resolution"))
+        turned = float(state.map.get("yaw", 0.0)) != 0.0
         width, height = int(state.map["width"]) * edge, int(state.map["height"]) * edge
     except (LookupError, TypeError, ValueError):
         return []
     corners = [Position(x, y), Position(x + width, y + height)]
-    return corners if width > 0 < height and all(map(math.isfinite, itertools.chain(*corners))) else []
+    drawable = width > 0 < height and not turned
+    return corners if drawable and all(map(math.isfinite, itertools.chain(*corners))) else []
 
 
 def _image(state: MissionState) -> Iterator[str]:

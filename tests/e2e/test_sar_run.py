@@ -51,7 +51,10 @@ def test_a_tree_file_that_is_not_there_is_named(start):
     [
         (["--no-such-option"], "unrecognized arguments: --no-such-option"),
         (["--engine", "theirs"], "invalid choice: 'theirs'"),
-        (["--view", "web"], "invalid choice: 'web'"),
+        (["--view", "wbe"], "invalid choice: 'wbe' (choose from 'text', 'web', 'none'); did you mean 'web'?"),
+        (["--web-port", "0"], "--web-port is for the page: add --view web"),
+        (["--view", "web", "--web-port", "65536"], "'65536' is not a port, 0 to 65535"),
+        (["--view", "web", "--check"], "--check begins nothing that a page could show"),
         (["--speed", "2"], "--speed is for the simulator"),
         (["--seed", "0"], "--seed is for the simulator"),
         (["--fault", "report_survivor:drop=1"], "--fault is for the simulator"),

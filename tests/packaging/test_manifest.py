@@ -25,6 +25,7 @@ NEVER_RUN = {"typing_extensions"}
 NEVER_RUN |= {"tomli", "tomllib"}
 # Extras, which say what to install where they are missing.
 NEVER_RUN |= {"distributed", "mcap", "msgpack", "zmq", "rich", "cap_tools", "geojson", "pyproj", "xsdata"}
+NEVER_RUN |= {"starlette", "uvicorn"}
 
 
 def manifest():

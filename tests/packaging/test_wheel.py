@@ -59,6 +59,14 @@ def test_the_records_of_the_shipped_nodes_are_in_the_package(installed):
     )
 
 
+def test_the_page_is_in_the_package(installed):
+    repository, environment = installed
+    (page,) = environment.rglob("web/static")
+    assert {path.name for path in page.iterdir()} == {
+        path.name for path in (repository / "sar_compiler/web/static").iterdir()
+    }
+
+
 def test_the_ament_index_of_the_environment_has_the_package(installed):
     _, environment = installed
     index = environment / "share" / "ament_index" / "resource_index" / "packages"

@@ -1,0 +1,82 @@
+"""What a mission's page costs while a browser looks: of a core, and of each tick, which shares Python's lock with it.
+
+A tree of thirty leaves is ticked ten times a second, as fast as a mission on a robot that has good news all the time; three leaves say
+something else in each tick. The browser is a process of its own, which reads what it is told and does not count.
+"""
+
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, closing
+
+from py_trees.common import ParallelPolicy
+from py_trees.composites import Parallel
+
+from benchmarks.figures import Effort, Result, compared, in_turns, plain
+from benchmarks.journaling import Changing
+from benchmarks.leaves import Leaf
+from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.status_watch import StatusWatch
+from sar_compiler.ros.runner import TreeRunner
+
+CORE = "a mission's page, while a browser looks"
+TICK = "a tick of thirty leaves, time that passes"
+NONE = "the same without a page"
+_LEAVES, _TALKING = 27, 3
+_PERIOD_SEC = 0.1
+_READ = "import sys, urllib.request\nfor line in urllib.request.urlopen(sys.argv[1]): pass"
+
+
+def measure(effort: Effort) -> Iterator[Result]:
+    """Yield the share of a core, and what a tick takes."""
+    seconds = max(1.0, 10.0 * effort.share)
+    taken = in_turns(
+        {CORE: lambda: _flown(seconds, page=True), NONE: lambda: _flown(seconds, page=False)}, effort.few
+    )
+    shares = [with_page[0] - bare[0] for with_page, bare in zip(taken[CORE], taken[NONE], strict=True)]
+    yield plain(CORE, statistics.median(shares), "core")
+    with_page, bare = ([tick for _, tick in taken[name]] for name in (CORE, NONE))
+    yield from compared(TICK, with_page, {NONE: bare})
+
+
+def _flown(seconds: float, *, page: bool) -> tuple[float, float]:
+    """Tick for some time; return the share of a core that the process took, and the median of what a tick took, seconds."""
+    from sar_compiler.web.feed import LiveFeed
+    from sar_compiler.web.page_server import PageServer
+
+    leaves = [Leaf(f"leaf {number}") for number in range(_LEAVES)] + [
+        Changing(f"talking {number}") for number in range(_TALKING)
+    ]
+    root = Parallel("root", ParallelPolicy.SuccessOnAll(synchronise=False), leaves)
+    runner, journal = TreeRunner(root), Journal()
+    runner.add_visitor(StatusWatch(root, journal))
+    with ExitStack() as stack:
+        if page:
+            feed = LiveFeed({"mode": "live", "verbs": []}, dict)
+            journal.listen(feed.take)
+            server = stack.enter_context(closing(PageServer(feed, 0)))
+            server.start()
+            browser = subprocess.Popen(
+                [sys.executable, "-c", _READ, f"http://127.0.0.1:{server.port}/events"]
+            )
+            stack.callback(browser.wait)
+            stack.callback(browser.kill)
+        else:
+            journal.listen(lambda _: None)
+        journal.begin({}, {})
+        return _ticked(runner, journal, seconds)
+
+
+def _ticked(runner: TreeRunner, journal: Journal, seconds: float) -> tuple[float, float]:
+    ticks: list[float] = []
+    began, cpu = time.monotonic(), time.process_time()
+    for number in range(round(seconds / _PERIOD_SEC)):
+        time.sleep(max(0.0, began + number * _PERIOD_SEC - time.monotonic()))
+        start = time.perf_counter()
+        runner.tick()
+        ticks.append(time.perf_counter() - start)
+        if not number % 10:
+            journal.watch("pose", x=1.0, y=2.0, yaw=0.5)
+    return (time.process_time() - cpu) / (time.monotonic() - began), statistics.median(ticks)

@@ -1,0 +1,126 @@
+"""The page of a run of `sar-run`, and of journals; what it takes is imported only where somebody wants one."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sar_compiler.commands import print_error
+from sar_compiler.web.feed import LiveFeed, RecordedFeed
+from sar_compiler.web.page_server import PageServer
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from sar_compiler.cli.run_journal import RunJournal
+    from sar_compiler.missions.mission import MissionRun
+    from sar_compiler.missions.verbs import Verb
+
+# How often journals of other processes are looked at, in seconds; they are written once a second.
+_LOOK_SEC = 0.5
+
+
+@contextmanager
+def serve_run(
+    port: int | None, journal: "RunJournal", node: "Node", mission: "MissionRun | None"
+) -> Iterator[None]:
+    """Serve the page of a run.
+
+    Args:
+        port: The port; None for the usual one.
+        journal: The run's journal, before it is asked for anything.
+        node: The run's node.
+        mission: The mission, which says what the operator can order.
+
+    Raises:
+        PageError: If the port cannot be had.
+    """
+    from sar_compiler.missions.verb_calls import VerbCalls
+    from sar_compiler.ros.clock import RosClock
+
+    verbs = mission.verbs() if mission is not None else ()
+    calls = VerbCalls(node, verbs)
+    clock = RosClock(node)
+    hello: dict[str, object] = {
+        "mode": "live",
+        "robots": [node.get_fully_qualified_name()],
+        "verbs": [_form(verb) for verb in verbs],
+    }
+
+    def beat() -> dict[str, object]:
+        try:
+            return {"time": clock.now(), "verbs": calls.heeded()}
+        except Exception:  # noqa: BLE001 - ROS may be shut down meanwhile, in another thread
+            return {}
+
+    feed = LiveFeed(hello, beat)
+    for entry in journal.earlier():
+        feed.take(entry)
+    journal.listen(feed.take)
+    with closing(PageServer(feed, port, calls)) as server:
+        server.start()
+        print_error(f"The page of this run: {server.url}")
+        yield
+
+
+def replay_journals(paths: Sequence[Path], port: int | None) -> None:
+    """Serve a page that shows journals again, one for each robot, until Ctrl-C.
+
+    Raises:
+        JournalError: If one cannot be read.
+        PageError: If the port cannot be had.
+    """
+    from sar_compiler.journal.database import JournalFile
+
+    robots = []
+    for path in paths:
+        with closing(JournalFile.read(path)) as file:
+            robots.append(file.stream())
+    with _told_of(RecordedFeed(robots, {"mode": "replay", "robots": _names(paths)}), port) as server:
+        server.wait()
+
+
+def watch_journals(paths: Sequence[Path], port: int | None) -> None:
+    """Serve a page of missions in other processes, by what they write to their journals, until Ctrl-C.
+
+    Raises:
+        JournalError: If a file is no journal, or cannot be read.
+        PageError: If the port cannot be had.
+    """
+    from sar_compiler.journal.database import is_locked
+    from sar_compiler.journal.following import JournalFollower
+
+    followers = [JournalFollower(path) for path in paths]
+    hello: dict[str, object] = {"mode": "live", "robots": _names(paths)}
+    feed = LiveFeed(hello, lambda: {"running": [is_locked(path) for path in paths]}, len(paths))
+    with _told_of(feed, port) as server:
+        while not server.wait(_LOOK_SEC):
+            for robot, follower in enumerate(followers):
+                for entry in follower.news():
+                    feed.take(entry, robot)
+
+
+@contextmanager
+def _told_of(feed: "LiveFeed | RecordedFeed", port: int | None) -> Iterator[PageServer]:
+    with closing(PageServer(feed, port)) as server:
+        server.start()
+        print(f"The page: {server.url} (Ctrl-C ends it)", flush=True)
+        yield server
+
+
+def _names(paths: Sequence[Path]) -> list[str]:
+    """Return what the robots are called: by their namespaces, as journals at the default place have them, if that is enough."""
+    stems = [path.stem for path in paths]
+    spaces = [stem.partition(".")[0] for stem in stems]
+    return spaces if len(set(spaces)) == len(stems) else stems
+
+
+def _form(verb: "Verb") -> dict[str, Any]:
+    """Return what the page must know of a verb, as JSON values."""
+    return {
+        "name": verb.name,
+        "label": verb.label,
+        "help": verb.help,
+        "confirm": verb.confirm,
+        "fields": [field._asdict() for field in verb.fields],
+    }

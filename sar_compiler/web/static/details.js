@@ -1,0 +1,27 @@
+// All that is known of the chosen node.
+
+import { duration, html } from "./shapes.js";
+
+/** Show a node of a run in a list of terms. */
+export function showDetails(place, run, id) {
+  const node = run.nodes[id];
+  if (!node) return place.replaceChildren();
+  const state = run.states[id];
+  const ago = (time) => `${duration(run.time - time)} ago, at ${duration(time - run.began)}`;
+  const former = state.status && !run.isCurrent(id) ? " (of an earlier activation)" : "";
+  const rows = [
+    ["node", node.name],
+    ["what it is", node.path],
+    ["status", state.status ? `${state.status}${former} for ${duration(run.time - state.since)}` : "not ticked yet"],
+    ["says", state.message],
+    ["last change", state.status ? `${ago(state.time)}, tick ${state.tick}` : ""],
+    ["last failure", state.failure ? `${state.failure.message || "without a reason"}, ${ago(state.failure.time)}` : ""],
+    ["written at", node.file ? `${node.file}:${node.line}` : ""],
+    ...Object.entries(node.attributes).map(([key, value]) => [key, typeof value === "object" ? JSON.stringify(value) : String(value)]),
+  ];
+  const shown = rows.filter(([, value]) => value);
+  const key = JSON.stringify(shown);
+  if (place.dataset.key === key) return undefined;
+  place.dataset.key = key;
+  return place.replaceChildren(...shown.flatMap(([term, value]) => [html("dt", {}, term), html("dd", {}, value)]));
+}

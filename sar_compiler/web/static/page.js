@@ -1,0 +1,288 @@
+// The page of a run: what the server tells of it, and what is shown of that.
+
+import { showDetails } from "./details.js";
+import { LogView } from "./log_view.js";
+import { MapView, described } from "./map_view.js";
+import { Orders } from "./orders.js";
+import { Recording } from "./replay.js";
+import { Run } from "./run.js";
+import { badge, duration, html, say, svg } from "./shapes.js";
+import { TreeView } from "./tree_view.js";
+
+const SILENCE_MS = 4000;
+// Of more nodes that run at once, the first.
+const SHOWN = 6;
+const at = (id) => document.getElementById(id);
+
+const tree = new TreeView(at("tree"), () => showDetails(at("details"), run, tree.chosen));
+const map = new MapView(at("map"));
+const log = new LogView(at("log"));
+const orders = new Orders({ bar: at("verbs"), ask: at("ask"), answer: at("answer") }, (answer) => map.pick(answer));
+
+// A run for each robot, and the one whose tree and log are shown.
+let runs = [new Run()];
+let run = runs[0];
+let names = [];
+let alive = [];
+let recording = null;
+let expected = 0;
+let heard = 0;
+let drawing = false;
+
+// --- what the server tells -------------------------------------------------------------------------
+
+function hello({ mode, robots, verbs, entries }) {
+  // Whatever was known is told again: by the same run, or by another one that has taken its place.
+  names = robots ?? ["run"];
+  recording = mode === "replay" ? new Recording(names.length) : null;
+  runs = recording ? recording.runs : names.map(() => new Run());
+  alive = [];
+  offerRobots();
+  expected = entries;
+  document.body.dataset.mode = mode;
+  document.body.classList.toggle("ready", !expected);
+  at("timeline").hidden = !recording;
+  orders.offer(verbs ?? []);
+}
+
+function take(entries) {
+  expected -= entries.length;
+  if (recording) recording.add(entries);
+  else entries.forEach((entry) => runs[entry.robot].apply(entry));
+  if (recording && expected <= 0) begin();
+  document.body.classList.toggle("ready", expected <= 0);
+  later();
+}
+
+function beat({ time, verbs, running }) {
+  alive = running ?? [];
+  if (time !== undefined && !run.ended && run.number) run.time = Math.max(run.time, time);
+  orders.allow(verbs ?? [], run);
+  later();
+}
+
+function listen() {
+  const source = new EventSource("events");
+  const on = (name, heed) => source.addEventListener(name, ({ data }) => {
+    heard = performance.now();
+    heed(JSON.parse(data));
+  });
+  on("hello", hello);
+  on("entries", take);
+  on("beat", beat);
+  on("bye", () => gone());
+  source.addEventListener("error", () => {
+    gone();
+    // A browser gives up where a proxy answers in the server's place.
+    if (source.readyState === EventSource.CLOSED) setTimeout(listen, 2000);
+    later();
+  });
+}
+
+function gone() {
+  heard = 0;
+  orders.allow([], run);
+}
+
+// --- what is shown ---------------------------------------------------------------------------------
+
+function later() {
+  if (drawing) return;
+  drawing = true;
+  requestAnimationFrame(() => {
+    drawing = false;
+    show();
+  });
+}
+
+function show() {
+  const mission = run.about.mission ?? run.nodes[0]?.name ?? "mission";
+  const node = run.about.run?.node;
+  say(at("mission"), `${String(mission).replaceAll("_", " ")}${run.about.simulated ? ", simulated" : ""}`);
+  at("mission").title = node ?? "";
+  document.title = `${recording ? "replay: " : ""}${mission}`;
+  state();
+  say(at("clock"), run.number ? `${duration(run.time - run.began)}${run.number > 1 ? `, run ${run.number}` : ""}` : "");
+  say(at("progress"), progress());
+  running();
+  tree.show(run);
+  map.show(run, runs.length > 1 ? names : [], runs);
+  say(at("places"), described(run));
+  log.show(run);
+  showDetails(at("details"), run, tree.chosen);
+  if (recording) timeline();
+}
+
+function state() {
+  const [name, text] = condition();
+  at("state").className = name;
+  say(at("state"), text);
+}
+
+function condition() {
+  if (run.ended) {
+    const { ending, status, reason } = run.ended;
+    const said = reason ? `: ${reason.split(/(?<=\.) /)[0]}` : "";
+    return [status === 0 ? "good" : "bad", `${ending === "over" ? "ended" : ending}, status ${status}${said}`];
+  }
+  if (recording) return ["", expected > 0 ? "loading" : "replay"];
+  if (performance.now() - heard > SILENCE_MS || !heard) return ["bad", "not connected: what is shown may be old"];
+  if (!run.number) return ["", "waiting for the run to begin"];
+  if (alive[runs.indexOf(run)] === false) return ["bad", "broken off: its process is gone"];
+  if (run.alarm) return ["bad", `live: ${run.alarm}`];
+  return ["good", run.orders === "hold" ? "live: held by the operator" : "live"];
+}
+
+function progress() {
+  const zones = [...run.zones.values()];
+  const people = [...run.survivors.values()];
+  const told = people.filter((each) => each.report === "acknowledged").length;
+  const done = zones.filter((zone) => zone.state === "visited").length;
+  return [zones.length ? `zones ${done} of ${zones.length}` : "", people.length ? `survivors ${people.length}, ${told} acknowledged` : ""].filter(Boolean).join(" · ");
+}
+
+function running() {
+  const list = at("now").querySelector("ul");
+  const all = run.ended ? [] : run.running();
+  const leaves = all.slice(0, SHOWN);
+  const key = all.join(" ");
+  if (list.dataset.key !== key || list.childElementCount === 0) {
+    list.dataset.key = key;
+    list.replaceChildren(...leaves.map(runner));
+    const rest = all.length - leaves.length;
+    if (rest || !all.length) list.append(html("li", { class: "nobody" }, rest ? `and ${rest} more` : "nobody"));
+  }
+  leaves.forEach((id, index) => {
+    const { since, message } = run.states[id];
+    const item = list.children[index];
+    say(item.querySelector(".for"), `for ${duration(run.time - since)}`);
+    say(item.querySelector(".message"), message);
+  });
+}
+
+function runner(id) {
+  const button = html("button", { type: "button" }, svg("svg", { viewBox: "0 0 16 16", width: 14, height: 14, "aria-hidden": "true" }, badge("RUNNING")), run.nodes[id].name);
+  button.addEventListener("click", () => tree.select(id));
+  return html("li", {}, button, html("span", { class: "for" }), html("span", { class: "message" }));
+}
+
+// --- robots ----------------------------------------------------------------------------------------
+
+function offerRobots() {
+  const bar = at("robots");
+  bar.hidden = names.length < 2;
+  bar.replaceChildren(...names.map((name, index) => {
+    const button = html("button", { type: "button" }, name);
+    button.addEventListener("click", () => turnTo(index));
+    return button;
+  }));
+  turnTo(Math.max(0, names.indexOf(bar.dataset.shown)));
+}
+
+/** Show the tree and the log of one of the robots. */
+function turnTo(index) {
+  run = runs[index];
+  at("robots").dataset.shown = names[index];
+  [...at("robots").children].forEach((button, place) => button.setAttribute("aria-pressed", place === index));
+  log.again(run);
+  later();
+}
+
+// --- replay ----------------------------------------------------------------------------------------
+
+let playing = 0;
+let place = 0;
+
+function begin() {
+  recording.ready();
+  at("time").max = recording.end;
+  place = Number(at("time").dataset.at ?? 0);
+  go(place);
+}
+
+function go(time) {
+  place = Math.max(0, Math.min(recording.end, time));
+  recording.at(place);
+  later();
+}
+
+function timeline() {
+  at("time").value = place;
+  at("time").setAttribute("aria-valuetext", duration(place));
+  say(at("at"), `${duration(place)} of ${duration(recording.end)}`);
+}
+
+function play(on) {
+  say(at("play"), on ? "⏸" : "▶");
+  at("play").setAttribute("aria-label", on ? "Pause" : "Play");
+  cancelAnimationFrame(playing);
+  playing = 0;
+  if (!on) return;
+  if (place >= recording.end) go(0);
+  let last = performance.now();
+  const step = (now) => {
+    go(place + ((now - last) / 1000) * Number(at("speed").value));
+    last = now;
+    if (place >= recording.end) play(false);
+    else playing = requestAnimationFrame(step);
+  };
+  playing = requestAnimationFrame(step);
+}
+
+at("play").addEventListener("click", () => play(!playing));
+at("time").addEventListener("input", () => {
+  play(false);
+  go(Number(at("time").value));
+});
+
+// --- what the user does ----------------------------------------------------------------------------
+
+function look(view) {
+  document.querySelector("main").dataset.view = view;
+  for (const button of document.querySelectorAll("nav button")) button.setAttribute("aria-pressed", button.dataset.view === view);
+  later();
+}
+
+for (const button of document.querySelectorAll("nav button")) button.addEventListener("click", () => look(button.dataset.view));
+for (const button of document.querySelectorAll("[data-zoom]")) {
+  const zoom = { in: () => map.nearer(1.4), out: () => map.nearer(1 / 1.4), fit: () => map.fit() }[button.dataset.zoom];
+  button.addEventListener("click", zoom);
+}
+at("fold").addEventListener("click", () => tree.fold());
+at("unfold").addEventListener("click", () => {
+  at("follow").checked = tree.follows = tree.follows && tree.nodes.length <= 200;
+  tree.unfold();
+});
+at("follow").addEventListener("change", () => {
+  tree.follows = at("follow").checked;
+  later();
+});
+at("facts").addEventListener("change", () => {
+  log.onlyFacts = at("facts").checked;
+  log.again(run);
+});
+at("search").addEventListener("input", () => {
+  const count = tree.search(at("search").value);
+  say(at("found"), at("search").value.trim() ? `${count} of ${run.nodes.length}` : "");
+});
+at("search").addEventListener("keydown", (event) => {
+  if (event.key === "Enter") tree.next();
+  else if (event.key === "Escape") {
+    at("search").value = "";
+    at("search").dispatchEvent(new Event("input"));
+    at("tree").focus();
+  } else return;
+  event.preventDefault();
+});
+document.addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.altKey || event.metaKey || event.target.matches("input, select, button, textarea") || at("ask").open) return;
+  if (event.key === "/") at("search").focus();
+  else if (event.key === " " && recording) play(!playing);
+  else return;
+  event.preventDefault();
+});
+// The address of another run on the same port: with another token.
+window.addEventListener("hashchange", () => location.reload());
+// Who is silent for long is not there.
+setInterval(later, 1000);
+listen();

@@ -1,0 +1,54 @@
+// Elements of the page, and what a status looks like: colour, shape and letter each say it alone.
+
+const SVG = "http://www.w3.org/2000/svg";
+
+/** Make an element of HTML; a text among the children is text, whatever is in it. */
+export function html(tag, attributes = {}, ...children) {
+  return filled(document.createElement(tag), attributes, children);
+}
+
+/** Make an element of SVG. */
+export function svg(tag, attributes = {}, ...children) {
+  return filled(document.createElementNS(SVG, tag), attributes, children);
+}
+
+function filled(element, attributes, children) {
+  for (const [name, value] of Object.entries(attributes)) {
+    if (value !== undefined && value !== null && value !== false) element.setAttribute(name, value);
+  }
+  element.append(...children);
+  return element;
+}
+
+/** Write a text into an element, if it is another one. */
+export function say(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+/** Seconds as minutes and seconds; tenths below ten seconds. */
+export function duration(seconds) {
+  const whole = Math.max(0, seconds);
+  if (whole < 10) return `${whole.toFixed(1)} s`;
+  if (whole < 100) return `${Math.round(whole)} s`;
+  const minutes = Math.floor(whole / 60);
+  const rest = String(Math.floor(whole % 60)).padStart(2, "0");
+  return minutes < 60 ? `${minutes}:${rest}` : `${Math.floor(minutes / 60)}:${String(minutes % 60).padStart(2, "0")}:${rest}`;
+}
+
+// Paths in a square of 16.
+const STATUSES = {
+  RUNNING: ["R", "M0.5 1.5 H10 L16 8 L10 14.5 H0.5 Z"],
+  SUCCESS: ["S", "M8 1 A7 7 0 1 1 7.99 1 Z"],
+  FAILURE: ["F", "M1.5 1.5 H14.5 V14.5 H1.5 Z"],
+  HALTED: ["H", "M5 1 H11 L15 5 V11 L11 15 H5 L1 11 V5 Z"],
+  SKIPPED: ["–", "M8 0.5 L15.5 8 L8 15.5 L0.5 8 Z"],
+  "": ["", "M8 4 A4 4 0 1 1 7.99 4 Z"],
+};
+
+/** The sign of a status, 16 wide: a shape with a letter. `former` ones are hollow: they are from an earlier activation. */
+export function badge(status, former = false) {
+  const [letter, path] = STATUSES[status] ?? STATUSES[""];
+  const sign = svg("g", { class: `badge ${status || "none"}${former ? " former" : ""}` }, svg("path", { d: path }));
+  if (letter) sign.append(svg("text", { x: status === "RUNNING" ? 6.7 : 8, y: 11.6, "text-anchor": "middle" }, letter));
+  return sign;
+}

@@ -1,0 +1,266 @@
+// The tree as a drawing: a row for each node, of which only those in sight are drawn.
+
+import { badge, duration, svg } from "./shapes.js";
+
+const ROW = 26;
+const MANY = 200;
+
+export class TreeView {
+  /**
+   * @param {HTMLElement} place where it is drawn, and what the keyboard is at.
+   * @param {(id: number) => void} choose called with the node that is chosen.
+   */
+  constructor(place, choose) {
+    this.place = place;
+    this.choose = choose;
+    this.folded = new Set();
+    this.rows = [];
+    this.rowOf = new Map();
+    this.chosen = 0;
+    this.follows = true;
+    this.wanted = "";
+    this.drawn = new Map();
+    this.canvas = svg("svg", { role: "presentation" });
+    place.append(this.canvas);
+    place.addEventListener("scroll", () => this.draw());
+    place.addEventListener("keydown", (event) => this.key(event));
+    place.addEventListener("click", (event) => this.click(event));
+    place.addEventListener("dblclick", (event) => this.toggle(idOf(event)));
+    new ResizeObserver(() => this.draw()).observe(place);
+  }
+
+  /** Show a run; its state may have changed since the last call. */
+  show(run) {
+    this.run = run;
+    if (this.nodes !== run.nodes) {
+      this.nodes = run.nodes;
+      this.deepest = run.nodes.reduce((deepest, node) => Math.max(deepest, node.depth), 1);
+      this.drawn = new Map();
+      this.chosen = 0;
+      this.folded.clear();
+      this.led = "";
+      if (run.nodes.length > MANY) this.fold();
+      this.arrange();
+    }
+    this.follow();
+    this.draw();
+  }
+
+  follow() {
+    const running = this.run.running();
+    const now = running.join(" ");
+    if (!this.follows || !running.length || now === this.led || this.wanted) return;
+    this.led = now;
+    if (this.nodes.length > MANY) this.fold();
+    running.forEach((id) => this.unfoldTo(id));
+    this.arrange();
+    this.reveal(running[0]);
+  }
+
+  /** Fold all but the way to what is running. */
+  fold() {
+    this.nodes.forEach((node) => node.children.length && this.folded.add(node.id));
+    this.run.running().forEach((id) => this.unfoldTo(id));
+    this.folded.delete(0);
+    this.arrange();
+  }
+
+  unfold() {
+    this.folded.clear();
+    this.arrange();
+  }
+
+  unfoldTo(id) {
+    for (let at = this.nodes[id].parent; at >= 0; at = this.nodes[at].parent) this.folded.delete(at);
+  }
+
+  /** Show only the nodes with a text in them, and the way to each; return how many there are. */
+  search(text) {
+    this.wanted = text.trim().toLowerCase();
+    this.matches = this.wanted ? this.nodes.filter((node) => matches(node, this.wanted)).map((node) => node.id) : [];
+    this.arrange();
+    this.place.scrollTop = 0;
+    this.draw();
+    return this.matches.length;
+  }
+
+  /** Choose the next node that was found. */
+  next() {
+    if (!this.matches?.length) return;
+    this.select(this.matches.find((id) => id > this.chosen) ?? this.matches[0]);
+  }
+
+  arrange() {
+    const shown = this.wanted ? this.ways() : null;
+    this.rows = [];
+    for (let id = 0; id < this.nodes.length; ) {
+      const node = this.nodes[id];
+      if (shown && !shown.has(id)) {
+        id += node.count;
+        continue;
+      }
+      this.rows.push(id);
+      id += !shown && this.folded.has(id) ? node.count : 1;
+    }
+    this.rowOf = new Map(this.rows.map((id, row) => [id, row]));
+    this.canvas.setAttribute("height", this.rows.length * ROW);
+    this.draw();
+  }
+
+  ways() {
+    const shown = new Set();
+    for (const id of this.matches) {
+      for (let at = id; at >= 0 && !shown.has(at); at = this.nodes[at].parent) shown.add(at);
+    }
+    return shown;
+  }
+
+  draw() {
+    if (!this.nodes) return;
+    const { scrollTop, clientHeight, clientWidth } = this.place;
+    const first = Math.max(0, Math.floor(scrollTop / ROW) - 3);
+    const last = Math.min(this.rows.length, Math.ceil((scrollTop + clientHeight) / ROW) + 3);
+    this.indent = Math.max(3, Math.min(16, (0.4 * clientWidth) / this.deepest));
+    const drawn = new Map();
+    for (let row = first; row < last; row += 1) drawn.set(this.rows[row], this.row(this.rows[row], row, clientWidth));
+    this.canvas.setAttribute("width", clientWidth);
+    // In the order of the tree; a row that is as it was stays where it is.
+    let at = this.canvas.firstChild;
+    for (const { element } of drawn.values()) {
+      if (element === at) at = at.nextSibling;
+      else this.canvas.insertBefore(element, at);
+    }
+    while (at) {
+      const next = at.nextSibling;
+      at.remove();
+      at = next;
+    }
+    this.drawn = drawn;
+    if (this.rowOf.has(this.chosen)) this.place.setAttribute("aria-activedescendant", `node${this.chosen}`);
+    this.place.setAttribute("aria-rowcount", this.rows.length);
+  }
+
+  row(id, row, width) {
+    const node = this.nodes[id];
+    const state = this.run.states[id];
+    const former = !this.run.isCurrent(id);
+    const x = 4 + node.depth * this.indent;
+    const isFolded = this.folded.has(id) && !this.wanted;
+    const message = former ? "" : state.message;
+    const age = state.status && !former ? duration(this.run.time - state.since) : "";
+    const key = [row, width, this.indent, isFolded, former, state.status, message, age, id === this.chosen, node.name].join("\n");
+    const known = this.drawn.get(id);
+    if (known?.key === key) return known;
+    const group = svg("g", {
+      id: `node${id}`, role: "treeitem", transform: `translate(0 ${row * ROW})`, "data-id": id,
+      class: `row ${former ? "former" : state.status || "none"}${id === this.chosen ? " chosen" : ""}`,
+      "aria-level": node.depth + 1, "aria-selected": id === this.chosen,
+      "aria-expanded": node.children.length ? String(!isFolded) : undefined,
+      "aria-label": `${node.name}, ${node.cls}, ${former && state.status ? `earlier ${state.status}` : state.status || "not ticked"}${message ? `, ${message}` : ""}`,
+    });
+    group.append(svg("rect", { class: "ground", width, height: ROW }), this.lines(node, x));
+    if (node.children.length) group.append(svg("path", { class: "twist", d: isFolded ? "M0 -4 L5 0 L0 4 Z" : "M-1 -2.5 H7 L3 3 Z", transform: `translate(${x} ${ROW / 2})` }));
+    const sign = badge(state.status, former);
+    sign.setAttribute("transform", `translate(${x + 12} 5)`);
+    const name = svg("text", { class: "name", x: x + 34, y: 17.5 }, `${kind(node)}${node.name}`);
+    if (message) name.append(svg("tspan", { class: "message", dx: 10 }, message));
+    if (isFolded) name.append(svg("tspan", { class: "message", dx: 8 }, `+${node.count - 1}`));
+    group.append(sign, name);
+    if (age) {
+      const wide = 8 + 6.6 * age.length;
+      group.append(svg("rect", { class: "ground age", x: width - wide, width: wide, height: ROW }));
+      group.append(svg("text", { class: "age", x: width - 6, y: 17.5, "text-anchor": "end" }, age));
+    }
+    return { key, element: group };
+  }
+
+  /** The lines from the parents: an elbow of its own, and one down for each ancestor that has more children below. */
+  lines(node, x) {
+    if (node.parent < 0) return "";
+    const middle = ROW / 2;
+    const up = x - this.indent + 3;
+    let path = `M${up} 0 V${this.hasNext(node.id) ? ROW : middle} M${up} ${middle} H${x - (node.children.length ? 2 : -8)}`;
+    for (let at = node.parent, left = up - this.indent; this.nodes[at].parent >= 0; at = this.nodes[at].parent, left -= this.indent) {
+      if (this.hasNext(at)) path += ` M${left} 0 V${ROW}`;
+    }
+    return svg("path", { class: "line", d: path });
+  }
+
+  hasNext(id) {
+    const node = this.nodes[id];
+    return node.place < this.nodes[node.parent].children.length - 1;
+  }
+
+  /** Choose a node, and bring it into sight. */
+  select(id) {
+    if (!(id in this.nodes)) return;
+    this.chosen = id;
+    if (!this.rowOf.has(id)) {
+      this.unfoldTo(id);
+      this.arrange();
+    }
+    this.reveal(id);
+    this.draw();
+    this.choose(id);
+  }
+
+  reveal(id) {
+    const top = (this.rowOf.get(id) ?? 0) * ROW;
+    const { scrollTop, clientHeight } = this.place;
+    if (top < scrollTop || top + ROW > scrollTop + clientHeight) this.place.scrollTop = Math.max(0, top - clientHeight / 3);
+  }
+
+  toggle(id) {
+    if (id === null || !this.nodes[id]?.children.length) return;
+    if (!this.folded.delete(id)) this.folded.add(id);
+    this.arrange();
+  }
+
+  click(event) {
+    const id = idOf(event);
+    if (id === null) return;
+    if (event.target.closest(".twist")) this.toggle(id);
+    this.select(id);
+    this.place.focus({ preventScroll: true });
+  }
+
+  key(event) {
+    const row = this.rowOf.get(this.chosen) ?? 0;
+    const node = this.nodes?.[this.chosen];
+    if (!node || event.ctrlKey || event.altKey || event.metaKey) return;
+    const page = Math.max(1, Math.floor(this.place.clientHeight / ROW) - 1);
+    const to = (at) => this.select(this.rows[Math.max(0, Math.min(this.rows.length - 1, at))]);
+    const isFolded = this.folded.has(this.chosen);
+    const moves = {
+      ArrowDown: () => to(row + 1),
+      ArrowUp: () => to(row - 1),
+      PageDown: () => to(row + page),
+      PageUp: () => to(row - page),
+      Home: () => to(0),
+      End: () => to(this.rows.length - 1),
+      ArrowRight: () => (isFolded ? this.toggle(node.id) : node.children.length && to(row + 1)),
+      ArrowLeft: () => (node.children.length && !isFolded ? this.toggle(node.id) : node.parent >= 0 && this.select(node.parent)),
+      Enter: () => this.toggle(node.id),
+    };
+    if (!moves[event.key]) return;
+    event.preventDefault();
+    moves[event.key]();
+  }
+}
+
+function idOf(event) {
+  const row = event.target.closest?.("[data-id]");
+  return row ? Number(row.dataset.id) : null;
+}
+
+function matches(node, text) {
+  return `${node.name}\n${node.cls}\n${node.file}:${node.line}`.toLowerCase().includes(text);
+}
+
+/** What a node does with its children, as the literature draws it. */
+function kind({ cls, children }) {
+  if (/Sequence$/.test(cls)) return "→ ";
+  if (/(Selector|Fallback)$/.test(cls)) return "? ";
+  if (/Parallel/.test(cls)) return "⇉ ";
+  return children.length === 1 ? "◇ " : "";
+}

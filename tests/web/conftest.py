@@ -1,0 +1,107 @@
+"""Pages, servers and browsers for tests."""
+
+import http.client
+import json
+from contextlib import closing
+from typing import Any
+
+import pytest
+
+from sar_compiler.journal.journal import Journal
+from sar_compiler.web.feed import LiveFeed
+from sar_compiler.web.page_server import PageServer
+from tests.web.browsers import open_browser
+
+TREE: dict[str, Any] = {
+    "class": "py_trees.composites.Sequence",
+    "name": "Mission",
+    "memory": True,
+    "attributes": {},
+    "file": "trees/mission.xml",
+    "line": 3,
+    "children": [
+        {
+            "class": f"leaves.{name}",
+            "name": name,
+            "attributes": {},
+            "file": "trees/mission.xml",
+            "line": line,
+            "children": [],
+        }
+        for line, name in ((4, "Drive"), (5, "Search"))
+    ],
+}
+ZONES = [{"id": "zone_a", "x": -3.0, "y": 3.0, "yaw": 0.0}, {"id": "zone_b", "x": 3.5, "y": 3.0, "yaw": 1.57}]
+ABOUT: dict[str, Any] = {
+    "mission": "patrol",
+    "tree": TREE,
+    "identity": {"zones": ZONES, "base_station": {"x": 0.0, "y": 0.0}},
+}
+
+
+class Live:
+    """A run that a test is: a journal that nobody keeps, and its page."""
+
+    def __init__(self, orders=None, verbs=(), port=0):
+        self.journal = Journal()
+        self.verbs = list(verbs)
+        hello: dict[str, object] = {"mode": "live", "verbs": self.verbs}
+        self.feed = LiveFeed(hello, lambda: {"verbs": [verb["name"] for verb in self.verbs]})
+        self.journal.listen(self.feed.take)
+        self.server = PageServer(self.feed, port, orders)
+        self.server.start()
+
+    def begin(self, about=ABOUT):
+        self.journal.begin(about, {"node": "/patrol"})
+        return self
+
+    def status(self, node, status, message="", tick=1):
+        self.journal.watch("status", node=node, tick=tick, status=status, message=message)
+
+    def ask(self, path, method="GET", body=None, **headers):
+        """Return the status and the text of an answer, and its headers."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=10.0)
+        with closing(connection):
+            connection.request(
+                method, path, body, {key.replace("_", "-"): value for key, value in headers.items()}
+            )
+            answer = connection.getresponse()
+            return answer.status, answer.read().decode(), answer.headers
+
+    def order(self, verb, values, **headers):
+        """Give an order as the page does; return the status and what was answered."""
+        said = {"Authorization": f"Bearer {self.server.token}", "Content_Type": "application/json", **headers}
+        status, text, _ = self.ask(f"/orders/{verb}", "POST", json.dumps(values), **said)
+        return status, text
+
+    def close(self):
+        self.server.close()
+
+
+@pytest.fixture
+def live():
+    """Begin runs with a page each; they are ended after the test."""
+    running = []
+
+    def run(**options):
+        running.append(Live(**options))
+        return running[-1]
+
+    yield run
+    for each in running:
+        each.close()
+
+
+@pytest.fixture(scope="session")
+def shared_browser():
+    """A browser for all tests of the process."""
+    with open_browser() as browser:
+        yield browser
+
+
+@pytest.fixture
+def browser(shared_browser):
+    """A browser that shows nothing yet; what it complains of fails the test."""
+    shared_browser.forget()
+    yield shared_browser
+    shared_browser.require_no_complaint()

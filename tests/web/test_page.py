@@ -1,0 +1,340 @@
+"""The page in a browser: what it shows of a run, live and again, by mouse and by keyboard."""
+
+import json
+from contextlib import closing
+
+import pytest
+from selenium.webdriver.common.keys import Keys
+
+from sar_compiler.journal.database import JournalFile
+from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import Ending, JournalEntry
+from sar_compiler.journal.opening import open_journal
+from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.web.feed import RecordedFeed
+from sar_compiler.web.page_server import PageServer
+from tests.web.conftest import ABOUT
+from tests.web.test_page_server import Operator
+
+pytestmark = pytest.mark.unmeasured
+
+PAUSE = {"name": "pause", "label": "Pause", "help": "Stops it.", "confirm": "", "fields": []}
+SKIP = {**PAUSE, "name": "pause", "label": "Skip", "confirm": "It is not searched."}
+
+
+def test_a_browser_that_comes_late_sees_the_truth(live, browser):
+    run = live().begin()
+    run.status(0, "RUNNING")
+    run.status(1, "RUNNING", "3 m left")
+    run.journal.note("zone_visited", zone="zone_a")
+    browser.open(run.server.url)
+    assert browser.rows() == [
+        "Mission, Sequence, RUNNING",
+        "Drive, Drive, RUNNING, 3 m left",
+        "Search, Search, not ticked",
+    ]
+    assert "Drive" in browser.text("#now")
+    assert browser.text("#progress") == "zones 1 of 2"
+    run.status(1, "RUNNING", "2 m left")
+    browser.wait_for("#now", "2 m left")
+
+
+def test_a_reload_shows_the_same_again(live, browser):
+    run = live().begin()
+    run.status(0, "RUNNING")
+    run.status(1, "FAILURE", "no way there")
+    browser.open(run.server.url)
+    before = browser.rows()
+    assert before[1] == "Drive, Drive, FAILURE, no way there"
+    browser.driver.refresh()
+    browser.wait(lambda: browser.rows() == before, "the same rows")
+
+
+def test_a_run_that_takes_the_place_of_another_is_shown_by_itself(live, browser):
+    run = live().begin()
+    run.status(1, "FAILURE", "no way there")
+    browser.open(run.server.url)
+    browser.wait_for("#state", "live")
+    browser.allow("ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING")
+    run.close()
+    browser.wait_for("#state", "not connected")
+    again = live(port=run.server.port).begin({**ABOUT, "mission": "second"})
+    again.status(1, "SUCCESS")
+    browser.wait_for("#mission", "second")
+    browser.wait_for("#state", "live")
+    assert browser.rows()[1] == "Drive, Drive, SUCCESS"
+
+
+def test_the_end_of_a_run_stays_on_the_page(live, browser):
+    run = live().begin()
+    run.status(0, "FAILURE", "")
+    browser.open(run.server.url)
+    browser.allow("ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING")
+    run.journal.end(Ending.OVER, 1, "No zone is left. zone_a was not visited.")
+    run.close()
+    browser.wait_for("#state", "ended, status 1: No zone is left.")
+    assert "zone_a was not visited" in browser.text("#log")
+
+
+def test_texts_from_outside_are_texts(live, browser):
+    evil = "<img src=x onerror=alert(1)><script>alert(2)</script>"
+    tree = {**ABOUT["tree"], "name": evil}
+    run = live().begin({**ABOUT, "mission": evil, "tree": tree})
+    run.status(0, "RUNNING", evil)
+    run.status(1, "RUNNING", evil)
+    run.journal.watch("log", node="patrol", level=40, text=evil)
+    run.journal.note("survivor_named", survivor=evil, x=0.0, y=0.0)
+    browser.open(run.server.url)
+    assert evil in browser.text("#log")
+    assert evil in browser.text("#tree")
+    assert evil in browser.text("#map")
+    assert browser.js("return document.querySelectorAll('img, body script').length") == 0
+
+
+def test_an_order_is_given_by_a_button_and_its_answer_is_shown(live, browser):
+    operator = Operator()
+    run = live(orders=operator, verbs=[PAUSE]).begin()
+    browser.open(run.server.url)
+    browser.wait(
+        lambda: browser.driver.find_element("css selector", "[data-verb=pause]").is_enabled(), "the button"
+    )
+    browser.click("[data-verb=pause]")
+    browser.wait_for("#answer", "Pause: done")
+    assert operator.given == [("pause", {})]
+
+
+def test_a_grave_order_asks_first_and_can_be_left(live, browser):
+    operator = Operator()
+    run = live(orders=operator, verbs=[SKIP]).begin()
+    browser.open(run.server.url)
+    button = browser.driver.find_element("css selector", "[data-verb=pause]")
+    browser.wait(button.is_enabled, "the button")
+    button.click()
+    assert "It is not searched." in browser.text("#ask")
+    browser.type("#ask .yes", Keys.ESCAPE)
+    browser.wait(
+        lambda: not browser.js("return document.getElementById('ask').open"), "the end of the question"
+    )
+    assert operator.given == []
+    button.click()
+    browser.click("#ask .yes")
+    browser.wait_for("#answer", "done")
+    assert operator.given == [("pause", {})]
+
+
+def test_who_has_no_token_can_only_look(live, browser):
+    run = live(orders=Operator(), verbs=[PAUSE]).begin()
+    browser.open(run.server.url.partition("#")[0])
+    browser.wait_for("#answer", "open the address that the run has printed")
+    assert not browser.driver.find_element("css selector", "[data-verb=pause]").is_enabled()
+
+
+def test_the_tree_is_walked_and_folded_by_keyboard(live, browser):
+    run = live().begin()
+    run.status(1, "FAILURE", "no way there")
+    browser.open(run.server.url)
+    browser.type("#tree", Keys.ARROW_DOWN)
+    assert "no way there" in browser.text("#details")
+    assert "trees/mission.xml:4" in browser.text("#details")
+    browser.type("#tree", Keys.ARROW_LEFT, Keys.ARROW_LEFT)
+    assert len(browser.rows()) == 1
+    browser.type("#tree", Keys.ARROW_RIGHT, Keys.END)
+    assert "leaves.Search" in browser.text("#details")
+    assert (
+        browser.js("return document.getElementById('tree').getAttribute('aria-activedescendant')") == "node2"
+    )
+
+
+def test_a_status_is_told_by_shape_and_letter_as_well(live, browser):
+    run = live().begin()
+    statuses = ("RUNNING", "SUCCESS", "FAILURE")
+    for node, status in enumerate(statuses):
+        run.status(node, status)
+    browser.open(run.server.url)
+    signs = browser.js(
+        "return [...document.querySelectorAll('#tree .badge')].map((b) => [b.textContent, b.firstChild.getAttribute('d')])"
+    )
+    assert [letter for letter, _ in signs] == ["R", "S", "F"]
+    assert len({shape for _, shape in signs}) == 3
+
+
+def wide_tree(count):
+    """Return an outline of so many nodes below groups of ten."""
+    (leaf, _), groups = ABOUT["tree"]["children"], []
+    for group in range((count - 1) // 11):
+        children = [{**leaf, "name": f"leaf {group}.{index}"} for index in range(10)]
+        groups.append({**ABOUT["tree"], "name": f"group {group}", "children": children})
+    return {**ABOUT["tree"], "children": groups}
+
+
+@pytest.mark.parametrize("count", [1_000, 10_000])
+def test_of_a_large_tree_only_what_is_in_sight_is_drawn(live, browser, count):
+    run = live().begin({**ABOUT, "tree": wide_tree(count)})
+    run.status(0, "RUNNING")
+    run.status(16, "RUNNING", "here")
+    browser.open(run.server.url)
+    assert "leaf 1.3, Drive, RUNNING, here" in browser.rows()
+    browser.click("#unfold")
+    assert len(browser.rows()) < 60
+    browser.type("#tree", Keys.END)
+    last = (count - 1) // 11 - 1
+    assert browser.rows()[-1].startswith(f"leaf {last}.9")
+    browser.type("#search", "leaf 7.4")
+    browser.wait_for("#found", " of ")
+    assert [row.partition(",")[0] for row in browser.rows()[:3]] == ["Mission", "group 7", "leaf 7.4"]
+
+
+@pytest.fixture
+def replay(tmp_path):
+    """Serve the page of a journal: two runs of ten seconds each, in which a zone each is visited."""
+    place = tmp_path / "mission.journal"
+    for number, zone in enumerate(("zone_a", "zone_b")):
+        clock = ManualClock()
+        journal = open_journal(place, resume=bool(number))
+        journal.clock = clock
+        journal.begin(ABOUT, {"node": "/patrol"})
+        for tick in range(1, 11):
+            clock.advance(1.0)
+            journal.watch("status", node=1, tick=tick, status="RUNNING", message=f"{10 - tick} m left")
+            journal.watch("pose", x=float(tick), y=0.0, yaw=0.0)
+        journal.note("zone_visited", zone=zone)
+        journal.end(Ending.STOPPED, 130, "Stopped.")
+        journal.close()
+    with closing(JournalFile.read(place)) as file:
+        server = PageServer(RecordedFeed([file.stream()], {"mode": "replay"}), 0)
+    with closing(server):
+        server.start()
+        yield server
+
+
+def go(browser, seconds):
+    """Move the slider to a time."""
+    browser.js(
+        "const time = document.getElementById('time'); time.value = arguments[0]; time.dispatchEvent(new Event('input'))",
+        seconds,
+    )
+
+
+def test_a_replay_goes_back_and_forth_through_time(replay, browser):
+    browser.open(replay.url)
+    assert browser.text("#at").endswith("of 20 s")
+    for seconds, left, zones in (
+        (3.5, "7 m left", 0),
+        (19.0, "1 m left", 1),
+        (20.0, "nobody", 2),
+        (1.0, "9 m left", 0),
+    ):
+        go(browser, seconds)
+        browser.wait_for("#now", left)
+        browser.wait_for("#progress", f"zones {zones} of 2")
+
+
+def test_a_replay_plays_by_itself_to_the_end(replay, browser):
+    browser.open(replay.url)
+    browser.js("document.getElementById('speed').value = '100'")
+    browser.type("body", " ")
+    browser.wait_for("#at", "20 s of 20 s")
+    browser.wait_for("#state", "stopped, status 130: Stopped.")
+    assert browser.driver.find_element("id", "play").get_attribute("aria-label") == "Play"
+
+
+def test_who_went_back_sees_what_was_seen_on_the_way_there(replay, browser):
+    browser.open(replay.url)
+    seen = []
+    for seconds in (12.0, 20.0, 12.0):
+        go(browser, seconds)
+        browser.wait_for("#at", f"{seconds:.0f} s of")
+        seen.append((browser.rows(), browser.text("#log"), browser.text("#clock")))
+    assert seen[0] == seen[2]
+    assert seen[0] != seen[1]
+
+
+@pytest.fixture
+def two(tmp_path):
+    """Serve the page of two robots, the second of which begins four seconds later."""
+    robots = []
+    for number, name in enumerate(("robot1", "robot2")):
+        journal = Journal()
+        entries: list[JournalEntry] = []
+        journal.clock = clock = ManualClock(100.0 + 4.0 * number)
+        journal.listen(entries.append)
+        journal.begin({**ABOUT, "mission": name}, {"node": f"/{name}/patrol"})
+        for second in range(1, 9):
+            clock.advance(1.0)
+            journal.watch("status", node=1, tick=second, status="RUNNING", message=f"{name} {second}")
+            journal.watch("pose", x=float(second), y=float(number), yaw=0.0)
+        robots.append(entries)
+    with closing(
+        PageServer(RecordedFeed(robots, {"mode": "replay", "robots": ["robot1", "robot2"]}), 0)
+    ) as server:
+        server.start()
+        yield server
+
+
+def test_two_robots_are_on_one_map_each_with_its_tree(two, browser):
+    browser.open(two.url)
+    go(browser, 7.0)
+    browser.wait_for("#now", "robot1 7")
+    names = "return [...document.querySelectorAll('#map .robot text')].map((text) => text.textContent)"
+    assert browser.js(names) == ["robot1", "robot2"]
+    browser.click("#robots button:last-child")
+    browser.wait_for("#now", "robot2 3").wait_for("#mission", "robot2")
+    assert browser.text("#at") == "7.0 s of 12 s"
+
+
+def told(count):
+    """Return entries of a run as random as nobody flies."""
+    import random
+
+    chance, journal = random.Random(7), Journal()  # noqa: S311
+    entries: list[JournalEntry] = []
+    journal.listen(entries.append)
+    journal.begin(ABOUT, {})
+    for tick in range(count):
+        status = chance.choice(["RUNNING", "SUCCESS", "FAILURE", "HALTED", "SKIPPED"])
+        journal.watch(
+            "status",
+            node=chance.randrange(3),
+            tick=tick,
+            status=status,
+            message=chance.choice(["", "a", "b"]),
+        )
+    return entries
+
+
+FOLD = """
+const done = arguments[1];
+import('./static/run.js').then(({ Run }) => done(arguments[0].map((texts) => {
+  const run = new Run();
+  texts.forEach((text) => run.apply(JSON.parse(text)));
+  return { states: run.states, current: run.nodes.map(({ id }) => run.isCurrent(id)) };
+})));
+"""
+
+
+def test_a_late_browser_knows_of_the_tree_what_the_others_know(live, browser):
+    from sar_compiler.web.kept_entries import KeptEntries
+
+    browser.open(live().server.url)
+    entries = told(300)
+    pairs = []
+    for end in range(2, len(entries), 7):
+        keeping = KeptEntries()
+        pairs += [[keeping.add(entry) for entry in entries[:end]], keeping.texts()]
+    folded = browser.driver.execute_async_script(FOLD, pairs)
+    assert [json.dumps(each) for each in folded[::2]] == [json.dumps(each) for each in folded[1::2]]
+
+
+@pytest.mark.parametrize("width", [400, 1600])
+def test_nothing_sticks_out_of_the_window(live, browser, width):
+    run = live(orders=Operator(), verbs=[PAUSE]).begin()
+    run.status(
+        1, "RUNNING", "navigating to a zone with a long name, 3.14 m left, and more than there is room for"
+    )
+    run.journal.watch("log", node="patrol", level=30, text="long" * 100)
+    browser.size(width, 800)
+    browser.open(run.server.url)
+    for view in ("tree", "map", "log"):
+        browser.js("document.querySelector(`nav [data-view=${arguments[0]}]`).click()", view)
+        assert browser.js("return document.documentElement.scrollWidth") <= width
+        assert browser.js("return document.documentElement.scrollHeight") <= 800

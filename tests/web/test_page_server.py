@@ -1,0 +1,271 @@
+"""Who may look at a page, who may give orders, and what a late browser is told."""
+
+import asyncio
+import json
+import socket
+import urllib.request
+from concurrent.futures import Future
+from contextlib import closing
+from typing import Any
+
+import pytest
+
+from sar_compiler.errors import SarError
+from sar_compiler.journal.journal_entries import Ending, JournalEntry
+from sar_compiler.web.errors import PageError
+from sar_compiler.web.feed import LiveFeed, RecordedFeed
+from sar_compiler.web.kept_entries import KeptEntries
+from sar_compiler.web.page_server import PORT, PageServer
+
+
+class Operator:
+    """Heeds orders, but for those that it was told to refuse."""
+
+    def __init__(self):
+        self.given = []
+
+    def give(self, verb, values):
+        if verb != "pause":
+            message = f"there is no order '{verb}'"
+            raise SarError(message)
+        self.given.append((verb, values))
+        answer: Future[tuple[bool, str]] = Future()
+        answer.set_result((True, "done"))
+        return answer
+
+
+def events(run, enough):
+    """Read the events of a page until there are enough; return them as pairs of a name and values."""
+    with closing(
+        urllib.request.urlopen(f"http://127.0.0.1:{run.server.port}/events", timeout=20.0)
+    ) as answer:
+        found: list[tuple[str, Any]] = []
+        while not enough(found):
+            name = answer.readline().decode()
+            if not name:
+                return found
+            found.append((name.removeprefix("event: ").strip(), json.loads(answer.readline()[6:])))
+            answer.readline()
+    return found
+
+
+def entries(found):
+    return [entry for name, data in found if name == "entries" for entry in data]
+
+
+def test_the_page_is_served_with_a_policy_that_lets_nothing_else_in(live):
+    run = live()
+    status, text, headers = run.ask("/")
+    assert (status, "<title>mission</title>" in text) == (200, True)
+    policy = headers["Content-Security-Policy"]
+    assert policy.startswith("default-src 'none'; script-src 'self'; style-src 'self'")
+    assert "unsafe" not in policy
+    assert (headers["X-Content-Type-Options"], headers["Referrer-Policy"]) == ("nosniff", "no-referrer")
+
+
+def test_the_page_names_nothing_outside_itself(live):
+    run = live()
+    _, text, _ = run.ask("/")
+    scripts = [line for line in text.splitlines() if "src=" in line or "href=" in line]
+    assert scripts
+    for line in scripts:
+        assert 'href="static/' in line or 'src="static/' in line
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/nothing",
+        "/static/",
+        "/static/nothing.js",
+        "/static/..%2fpage_app.py",
+        "/static/../feed.py",
+        "//etc/passwd",
+    ],
+)
+def test_nothing_else_can_be_reached(live, path):
+    status, text, headers = live().ask(path)
+    assert (status, text) == (404, "there is nothing here\n")
+    assert "Content-Security-Policy" in headers
+
+
+@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE"])
+def test_nothing_can_be_written(live, method):
+    assert live().ask("/", method)[0] == 405
+
+
+@pytest.mark.parametrize(
+    "host", ["example.org", "example.org:8043", "127.0.0.1.example.org", "", "[::1].x", "localhost:x"]
+)
+@pytest.mark.parametrize("path", ["/", "/events"])
+def test_a_name_that_is_not_this_machine_s_is_refused(live, host, path):
+    assert live().ask(path, Host=host)[0] == 403
+
+
+@pytest.mark.parametrize("host", ["localhost", "127.0.0.1:9000", "[::1]:8043"])
+def test_this_machine_has_several_names_and_tunnels_other_ports(live, host):
+    assert live().ask("/", Host=host)[0] == 200
+
+
+@pytest.mark.parametrize("origin", ["http://example.org", "http://127.0.0.1:1", "https://127.0.0.1", "null"])
+def test_another_page_of_the_browser_is_refused(live, origin):
+    run = live(orders=Operator())
+    assert run.ask("/events", Origin=origin)[0] == 403
+    assert run.order("pause", {}, Origin=origin)[0] == 403
+
+
+def test_who_has_the_address_gives_orders(live):
+    operator = Operator()
+    run = live(orders=operator)
+    own = f"http://127.0.0.1:{run.server.port}"
+    assert run.order("pause", {"why": "rest"}, Origin=own) == (200, '{"heeded":true,"message":"done"}')
+    assert operator.given == [("pause", {"why": "rest"})]
+    assert run.server.url == f"{own}/#{run.server.token}"
+
+
+@pytest.mark.parametrize(
+    "said", ["", "Bearer ", "Bearer wrong", "Basic {token}", "{token}", "Bearer {token}x"]
+)
+def test_without_the_token_nobody_gives_orders(live, said):
+    operator = Operator()
+    run = live(orders=operator)
+    status, text = run.order("pause", {}, Authorization=said.format(token=run.server.token))
+    assert (status, operator.given) == (403, [])
+    assert "open the address that the run has printed" in text
+
+
+def test_each_run_has_a_token_of_its_own(live):
+    assert live(orders=Operator()).server.token != live(orders=Operator()).server.token
+
+
+@pytest.mark.parametrize(
+    ("body", "kind", "status"),
+    [
+        ("{", "application/json", 400),
+        ("[]", "application/json", 400),
+        ("[" * 9_000, "application/json", 400),
+        (json.dumps({"x": "y" * 10_000}), "application/json", 413),
+        ("{}", "text/plain", 415),
+    ],
+)
+def test_what_is_no_order_is_refused(live, body, kind, status):
+    run = live(orders=Operator())
+    said = {"Authorization": f"Bearer {run.server.token}", "Content_Type": kind}
+    assert run.ask("/orders/pause", "POST", body, **said)[0] == status
+
+
+def test_what_is_wrong_with_an_order_is_said(live):
+    run = live(orders=Operator())
+    assert run.order("dance", {}) == (400, '{"heeded":false,"message":"there is no order \'dance\'"}')
+
+
+def test_a_page_without_orders_takes_none(live):
+    run = live()
+    assert run.order("pause", {})[0] == 404
+    assert "#" not in run.server.url
+
+
+def test_a_late_browser_is_told_what_has_happened_and_then_the_news(live):
+    run = live().begin()
+    run.journal.note("zone_visited", zone="zone_a")
+    run.status(1, "RUNNING", "3 m left")
+    early = events(run, lambda found: len(entries(found)) == 3)
+    run.status(1, "RUNNING", "2 m left")
+    late = events(run, lambda found: len(entries(found)) == 4)
+    assert [name for name, _ in early][:2] == ["hello", "entries"]
+    assert early[0][1]["mode"] == "live"
+    assert [entry["kind"] for entry in entries(late)] == ["run_began", "zone_visited", "status", "status"]
+    assert entries(late)[-1]["data"]["message"] == "2 m left"
+
+
+def test_a_browser_that_does_not_read_is_let_go_and_comes_again():
+    feed = LiveFeed({}, dict)
+
+    async def slow():
+        stream = feed.stream()
+        first = await stream.__anext__()
+        for _ in range(10_000):
+            feed._tell(["news"])
+        return first, [text async for text in stream]
+
+    first, rest = asyncio.run(slow())
+    assert first.startswith("event: hello")
+    assert rest == ["news"] * 500
+
+
+def test_the_end_of_a_run_is_told_before_the_server_goes(live):
+    run = live().begin()
+    answer = urllib.request.urlopen(f"http://127.0.0.1:{run.server.port}/events", timeout=20.0)
+    assert answer.readline() == b"event: hello\n"
+    run.journal.end(Ending.OVER, 0, "Complete.")
+    run.close()
+    rest = answer.read().decode()
+    assert '"reason":"Complete."' in rest
+    assert rest.endswith("event: bye\ndata: {}\n\n")
+
+
+def test_numbers_that_are_none_are_told_as_null(live):
+    run = live().begin()
+    run.journal.watch("pose", x=float("nan"), y=float("inf"), yaw=[1.0, float("-inf")])
+    (pose,) = [
+        each
+        for each in entries(events(run, lambda found: len(entries(found)) == 2))
+        if each["kind"] == "pose"
+    ]
+    assert pose["data"] == {"x": None, "y": None, "yaw": [1.0, None]}
+
+
+def kept(*told):
+    """Return what is kept of entries, as pairs of a kind and values."""
+    keeping = KeptEntries()
+    for number, (kind, data) in enumerate(told, 1):
+        keeping.add(JournalEntry(number, 1, 0.0, float(number), kind, data))
+    return [(each["kind"], each["data"]) for each in map(json.loads, keeping.texts())]
+
+
+def test_of_a_long_run_little_is_kept():
+    told = [
+        ("status", {"node": 1, "status": "RUNNING", "message": f"{number} m"}) for number in range(20_000)
+    ]
+    told += [("pose", {"x": number, "y": 0}) for number in range(20_000)]
+    told += [("log", {"text": str(number)}) for number in range(20_000)]
+    told += [("map", {"png": str(number)}) for number in range(9)]
+    counts: dict[str, int] = {}
+    left = kept(*told)
+    for kind, _ in left:
+        counts[kind] = counts.get(kind, 0) + 1
+    assert counts["status"] == 2
+    assert counts["map"] == 1
+    assert counts["pose"] <= 1000
+    assert counts["log"] == 300
+    assert ("pose", {"x": 19_999, "y": 0}) in left
+
+
+def test_every_fact_is_kept_over_the_beginning_of_another_run():
+    told = [
+        ("zone_visited", {"zone": "zone_a"}),
+        ("status", {"node": 0, "status": "RUNNING"}),
+        ("run_began", {}),
+    ]
+    assert kept(*told) == [("zone_visited", {"zone": "zone_a"}), ("run_began", {})]
+
+
+def test_a_port_that_is_taken_is_named():
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        with pytest.raises(
+            PageError,
+            match=rf"port {port} cannot be had for the page \(Address already in use\): .*--web-port",
+        ):
+            PageServer(RecordedFeed([[]], {}), port)
+
+
+def test_beside_the_usual_port_another_one_is_taken():
+    with (
+        closing(PageServer(RecordedFeed([[]], {}))) as first,
+        closing(PageServer(RecordedFeed([[]], {}))) as second,
+    ):
+        assert first.port != second.port
+        assert second.port != PORT
