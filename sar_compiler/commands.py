@@ -36,7 +36,7 @@ _OF_OPTIONS = {
             "them, apt's python3-zmq and python3-msgpack on a robot",
         ),
     ),
-    **dict.fromkeys(("starlette", "uvicorn"), ("--view web needs starlette and uvicorn", "web", "them")),
+    **dict.fromkeys(("starlette", "uvicorn"), ("the page needs starlette and uvicorn", "web", "them")),
     **dict.fromkeys(("mcap", "lz4", "zstandard"), ("--record needs mcap", "record", "it")),
 }
 _ROS = ("rclpy", "rpyutils", "ament_index_python")

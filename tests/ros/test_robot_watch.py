@@ -2,6 +2,7 @@
 
 import base64
 import io
+import math
 from array import array
 from typing import Any
 
@@ -56,11 +57,12 @@ def test_the_map_is_an_image_with_its_place(told):
     image = Image.open(io.BytesIO(base64.b64decode(data["png"])))
     assert (image.size, image.mode) == ((3, 2), "L")
     # The lowest row of the map is the last one of the image.
-    assert list(image.tobytes()) == [128, 255, 255, 255, 0, 205]
+    assert list(image.tobytes()) == [127, 254, 254, 254, 0, 205]
 
 
-def test_a_map_that_is_turned_is_left_out(told):
-    assert told([0, 0], 2, 1, z=0.7, w=0.7) == []
+def test_of_a_map_that_is_turned_the_angle_is_told(told):
+    (data,) = told([0, 0], 2, 1, z=0.7, w=0.7)
+    assert data["yaw"] == pytest.approx(math.pi / 2.0)
 
 
 def test_a_map_that_has_not_as_many_cells_as_it_says_is_left_out(told):
