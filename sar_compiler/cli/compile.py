@@ -38,6 +38,8 @@ _COMMANDS = {
     "schema": "Print the schema of tree files, for editors and other tools.",
     "completion": "Print what makes a shell complete these commands with the Tab key.",
 }
+# Each is a function of a module of `views` that has its name.
+_PICTURES = ("svg", "mermaid", "dot")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -80,9 +82,10 @@ def _add_show(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tree", metavar="ID", help="the tree to show (default: the one the file executes)")
     parser.add_argument(
         "--format",
-        choices=("unicode", "ascii", "json"),
+        choices=("unicode", "ascii", "json", *_PICTURES),
         default="unicode",
-        help="a drawing, or nested nodes with their attributes and places in the file",
+        help="a drawing of characters, nested nodes with their attributes and places in the file, a picture, or the language of Mermaid "
+        "or Graphviz",
     )
     parser.set_defaults(run=_show)
 
@@ -115,8 +118,6 @@ def _add_model_alone(parser: argparse.ArgumentParser) -> None:
 
 def _show(arguments: argparse.Namespace) -> int:
     from sar_compiler.tree.diagnostic import TreeError
-    from sar_compiler.views.outline import outline
-    from sar_compiler.views.text import ascii_tree, unicode_tree, with_tags
 
     try:
         # `validate` warns of the doubtful cases.
@@ -124,11 +125,23 @@ def _show(arguments: argparse.Namespace) -> int:
     except TreeError as error:
         print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
         return FINDINGS
-    if arguments.format == "json":
+    form = arguments.format
+    if form == "json":
+        from sar_compiler.views.outline import outline
+
         print(as_json(outline(tree)))
+    elif form in _PICTURES:
+        view = importlib.import_module(f"sar_compiler.views.{form}")
+        drawing = getattr(view, form)(tree)
+        print(drawing, end="")
+        if form == "mermaid" and view.too_large(drawing):
+            print_error(
+                f"{PROG}: GitHub and GitLab do not draw so large a flowchart; --format svg has no limit"
+            )
     else:
-        draw = ascii_tree if arguments.format == "ascii" else unicode_tree
-        print_text(with_tags(draw(tree.root), tree), end="")
+        from sar_compiler.views.text import ascii_tree, unicode_tree, with_tags
+
+        print_text(with_tags((ascii_tree if form == "ascii" else unicode_tree)(tree.root), tree), end="")
     return OK
 
 

@@ -1,17 +1,14 @@
 """Scenarios as JUnit's XML, which continuous integration shows as tests."""
 
 import io
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from xml.sax.saxutils import XMLGenerator
 
 from sar_compiler.checks.simulate.judging import Failure
 from sar_compiler.checks.simulate.running import Run
+from sar_compiler.views.plain import speakable
 from sar_compiler.views.trace import failure_line, trace
-
-# The characters that are not allowed in XML 1.0, not even escaped.
-_UNSPEAKABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
 
 @dataclass(frozen=True)
@@ -71,10 +68,10 @@ def _case(xml: XMLGenerator, tree: str, played: PlayedScenario) -> None:
 
 def _text(xml: XMLGenerator, tag: str, text: str, attributes: dict[str, str]) -> None:
     _start(xml, tag, attributes)
-    xml.characters(_UNSPEAKABLE.sub("\ufffd", text))
+    xml.characters(speakable(text))
     xml.endElement(tag)
 
 
 def _start(xml: XMLGenerator, tag: str, attributes: dict[str, str]) -> None:
     xml.ignorableWhitespace("\n")
-    xml.startElement(tag, {name: _UNSPEAKABLE.sub("\ufffd", text) for name, text in attributes.items()})  # type: ignore[arg-type]
+    xml.startElement(tag, {name: speakable(text) for name, text in attributes.items()})  # type: ignore[arg-type]

@@ -6,6 +6,9 @@ from enum import Enum
 
 from sar_compiler.tree.showing import UNSEEN
 
+# The characters that are not allowed in XML 1.0, not even escaped.
+_UNSPEAKABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
+
 
 def as_json(data: object) -> str:
     """Return data as JSON, in which what a terminal would obey is escaped; for whoever reads it, it is the same."""
@@ -32,3 +35,8 @@ def value_as_script(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return f"'{value}'" if isinstance(value, str) else str(value)
+
+
+def speakable(text: str) -> str:
+    """Return a text with a sign in place of each character that XML cannot have."""
+    return _UNSPEAKABLE.sub("\ufffd", text)
