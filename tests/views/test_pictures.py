@@ -1,0 +1,290 @@
+"""Drawings of trees for pages and other programs: SVG, Mermaid, Graphviz."""
+
+import itertools
+import random
+import re
+from xml.sax.saxutils import escape
+
+import pydot
+import pytest
+from lxml import etree
+
+from sar_compiler.compiler import bind_main, preview_tree
+from sar_compiler.nodes.registry import default_registry
+from sar_compiler.testing import compiled
+from sar_compiler.views.dot import dot
+from sar_compiler.views.drawing import Shape, drawn_nodes
+from sar_compiler.views.mermaid import mermaid, too_large
+from sar_compiler.views.svg import _NARROW, _placed, svg
+from tests.trees import document, forest_of
+
+SVG = "{http://www.w3.org/2000/svg}"
+SHIPPED = ("search_and_rescue", "search_and_rescue_resilient", "search_and_rescue_guarded")
+
+
+def tree(*trees):
+    """Compile trees for display, the first of which is the main one."""
+    bodies = [f'<BehaviorTree ID="{name}">{body}</BehaviorTree>' for name, body in trees]
+    text = f'<root BTCPP_format="4" main_tree_to_execute="{trees[0][0]}">{"".join(bodies)}</root>'
+    return preview_tree(bind_main(forest_of(text), default_registry()))
+
+
+def tree_of(body):
+    return preview_tree(bind_main(forest_of(document(body)), default_registry()))
+
+
+def a_leaf(name):
+    return tree_of(f'<AlwaysSuccess name="{name}"/>')
+
+
+def grown(count, chance):
+    """Return a tree of so many nodes, grown by chance."""
+    if count == 1:
+        return f'<AlwaysSuccess name="Leaf{chance.randrange(10**9)}"/>'
+    sizes = []
+    while sum(sizes) < count - 1:
+        sizes.append(chance.randint(1, count - 1 - sum(sizes)))
+    tag = "Inverter" if len(sizes) == 1 else chance.choice(("Sequence", "Fallback", "ParallelAll"))
+    return f"<{tag}>{''.join(grown(size, chance) for size in sizes)}</{tag}>"
+
+
+def parsed(drawing):
+    return etree.fromstring(drawing.encode())
+
+
+def labels(drawing):
+    """Return what is written in each node of an SVG."""
+    groups = parsed(drawing).findall(f"{SVG}g")
+    return [[text.text for text in group.findall(f"{SVG}text")] for group in groups]
+
+
+def boxes(nodes):
+    """Return for each node the edges of its box: left, right, upper, lower."""
+    return [
+        (each.x + each.shift, each.x + each.shift + each.wide, each.top, each.bottom)
+        for each in _placed(nodes)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("body", "shape", "label", "details"),
+    [
+        ("<Sequence><AlwaysSuccess/></Sequence>", Shape.SEQUENCE, "→ Sequence", ""),
+        ('<Sequence name="A" memory="false"><AlwaysSuccess/></Sequence>', Shape.SEQUENCE, "→R A", ""),
+        ('<Fallback name="A"><AlwaysSuccess/></Fallback>', Shape.SELECTOR, "? A", ""),
+        (
+            '<ReactiveFallback name="A"><AlwaysSuccess/></ReactiveFallback>',
+            Shape.SELECTOR,
+            "?R A",
+            "",
+        ),
+        (
+            '<SequenceWithMemory name="A"><AlwaysSuccess/></SequenceWithMemory>',
+            Shape.SEQUENCE,
+            "→ A",
+            "SequenceWithMemory",
+        ),
+        (
+            '<Parallel name="A" success_count="1"><AlwaysSuccess/></Parallel>',
+            Shape.PARALLEL,
+            "⇉ A",
+            "Parallel success_count=1",
+        ),
+        (
+            "<IfThenElse><AlwaysSuccess/><AlwaysSuccess/></IfThenElse>",
+            Shape.CONTROL,
+            "◆ IfThenElse",
+            "",
+        ),
+        (
+            '<Repeat num_cycles="3"><AlwaysSuccess/></Repeat>',
+            Shape.DECORATOR,
+            "↻ Repeat",
+            "num_cycles=3",
+        ),
+        ("<Inverter><AlwaysSuccess/></Inverter>", Shape.DECORATOR, "◇ Inverter", ""),
+        (
+            '<ScriptCondition name="Low?" code="battery &lt; 3"/>',
+            Shape.CONDITION,
+            "Low?",
+            "ScriptCondition code='battery < 3'",
+        ),
+        ('<Sleep name="Pause" msec="5"/>', Shape.ACTION, "Pause", "Sleep msec=5"),
+    ],
+)
+def test_a_node_is_drawn_with_the_sign_and_the_attributes_of_what_it_does(body, shape, label, details):
+    node = drawn_nodes(tree_of(f"<Sequence><Script code='battery := 1'/>{body}</Sequence>"))[2]
+    assert (node.shape, node.label, node.details) == (shape, label, details)
+
+
+def test_what_attributes_put_around_a_node_is_drawn_as_a_decorator():
+    around, inside, node = drawn_nodes(
+        tree_of('<Sleep name="Pause" msec="5" oneshot="ON_COMPLETION" _failureIf="true"/>')
+    )
+    assert (around.shape, around.label, around.details) == (
+        Shape.DECORATOR,
+        "◇ PauseOneShot",
+        "policy=ON_COMPLETION",
+    )
+    assert (inside.label, inside.details) == ("◇ PauseConditions", "_failureIf=true")
+    assert (node.shape, node.label, node.details) == (Shape.ACTION, "Pause", "Sleep msec=5")
+
+
+def test_a_node_says_where_it_stands_in_its_file():
+    nodes = drawn_nodes(compiled("trees/search_and_rescue.xml"))
+    assert nodes[1].title == "trees/search_and_rescue.xml:13 <Sequence> Patrol"
+
+
+def test_a_subtree_has_a_line_around_all_that_is_in_it():
+    drawn = tree(
+        ("Main", '<Sequence><SubTree ID="Inner" name="Here"/><AlwaysFailure/></Sequence>'),
+        ("Inner", "<Sequence><AlwaysSuccess/></Sequence>"),
+    )
+    assert [(each.is_subtree, each.end) for each in drawn_nodes(drawn)][1] == (True, 4)
+    (frame,) = (each for each in parsed(svg(drawn)) if each.get("class") == "frame")
+    left, top, wide, high = (float(frame.attrib[name]) for name in ("x", "y", "width", "height"))
+    inside = [
+        left < west and east < left + wide and top < north and south < top + high
+        for west, east, north, south in boxes(drawn_nodes(drawn))
+    ]
+    assert inside == [False, True, True, True, False]
+    (graph,) = pydot.graph_from_dot_data(dot(drawn))
+    (cluster,) = graph.get_subgraphs()
+    assert [node.get_name() for node in cluster.get_nodes()] == ["n1", "n2", "n3"]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_box_covers_another_or_leaves_the_picture(seed):
+    nodes = drawn_nodes(tree_of(grown(150, random.Random(seed))))  # noqa: S311 - the same trees in every run
+    block, places = _placed(nodes)[0], boxes(nodes)
+    for left, right, top, bottom in places:
+        assert block.x <= left < right <= block.x + block.width
+        assert block.y <= top < bottom <= block.y + block.height
+    for one, other in itertools.combinations(places, 2):
+        assert one[1] <= other[0] or other[1] <= one[0] or one[3] <= other[2] or other[3] <= one[2]
+
+
+def test_children_stand_side_by_side_where_there_is_room():
+    _, first, second = boxes(drawn_nodes(tree_of("<Sequence><AlwaysSuccess/><AlwaysFailure/></Sequence>")))
+    assert first[2] == second[2]
+    assert first[1] < second[0]
+
+
+def test_many_children_stand_below_each_other():
+    nodes = drawn_nodes(tree_of(f"<Sequence>{'<AlwaysSuccess/>' * 30}</Sequence>"))
+    first, second = boxes(nodes)[1:3]
+    assert first[0] == second[0]
+    assert first[3] < second[2]
+    assert _placed(nodes)[0].width <= _NARROW
+
+
+def test_a_picture_of_a_thousand_nodes_is_not_a_thin_strip():
+    block = _placed(drawn_nodes(tree_of(grown(1000, random.Random(1)))))[0]  # noqa: S311 - the same in every run
+    assert block.height < 20 * block.width
+
+
+def test_a_deep_tree_is_drawn():
+    body = "<Inverter>" * 190 + "<AlwaysSuccess/>" + "</Inverter>" * 190
+    drawn = tree_of(body)
+    assert len(labels(svg(drawn))) == 191
+    assert mermaid(drawn).count("-->") == dot(drawn).count("->") == 190
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_format_has_every_node_of_a_shipped_tree(name):
+    drawn = compiled(name)
+    nodes = drawn_nodes(drawn)
+    assert labels(svg(drawn)) == [[text for text in (each.label, each.details) if text] for each in nodes]
+    edges = {(each.parent, number) for number, each in enumerate(nodes) if each.parent >= 0}
+    assert {tuple(map(int, found)) for found in re.findall(r"n(\d+) --> n(\d+)", mermaid(drawn))} == edges
+    (graph,) = pydot.graph_from_dot_data(dot(drawn))
+    assert {(int(e.get_source()[1:]), int(e.get_destination()[1:])) for e in graph.get_edges()} == edges
+
+
+ODD = ("<script>alert(1)</script>", """a "b" 'c'""", "&amp; #35; ]]>", "`a` *b* _c_ \\n", "%%{a}%% $$b$$ -->")
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_a_name_in_a_picture_is_text_whatever_is_in_it(name):
+    drawing = svg(a_leaf(escape(name, {'"': "&quot;"})))
+    assert labels(drawing)[0][0] == name
+    tags = [each.tag.removeprefix(SVG) for each in parsed(drawing).iter()]
+    assert tags == ["svg", "title", "style", "rect", "path", "g", "title", "path", "text", "text"]
+
+
+def test_a_name_for_graphviz_is_text_whatever_is_in_it():
+    text = dot(a_leaf("a &quot;b&quot; \\n &amp;lt;c"))
+    assert 'label="a \\"b\\" \\\\n &amp;lt;c\\nAlwaysSuccess"' in text
+    assert len(pydot.graph_from_dot_data(text)) == 1
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_a_name_for_mermaid_has_no_sign_that_means_something_there(name):
+    drawn = mermaid(a_leaf(escape(name, {'"': "&quot;"})))
+    label = re.fullmatch(r'flowchart TD\n  n0\["(.*)<br>AlwaysSuccess"\]:::action\n  classDef .*\n', drawn)[1]
+    assert re.fullmatch(r"(\w|[ /]|#\d+;)+", label)
+    assert re.sub(r"#(\d+);", lambda match: chr(int(match[1])), label).replace("\u200b", "") == name
+
+
+@pytest.mark.parametrize(
+    ("name", "written"),
+    [("1. a", "1#46; a"), ("num_a=3", "num_a=3"), ("a\\nb", "a#92;#8203;nb"), ("fa:fa", "fa#58;#8203;fa")],
+)
+def test_lists_line_breaks_and_icons_are_none_for_mermaid(name, written):
+    assert f'["{written}<br>' in mermaid(a_leaf(name))
+
+
+def test_control_characters_and_turned_text_are_shown_as_what_they_are():
+    drawn = a_leaf("a&#x202e;b")
+    drawn.root.name = "a\u202eb\x1b\uffff\nc"
+    for view in (svg, mermaid, dot):
+        text = view(drawn)
+        assert "\u202e" not in text
+        assert "\x1b" not in text
+    parsed(svg(drawn))
+
+
+def test_a_long_text_is_cut_in_a_box_and_whole_in_its_title():
+    value = "x" * 100
+    node = drawn_nodes(tree_of(f'<Script code="{value} := 1"/>'))[0]
+    assert node.details.endswith("…")
+    assert len(node.details) == 40
+    assert value in node.title
+
+
+def test_a_flowchart_that_github_does_not_draw_is_known():
+    assert not too_large(mermaid(compiled("search_and_rescue_guarded")))
+    assert not too_large(mermaid(tree_of(f"<Sequence>{'<AlwaysSuccess/>' * 499}</Sequence>")))
+    assert too_large(mermaid(tree_of(f"<Sequence>{'<AlwaysSuccess/>' * 500}</Sequence>")))
+
+
+def test_a_small_tree_for_mermaid():
+    assert (
+        mermaid(tree_of('<Sequence name="All"><AlwaysSuccess/><Sleep msec="5"/></Sequence>'))
+        == """\
+flowchart TD
+  n0["→ All"]:::sequence
+  n1["AlwaysSuccess"]:::action
+  n2["Sleep<br>msec=5"]:::action
+  n0 --> n1
+  n0 --> n2
+  classDef sequence fill:#ffd08a,stroke:#555,color:#111
+  classDef action fill:#dcdcdc,stroke:#555,color:#111
+"""
+    )
+
+
+def test_a_small_tree_for_graphviz():
+    assert (
+        dot(tree_of('<Sequence name="All"><Sleep msec="5"/></Sequence>'))
+        == """\
+digraph "Main" {
+  ordering=out;
+  graph [fontname="sans-serif", style=dashed];
+  node [fontname="sans-serif", fontsize=9, style=filled];
+  n0 [label="→ All", shape=box, fillcolor=orange, tooltip="test.xml:3 <Sequence> All"];
+  n1 [label="Sleep\\nmsec=5", shape=ellipse, fillcolor=gray, tooltip="test.xml:3 <Sleep> Sleep msec=5"];
+  n0 -> n1;
+}
+"""
+    )
