@@ -24,7 +24,7 @@ PEERS := build/peers
 INTERFACES := $(shell find interfaces pip_interfaces -type f 2>/dev/null)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help env demo test test-matrix lint format schemas golden bench soak mutants wheels clean require
+.PHONY: help env demo test test-matrix lint format schemas golden pictures bench soak mutants wheels clean require
 
 help:
 	@echo "make demo         run the search-and-rescue mission in the embedded simulator (SPEED=$(SPEED) times real time)"
@@ -36,6 +36,7 @@ help:
 	@echo "make mutants      whether the tests notice mistakes: COUNT=$(COUNT) made by chance, chosen by SEED=$(SEED)"
 	@echo "make schemas      renew schemas/ and the records of the shipped nodes from their classes, and the kinds of findings"
 	@echo "make golden       renew the golden files of compiled trees"
+	@echo "make pictures     draw the pictures of the documentation anew, from a mission in the simulator too"
 	@echo "make wheels       dist/: wheels of the package and of the interfaces, for Python $(WANTED); pip alone installs them elsewhere"
 	@echo "make env          only make .venv (PYTHON=$(PYTHON))"
 	@echo "make clean        delete everything that was made"
@@ -94,6 +95,12 @@ schemas: env
 
 golden: env
 	SAR_RENEW_GOLDEN=1 $(BIN)/python -m pytest -q tests/golden tests/examples -k reviewed
+
+# The last one needs chromium and its driver (apt install chromium chromium-driver).
+pictures: env
+	$(BIN)/python docs/pictures/trees.py
+	$(BIN)/python docs/pictures/mission.py
+	$(BIN)/python docs/pictures/page.py
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage*
