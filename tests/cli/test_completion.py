@@ -87,7 +87,7 @@ def test_a_shell_completes_commands_options_and_names(shell, folder):
 @pytest.mark.parametrize(
     ("line", "offered"),
     [
-        ("sar-compile show --format ", {"unicode", "ascii", "json"}),
+        ("sar-compile show --format ", {"unicode", "ascii", "json", "svg", "mermaid", "dot"}),
         ("sar-compile validate gar", {"garden.xml"}),
         ("sar-compile validate no", set()),
         ("sar-compile show garden.xml --tree ", {"Morning", "Evening"}),

@@ -347,6 +347,28 @@ def test_a_drawing_with_a_name_of_several_lines_is_left_as_it_is():
     assert with_tags(unicode_tree(tree.root), tree) == unicode_tree(tree.root)
 
 
+@pytest.mark.parametrize(
+    ("form", "begins"),
+    [("svg", "<svg xmlns="), ("mermaid", "flowchart TD\n"), ("dot", 'digraph "SearchAndRescue" {')],
+)
+def test_a_picture_is_printed_as_it_is(capsys, form, begins):
+    status, out, err = run(capsys, "show", "search_and_rescue", "--format", form)
+    assert (status, err) == (0, "")
+    assert out.startswith(begins)
+    assert out.count("NavigateToBaseOneShot") >= 1
+
+
+def test_a_flowchart_that_github_does_not_draw_is_printed_and_told(capsys, tmp_path):
+    path = tmp_path / "large.xml"
+    path.write_text(document("<Sequence>" + "<AlwaysSuccess/>" * 500 + "</Sequence>"))
+    status, out, err = run(capsys, "show", str(path), "--format", "mermaid")
+    assert status == 0
+    assert out.count(" --> ") == 500
+    assert (
+        err == "sar-compile: GitHub and GitLab do not draw so large a flowchart; --format svg has no limit\n"
+    )
+
+
 def test_schema_prints_the_committed_schema(capsys):
     assert run(capsys, "schema")[1] == Path("schemas/sar_tree.xsd").read_text(encoding="utf-8")
 
