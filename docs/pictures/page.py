@@ -1,6 +1,6 @@
 """Take the picture of a mission's page: `python docs/pictures/page.py` in the project's folder, where ROS 2, selenium and chromium with its driver are.
 
-A mission runs in the simulator with its page; when three of four zones are searched, `page.png` and `page_narrow.png` beside this file are what
+A mission runs in the simulator with its page; when the robot is near the last zone, `page.png` and `page_narrow.png` beside this file are what
 a browser shows of it, in a wide window and on a telephone.
 """
 
@@ -21,6 +21,8 @@ from selenium.webdriver.support.ui import WebDriverWait
 
 COMMAND = ("trees/search_and_rescue.xml", "--sim", "--speed", "5", "--view", "web", "--web-port", "0")
 SIZES = {"page": (1280, 800), "page_narrow": (400, 860)}
+NEAR_M = 3.0
+"""To the zone that the robot drives to, when the pictures are taken."""
 PATIENCE_SEC = 120.0
 """For the start of the mission, and for most of it: 80 simulated seconds, five times as fast."""
 
@@ -32,13 +34,16 @@ def mission() -> Iterator[str]:
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as running:  # noqa: S603 - our own command
         assert running.stderr  # noqa: S101 - it is a pipe
         try:
+            said: list[str] = []
+            for line in running.stderr:
+                said.append(line)
+                if found := re.search(r"http://127\.0\.0\.1:\S+", line):
+                    break
+            else:
+                sys.exit(f"{''.join(said)}The mission has no page.")
             # All is read to the end, or the mission would wait for a reader.
-            found = (re.search(r"http://127\.0\.0\.1:\S+", line) for line in running.stderr)
-            address = next((each[0] for each in found if each), None)
-            if address is None:
-                sys.exit("The mission has no page; what is wrong stands above.")
             threading.Thread(target=running.stderr.read, daemon=True).start()
-            yield address
+            yield found[0]
         finally:
             running.send_signal(signal.SIGINT)
 
@@ -59,13 +64,20 @@ def browser() -> Iterator[webdriver.Chrome]:
         opened.quit()
 
 
+def _is_far_on(page: webdriver.Chrome) -> bool:
+    """Return whether the robot is near the last zone."""
+    left = re.search(r"([\d.]+) m left", page.find_element("id", "now").text)
+    return (
+        "zones 3 of 4" in page.find_element("id", "progress").text and bool(left) and float(left[1]) < NEAR_M
+    )
+
+
 def main() -> None:
     """Take the pictures."""
     with mission() as address, browser() as page:
         page.get(address)
         WebDriverWait(page, PATIENCE_SEC, poll_frequency=0.2).until(
-            lambda _: "zones 3 of 4" in page.find_element("id", "progress").text,
-            "three zones were not searched",
+            _is_far_on, "no drive to the last zone was seen"
         )
         for name, (width, height) in SIZES.items():
             size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}

@@ -81,16 +81,6 @@ def test_the_memory_flags_are_explained_as_they_are(page):
     assert explained == written
 
 
-def test_the_diagram_of_the_mission_has_every_node():
-    diagram = block_with(MISSION, "flowchart")
-    missing = [
-        node.name
-        for node in compiled(TREE).root.iterate()
-        if node.name not in diagram and not node.name.endswith("OneShot")
-    ]
-    assert missing == []
-
-
 def test_every_parameter_of_a_run_is_in_the_table_of_parameters():
     page = Path("docs/parameter_file.md")
     explained = " ".join(cells[0] for _, _, cells in tables(page))

@@ -263,6 +263,14 @@ def test_a_long_text_is_cut_in_a_box_and_whole_in_its_title():
     assert value in node.title
 
 
+def test_a_box_is_as_wide_as_its_text_wherever_that_is_from():
+    widths = [
+        right - left
+        for left, right, *_ in (boxes(drawn_nodes(a_leaf(name * 12)))[0] for name in ("語", "ab", "a\u0301b"))
+    ]
+    assert widths[0] == widths[1] == widths[2]
+
+
 def test_a_flowchart_that_github_does_not_draw_is_known():
     assert not too_large(mermaid(compiled("search_and_rescue_guarded")))
     assert not too_large(mermaid(tree_of(f"<Sequence>{'<AlwaysSuccess/>' * 499}</Sequence>")))
