@@ -1,4 +1,4 @@
-"""Draw the picture of the README: `python docs/pictures/mission.py`, where ROS 2 is, writes `mission.svg` beside it.
+"""Draw the picture of the mission: `python docs/pictures/mission.py`, where ROS 2 is, writes `mission.svg` beside it.
 
 A mission runs in the simulator; its world, the way that the robot has gone and where it has waited become an animated picture.
 """
