@@ -25,19 +25,18 @@ _UNWRITABLE = (errno.EBADF, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENOSPC)
 
 # The top-level modules of the simulator's libraries, and of ROS.
 _SIMULATOR = ("numpy", "scipy", "PIL")
-# Of libraries that only one option needs: what they are, and the extra that brings them.
+# The extras that only an option takes: the modules of each, what takes them, and what else helps.
 _OF_OPTIONS = {
-    **dict.fromkeys(("dask", "distributed"), ("dask.distributed is not here", "sweep", "it")),
-    **dict.fromkeys(
-        ("zmq", "msgpack"),
-        (
-            "--groot2 needs pyzmq and msgpack",
-            "groot2",
-            "them, apt's python3-zmq and python3-msgpack on a robot",
-        ),
+    "groot2": (("zmq", "msgpack"), "--groot2", ", apt's python3-zmq and python3-msgpack on a robot"),
+    "record": (("mcap", "lz4", "zstandard"), "--record", ""),
+    "report": (("cap_tools", "geojson", "pyproj"), "a report in coordinates of the world", ""),
+    "sweep": (("dask", "distributed"), "--dask", ""),
+    "view": (
+        ("rich",),
+        "--view text on a terminal",
+        "; without it, `--view text | cat` shows each change in a line",
     ),
-    **dict.fromkeys(("starlette", "uvicorn"), ("the page needs starlette and uvicorn", "web", "them")),
-    **dict.fromkeys(("mcap", "lz4", "zstandard"), ("--record needs mcap", "record", "it")),
+    "web": (("starlette", "uvicorn"), "the page", ""),
 }
 _ROS = ("rclpy", "rpyutils", "ament_index_python")
 _ROS_ENDINGS = ("_msgs", "_srvs", "_interfaces")
@@ -145,9 +144,12 @@ def _not_installed(error: ImportError) -> str | None:
             f"the simulator is not complete ({error}): it needs numpy, scipy and Pillow; "
             "pip install 'sar_compiler[sim]' brings them, rosdep on a robot"
         )
-    if module in _OF_OPTIONS:
-        what, extra, them = _OF_OPTIONS[module]
-        return f"{what} ({error}); pip install 'sar_compiler[{extra}]' brings {them}"
+    for extra, (modules, option, hint) in _OF_OPTIONS.items():
+        if module in modules:
+            return (
+                f"{option} takes a library that is not here ({error}): "
+                f"pip install 'sar_compiler[{extra}]' brings it{hint}"
+            )
     if module in _INTERFACES and "rclpy" in sys.modules:
         return (
             f"ROS 2 is here, but not the interface package '{module}' ({error}). On a robot, source the workspace, and "

@@ -158,7 +158,7 @@ def _view(options: "Options", output: RunOutput) -> "RunView | None":
     """Return what shows the run; None if nothing does.
 
     Raises:
-        SarError: If what it takes is not installed.
+        ImportError: If what it takes is not installed.
     """
     if options.view != "text":
         return None
@@ -172,6 +172,7 @@ def _report(options: "Options", parameters: RunParameters, journal: RunJournal) 
 
     Raises:
         ReportError: If one of them could not be written.
+        ImportError: If a library of theirs is not installed.
     """
     if not options.report:
         return None

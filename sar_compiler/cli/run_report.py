@@ -21,6 +21,7 @@ class RunReport:
 
     Raises:
         ReportError: If one of them could not be written then.
+        ImportError: If a library of theirs is not installed.
     """
 
     def __init__(
@@ -48,6 +49,7 @@ def write_reports(state: MissionState, files: Sequence[Path], place: Georeferenc
 
     Raises:
         SarError: If one cannot be written; then none is.
+        ImportError: If a library of theirs is not installed; the same.
     """
     for file in files:
         require_form(file, place)

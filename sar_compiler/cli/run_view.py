@@ -11,7 +11,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 
 from sar_compiler.cli.output import RunOutput
-from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import RUN_BEGAN, JournalEntry
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.views.mission_view import Line, change_text, full_height, screen
@@ -66,18 +65,11 @@ def run_view(output: RunOutput) -> RunView:
     """Return what shows a run on its output: in place on a terminal, else as a log.
 
     Raises:
-        SarError: If what it takes is not installed.
+        ImportError: If rich is not installed.
     """
     if sys.stdout is None or not sys.stdout.isatty() or os.environ.get("TERM", "dumb") == "dumb":
         return ChangeLog(output)
-    try:
-        return RunScreen(output, _painter())
-    except ImportError as error:
-        message = (
-            f"--view text draws on a terminal with rich, which is not here ({error}): pip install 'sar_compiler[view]' "
-            "brings it; without it, `--view text | cat` shows each change in a line"
-        )
-        raise SarError(message) from error
+    return RunScreen(output, _painter())
 
 
 class ChangeLog(RunView):

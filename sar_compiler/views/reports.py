@@ -1,6 +1,7 @@
 """Reports of a mission by the endings of their files."""
 
 from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
 
 from sar_compiler.journal.georeference import GEOREFERENCE, Georeference
@@ -59,9 +60,8 @@ def require_form(file: Path, place: Georeference | None) -> None:
 
     Raises:
         ReportError: If it cannot.
+        ImportError: If a library that it takes is not installed.
     """
-    from importlib.util import find_spec
-
     ending = file.suffix.lower()
     if ending not in FORMS:
         message = f"a report ends in {', '.join(FORMS)}, and {file} does not"
@@ -74,10 +74,8 @@ def require_form(file: Path, place: Georeference | None) -> None:
             "north"
         )
         raise ReportError(message)
-    missing = next((each for each in libraries if find_spec(each) is None), None)
-    if missing is not None:
-        message = f"{file} takes {missing}, which is not here: pip install 'sar_compiler[report]' brings it"
-        raise ReportError(message)
+    for library in libraries:
+        import_module(library)
     if not file.absolute().parent.is_dir():
         message = f"{file} cannot be written: there is no folder {file.absolute().parent}"
         raise ReportError(message)

@@ -70,7 +70,7 @@ def test_without_ros_a_command_says_where_ros_comes_from(library, command):
 def test_a_page_that_cannot_be_served_names_what_brings_its_server(library, tmp_path):
     status, said = run_without(library, "cli.journal_command:main", "replay", str(tmp_path / "m.journal"))
     assert (status, "Traceback" in said) == (2, False), said
-    assert "sar-journal: the page needs starlette and uvicorn (" in said
+    assert "sar-journal: the page takes a library that is not here (" in said
     assert "pip install 'sar_compiler[web]'" in said
 
 
@@ -78,7 +78,7 @@ def test_a_page_that_cannot_be_served_names_what_brings_its_server(library, tmp_
 def test_a_mission_whose_page_cannot_be_served_does_not_begin():
     status, said = run_without("uvicorn", "cli.run:main", "--sim", "--view", "web")
     assert (status, "Traceback" in said, "Looking" in said) == (2, False, False), said
-    assert "sar-run: the page needs starlette and uvicorn (" in said
+    assert "sar-run: the page takes a library that is not here (" in said
     assert "pip install 'sar_compiler[web]'" in said
 
 

@@ -3,7 +3,7 @@
 import ast
 import re
 from importlib.metadata import entry_points
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from pathlib import Path
 
 import pytest
@@ -84,7 +84,7 @@ def test_the_ros_arguments_of_a_command_have_the_form_of_ros(command):
 
 @of("python", "python3", "bash", "sh", *OURS)
 def test_the_files_that_a_command_names_are_there(command):
-    outputs = {value for flag, value in pairwise(command.words) if flag in {"-o", "--output"}}
+    outputs = written(command)
     named = [
         found[1] for word in command.words[1:] if word not in outputs and (found := FILE.fullmatch(word))
     ]
@@ -92,6 +92,16 @@ def test_the_files_that_a_command_names_are_there(command):
     missing = [name for name in named if not there(command, name)]
     missing += [name for name in modules if not module_there(command, name)]
     assert missing == [], str(command)
+
+
+def written(command):
+    """Return the files that a command writes."""
+    flags = {"-o", "--output", "--report"}
+    outputs = {value for flag, value in pairwise(command.words) if flag in flags}
+    if program(command) == "sar-journal" and "--to" in command.words:  # of `convert` it is the form
+        behind = command.words[command.words.index("--to") + 1 :]
+        outputs.update(takewhile(lambda word: not word.startswith("-"), behind))
+    return outputs
 
 
 def there(command, name):

@@ -3,14 +3,18 @@
 import os
 import re
 import shutil
+import socket
 import subprocess
 import sys
+from contextlib import closing
+from importlib.metadata import metadata
 from pathlib import Path
 
 import pytest
 
 from tests.docs.markdown import codes, tables
 from tests.processes import BIN
+from tests.terminals import Terminal
 from tests.trees import document
 
 ROOT = Path.cwd()
@@ -23,6 +27,7 @@ FILES = {
     "plain.xml": document("<AlwaysSuccess/>"),
     "section.yaml": SECTIONS,
     "misspelt.yaml": SECTIONS.replace("ros__parameters", "ros_parameters"),
+    "yesterday.mcap": "",
 }
 
 # What is typed, for each message. What is a file of the test's own folder is written as {folder}/….
@@ -54,6 +59,8 @@ TYPED = {
     "--until complete is for a mission with an end of its own; for this tree say end, success, failure or forever": (
         "sar-run {folder}/plain.xml --until complete"
     ),
+    "… is there already, and is not written over: name another one": "sar-run {folder}/plain.xml "
+    "--record {folder}/yesterday.mcap",
     "fault '…': …": "sar-run --sim --fault report_survivor:drp=1",
     "robot '…': …": "sar-sim run --robot robot-1",
 }
@@ -71,6 +78,7 @@ BESIDE_A_JOURNAL = {
     "the mission in the journal … is not over: …": False,
     "… is the journal of a mission that runs just now, in another process": True,
 }
+TAKEN_PORT = "port … of 127.0.0.1 cannot be used: …"
 COMPANY = "… already provides … here: a simulated robot must not mix with another one."
 MAKE = {
     "make: … is Python …; ROS 2 from PyPI has 3.10 to 3.13": ("python", "echo 3.9"),
@@ -85,6 +93,23 @@ LACKING = {
     "ROS 2 is not here (…). On a robot, source its installation and workspace": "rclpy",
     "ROS 2 is here, but not the interface package '…'": "nav2_msgs",
     "the simulator is not complete (…)": "scipy",
+}
+NO_EXTRA = "… takes a library that is not here (…): pip install 'sar_compiler[…]' brings it"
+PLACE = "-p georeference.lat:=48.2 -p georeference.lon:=16.4 -p georeference.heading:=90.0"
+# For each extra that an option takes: a module of it, and what is typed.
+EXTRAS = {
+    "groot2": ("msgpack", "sar-run {folder}/plain.xml --groot2 1667"),
+    "record": ("mcap", "sar-run {folder}/plain.xml --record {folder}/today.mcap"),
+    "report": (
+        "pyproj",
+        f"sar-run {{folder}}/plain.xml --report {{folder}}/report.geojson --ros-args {PLACE}",
+    ),
+    "sweep": (
+        "distributed",
+        "sar-compile sweep {folder}/plain.xml --unusual 0.1 --dask tcp://127.0.0.1:8786",
+    ),
+    "view": ("rich", "sar-run {folder}/plain.xml --view text"),
+    "web": ("uvicorn", "sar-run {folder}/plain.xml --view web"),
 }
 NOT_SHIPPED = "no file '…' is shipped in …"
 NO_MIDDLEWARE = "RMW_IMPLEMENTATION is '…', which is not installed; there is …"
@@ -102,11 +127,19 @@ def explained(heading):
 
 
 def test_every_mistake_of_usage_that_is_explained_is_typed():
-    assert explained(USAGE) == {*TYPED, *IN_A_SHELL, *BESIDE_A_JOURNAL, COMPANY}
+    assert explained(USAGE) == {*TYPED, *IN_A_SHELL, *BESIDE_A_JOURNAL, TAKEN_PORT, COMPANY}
 
 
 def test_every_hindrance_to_installing_that_is_explained_is_met():
-    assert explained(INSTALLING) == {*MAKE, *LACKING, NOT_SHIPPED, NO_MIDDLEWARE, NO_ENGINE, BROKEN_ENGINE}
+    others = {NO_EXTRA, NOT_SHIPPED, NO_MIDDLEWARE, NO_ENGINE, BROKEN_ENGINE}
+    assert explained(INSTALLING) == {*MAKE, *LACKING, *others}
+    of_options = {*(metadata("sar_compiler").get_all("Provides-Extra") or ())} - {
+        "ros",
+        "interfaces",
+        "sim",
+        "dev",
+    }
+    assert of_options == {*EXTRAS}
 
 
 def said(*words, env=None, expected=2):
@@ -162,6 +195,14 @@ def test_a_start_beside_a_journal_is_refused_as_the_page_says(message, tmp_path)
 
 
 @pytest.mark.ros
+def test_a_port_that_others_have_is_refused_as_the_page_says(tmp_path):
+    (tmp_path / "plain.xml").write_text(FILES["plain.xml"], encoding="utf-8")
+    with closing(socket.create_server(("127.0.0.1", 0))) as others:
+        port = str(others.getsockname()[1])
+        assert_read(TAKEN_PORT, said(BIN / "sar-run", tmp_path / "plain.xml", "--groot2", port))
+
+
+@pytest.mark.ros
 @pytest.mark.parametrize("command", [["sar-run", "--sim"], ["sar-sim", "run"]], ids=" ".join)
 def test_a_simulation_beside_another_clock_is_refused_as_the_page_says(command):
     import rclpy
@@ -200,6 +241,24 @@ def test_a_library_that_is_not_installed_is_named_as_the_page_says(message):
         "from sar_compiler.cli.run import main; sys.exit(main())"
     )
     assert_read(message, said(sys.executable, "-c", program))
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("extra", EXTRAS)
+def test_an_extra_that_is_not_installed_is_named_as_the_page_says(extra, tmp_path):
+    module, typed = EXTRAS[extra]
+    (tmp_path / "plain.xml").write_text(FILES["plain.xml"], encoding="utf-8")
+    missing = f"raise ModuleNotFoundError('No module named {module}', name='{module}')\n"
+    (tmp_path / f"{module}.py").write_text(missing, encoding="utf-8")
+    command, *arguments = typed.format(folder=tmp_path).split()
+    # Into a pipe, --view takes nothing.
+    terminal = Terminal(command, *arguments, env={"PYTHONPATH": str(tmp_path)}, columns=400)
+    try:
+        status, text = terminal.end(), "\n".join(terminal.history)
+    finally:
+        terminal.kill()
+    assert (status, "Traceback" in text) == (2, False), text
+    assert_read(NO_EXTRA.replace("[…]", f"[{extra}]"), text)
 
 
 @pytest.mark.ros

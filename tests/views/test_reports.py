@@ -5,6 +5,7 @@ import html
 import itertools
 import json
 import re
+import sys
 import xml.etree.ElementTree as ET
 
 import geojson
@@ -283,7 +284,11 @@ class TestWhatIsRefusedBeforehand:
         with pytest.raises(ReportError, match="there is no folder"):
             require_form(tmp_path / "not" / "report.html", None)
 
-    def test_without_the_library_the_extra_is_named(self, tmp_path, monkeypatch):
-        monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
-        with pytest.raises(ReportError, match=re.escape("pip install 'sar_compiler[report]' brings it")):
-            require_form(tmp_path / "report.cot", Georeference(48.2, 16.37, 90.0))
+    @pytest.mark.parametrize(
+        ("ending", "library"),
+        [(".geojson", "pyproj"), (".geojson", "geojson"), (".cot", "pyproj"), (".cap", "cap_tools")],
+    )
+    def test_the_libraries_must_be_there(self, ending, library, tmp_path, monkeypatch):
+        monkeypatch.setitem(sys.modules, library, None)
+        with pytest.raises(ImportError, match=library):
+            require_form(tmp_path / f"report{ending}", Georeference(48.2, 16.37, 90.0))
