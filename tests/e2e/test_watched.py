@@ -28,13 +28,13 @@ def tree(tmp_path):
 
 def test_groot2_sees_a_mission_and_may_hold_it_only_if_allowed(start, tree):
     port = free_port()
-    run = start("sar-run", tree, "--view", "text", "--groot2", port).wait_for("--> Sleep [*]")
+    run = start("sar-run", tree, "--view", "text", "--groot2", port).wait_for("Wait RUNNING")
     with closing(Client(port)) as client:
         assert client.statuses() == {1: RUNNING, 2: RUNNING}
         assert client.ask("D") == [b"[]"]
     run.stop()
     run = start("sar-run", tree, "--view", "text", "--groot2", port, "--groot2-hooks").wait_for(
-        "--> Sleep [*]"
+        "Wait RUNNING"
     )
     with closing(Client(port)) as client:
         hook = {
@@ -54,7 +54,7 @@ def test_groot2_sees_a_mission_and_may_hold_it_only_if_allowed(start, tree):
 
 def test_a_port_that_is_taken_ends_the_run_before_it_begins(start, tree):
     port = free_port()
-    start("sar-run", tree, "--view", "text", "--groot2", port).wait_for("--> Sleep [*]")
+    start("sar-run", tree, "--view", "text", "--groot2", port).wait_for("Wait RUNNING")
     second = start("sar-run", tree, "--groot2", port)
     assert second.end() == 2
     assert f"sar-run: --groot2: port {port} of 127.0.0.1 cannot be used" in second.output
@@ -64,7 +64,7 @@ def test_a_port_that_is_taken_ends_the_run_before_it_begins(start, tree):
 def test_without_its_extra_groot2_names_it(library, tree):
     status, said = run_without(library, "cli.run:main", str(tree), "--groot2", "1667")
     assert (status, "Traceback" in said) == (2, False), said
-    assert "sar-run: --groot2 needs pyzmq and msgpack" in said
+    assert f"sar-run: --groot2 takes a library that is not here (import of {library}" in said
     assert "pip install 'sar_compiler[groot2]'" in said
 
 
@@ -78,7 +78,7 @@ def test_a_run_is_recorded_from_its_beginning_to_its_end(start, tree, tmp_path):
     from tests.ros.test_mission_recording import read
 
     file = tmp_path / "run.mcap"
-    start("sar-run", tree, "--view", "text", "--record", file).wait_for("--> Sleep [*]").stop()
+    start("sar-run", tree, "--view", "text", "--record", file).wait_for("Wait RUNNING").stop()
     found = read(file)
     assert [message.msg.partition(" ")[0] for message in found["/mission_log"]] == ["run_began", "run_ended"]
     assert [event.current_status for event in found["/behavior_tree_log"][-1].event_log] == ["IDLE", "IDLE"]
@@ -91,13 +91,6 @@ def test_a_recording_has_its_ending(tree):
     status, said = run_without("nothing", "cli.run:main", str(tree), "--record", "run.bag")
     assert status == 2
     assert "--record writes MCAP, which readers know by its ending: run.mcap" in said
-
-
-def test_without_its_extra_the_recording_names_it(tree, tmp_path):
-    status, said = run_without("mcap", "cli.run:main", str(tree), "--record", str(tmp_path / "run.mcap"))
-    assert (status, "Traceback" in said) == (2, False), said
-    assert "sar-run: --record needs mcap" in said
-    assert "pip install 'sar_compiler[record]'" in said
 
 
 def test_a_mission_is_published_until_its_end(start, tree, ros):
