@@ -157,7 +157,8 @@ def _installed(checkout: Path | None) -> list[str]:
             return True
         return any(folder.is_relative_to(prefix) for prefix in sourced) or folder in _trusted()
 
-    return [entry for entry in sys.path if entry and is_installed_in(Path(entry).resolve())]
+    # What is not absolute is the current folder's, or no folder: the mark of an editable installation.
+    return [entry for entry in sys.path if os.path.isabs(entry) and is_installed_in(Path(entry).resolve())]  # noqa: PTH117
 
 
 def _current_folders() -> set[Path]:
@@ -192,7 +193,8 @@ def _importing(checkout: Path | None) -> Iterator[None]:
     sys.path[:] = [
         entry
         for entry in before
-        if entry in installed or any(Path(entry).resolve().is_relative_to(folder) for folder in edited)
+        if entry in installed
+        or (os.path.isabs(entry) and any(Path(entry).resolve().is_relative_to(each) for each in edited))  # noqa: PTH117
     ]
     try:
         yield
