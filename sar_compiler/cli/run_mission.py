@@ -371,6 +371,11 @@ class _Run:
         # A mission that goes on has a robot somewhere on its way; but a simulated world begins anew.
         unmoved = self.options.check or self.journal.is_resumed
         told = self.parameters.set_initial_pose and (not unmoved or self.simulation is not None)
+        if self.journal.is_resumed and not told and Use.nav2() in tree.uses():
+            self.node.get_logger().info(
+                "The localisation is not told where the robot is, which has driven since the start. If it was started anew, "
+                "give it the pose (in RViz: 2D Pose Estimate)."
+            )
         with readable_ros_errors():
             start = self.parameters.initial_pose if told else None
             actions = [use.name for use in tree.uses() if use.kind == "action"]
