@@ -207,9 +207,10 @@ class MissionRecord:
         self.journal.note("base_reached")
         self._home = True
 
-    def is_acknowledged(self, survivor_id: str) -> bool:
-        """Return whether the base station has confirmed the report of a survivor."""
-        return any(known.survivor_id == survivor_id and known.acknowledged for known in self._survivors)
+    def was_reported_before(self, survivor_id: str) -> bool:
+        """Return whether a survivor was named by an earlier run, and base has confirmed the report."""
+        found = self.survivor(survivor_id)
+        return self.before.has_named(survivor_id) and found is not None and found.acknowledged
 
     def complete(self, zones: ZoneManager) -> bool:
         """Return whether the mission is done: no zone left, every survivor acknowledged, the robot home."""

@@ -61,6 +61,9 @@ class KeepReport(RosLeaf):
             missing = "nobody was found" if pose is None else "the survivor has no name yet"
             self.complain(f"'{self.name}' has no report to keep: {missing}.")
             return Status.FAILURE
+        if self._record.was_reported_before(survivor_id):
+            self.feedback_message = f"{survivor_id}, named by an earlier run, is acknowledged already"
+            return Status.SUCCESS
         self._kept.keep(SurvivorReport(survivor_id, *pose))
         self._record.report_kept(survivor_id)
         self.feedback_message = f"the report of {survivor_id} is kept"
@@ -116,10 +119,7 @@ class DeliverReports(ReportLeaf):
         self._backoff = Backoff(clock or WallClock(), backoff_sec, _LONGEST_BACKOFF_SEC)
 
     def initialise(self) -> None:
-        """Begin with the oldest report; one that was acknowledged meanwhile is not sent."""
-        for report in self._kept:
-            if self._record.is_acknowledged(report.survivor_id):
-                self._kept.delivered(report.survivor_id)
+        """Begin with the oldest report."""
         self._untried = list(self._kept)
         super().initialise()
 

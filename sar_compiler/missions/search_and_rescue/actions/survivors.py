@@ -282,7 +282,7 @@ class NotifyBase(ReportLeaf):
             missing = "nobody was found" if pose is None else "the survivor has no name yet"
             self.complain(f"'{self.name}' has nothing to report: {missing}.")
             return Status.FAILURE
-        if self._record.before.has_named(survivor_id) and self._record.is_acknowledged(survivor_id):
+        if self._record.was_reported_before(survivor_id):
             self.feedback_message = f"{survivor_id}, named by an earlier run, is acknowledged already"
             return Status.SUCCESS
         return self._request_for(SurvivorReport(survivor_id, *pose))
