@@ -62,7 +62,6 @@ from sar_compiler.tree.showing import in_one_line
 
 if TYPE_CHECKING:
     from sar_compiler.cli.run import Options
-    from sar_compiler.cli.run_report import RunReport
     from sar_compiler.cli.run_view import RunView
     from sar_compiler.sim.simulation import Simulation
     from sar_compiler.sim.world import World
@@ -113,11 +112,9 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
         begun, parameters, notes = begin_run(mission, reader, binding)
         fixed = fixed_parameters(mission, binding)
         journal = stack.enter_context(open_run_journal(options, mission, node))
-        watchers = stack.enter_context(open_watchers(options, node, journal, begun))
-        if view is not None:
-            view.begin(journal.earlier())
-            journal.listen(view.take)
-        report = _report(options, parameters, journal)
+        watchers = stack.enter_context(
+            open_watchers(options, node, journal, begun, view, parameters.georeference)
+        )
         journal.keep_facts(begun, reader.parameters)
         if _wants_guardian(options, journal):
             guardian = stack.enter_context(closing(_guardian(options, node)))
@@ -134,7 +131,6 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
             watchers,
             output,
             world,
-            view,
         )
         tree = compile_tree(binding, run.context, reader.parameters)
         journal.describe(tree)
@@ -145,13 +141,10 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
             if world is not None:
                 _require_navigation(tree, world)
                 run.simulation = stack.enter_context(_simulation(options, world, node, begun, faults))
-            status = run.run(tree)
+            return run.run(tree)
         except NotReadyError as error:
             print_error(f"sar-run: {error}")
             return NOT_READY
-        if report is not None:
-            report.write()
-        return status
 
 
 def _view(options: "Options", output: RunOutput) -> "RunView | None":
@@ -165,22 +158,6 @@ def _view(options: "Options", output: RunOutput) -> "RunView | None":
     from sar_compiler.cli.run_view import run_view
 
     return run_view(output)
-
-
-def _report(options: "Options", parameters: RunParameters, journal: RunJournal) -> "RunReport | None":
-    """Return the reports that are asked for, which listen from now on; None if none are.
-
-    Raises:
-        ReportError: If one of them could not be written.
-        ImportError: If a library of theirs is not installed.
-    """
-    if not options.report:
-        return None
-    from sar_compiler.cli.run_report import RunReport
-
-    report = RunReport(options.report, parameters.georeference, journal.earlier())
-    journal.listen(report.take)
-    return report
 
 
 def _wants_guardian(options: "Options", journal: RunJournal) -> bool:
@@ -293,7 +270,6 @@ class _Run:
         watchers: Those outside who watch it.
         output: What is printed.
         world: The world that is simulated, if one is.
-        view: What is shown while it runs, if anything is.
         simulation: The simulation, if there is one.
     """
 
@@ -308,7 +284,6 @@ class _Run:
     watchers: RunWatchers
     output: RunOutput
     world: "World | None" = None
-    view: "RunView | None" = None
     simulation: "Simulation | None" = None
 
     def __post_init__(self) -> None:
@@ -424,8 +399,7 @@ class _Run:
             engine.tick_tock(1000.0 / self.parameters.tick_rate_hz)
             while self._result is None and engine.failure is None and not self._over:
                 self._turn(executor)
-                if self.view is not None:
-                    self.view.refresh(self._clock.now())
+                self.watchers.refresh(self._clock.now())
             elapsed = self._clock.now() - self._started
             self._adrift = engine.settle(executor, self.parameters.settle_timeout_sec)
         except SetupFailedError as error:
@@ -441,8 +415,7 @@ class _Run:
             if self._watch is not None:
                 self._watch.close()
             engine.shutdown()
-            if self.view is not None:
-                self.view.close()
+            self.watchers.leave_terminal()
         try:
             status = self._conclude(engine, elapsed)
         except MissionError as error:
@@ -463,8 +436,7 @@ class _Run:
             tell(self.node, f"A callback failed: {described(error)}. The tree is stopped.", error)
 
     def _leave_at_once(self, tree: CompiledTree) -> int | None:
-        if self.view is not None:
-            self.view.close()
+        self.watchers.leave_terminal()
         active = len(goals_under_way(self.node))
         send_cancels(tree.root, self.node)
         if not active:

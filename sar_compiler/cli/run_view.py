@@ -120,10 +120,12 @@ class RunScreen(RunView):
         """Draw a last time, and give the terminal back: the view stays where it is, and what follows comes below."""
         if self._is_closed or not self._has_begun:
             return
-        self._draw()
         self._is_closed = True
-        if self._height:
-            self._output.draw(f"{_NO_MARGINS}\x1b[{self._size[1]};1H\r\n")
+        try:
+            self._draw()
+        finally:
+            if self._height:
+                self._output.draw(f"{_NO_MARGINS}\x1b[{self._size[1]};1H\r\n")
 
     def _draw(self) -> None:
         try:

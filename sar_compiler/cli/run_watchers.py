@@ -1,7 +1,7 @@
 """Those outside who watch a run of `sar-run`; what they take is imported only where they are asked for."""
 
-from collections.abc import Iterator
-from contextlib import ExitStack, closing, contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
     from sar_compiler.cli.run import Options
     from sar_compiler.cli.run_journal import RunJournal
+    from sar_compiler.cli.run_report import RunReport
+    from sar_compiler.cli.run_view import RunView
+    from sar_compiler.journal.georeference import Georeference
     from sar_compiler.journal.journal_entries import JournalEntry
     from sar_compiler.monitoring.groot2_publisher import Groot2Publisher
     from sar_compiler.ros.engine import Engine
@@ -30,13 +33,29 @@ class RunWatchers:
         node: The run's node.
         journal: The run's journal.
         stack: Ends what they have begun.
+        view: What is shown on standard output, if anything is.
+        place: Where the map lies on the earth, if that is known.
 
     Raises:
-        SarError: If there can be no recording.
+        SarError: If there can be no recording, or no report.
+        ImportError: If a library of a report is not installed.
     """
 
-    def __init__(self, options: "Options", node: "Node", journal: "RunJournal", stack: ExitStack) -> None:
+    def __init__(
+        self,
+        options: "Options",
+        node: "Node",
+        journal: "RunJournal",
+        stack: ExitStack,
+        view: "RunView | None",
+        place: "Georeference | None",
+    ) -> None:
         self._options, self._node, self._stack = options, node, stack
+        self._view = view
+        if view is not None:
+            view.begin(journal.earlier())
+            journal.listen(view.take)
+        self._report = self._asked_for(options.report, place, journal)
         self._groot2: Groot2Publisher | None = None
         self._recording: MissionRecording | None = None
         # Those who are told of the journal.
@@ -46,6 +65,17 @@ class RunWatchers:
             self._told.append(self._recording)
         if options.record is not None or options.publish:
             journal.listen(self._take)
+
+    def _asked_for(
+        self, files: Sequence[Path], place: "Georeference | None", journal: "RunJournal"
+    ) -> "RunReport | None":
+        if not files:
+            return None
+        from sar_compiler.cli.run_report import RunReport
+
+        report = RunReport(files, place, journal.earlier())
+        journal.listen(report.take)
+        return report
 
     def _opened(self, path: Path) -> "MissionRecording":
         from sar_compiler.ros.mcap_recorder import RecordingError
@@ -96,20 +126,46 @@ class RunWatchers:
         for each in self._told:
             each.watch(engine)
 
+    def refresh(self, now: float) -> None:
+        """Show what is due; called all the time. *now* is the time of the mission's clock, in seconds."""
+        view = self._view
+        if view is None:
+            return
+        try:
+            view.refresh(now)
+        except Exception as error:  # noqa: BLE001 - who only watches must not end a mission
+            self._view = None
+            with suppress(Exception):  # the same again
+                view.close()
+            self._node.get_logger().error(f"The view has failed, and shows no more: {error!r}.")
+
+    def leave_terminal(self) -> None:
+        """Draw no more: what is printed now comes below what was shown."""
+        if self._view is not None:
+            self._view.close()
+
     def end(self) -> None:
         """Say how it has ended, after the end of the journal."""
         for each in self._told:
             each.end()
+        if self._report is not None:
+            self._report.write()
 
 
 @contextmanager
 def open_watchers(
-    options: "Options", node: "Node", journal: "RunJournal", mission: MissionRun | None
+    options: "Options",
+    node: "Node",
+    journal: "RunJournal",
+    mission: MissionRun | None,
+    view: "RunView | None",
+    place: "Georeference | None",
 ) -> Iterator[RunWatchers]:
     """Let those watch a run who are asked for on the command line; nobody watches a check.
 
     Raises:
-        SarError: If there can be no recording, or no page.
+        SarError: If there can be no recording, no page or no report.
+        ImportError: If a library of a report is not installed.
     """
     with ExitStack() as stack:
         if options.view == "web":
@@ -118,4 +174,4 @@ def open_watchers(
             stack.enter_context(serve_run(options.web_port, journal, node, mission))
         if options.check:
             options = replace(options, groot2=None, publish=False, record=None)
-        yield RunWatchers(options, node, journal, stack)
+        yield RunWatchers(options, node, journal, stack, view, place)

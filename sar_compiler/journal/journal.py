@@ -72,7 +72,7 @@ class Journal:
         aside: The name that the file has or will have, because it is another mission's.
         is_resumed: Whether the mission was begun by an earlier run.
         clock: The mission's clock.
-        on_failure: Called with a sentence when the file can no longer be written.
+        on_failure: Called with a sentence when the file can no longer be written, or a listener has raised.
     """
 
     def __init__(self, file: "JournalFile | None" = None, aside: Path | None = None) -> None:
@@ -104,7 +104,7 @@ class Journal:
     def listen(self, listener: Listener) -> None:
         """Have a function called with each entry, once it is written; as well where there is no file.
 
-        It is called in the thread of the mission, and must return at once. Beside facts and what is watched it is told of
+        It is called in the thread of the mission, and must return at once; one that raises is told no more. Beside facts and what is watched it is told of
         the run's beginning and end; `JournalFile.stream` yields the same of a file.
         """
         self._listeners.append(listener)
@@ -236,8 +236,12 @@ class Journal:
         if self._listeners:
             self._told += 1
             entry = JournalEntry(self._told, self._run or 1, time.time(), self.clock.now(), kind, data)
-            for listener in self._listeners:
-                listener(entry)
+            for listener in list(self._listeners):
+                try:
+                    listener(entry)
+                except Exception as error:  # noqa: BLE001, PERF203 - who only watches must not end a mission
+                    self._listeners.remove(listener)
+                    self.on_failure(f"One who watches the mission has failed and watches no more: {error!r}.")
 
     def _row(self, kind: str, data: Mapping[str, object]) -> "Row":
         from sar_compiler.journal.database import Row

@@ -38,6 +38,23 @@ def test_a_listener_without_a_file_is_told_the_same(tmp_path):
     assert without_process(live(Journal())) == without_process(live(open_journal(tmp_path / "a.journal")))
 
 
+def test_a_listener_that_raises_is_left_out_and_told_of_and_the_others_go_on():
+    journal = Journal()
+    told: list[JournalEntry] = []
+    said: list[str] = []
+    journal.on_failure = said.append
+
+    def fail(entry):
+        raise OSError
+
+    journal.listen(fail)
+    journal.listen(told.append)
+    journal.note("zone_visited", zone="zone_a")
+    journal.note("zone_visited", zone="zone_b")
+    assert [entry.data["zone"] for entry in told] == ["zone_a", "zone_b"]
+    assert said == ["One who watches the mission has failed and watches no more: OSError()."]
+
+
 def test_the_runs_of_a_mission_come_one_after_the_other(tmp_path):
     place = tmp_path / "mission.journal"
     for resume in (False, True):
