@@ -5,7 +5,8 @@ VENV ?= .venv
 # An environment that is there already keeps its interpreter unless another one is asked for.
 PYTHON ?= $(if $(wildcard $(VENV)/.python-*),$(VENV)/bin/python,python3)
 SPEED ?= 5
-JOBS ?= auto
+# Tests of runs wait more than they compute: twice as many at a time as there are processors.
+JOBS ?= $(shell echo $$((2 * $$(nproc))))
 SEED ?= 1
 COUNT ?= 60
 # For `make bench`: which benchmarks (all), whether on small trees only, and whether this is the record from now on.

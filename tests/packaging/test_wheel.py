@@ -74,7 +74,7 @@ def test_the_ament_index_of_the_environment_has_the_package(installed):
     assert (environment / "share" / "sar_compiler" / "package.xml").is_file()
 
 
-def test_the_shipped_tree_is_shown_by_its_name(installed, tmp_path):
+def test_the_shipped_tree_is_shown_by_its_name_and_the_kernel_is_compiled(installed, tmp_path):
     _, environment = installed
     # Only the libraries come from the environment of the tests.
     variables = {**os.environ, "PYTHONPATH": sysconfig.get_path("purelib")}
@@ -82,6 +82,8 @@ def test_the_shipped_tree_is_shown_by_its_name(installed, tmp_path):
         environment / "bin" / "sar-compile", "show", "search_and_rescue", cwd=tmp_path, env=variables
     )
     assert "MissionOrReturnToBase" in printed
+    version = done(environment / "bin" / "sar-compile", "--version", cwd=tmp_path, env=variables)
+    assert "kernel: compiled" in version
     root = "import sar_compiler.resources as r; print(r.shipped_root())"
     printed = done(environment / "bin" / "python", "-c", root, cwd=tmp_path, env=variables)
     assert printed.strip() == str(environment / "share" / "sar_compiler")
