@@ -41,7 +41,7 @@ from sar_compiler.ros.arguments import (
 from sar_compiler.ros.clock import RosClock
 from sar_compiler.ros.engine import Engine, EngineFactory, find_engine
 from sar_compiler.ros.errors import readable_ros_errors
-from sar_compiler.ros.failure_reports import described, show_tracebacks, tell
+from sar_compiler.ros.failure_reports import described, failure_text, show_tracebacks, tell
 from sar_compiler.ros.faults import NAVIGATION, NAVIGATION_FAULTS, Fault, FaultPlan, parse_fault
 from sar_compiler.ros.guardian import Guardian
 from sar_compiler.ros.leaves.goals_under_way import goals_under_way
@@ -133,7 +133,7 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
             world,
         )
         tree = compile_tree(binding, run.context, reader.parameters)
-        journal.describe(tree)
+        journal.describe(tree, loaded.path)
         watchers.show(tree, begun or MissionRun())
         for note in notes:
             node.get_logger().warning(in_one_line(note))
@@ -293,7 +293,7 @@ class _Run:
         self._reason = ""
         self._started = 0.0
         self._adrift: list[str] = []
-        self._callback_failed = False
+        self._callback_failure: Exception | None = None
         self._sole: SoleMission | None = None
         self._watch: Watch | None = None
         own = self.mission.context if self.mission is not None else {}
@@ -405,7 +405,7 @@ class _Run:
         except SetupFailedError as error:
             tell(self.node, str(error), error.__cause__)
             status = self._failed(
-                "the tree was not started, because one of its leaves failed in setup (see above)"
+                "the tree was not started, because one of its leaves failed in setup (see above)", str(error)
             )
             self.journal.end(status, self._reason)
             self.watchers.end()
@@ -432,7 +432,7 @@ class _Run:
         except ExternalShutdownException:
             pass  # noticed by the enclosing loop
         except Exception as error:  # noqa: BLE001 - of a leaf's own callback, or of rclpy's: a clock before 0
-            self._callback_failed = True
+            self._callback_failure = error
             tell(self.node, f"A callback failed: {described(error)}. The tree is stopped.", error)
 
     def _leave_at_once(self, tree: CompiledTree) -> int | None:
@@ -458,7 +458,8 @@ class _Run:
         """Whether the run is ended by something other than the tree."""
         failed = self.simulation is not None and self.simulation.failure is not None
         troubled = self._watch is not None and bool(self._watch.trouble)
-        return self.signals.came or failed or troubled or self._callback_failed or not self.node.context.ok()
+        failed = failed or self._callback_failure is not None
+        return self.signals.came or failed or troubled or not self.node.context.ok()
 
     def _look_for_end(self, tree: BehaviourTree) -> None:
         status = Status.INVALID if was_skipped(tree.root) else tree.root.status
@@ -486,9 +487,15 @@ class _Run:
 
     def _status_of_run(self, engine: Engine) -> int:
         if engine.failure is not None:
-            return self._failed("the tree was stopped, because one of its leaves failed (see above)")
-        if self._callback_failed:
-            return self._failed("the tree was stopped, because a callback failed (see above)")
+            return self._failed(
+                "the tree was stopped, because one of its leaves failed (see above)",
+                failure_text(engine.failure),
+            )
+        if self._callback_failure is not None:
+            return self._failed(
+                "the tree was stopped, because a callback failed (see above)",
+                f"a callback failed: {described(self._callback_failure)}",
+            )
         if self._result is None and not self._end.complete:
             return self._interrupted()
         if self._result is not None and not self._result.achieved:
@@ -509,7 +516,13 @@ class _Run:
             return self._failed(self._watch.trouble)
         return self._failed("ROS was shut down")
 
-    def _failed(self, reason: str) -> int:
-        self._reason = reason
-        print_error(f"sar-run: {reason}")
+    def _failed(self, said: str, reason: str = "") -> int:
+        """Say why the run has failed.
+
+        Args:
+            said: The last line on the terminal, below what was said of it before.
+            reason: The same for those who do not have the terminal; by default in the same words.
+        """
+        self._reason = reason or said
+        print_error(f"sar-run: {said}")
         return FINDINGS

@@ -57,6 +57,12 @@ def places(behaviour: Behaviour | None, error: BaseException) -> str:
     return f" ({said})" if said else ""
 
 
+def failure_text(error: BaseException) -> str:
+    """Return who has raised an exception in a tick, what, and where."""
+    behaviour = raised_in(error)
+    return f"{named(behaviour)} failed: {described(error)}{places(behaviour, error)}"
+
+
 def _line_of(behaviour: Behaviour | None, error: BaseException) -> str | None:
     for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
         code = frame.f_code
@@ -97,13 +103,8 @@ def tell_failure(node: Node | None, error: BaseException) -> Behaviour | None:
     Returns:
         The behaviour that raised it; None if it was not a behaviour of the tree.
     """
-    behaviour = raised_in(error)
-    tell(
-        node,
-        f"{named(behaviour)} failed: {described(error)}{places(behaviour, error)}. The tree is stopped.",
-        error,
-    )
-    return behaviour
+    tell(node, f"{failure_text(error)}. The tree is stopped.", error)
+    return raised_in(error)
 
 
 def _behaviours_passed(error: BaseException) -> list[Behaviour]:

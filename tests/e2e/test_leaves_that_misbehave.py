@@ -1,10 +1,12 @@
 """A leaf that is wrong in itself ends the run, and is named."""
 
 import os
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
+from sar_compiler.journal.database import JournalFile
 from tests.trees import document
 
 pytestmark = pytest.mark.ros
@@ -60,6 +62,17 @@ def fly(request, start, tmp_path):
         return start("sar-run", tree, *arguments, env={"PYTHONPATH": path})
 
     return run
+
+
+def test_the_journal_names_the_leaf_that_has_ended_the_run(fly, tmp_path):
+    run = fly(
+        '<Timeout duration="600"><Forgetful name="Out"/></Timeout>', "--journal", tmp_path / "m.journal"
+    )
+    assert run.end() == 1, run.output
+    with closing(JournalFile.read(tmp_path / "m.journal")) as journal:
+        (told,) = journal.runs()
+    assert told.reason.startswith("'Out' (Forgetful) failed: update() returned None")
+    assert "tree.xml:3" in told.reason
 
 
 def test_a_callback_that_raises_ends_the_run_in_order(fly):
