@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import Parser, add_version, port
-from sar_compiler.commands import OK, interruptible, print_text, run
-from sar_compiler.views.plain import as_json
+from sar_compiler.cli.journal_why import add_why
+from sar_compiler.commands import OK, interruptible, run
 
 if TYPE_CHECKING:
     from sar_compiler.journal.journal_entries import JournalEntry
@@ -59,16 +59,8 @@ def _parser() -> argparse.ArgumentParser:
         metavar="OUT",
         help="the files, each in the form of its ending: .html, .json, .geojson, .cot, .cap",
     )
-    text = "Tell why a mission has failed: from the root down to the answers that caused it."
-    why = commands.add_parser("why", help=text, description=text)
-    why.add_argument("journal", type=Path, metavar="FILE", help="the journal; its last run counts")
-    why.add_argument(
-        "--against",
-        type=Path,
-        metavar="OTHER",
-        help="the journal of another run: say what was different first",
-    )
-    why.add_argument("--format", choices=("text", "json"), default="text", help="for people, or for scripts")
+    text = "Tell why a mission has failed: from the root down to the answers that caused it, and what would have succeeded."
+    add_why(commands.add_parser("why", help=text, description=text))
     for name, text in (
         ("replay", "Serve a page on this machine that shows missions again, back and forth through time."),
         ("watch", "Serve a page on this machine of missions that are running, by what they write."),
@@ -82,24 +74,10 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _why(options: argparse.Namespace) -> int:
-    from sar_compiler.nodes.registry import default_registry
-    from sar_compiler.nodes.spec import Kind
-    from sar_compiler.views import why as views
+    from sar_compiler.cli.journal_why import tell_why
 
-    conditions = [
-        each.maker_path.replace(":", ".") for each in default_registry() if each.kind is Kind.CONDITION
-    ]
-    stream = _stream(options.journal)
-    reasons = views.why(stream, conditions)
-    other = None if options.against is None else _stream(options.against)
-    difference = None if other is None else views.first_difference(stream, other)
-    if options.format == "json":
-        data = views.why_data(reasons)
-        print(as_json(data if other is None else {**data, "difference": views.difference_data(difference)}))
-        return OK
-    print_text(views.why_text(reasons))
-    if other is not None:
-        print_text(f"\n{views.difference_text(difference, (str(options.journal), str(options.against)))}")
+    against = None if options.against is None else _stream(options.against)
+    tell_why(options, _stream(options.journal), against)
     return OK
 
 

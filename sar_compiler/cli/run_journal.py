@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.journal.journal import Journal, Listener
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.missions.mission import Mission, MissionRun
+from sar_compiler.nodes.spec import Kind
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -75,20 +77,31 @@ class RunJournal:
             facts = len(self._journal.facts())
             self._node.get_logger().info(f"The mission in {self._journal.place} goes on after {facts} facts.")
         if run is not None:
+            self._run_about["facts"] = as_data(run.facts())
             run.keep_in(self._journal)
 
-    def describe(self, tree: CompiledTree) -> None:
-        """Take the tree that is run.
+    def describe(self, tree: CompiledTree, path: Path) -> None:
+        """Take the tree that is run, and its file.
 
         Raises:
             TreeError: If the journal is of another tree.
         """
         if not self._journal.is_wanted:
             return
+        from sar_compiler.journal.status_watch import pre_order
         from sar_compiler.missions.resuming import as_data, require_same_tree
         from sar_compiler.views.outline import outline
 
         self._about["tree"] = nodes = as_data(outline(tree))
+        self._run_about |= {
+            "tree_file": str(path.resolve()),
+            "tree_id": tree.instance.tree.name,
+            "conditions": [
+                number
+                for number, each in enumerate(pre_order(tree.root))
+                if not each.children and tree.origins[each.id].bound.spec.kind is Kind.CONDITION
+            ],
+        }
         if self.is_resumed:
             require_same_tree(self._journal, tree, nodes)
 

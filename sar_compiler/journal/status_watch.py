@@ -27,7 +27,7 @@ class StatusWatch(VisitorBase):
     def __init__(self, root: Behaviour, journal: Journal) -> None:
         super().__init__(full=False)
         self._journal = journal
-        self._behaviours = list(_pre_order(root))
+        self._behaviours = list(pre_order(root))
         self._numbers = {id(behaviour): number for number, behaviour in enumerate(self._behaviours)}
         self._last: dict[int, tuple[str, str]] = {}
         self._standing: set[int] = set()
@@ -63,7 +63,8 @@ class StatusWatch(VisitorBase):
         self._journal.watch("status", node=number, tick=self._tick, status=status, message=message, **more)
 
 
-def _pre_order(root: Behaviour) -> Iterator[Behaviour]:
+def pre_order(root: Behaviour) -> Iterator[Behaviour]:
+    """Yield the nodes of a tree in the order of their numbers."""
     waiting = [root]
     while waiting:
         behaviour = waiting.pop()

@@ -345,21 +345,21 @@ class LoadedTree:
         if errors:
             raise TreeError(errors)
 
-    def _start_values(self, params: str | Path | None, binding: Binding) -> "StartValues":
+    def _start_values(self, params: "str | Path | StartValues | None", binding: Binding) -> "StartValues":
         from sar_compiler.checks.assumptions import StartValues
 
-        if params is None:
-            return StartValues()
+        if params is None or isinstance(params, StartValues):
+            return params or StartValues()
         from sar_compiler.project.start_values import start_values
 
         return start_values(params, binding, self.project.checkout, self._note)
 
-    def stage(self, tree_id: str | None = None, params: str | Path | None = None) -> "Stage":
+    def stage(self, tree_id: str | None = None, params: "str | Path | StartValues | None" = None) -> "Stage":
         """Return the stage on which scenarios are played.
 
         Args:
             tree_id: The tree that is played if a scenario names none; by default the one that the file executes.
-            params: The mission's ROS parameter file; by default, leaves say what facts are at the start.
+            params: The mission's ROS parameter file, or what it says; by default, leaves say what facts are at the start.
 
         Raises:
             TreeError: If there are errors.

@@ -4,6 +4,7 @@ import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from sar_compiler.checks.verify.counterfactual import Counterfactual, LeafAnswer, RecordedTick
 from sar_compiler.journal.journal_entries import RUN_BEGAN, JournalEntry
 from sar_compiler.journal.mission_state import FAILURE, SUCCESS, Instant, MissionState, NodeState
 from sar_compiler.tree.showing import in_one_line, shortened
@@ -66,6 +67,7 @@ class Why(NamedTuple):
         outcome: What the mission has come to, in a word.
         reason: The reason that its last run has given.
         ended: When the root had failed.
+        went_on: Whether the root has come to something else since.
     """
 
     chain: tuple[CameTo, ...]
@@ -74,6 +76,7 @@ class Why(NamedTuple):
     outcome: str
     reason: str
     ended: Instant | None
+    went_on: bool = False
 
     @property
     def first(self) -> CameTo | None:
@@ -81,7 +84,7 @@ class Why(NamedTuple):
         return self.answers[0] if self.answers else None
 
 
-def why(stream: Sequence[JournalEntry], conditions: Iterable[str] = ()) -> Why:
+def why(stream: Sequence[JournalEntry]) -> Why:
     """Return why the last run of a mission has failed.
 
     Of each node those children have caused its status that have the same; under one that turns it, the other one. Where
@@ -90,16 +93,16 @@ def why(stream: Sequence[JournalEntry], conditions: Iterable[str] = ()) -> Why:
 
     Args:
         stream: The entries, in their order.
-        conditions: The classes of leaves that are conditions.
     """
-    entries, looks = _last_run(stream), set(conditions)
+    entries = _last_run(stream)
+    looks = _conditions(entries)
     ended = MissionState.of(entries)
     explained = _Explained(entries)
     chain = explained.chain
     history = _History(entries[: explained.count])
 
     def is_look(answer: CameTo) -> bool:
-        return ended.nodes[answer.node].kind in looks
+        return answer.node in looks
 
     def blame(answer: CameTo) -> tuple[object, ...]:
         # Where there were several ways, those before were passed over, and the last one was what was left.
@@ -114,12 +117,28 @@ def why(stream: Sequence[JournalEntry], conditions: Iterable[str] = ()) -> Why:
         acted = [each for each in before if not is_look(each.first) and (not chain or _cost(ended, each))]
         acted.sort(key=lambda each: (not _cost(ended, each), each.has_recovered, -each.times))
         answers = [*(each.first for each in acted), *answers]
-    return Why(chain, tuple(answers), tuple(before), word, reason, chain[0].since if chain else None)
+    since = chain[0].since if chain else None
+    return Why(chain, tuple(answers), tuple(before), word, reason, since, explained.went_on)
 
 
 def _last_run(stream: Sequence[JournalEntry]) -> list[JournalEntry]:
     begun = [index for index, entry in enumerate(stream) if entry.kind == RUN_BEGAN]
-    return list(stream[begun[-1] :]) if begun else []
+    entries = stream[begun[-1] :] if begun else []
+    count = len(MissionState.of(entries[:1]).nodes)
+    return [entry for entry in entries if entry.kind != "status" or _is_sound(entry.data, count)]
+
+
+def _is_sound(data: Mapping[str, Any], count: int) -> bool:
+    """Return whether an entry of a status is like those of this project."""
+    node, tick = data.get("node"), data.get("tick")
+    return isinstance(node, int) and 0 <= node < count and isinstance(tick, int) and "status" in data
+
+
+def _conditions(entries: Sequence[JournalEntry]) -> set[int]:
+    """Return the numbers of the leaves that are conditions, as a run says."""
+    about = entries[0].data.get("run") if entries else None
+    said = about.get("conditions") if isinstance(about, Mapping) else None
+    return {each for each in said if isinstance(each, int)} if isinstance(said, list) else set()
 
 
 class _Explained:
@@ -134,6 +153,7 @@ class _Explained:
         chain: The nodes from the root down; empty if it has never failed.
         answers: Those of them that nothing below explains.
         count: The number of entries up to then; of all, if it has never failed.
+        went_on: Whether the root has come to something else since.
     """
 
     def __init__(self, entries: Sequence[JournalEntry]) -> None:
@@ -154,6 +174,7 @@ class _Explained:
             if self._came.get(0) == FAILURE and 0 not in self._gone:
                 self._explain()
                 self.count = taken
+        self.went_on = bool(self.chain) and self._came.get(0) != FAILURE
 
     def _take(self, tick: int, entries: Sequence[JournalEntry]) -> None:
         """Take what came in a tick: first what was ticked, then what was stopped or reset at its end."""
@@ -330,16 +351,80 @@ def _changes(stream: Sequence[JournalEntry]) -> Iterator[CameTo]:
             yield _answer(state.nodes[number], 0)
 
 
-def why_text(reasons: Why) -> str:
-    """Return why a mission has failed, in words."""
-    lines = [f"The mission is {reasons.outcome}{f': {reasons.reason}' if reasons.reason else '.'}"]
-    if reasons.first is not None:
+def recorded(stream: Sequence[JournalEntry]) -> list[RecordedTick]:
+    """Return the last run of a mission up to the last failure of its root, tick by tick; empty if that has not failed."""
+    entries = _last_run(stream)
+    explained = _Explained(entries)
+    if not explained.chain:
+        return []
+    ticks, state = [], MissionState()
+    for number, group in itertools.groupby(entries[: explained.count], _tick()):
+        came: dict[int, str] = {}
+        gone: set[int] = set()
+        for entry in group:
+            state.take(entry)
+            if entry.kind == "status":
+                if entry.data["status"] in _GONE:
+                    gone.add(entry.data["node"])
+                else:
+                    came[entry.data["node"]] = entry.data["status"]
+        if number:
+            ticks.append(RecordedTick(number, state.now.time, came, frozenset(gone)))
+    return ticks
+
+
+def counterfactual_text(change: Counterfactual, stream: Sequence[JournalEntry]) -> str:
+    """Return how a mission would have succeeded, in words."""
+    nodes = MissionState.of(_last_run(stream)).nodes
+    leaf = nodes[change.instead.node]
+    said = f"{change.instead.status}{_meaning(change.instead)} instead of {change.was.status}{_meaning(change.was)}"
+    place = f"  ({leaf.file}:{leaf.line})" if leaf.file else ""
+    lines = ["It would have succeeded with another answer:"]
+    lines.append(in_one_line(f"  {change.time_sec:.1f} s  {leaf.name} {said}{place}"))
+    if change.then:
+        usual = "as usual" if not change.unusual else f"{change.unusual} of them not as usual"
+        told = [f"{nodes[each.node].name} {each.label or each.status}" for each in change.then[:_MOST]]
+        more = f", and {len(change.then) - _MOST} more" if len(change.then) > _MOST else ""
+        lines.append(in_one_line(f"  and after it, {usual}: {', '.join(told)}{more}"))
+    return "\n".join(lines)
+
+
+def _meaning(answer: LeafAnswer) -> str:
+    return f" ({answer.label})" if answer.label else ""
+
+
+def counterfactual_data(change: Counterfactual, stream: Sequence[JournalEntry]) -> dict[str, Any]:
+    """Return how a mission would have succeeded as JSON values."""
+    nodes = MissionState.of(_last_run(stream)).nodes
+
+    def data(answer: LeafAnswer) -> dict[str, object]:
+        return {**answer._asdict(), "name": nodes[answer.node].name}
+
+    leaf = nodes[change.instead.node]
+    return {
+        "tick": change.tick,
+        "time": change.time_sec,
+        "place": f"{leaf.file}:{leaf.line}" if leaf.file else "",
+        "was": data(change.was),
+        "instead": data(change.instead),
+        "then": [data(each) for each in change.then],
+        "unusual": change.unusual,
+    }
+
+
+def why_text(reasons: Why, otherwise: str = "") -> str:
+    """Return why a mission has failed, in words, with what would have succeeded."""
+    said = f": {reasons.reason}" if reasons.reason else "."
+    lines = [in_one_line(f"The mission is {reasons.outcome}{said}")]
+    if reasons.first is not None and reasons.outcome != "complete":
         lines += ["", "First to look at:", f"  {_told(reasons.first)}"]
     if reasons.chain:
-        lines += ["", "The root has failed:"]
+        lines += ["", "The root had failed, and went on:" if reasons.went_on else "The root has failed:"]
         lines += [f"  {'  ' * answer.depth}{_told(answer)}" for answer in reasons.chain]
     elif reasons.outcome != "complete":
         lines += ["", "The root has not failed."]
+    if otherwise:
+        lines += ["", otherwise]
     if reasons.before:
         lines += ["", "What had failed before, and had not the last word:"]
         lines += [f"  {_told(each.first)}{_often(each)}" for each in reasons.before[:_MOST]]
@@ -377,6 +462,7 @@ def why_data(reasons: Why) -> dict[str, Any]:
         "outcome": reasons.outcome,
         "reason": reasons.reason,
         "failed": reasons.ended and _instant(reasons.ended),
+        "went_on": reasons.went_on,
         "answers": [answer_data(each) for each in reasons.answers],
         "chain": [answer_data(each) for each in reasons.chain],
         "before": [

@@ -2,15 +2,16 @@
 
 import pytest
 
+from sar_compiler.cli.journal_command import main as sar_journal
 from tests.e2e.test_search_and_rescue import MISSION_LOG
 from tests.processes import Command, in_order
 
 pytestmark = pytest.mark.ros
 
 
-def fly(*faults, zones="[zone_a, zone_b, zone_c, zone_d]"):
+def fly(*faults, zones="[zone_a, zone_b, zone_c, zone_d]", options=()):
     """Fly the resilient tree with faults to zones; return the run, ended, and its exit status."""
-    options = [word for fault in faults for word in ("--fault", fault)]
+    options = [*options, *(word for fault in faults for word in ("--fault", fault))]
     run = Command(
         "sar-run",
         "search_and_rescue_resilient",
@@ -82,8 +83,8 @@ def test_reports_that_are_never_acknowledged_are_named_at_the_end():
     assert "Mission complete." not in run.log
 
 
-def test_a_zone_out_of_reach_is_come_back_to_then_abandoned_and_the_rest_is_done():
-    run, status = fly("navigate_to_pose:abort=zone_b")
+def test_a_zone_out_of_reach_is_come_back_to_then_abandoned_and_the_rest_is_done(tmp_path, capsys):
+    run, status = fly("navigate_to_pose:abort=zone_b", options=["--journal", tmp_path / "m.journal"])
     assert status == 1
     zones = ["zone_a...", "zone_b...", "zone_c...", "zone_d...", "zone_b...", "station..."]
     assert zones_driven_to(run) == zones, run.output
@@ -91,6 +92,9 @@ def test_a_zone_out_of_reach_is_come_back_to_then_abandoned_and_the_rest_is_done
     assert "  zones visited:   3 of 4 (zone_a, zone_c, zone_d)" in run.output
     assert "  back at base:    yes" in run.output
     assert run.output.splitlines()[-1].endswith("zone_b was abandoned after attempt 3.")
+    assert sar_journal(["why", str(tmp_path / "m.journal")]) == 0
+    told = capsys.readouterr().out
+    assert "NavigateToZone SUCCESS (arrived) instead of FAILURE (aborted)" in told
 
 
 def test_a_server_that_comes_back_is_driven_with_again(overcome):

@@ -13,7 +13,7 @@ from sar_compiler.cli.journal_command import main
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.opening import open_journal
-from sar_compiler.journal.status_watch import StatusWatch
+from sar_compiler.journal.status_watch import StatusWatch, pre_order
 from sar_compiler.views.why import difference_text, first_difference, why, why_text
 
 S, F, R = Status.SUCCESS, Status.FAILURE, Status.RUNNING
@@ -25,7 +25,6 @@ def leaf(name, *statuses):
 
 def described(node, line=1):
     kind = f"{type(node).__module__}.{type(node).__qualname__}"
-    kind = f"Condition.{kind}" if node.name.endswith("?") else kind
     children = [described(child, line + 1) for child in node.children]
     return {
         "class": kind,
@@ -37,15 +36,13 @@ def described(node, line=1):
     }
 
 
-LOOKS = ["Condition.py_trees.behaviours.StatusQueue"]
-
-
 def flown(root, ticks=1, journal=None, told=(), **about):
     """Tick a tree; return the stream of its journal. Facts come after the ticks."""
     journal = journal or Journal()
     stream: list[JournalEntry] = []
     journal.listen(stream.append)
-    journal.begin({"tree": described(root), **about}, {})
+    looks = [number for number, node in enumerate(pre_order(root)) if node.name.endswith("?")]
+    journal.begin({"tree": described(root), **about}, {"conditions": looks})
     tree = BehaviourTree(root)
     tree.add_visitor(StatusWatch(root, journal))
     for _ in range(ticks):
@@ -82,7 +79,7 @@ def test_of_several_ways_all_are_told_and_the_last_one_is_the_first_to_look_at()
 
 
 def test_a_condition_only_tells_what_is_so():
-    reasons = why(flown(Selector("root", memory=False, children=[leaf("do", F), leaf("is?", F)])), LOOKS)
+    reasons = why(flown(Selector("root", memory=False, children=[leaf("do", F), leaf("is?", F)])))
     assert names(reasons.answers) == ["do", "is?"]
 
 
@@ -148,7 +145,7 @@ def mission(update, told):
     journal = Journal()
     act = Selector("try", memory=False, children=[Act("act", [F], F), leaf("go on", S)])
     root = Sequence("root", memory=True, children=[act, leaf("complete?", F)])
-    return why(flown(root, 1, journal, told, **ZONE), LOOKS)
+    return why(flown(root, 1, journal, told, **ZONE))
 
 
 def test_behind_a_condition_stands_what_has_cost_the_mission_a_zone():
@@ -182,6 +179,35 @@ def test_what_had_failed_before_is_told_with_how_often():
     )
     (before,) = why(flown(root, 4)).before
     assert (before.first.name, before.times, before.has_recovered) == ("one", 2, True)
+
+
+def test_a_failure_that_the_root_has_got_over_is_no_cause():
+    reasons = why(flown(leaf("one", F, S), 2))
+    assert reasons.went_on
+    assert "The root had failed, and went on:" in why_text(reasons)
+    assert "First to look at" not in why_text(reasons._replace(outcome="complete"))
+
+
+@pytest.mark.parametrize(
+    "odd",
+    [
+        {"node": 9, "tick": 1, "status": "FAILURE", "message": ""},
+        {"node": 0, "status": "FAILURE", "message": ""},
+        {"node": "one", "tick": 1, "status": "FAILURE"},
+        {},
+    ],
+    ids=["unknown node", "no tick", "text", "nothing"],
+)
+def test_entries_of_somebody_else_do_not_count(odd):
+    stream = flown(leaf("one", F))
+    entry = stream[-1]._replace(kind="status", data=odd)
+    assert names(why([*stream[:-1], entry, stream[-1]]).chain) == ["one"]
+    assert why([stream[0]._replace(data={}), entry]).chain == ()
+
+
+def test_a_reason_with_a_line_break_is_one_line():
+    (line, *_) = why_text(why(flown(leaf("one", S)))._replace(reason="a\nThe root has failed:")).splitlines()
+    assert line == "The mission is complete: a\\nThe root has failed:"
 
 
 class TestTheFirstDifference:

@@ -1,0 +1,344 @@
+"""The smallest change of answers with which a run that was recorded would have succeeded.
+
+The run is found again among all runs of the tree, tick by tick: that leaves out when timers were up and what a leaf has meant
+by a status, which a record does not say. From the last tick backwards, it is then let go on otherwise.
+"""
+
+import itertools
+from collections import deque
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from sar_compiler.checks.verify.properties import without_properties
+from sar_compiler.checks.verify.state import Prepared
+from sar_compiler.checks.verify.stepping import TreeStepper
+from sar_compiler.compiler.simulated_tree import SimulatedTree
+from sar_compiler.errors import UndecidableError
+from sar_compiler.runtime.answers import Answer, nominal
+from sar_compiler.runtime.kernel.cells import RUNNING, SUCCESS, WORDS
+from sar_compiler.runtime.stub_leaf import ANSWERED, Event
+
+_SUCCESS, _RUNNING = WORDS[SUCCESS], WORDS[RUNNING]
+# Answers other than the usual ones after the change, and ticks that are tried.
+_MOST_UNUSUAL = 2
+_MOST_TICKS = 40_000
+# Ticks of one state are all told apart, even where they meet again, for what happened in them is asked.
+_NEVER = 1 << 30
+
+
+class RecordedTick(NamedTuple):
+    """What nodes have come to in a tick.
+
+    Attributes:
+        number: Which tick it was, from 1.
+        time_sec: When it was, seconds since the run began.
+        statuses: What nodes have come to when they were ticked, by their numbers, from 0 in pre-order; one that has come to the
+            same as the last time may be left out.
+        gone: The numbers of those that were stopped or reset by its end.
+    """
+
+    number: int
+    time_sec: float
+    statuses: Mapping[int, str]
+    gone: frozenset[int] = frozenset()
+
+
+class LeafAnswer(NamedTuple):
+    """What a leaf answers.
+
+    Attributes:
+        node: Its number.
+        status: The status.
+        label: What it means by it; empty if nobody says that.
+    """
+
+    node: int
+    status: str
+    label: str = ""
+
+
+class Counterfactual(NamedTuple):
+    """How a run would have succeeded.
+
+    Attributes:
+        tick: The number of the last tick in which something can have been otherwise.
+        time_sec: When that was, seconds since the run began.
+        was: What the leaf has come to in that tick.
+        instead: What it answers instead.
+        then: What leaves answer after that, in order, those that go on running left out.
+        unusual: How many of these answers are other than usual.
+    """
+
+    tick: int
+    time_sec: float
+    was: LeafAnswer
+    instead: LeafAnswer
+    then: tuple[LeafAnswer, ...]
+    unusual: int
+
+
+class NotReplayedError(UndecidableError):
+    """A recorded run is none of the tree's, as far as its leaves say what they can answer."""
+
+
+class OtherTreeError(UndecidableError):
+    """A recorded run is one of a tree with other nodes."""
+
+
+def counterfactual(
+    simulated: SimulatedTree, record: Sequence[RecordedTick], names: Sequence[str]
+) -> Counterfactual | None:
+    """Return the smallest change with which a run would have succeeded, the latest of those; None if none was found.
+
+    The change is one leaf's answer. After it leaves answer what is usual, their first answer that is possible, with as few
+    exceptions as can be, two at most.
+
+    Args:
+        simulated: The tree with stub leaves; it is used up.
+        record: The run, up to the failure of its root.
+        names: The names of the nodes that ran, in pre-order.
+
+    Raises:
+        UndecidableError: If the tree's runs cannot be gone through, or the record is none of them.
+        OtherTreeError: If the tree has nodes other than those that ran.
+    """
+    runs = _Runs(simulated)
+    if runs.names != list(names):
+        message = "the tree has nodes other than those that ran"
+        raise OtherTreeError(message)
+    for unusual, moment in itertools.product(range(_MOST_UNUSUAL + 1), reversed(_replayed(runs, record))):
+        for change in moment.changes(runs):
+            rest = runs.way_to_success(change.way, unusual - change.unusual)
+            if rest is not None:
+                later = (answer for way in rest for answer in way.answers)
+                then = [*change.way.answers[change.place + 1 :], *later]
+                ended = tuple(answer for answer in then if answer.status != _RUNNING)
+                return Counterfactual(
+                    moment.number, moment.time_sec, change.was, change.instead, ended, unusual
+                )
+    return None
+
+
+def _filled(record: Sequence[RecordedTick]) -> Iterator[RecordedTick]:
+    """Yield the ticks of a record, with those between in which nothing was noted."""
+    before: RecordedTick | None = None
+    for tick in record:
+        if before is not None:
+            for number in range(before.number + 1, tick.number):
+                yield RecordedTick(number, before.time_sec, {})
+        yield tick
+        before = tick
+
+
+class _Way(NamedTuple):
+    """A tick from a state.
+
+    Attributes:
+        answers: What leaves answer in it.
+        root: What the root comes to.
+        state: The state after it.
+        unusual: Which of the answers are other than usual.
+    """
+
+    answers: tuple[LeafAnswer, ...]
+    root: str
+    state: bytes
+    unusual: tuple[bool, ...]
+
+    def fits(self, noted: Collection[int], told: Mapping[int, str]) -> bool:
+        """Return whether this tick is what a record says.
+
+        Args:
+            noted: The leaves that were noted in the tick.
+            told: What each node has come to last, with this tick.
+        """
+        came = {each.node: each.status for each in self.answers}
+        return (
+            self.root == told.get(0)
+            and all(told.get(node) == status for node, status in came.items())
+            and all(node in came for node in noted)
+        )
+
+
+class _Change(NamedTuple):
+    """An answer that can have been another one.
+
+    Attributes:
+        way: The tick with the other one.
+        place: Which of its answers that is.
+        was: What the leaf has answered.
+    """
+
+    way: _Way
+    place: int
+    was: LeafAnswer
+
+    @property
+    def instead(self) -> LeafAnswer:
+        """What it answers instead."""
+        return self.way.answers[self.place]
+
+    @property
+    def unusual(self) -> int:
+        """How many answers from this one on are other than usual in the tick."""
+        return sum(self.way.unusual[self.place :])
+
+
+class _Moment(NamedTuple):
+    """A tick of the record, found again.
+
+    Attributes:
+        number: Which tick it was, from 1.
+        time_sec: When it was, seconds since the run began.
+        ways: What it can have been, with the states that it can have begun in.
+    """
+
+    number: int
+    time_sec: float
+    ways: Sequence[tuple[bytes, _Way]]
+
+    def changes(self, runs: "_Runs") -> list[_Change]:
+        """Return what can have been otherwise in it, the last answer first."""
+        changes = []
+        for state, was in self.ways:
+            for way in runs.ways(state):
+                pairs = enumerate(zip(was.answers, way.answers, strict=False))
+                place, other = next(((place, pair) for place, pair in pairs if pair[0] != pair[1]), (0, None))
+                # Another leaf's turn is a timer's doing.
+                if other is not None and other[0].node == other[1].node:
+                    changes.append(_Change(way, place, other[0]))
+        return sorted(changes, key=lambda change: -change.place)
+
+
+class _Runs:
+    """All runs of a tree, as far as somebody asks for them."""
+
+    def __init__(self, simulated: SimulatedTree) -> None:
+        self._simulated = simulated
+        stepper = TreeStepper(Prepared.of(simulated), without_properties().rules, few=_NEVER)
+        self._stepper = stepper
+        self._numbers = {id(node.behaviour): node.index for node in stepper.flat.nodes}
+        self.names = [node.behaviour.name for node in stepper.flat.nodes]
+        self.leaves = {self._numbers[id(leaf)] for leaf in simulated.leaves}
+        self._known: dict[bytes, list[_Way]] = {}
+        self._hopeless: dict[bytes, int] = {}
+        self._played = 0
+
+    @property
+    def start(self) -> bytes:
+        """The state before the first tick."""
+        return self._stepper.steps.start()
+
+    def ways(self, state: bytes) -> list[_Way]:
+        """Return the ticks of a state; none once too many were tried."""
+        known = self._known.get(state)
+        if known is not None or self._played >= _MOST_TICKS:
+            return known or []
+        steps, played = self._stepper.steps, []
+        steps.enter(state)
+        while self._played < _MOST_TICKS and steps.step():
+            self._played += 1
+            if steps.state is not None:
+                tick = self._stepper.played()
+                played.append((tick.events, tick.root, steps.state))
+        found = [
+            _Way(tuple(map(self._answer, _answered(events))), root, after, self._unusual(state, events))
+            for events, root, after in played
+        ]
+        known = self._known[state] = list(dict.fromkeys(found))
+        return known
+
+    def _answer(self, event: Event) -> LeafAnswer:
+        assert event.answer is not None  # noqa: S101 - it is one
+        return LeafAnswer(self._numbers[id(event.leaf)], event.answer.status, event.answer.label)
+
+    def _unusual(self, state: bytes, events: Sequence[Event]) -> tuple[bool, ...]:
+        """Return which answers of a tick from a state are other than usual."""
+        self._stepper.steps.restore(state)
+        unusual = []
+        for event in _answered(events):
+            answer: Answer | None = event.answer
+            if answer is not None:
+                unusual.append(nominal(event.leaf.options()) is not answer)
+                event.leaf.change(answer)
+        return tuple(unusual)
+
+    def way_to_success(self, way: _Way, most: int) -> list[_Way] | None:
+        """Return the ticks after one up to a success of the root, the fewest; None if there are none.
+
+        Args:
+            way: The tick.
+            most: How many answers of them can be other than usual.
+        """
+        if way.root == _SUCCESS and most >= 0:
+            return []
+        if most < 0 or way.root != _RUNNING or self._is_hopeless(way.state, most):
+            return None
+        origins: dict[tuple[bytes, int], tuple[tuple[bytes, int], _Way] | None] = {(way.state, 0): None}
+        waiting = deque(origins)
+        while waiting:
+            place = waiting.popleft()
+            state, used = place
+            for each in self.ways(state):
+                after = each.state, used + sum(each.unusual)
+                if after in origins or after[1] > most or self._is_hopeless(each.state, most - after[1]):
+                    continue
+                origins[after] = place, each
+                if each.root == _SUCCESS:
+                    return _back(origins, after)
+                if each.root == _RUNNING:
+                    waiting.append(after)
+        if self._played < _MOST_TICKS:
+            for state, used in origins:
+                self._hopeless[state] = max(most - used, self._hopeless.get(state, -1))
+        return None
+
+    def _is_hopeless(self, state: bytes, most: int) -> bool:
+        return self._hopeless.get(state, -1) >= most
+
+
+def _answered(events: Sequence[Event]) -> list[Event]:
+    return [event for event in events if event.what == ANSWERED]
+
+
+def _back(
+    origins: Mapping[tuple[bytes, int], tuple[tuple[bytes, int], _Way] | None], place: tuple[bytes, int]
+) -> list[_Way]:
+    found = []
+    origin = origins[place]
+    while origin is not None:
+        place, way = origin
+        found.append(way)
+        origin = origins[place]
+    return found[::-1]
+
+
+def _replayed(runs: _Runs, record: Sequence[RecordedTick]) -> list[_Moment]:
+    """Return the ticks of a run, found again.
+
+    Raises:
+        NotReplayedError: If the run is none of the tree's.
+    """
+    told: dict[int, str] = {}
+    moments: list[_Moment] = []
+    now = {runs.start}
+    for tick in _filled(record):
+        told.update(tick.statuses)
+        noted = runs.leaves.intersection(tick.statuses)
+        ways = [(state, way) for state in sorted(now) for way in runs.ways(state) if way.fits(noted, told)]
+        if not ways:
+            message = (
+                f"the run cannot be found again in the tree from tick {tick.number} on, {tick.time_sec:.1f} s: "
+                "no leaf is known to answer like that there"
+            )
+            raise NotReplayedError(message)
+        moments.append(_Moment(tick.number, tick.time_sec, ways))
+        now = {way.state for _, way in ways}
+        told.update(dict.fromkeys(tick.gone, ""))
+    for index in range(len(moments) - 1, -1, -1):  # what leads nowhere was not so
+        moment = moments[index]
+        moments[index] = moment._replace(
+            ways=[(state, way) for state, way in moment.ways if way.state in now]
+        )
+        now = {state for state, _ in moments[index].ways}
+    return moments

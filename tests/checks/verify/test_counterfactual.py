@@ -1,0 +1,151 @@
+"""The smallest change of answers with which a run would have succeeded, by runs that stub leaves have flown."""
+
+import itertools
+
+import pytest
+
+from sar_compiler.checks.verify.counterfactual import (
+    NotReplayedError,
+    OtherTreeError,
+    RecordedTick,
+    counterfactual,
+)
+from sar_compiler.runtime.answers import nominal
+from sar_compiler.views.why import recorded
+from tests.trees import document
+from tests.views.flown import REGISTRY, Said, flown, injected, simulated
+
+
+def change_of(path, body, registry=REGISTRY, **answers):
+    """Fly a tree in which leaves answer what is said; return what would have succeeded, with the names of nodes."""
+    path.write_text(document(body), encoding="utf-8")
+    tree = simulated(path, registry)
+    stream, root = flown(tree, Said(**answers))
+    assert root == "FAILURE"
+    names = names_in(stream)
+    change = counterfactual(simulated(path, registry), recorded(stream), names)
+    if change is None:
+        return None
+
+    def told(answer):
+        return f"{names[answer.node]} {answer.label or answer.status}"
+
+    return change.tick, told(change.was), told(change.instead), [told(each) for each in change.then]
+
+
+def names_in(stream):
+    def names(node):
+        return itertools.chain([node["name"]], *map(names, node["children"]))
+
+    return list(names(stream[0].data["tree"]))
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "tree.xml"
+
+
+def test_the_leaf_that_failed_would_have_to_succeed_and_the_rest_as_usual(path):
+    body = '<Sequence><A name="one"/><A name="two"/><A name="three"/></Sequence>'
+    assert change_of(path, body, one=["RUNNING", "SUCCESS"], two=["FAILURE"]) == (
+        2,
+        "two FAILURE",
+        "two SUCCESS",
+        ["three SUCCESS"],
+    )
+
+
+def test_of_several_ways_it_is_the_last_one_that_was_tried(path):
+    body = '<Fallback><A name="one"/><A name="two"/></Fallback>'
+    assert change_of(path, body, one=["FAILURE"], two=["RUNNING", "FAILURE"])[:3] == (
+        2,
+        "two FAILURE",
+        "two SUCCESS",
+    )
+
+
+def test_of_several_tries_it_is_the_last_one(path):
+    body = '<RetryUntilSuccessful num_attempts="3"><A name="one"/></RetryUntilSuccessful>'
+    tries = ["RUNNING", "FAILURE"] * 3
+    assert change_of(path, body, one=tries)[:3] == (4, "one FAILURE", "one SUCCESS")
+
+
+def test_what_was_not_over_in_time_would_have_had_to_be_over(path):
+    body = '<Timeout msec="1200"><A name="one"/></Timeout>'
+    assert change_of(path, body, one=["RUNNING"] * 9)[1:3] == ("one RUNNING", "one SUCCESS")
+
+
+def test_what_leaves_know_of_the_world_decides_what_they_can_answer(path):
+    body = '<Sequence><X name="up"/><Fallback><Y name="down"/><AlwaysFailure/></Fallback><Z name="look"/></Sequence>'
+    assert change_of(path, body, down=["counted"], look=["RUNNING", "RUNNING"], up=["FAILURE"]) == (
+        1,
+        "up FAILURE",
+        "up SUCCESS",
+        ["down counted", "look SUCCESS"],
+    )
+
+
+def test_an_answer_that_is_not_usual_is_found_as_well(path):
+    body = '<Sequence><A name="one"/><Inverter><P name="dark?"/></Inverter></Sequence>'
+    assert change_of(path, body, one=["FAILURE"]) == (1, "one FAILURE", "one SUCCESS", ["dark? FAILURE"])
+
+
+def test_a_tree_that_cannot_succeed_has_none(path):
+    assert change_of(path, '<Sequence><A name="one"/><AlwaysFailure/></Sequence>') is None
+
+
+def test_a_run_of_other_nodes_is_refused(path):
+    path.write_text(document('<A name="one"/>'), encoding="utf-8")
+    with pytest.raises(OtherTreeError):
+        counterfactual(simulated(path), [], ["two"])
+
+
+def test_a_run_that_cannot_be_is_refused_with_the_first_tick_that_was_not_so(path):
+    path.write_text(
+        document('<Sequence name="all"><A name="one"/><A name="two"/></Sequence>'), encoding="utf-8"
+    )
+    record = [
+        RecordedTick(1, 0.0, {0: "RUNNING", 1: "RUNNING"}),
+        RecordedTick(4, 1.5, {0: "FAILURE", 1: "SUCCESS"}),
+    ]
+    with pytest.raises(NotReplayedError, match=r"from tick 4 on, 1\.5 s"):
+        counterfactual(simulated(path), record, ["all", "one", "two"])
+
+
+class Changed:
+    """Answers as another policy, but for one answer, and after that what is usual.
+
+    Args:
+        policy: The other one.
+        change: The change.
+        leaf: The name of its leaf.
+    """
+
+    def __init__(self, policy, change, leaf):
+        self._policy, self._change, self._leaf = policy, change, leaf
+        self._is_made = False
+        self.tick = 0
+
+    def choose(self, leaf, options):
+        if self._is_made:
+            return nominal(options)
+        answer = self._policy.choose(leaf, options)
+        if self.tick == self._change.tick and leaf.name == self._leaf:
+            self._is_made = True
+            return next(each for each in options if each.status == self._change.instead.status)
+        return answer
+
+
+@pytest.mark.unmeasured
+def test_with_what_is_changed_a_hundred_faulty_runs_succeed_and_mostly_it_is_the_faulty_leafs_answer(path):
+    blamed = []
+    for (faulty, stream, policy), _ in zip(injected(path), range(100), strict=False):
+        names = names_in(stream)
+        change = counterfactual(simulated(path), recorded(stream), names)
+        assert change is not None
+        assert change.unusual == 0
+        leaf = names[change.instead.node]
+        assert flown(simulated(path), Changed(policy(), change, leaf))[1] == "SUCCESS"
+        blamed.append(leaf == faulty)
+    assert len(blamed) == 100
+    assert sum(blamed) >= 95

@@ -1,0 +1,74 @@
+"""`sar-journal why`: what would have succeeded, by journals of runs of stub leaves."""
+
+import json
+from contextlib import closing
+
+import pytest
+
+from sar_compiler.cli.journal_command import main
+from sar_compiler.journal.opening import open_journal
+from tests.trees import document
+from tests.views.flown import Said, flown, simulated
+
+BODY = '<Sequence><A name="Drive"/><A name="Look"/></Sequence>'
+NODES = ("--nodes", "tests.checks.verify.leaves")
+
+
+@pytest.fixture
+def tree(tmp_path):
+    path = tmp_path / "tree.xml"
+    path.write_text(document(BODY), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def why(tree, tmp_path, capsys):
+    """Returns what is told of a run in which the robot does not look, with further arguments of the command."""
+
+    def told(*options, **about):
+        place = tmp_path / "m.journal"
+        if not place.exists():
+            about = {"tree_file": str(tree), "tree_id": "Main", **about}
+            with closing(open_journal(place)) as journal:
+                flown(simulated(tree), Said(Look=["FAILURE"]), journal, **about)
+        assert main(["why", str(place), *NODES, *map(str, options)]) == 0
+        return capsys.readouterr().out
+
+    return told
+
+
+def test_it_tells_people_what_would_have_succeeded(why):
+    assert (
+        "\nIt would have succeeded with another answer:\n  0.0 s  Look SUCCESS instead of FAILURE  (" in why()
+    )
+
+
+def test_it_tells_scripts_what_would_have_succeeded(why):
+    change = json.loads(why("--format", "json"))["counterfactual"]
+    assert (change["tick"], change["unusual"], change["then"]) == (1, 0, [])
+    assert change["instead"] == {"node": 2, "status": "SUCCESS", "label": "", "name": "Look"}
+
+
+def test_a_tree_that_is_gone_is_asked_for(why, tree):
+    why()
+    tree.rename(tree.with_name("moved.xml"))
+    assert f"What would have succeeded is not known: {tree} is not there; say --tree-file TREE" in why()
+    assert "instead of FAILURE" in why("--tree-file", tree.with_name("moved.xml"))
+
+
+def test_a_journal_that_does_not_name_the_file_asks_for_it(why, tree):
+    assert "say --tree-file TREE" in why(tree_file=None)
+    assert "instead of FAILURE" in why("--tree-file", tree)
+
+
+def test_a_tree_that_was_changed_since_is_not_taken_for_the_one_that_ran(why, tree):
+    why()
+    tree.write_text(document(BODY.replace("Drive", "Fly")), encoding="utf-8")
+    assert f"{tree} has another tree now" in why()
+
+
+def test_a_tree_with_mistakes_says_the_first_of_them(why, tree):
+    why()
+    tree.write_text(document(BODY.replace("<A ", "<Fly ")), encoding="utf-8")
+    assert f"{tree} has mistakes now: no node is called 'Fly'" in why()
+    assert json.loads(why("--format", "json"))["counterfactual"] is None

@@ -1,0 +1,128 @@
+"""Runs of trees with stub leaves, with the streams of their journals: by what a test says, and by chance with one fault."""
+
+import functools
+import random
+
+from sar_compiler.checks.simulate.running import ScenarioPlayer
+from sar_compiler.checks.simulate.scenario import Scenario
+from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import Ending, JournalEntry
+from sar_compiler.journal.status_watch import StatusWatch, pre_order
+from sar_compiler.nodes.registry import load_registry
+from sar_compiler.project import load
+from sar_compiler.runtime.answers import nominal
+from sar_compiler.views.outline import outline
+from tests.trees import document
+
+TICKS = 60
+REGISTRY = load_registry(["tests.checks.verify.leaves"])
+ACTION, CONDITION = "A", "P"
+
+
+def simulated(tree, registry=REGISTRY):
+    """Return a tree with stub leaves."""
+    return load(tree, registry=registry).stage().play().simulated
+
+
+class Said:
+    """Answers what is said of leaves, in turn; afterwards, and of others, what is usual.
+
+    Args:
+        answers: Labels or statuses, by the names of leaves.
+    """
+
+    def __init__(self, **answers):
+        self._left = {name: list(each) for name, each in answers.items()}
+
+    def choose(self, leaf, options):
+        left = self._left.get(leaf.name)
+        wanted = left.pop(0) if left else nominal(options).name
+        return next(each for each in options if wanted in (each.label, each.status))
+
+
+def a_mission(chance):
+    """Return a tree as people write them: steps, some with a second way, a look before, or some tries."""
+    numbers = iter(range(1000))
+
+    def leaf(tag):
+        return f'<{tag} name="{tag}{next(numbers)}"/>'
+
+    def step(depth):
+        kind = chance.random()
+        if depth == 0 or kind < 0.3:
+            return leaf(ACTION)
+        if kind < 0.5:
+            return f"<Fallback>{step(depth - 1)}{step(depth - 1)}</Fallback>"
+        if kind < 0.65:
+            return f"<Fallback>{leaf(CONDITION)}{step(depth - 1)}</Fallback>"
+        if kind < 0.8:
+            return f'<RetryUntilSuccessful num_attempts="3">{step(depth - 1)}</RetryUntilSuccessful>'
+        tag = chance.choice(["Sequence", "SequenceWithMemory", "ReactiveSequence"])
+        steps = "".join(step(depth - 1) for _ in range(chance.randint(2, 3)))
+        return f"<{tag}>{leaf(CONDITION) if tag == 'ReactiveSequence' else ''}{steps}</{tag}>"
+
+    return f'<Sequence name="Main">{"".join(step(3) for _ in range(4))}</Sequence>'
+
+
+class FaultyPolicy:
+    """Actions run for a while and succeed; conditions say the same for a whole run, many of them no; one leaf fails from some moment on."""
+
+    def __init__(self, seed, faulty=None, first=0):
+        self._seed, self._faulty, self._first = seed, faulty, first
+        self.asked = {}
+
+    def choose(self, leaf, options):
+        count = self.asked[leaf.name] = self.asked.get(leaf.name, -1) + 1
+        status = self._status(leaf.name, count)
+        return next(each for each in options if each.status == status)
+
+    def _status(self, name, count):
+        if name == self._faulty and count >= self._first:
+            return "FAILURE"
+        whole, now = (random.Random(f"{self._seed} {name} {each}") for each in ("", count))  # noqa: S311
+        if name.startswith(CONDITION):
+            return "FAILURE" if whole.random() < 0.4 else "SUCCESS"
+        return "RUNNING" if now.random() < 0.3 else "SUCCESS"
+
+
+def flown(simulated, policy, journal=None, **about):
+    """Return the stream of a run, and what its root came to; the policy is told of each tick, the journal more about the run."""
+    player = ScenarioPlayer(simulated, Scenario())
+    simulated.policy = policy
+    journal = journal or Journal()
+    stream: list[JournalEntry] = []
+    journal.listen(stream.append)
+    journal.clock = simulated.clock
+    behaviours = list(simulated.root.iterate())
+    conditions = [
+        number for number, each in enumerate(pre_order(simulated.root)) if each.name.startswith(CONDITION)
+    ]
+    journal.begin({"tree": outline(simulated.compiled)}, {"conditions": conditions, **about})
+    watch = StatusWatch(simulated.root, journal)
+    numbers = watch._numbers
+    by_id = {each.id: each for each in behaviours}
+    for tick in range(1, TICKS + 1):
+        policy.tick = tick
+        watch.initialise()
+        for each, status in player.tick().statuses.items():
+            watch._note(numbers[id(by_id[each])], status, by_id[each].feedback_message)
+        watch.finalise()
+        if player.run.root != "RUNNING":
+            break
+    journal.end(Ending.OVER, int(player.run.root != "SUCCESS"))
+    return stream, player.run.root
+
+
+def injected(path):
+    """Yield streams of missions that failed because of one fault, with the leaf that was faulty, and what makes the policy again."""
+    for seed in range(10_000):
+        chance = random.Random(seed)  # noqa: S311 - the same in every run
+        path.write_text(document(a_mission(chance)), encoding="utf-8")
+        usual = FaultyPolicy(seed)
+        if flown(simulated(path), usual)[1] != "SUCCESS":
+            continue
+        faulty = chance.choice(sorted(usual.asked))
+        policy = functools.partial(FaultyPolicy, seed, faulty, chance.randint(0, usual.asked[faulty]))
+        stream, root = flown(simulated(path), policy())
+        if root == "FAILURE":
+            yield faulty, stream, policy
