@@ -436,9 +436,10 @@ class _Run:
             tell(self.node, f"A callback failed: {described(error)}. The tree is stopped.", error)
 
     def _leave_at_once(self, tree: CompiledTree) -> int | None:
-        self.watchers.leave_terminal()
         active = len(goals_under_way(self.node))
+        # Before anything that may take its time, which there is little of.
         send_cancels(tree.root, self.node)
+        self.watchers.leave_terminal()
         if not active:
             print_error("sar-run: ended at once, as asked twice")
             return None

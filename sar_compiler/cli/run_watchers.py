@@ -1,6 +1,6 @@
 """Those outside who watch a run of `sar-run`; what they take is imported only where they are asked for."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -58,13 +58,13 @@ class RunWatchers:
         self._report = self._asked_for(options.report, place, journal)
         self._groot2: Groot2Publisher | None = None
         self._recording: MissionRecording | None = None
-        # Those who are told of the journal.
-        self._told: list[MissionPublisher | MissionRecording] = []
+        self._publisher: MissionPublisher | None = None
         if options.record is not None:
             self._recording = self._opened(options.record)
-            self._told.append(self._recording)
-        if options.record is not None or options.publish:
-            journal.listen(self._take)
+            journal.listen(self._recording.take)
+        if options.publish:
+            # Now, because what is done for those who listen is decided before there is a tree to publish.
+            journal.listen(self._publish)
 
     def _asked_for(
         self, files: Sequence[Path], place: "Georeference | None", journal: "RunJournal"
@@ -87,9 +87,13 @@ class RunWatchers:
             message = f"--record: {error}"
             raise SarError(message) from error
 
-    def _take(self, entry: "JournalEntry") -> None:
-        for each in self._told:
-            each.take(entry)
+    def _publish(self, entry: "JournalEntry") -> None:
+        if self._publisher is not None:
+            self._publisher.take(entry)
+
+    def _told(self) -> "Iterator[MissionPublisher | MissionRecording]":
+        """Yield those who are told of the journal."""
+        yield from filter(None, (self._recording, self._publisher))
 
     def show(self, tree: CompiledTree, mission: MissionRun) -> None:
         """Take the tree that is to be run, and its mission.
@@ -99,7 +103,7 @@ class RunWatchers:
         """
         if self._options.groot2 is not None:
             self._groot2 = self._stack.enter_context(closing(self._published(tree, self._options.groot2)))
-        if self._options.publish or self._told:
+        if self._options.publish or self._recording is not None:
             from sar_compiler.monitoring.numbered_tree import NumberedTree
             from sar_compiler.ros.mission_publisher import MissionPublisher
 
@@ -107,7 +111,7 @@ class RunWatchers:
             if self._recording is not None:
                 self._recording.show(numbered)
             if self._options.publish:
-                self._told.append(MissionPublisher(self._node, numbered, mission.landmarks, mission.figures))
+                self._publisher = MissionPublisher(self._node, numbered, mission.landmarks, mission.figures)
 
     def _published(self, tree: CompiledTree, port: int) -> "Groot2Publisher":
         from sar_compiler.monitoring.groot2_publisher import Groot2PortError, Groot2Publisher
@@ -123,7 +127,7 @@ class RunWatchers:
         """Watch what ticks the tree."""
         if self._groot2 is not None:
             self._groot2.watch(engine)
-        for each in self._told:
+        for each in self._told():
             each.watch(engine)
 
     def refresh(self, now: float) -> None:
@@ -142,14 +146,20 @@ class RunWatchers:
     def leave_terminal(self) -> None:
         """Draw no more: what is printed now comes below what was shown."""
         if self._view is not None:
-            self._view.close()
+            self._try(self._view.close, "The view could not be closed")
 
     def end(self) -> None:
         """Say how it has ended, after the end of the journal."""
-        for each in self._told:
-            each.end()
+        for each in self._told():
+            self._try(each.end, "One who watches the mission could not say how it has ended")
         if self._report is not None:
-            self._report.write()
+            self._try(self._report.write, "The report could not be written")
+
+    def _try(self, do: Callable[[], object], complaint: str) -> None:
+        try:
+            do()
+        except Exception as error:  # noqa: BLE001 - who only watches must not end a mission, nor keep others from their end
+            self._node.get_logger().error(f"{complaint}: {error!r}.")
 
 
 @contextmanager
