@@ -12,6 +12,9 @@ RUN_BEGAN, RUN_ENDED = "run_began", "run_ended"
 """Kinds that a stream has beside facts and what was watched: what the mission is, with `run`, what the run has of its own;
 `ending`, `status` and `reason`."""
 
+OF_ROBOT = ("pose", "plan", "map", "log")
+"""Kinds that are watched of the robot's topics."""
+
 
 def day_and_time(wall: float, form: str = "%Y-%m-%d %H:%M:%S") -> str:
     """Return seconds since 1970 as the local date and time; as they are if there is no such day."""

@@ -16,7 +16,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import ColorRGBA, String
 from visualization_msgs.msg import Marker, MarkerArray
 
-from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.journal_entries import OF_ROBOT, JournalEntry
 from sar_compiler.monitoring.numbered_tree import NumberedTree
 from sar_compiler.monitoring.tree_xml import tree_xml
 from sar_compiler.ros.engine import Engine
@@ -28,7 +28,6 @@ from sar_compiler.runtime.kernel.cells import RUNNING
 # Seconds of the steady clock between two messages that nothing new has happened for.
 _PERIOD_SEC = 1.0
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_WATCHED_OFTEN = ("status", "pose", "log")
 # Of Okabe and Ito, whose colours differ for everybody: grey, orange, blue, vermilion; the plan is sky blue.
 _COLOURS = ((0.6, 0.6, 0.6), (0.9, 0.62, 0.0), (0.0, 0.45, 0.7), (0.84, 0.37, 0.0))
 _PLAN_COLOUR = (0.34, 0.71, 0.91)
@@ -82,7 +81,7 @@ class MissionPublisher:
         """Take an entry of the run's journal."""
         if entry.kind == "plan":
             self._plan = entry.data
-        if entry.kind not in _WATCHED_OFTEN:
+        if entry.kind == "plan" or entry.kind not in ("status", *OF_ROBOT):
             self._are_markers_known = False
 
     def end(self) -> None:

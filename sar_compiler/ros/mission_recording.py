@@ -8,7 +8,7 @@ from rcl_interfaces.msg import Log
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from sar_compiler.journal.journal_entries import RUN_BEGAN, JournalEntry
+from sar_compiler.journal.journal_entries import OF_ROBOT, RUN_BEGAN, JournalEntry
 from sar_compiler.monitoring.numbered_tree import NumberedTree
 from sar_compiler.monitoring.tree_xml import tree_xml
 from sar_compiler.ros.engine import Engine
@@ -17,7 +17,7 @@ from sar_compiler.ros.mcap_recorder import McapRecorder
 from sar_compiler.ros.tree_log import TOPIC, TreeLog
 
 # What is in other topics of the recording.
-_ELSEWHERE = ("status", "pose", "plan", "log")
+_ELSEWHERE = ("status", *OF_ROBOT)
 
 
 class MissionRecording:

@@ -178,7 +178,7 @@ def test_markers_show_landmarks_and_the_plan(publish, witness):
 def test_markers_are_published_again_when_something_has_come_true(publish):
     asked = itertools.count()
     runner, publisher = publish('<Queue answers="R"/>', landmarks=lambda: [ZONE, next(asked)][:1])
-    for kind, times in (("pose", 1), ("status", 1), ("zone_visited", 2), ("log", 2)):
+    for kind, times in (("pose", 1), ("status", 1), ("map", 1), ("zone_visited", 2), ("log", 2), ("plan", 3)):
         publisher.take(entry(kind))
         runner.tick()
         runner.tick()

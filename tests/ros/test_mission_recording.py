@@ -52,7 +52,8 @@ def test_the_trees_log_and_the_missions_are_read_back(record, tmp_path):
     recording, runner, _ = record
     runner.tick()
     recording.take(JournalEntry(1, 1, 1e9 + 0.5, 0.0, "zone_visited", {"zone": "zone_a"}))
-    recording.take(JournalEntry(1, 1, 1e9, 0.0, "pose", {"x": 1.0}))
+    for kind in ("status", "pose", "plan", "map", "log"):
+        recording.take(JournalEntry(1, 1, 1e9, 0.0, kind, {"x": 1.0}))
     recording.end()
     recording.close()
     found = read(tmp_path / "run.mcap")
