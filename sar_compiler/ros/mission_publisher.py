@@ -146,8 +146,7 @@ class MissionPublisher:
         made = [Marker(action=Marker.DELETEALL)]
         for number, landmark in enumerate(self._landmarks()):
             made += _shape(number, landmark)
-        if self._plan:
-            made.append(_line(self._plan))
+        made += _line(self._plan)
         for marker in made:
             marker.header.stamp = self._now()
             marker.header.frame_id = marker.header.frame_id or "map"
@@ -179,10 +178,11 @@ def _shape(number: int, landmark: Landmark) -> list[Marker]:
     return [form, text]
 
 
-def _line(plan: Mapping[str, Any]) -> Marker:
+def _line(plan: Mapping[str, Any]) -> list[Marker]:
+    """Return a plan's line; nothing for one of fewer than two points, which RViz calls an error."""
     marker = Marker(ns="plan", type=Marker.LINE_STRIP, color=_colour(_PLAN_COLOUR))
     marker.header.frame_id = str(plan.get("frame", ""))
     marker.scale.x, marker.pose.orientation.w = 0.05, 1.0
     points = [point for point in plan.get("points", ()) if all(map(math.isfinite, point))]
     marker.points = [Point(x=float(x), y=float(y), z=0.05) for x, y in points]
-    return marker
+    return [marker] if len(points) > 1 else []

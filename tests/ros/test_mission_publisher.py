@@ -175,6 +175,16 @@ def test_markers_show_landmarks_and_the_plan(publish, witness):
     assert {marker.header.frame_id for marker in (form, text, plan)} == {"map"}
 
 
+@pytest.mark.parametrize("points", [[], [[0.0, 0.0]], [[0.0, 0.0], [float("inf"), 0.0]]])
+def test_a_plan_that_is_no_line_has_no_marker(points, publish, witness):
+    from visualization_msgs.msg import MarkerArray
+
+    runner, publisher = publish('<Queue answers="R"/>')
+    publisher.take(entry("plan", frame="map", points=points))
+    runner.tick()
+    assert len(witness.latched(MarkerArray, "/robot1/mission/markers").markers) == 1
+
+
 def test_markers_are_published_again_when_something_has_come_true(publish):
     asked = itertools.count()
     runner, publisher = publish('<Queue answers="R"/>', landmarks=lambda: [ZONE, next(asked)][:1])
