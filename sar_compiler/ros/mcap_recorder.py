@@ -79,14 +79,27 @@ class McapRecorder:
     Messages have the time at which they came, by the machine's clock, as in rosbag2.
 
     Args:
-        path: The file, which is made.
+        path: The name of the file.
+        file: The file, open and empty.
         complain: Told in words, from another thread, if the file cannot be written any more; the mission goes on.
-
-    Raises:
-        RecordingError: If there is such a file, or it cannot be made.
     """
 
-    def __init__(self, path: Path, complain: Callable[[str], object]) -> None:
+    def __init__(self, path: Path, file: IO[bytes], complain: Callable[[str], object]) -> None:
+        self._path, self._file, self._complain = path, file, complain
+        self._waiting: SimpleQueue[_Recorded | None] = SimpleQueue()
+        self._is_broken = False
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._thread = Thread(target=self._work, name="recorder", daemon=True)
+        self._thread.start()
+
+    @classmethod
+    def create(cls, path: Path, complain: Callable[[str], object]) -> "McapRecorder":
+        """Make a file, and return what writes into it.
+
+        Raises:
+            RecordingError: If there is such a file, or it cannot be made.
+        """
         try:
             file = path.open("xb")
         except FileExistsError as error:
@@ -95,17 +108,7 @@ class McapRecorder:
         except OSError as error:
             message = f"{path} cannot be made: {error.strerror}"
             raise RecordingError(message) from error
-        self.begin(path, file, complain)
-
-    def begin(self, path: Path, file: IO[bytes], complain: Callable[[str], object]) -> None:
-        """Begin to write into a file that is open."""
-        self._path, self._file, self._complain = path, file, complain
-        self._waiting: SimpleQueue[_Recorded | None] = SimpleQueue()
-        self._is_broken = False
-        self._channels: dict[str, int] = {}
-        self._schemas: dict[str, int] = {}
-        self._thread = Thread(target=self._work, name="recorder", daemon=True)
-        self._thread.start()
+        return cls(path, file, complain)
 
     def listen(self, node: Node) -> None:
         """Record the topics of a mission, as they are called by its node, from when they are there with a type known."""

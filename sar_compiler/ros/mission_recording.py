@@ -36,7 +36,7 @@ class MissionRecording:
 
     def __init__(self, node: Node, path: Path) -> None:
         self._node = node
-        self._recorder = McapRecorder(path, node.get_logger().error)
+        self._recorder = McapRecorder.create(path, node.get_logger().error)
         self._tree_log: TreeLog | None = None
 
     def show(self, tree: NumberedTree) -> None:

@@ -110,14 +110,14 @@ def test_what_is_there_is_not_written_over(tmp_path):
     path = tmp_path / "run.mcap"
     path.write_text("somebody's")
     with pytest.raises(RecordingError, match=re.escape(f"{path} is there already, and is not written over")):
-        McapRecorder(path, print)
+        McapRecorder.create(path, print)
     assert path.read_text() == "somebody's"
 
 
 def test_a_recording_in_which_nothing_came_leaves_no_file(tmp_path):
     from sar_compiler.ros.mcap_recorder import McapRecorder
 
-    McapRecorder(tmp_path / "run.mcap", print).close()
+    McapRecorder.create(tmp_path / "run.mcap", print).close()
     assert list(tmp_path.iterdir()) == []
 
 
@@ -127,13 +127,13 @@ def test_a_disk_that_is_full_ends_the_recording_and_nothing_else(tmp_path):
     from sar_compiler.ros.mcap_recorder import McapRecorder
 
     said: list[str] = []
-    (tmp_path / "run.mcap").symlink_to("/dev/full")
-    recorder = McapRecorder.__new__(McapRecorder)
-    recorder.begin((tmp_path / "run.mcap"), (tmp_path / "run.mcap").open("wb"), said.append)
+    path = tmp_path / "run.mcap"
+    path.symlink_to("/dev/full")
+    recorder = McapRecorder(path, path.open("wb"), said.append)
     recorder.write("/text", String(data="x"))
     recorder.close()
     assert said == [
-        f"{tmp_path / 'run.mcap'} cannot be written any more (No space left on device): the mission goes on unrecorded."
+        f"{path} cannot be written any more (No space left on device): the mission goes on unrecorded."
     ]
 
 
