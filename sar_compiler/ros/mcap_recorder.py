@@ -2,8 +2,9 @@
 
 import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import IO, Any, NamedTuple
 
@@ -52,6 +53,8 @@ _UNRELIABLE = ("scan", "/clock", "odometry/filtered")
 _DEPTH = 100
 # How often it is looked which topics there are, in seconds of the steady clock.
 _LOOK_SEC = 0.5
+# How often what has come is handed over to the disk, in seconds of the steady clock: what a process that is killed may lose.
+_FLUSH_SEC = 1.0
 
 
 class RecordingError(SarError):
@@ -159,8 +162,7 @@ class McapRecorder:
             with self._file:
                 writer = Writer(self._file)
                 writer.start(profile="ros2", library="sar_compiler")
-                while (recorded := self._waiting.get()) is not None:
-                    self._add(writer, recorded)
+                self._write_what_comes(writer)
                 writer.finish()  # type: ignore[no-untyped-call]
         except Exception as error:  # noqa: BLE001 - whatever it is, the mission goes on
             self._is_broken = True
@@ -168,6 +170,19 @@ class McapRecorder:
             self._complain(
                 f"{self._path} cannot be written any more ({reason}): the mission goes on unrecorded."
             )
+
+    def _write_what_comes(self, writer: Writer) -> None:
+        """Write until there is nothing more to come."""
+        due = time.monotonic() + _FLUSH_SEC
+        while True:
+            with suppress(Empty):
+                recorded = self._waiting.get(timeout=max(0.0, due - time.monotonic()))
+                if recorded is None:
+                    return
+                self._add(writer, recorded)
+            if time.monotonic() >= due:
+                writer.flush()  # type: ignore[no-untyped-call]
+                due = time.monotonic() + _FLUSH_SEC
 
     def _add(self, writer: Writer, recorded: _Recorded) -> None:
         topic, kind, data, time_ns = recorded

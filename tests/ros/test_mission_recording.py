@@ -1,6 +1,9 @@
 """A mission in an MCAP file, read back by somebody else's reader."""
 
 import re
+import struct
+import time
+from contextlib import suppress
 from typing import Any
 
 import pytest
@@ -12,6 +15,7 @@ from sar_compiler.monitoring.numbered_tree import NumberedTree
 from tests.launch.test_search_and_rescue_launch import FILE
 from tests.monitoring.test_groot2 import Queue, main
 from tests.trees import write
+from tests.waiting import SILENCE_SEC
 
 pytestmark = pytest.mark.ros
 
@@ -119,6 +123,27 @@ def test_a_recording_in_which_nothing_came_leaves_no_file(tmp_path):
 
     McapRecorder.create(tmp_path / "run.mcap", print).close()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_was_recorded_is_on_the_disk_soon_before_the_recording_is_over(tmp_path):
+    from mcap.exceptions import McapError
+    from mcap.reader import NonSeekingReader
+    from std_msgs.msg import String
+
+    from sar_compiler.ros.mcap_recorder import McapRecorder
+
+    path = tmp_path / "run.mcap"
+    recorder = McapRecorder.create(path, print)
+    recorder.write("/text", String(data="x"))
+    found = []
+    deadline = time.monotonic() + SILENCE_SEC
+    while not found:
+        assert time.monotonic() < deadline
+        with suppress(McapError, struct.error), path.open("rb") as file:
+            for _, channel, _ in NonSeekingReader(file).iter_messages(log_time_order=False):
+                found.append(channel.topic)
+    assert found == ["/text"]
+    recorder.close()
 
 
 def test_a_disk_that_is_full_ends_the_recording_and_nothing_else(tmp_path):
