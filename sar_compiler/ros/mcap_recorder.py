@@ -27,6 +27,7 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
 from sar_compiler.errors import SarError
+from sar_compiler.ros.failure_reports import described
 from sar_compiler.ros.message_text import message_text, type_name
 
 # The names are what a node calls them; absolute ones move with its remappings only.
@@ -84,7 +85,7 @@ class McapRecorder:
     Args:
         path: The name of the file.
         file: The file, open and empty.
-        complain: Told in words, from another thread, if the file cannot be written any more; the mission goes on.
+        complain: Told in words, from any thread, what cannot be recorded; the mission goes on.
     """
 
     def __init__(self, path: Path, file: IO[bytes], complain: Callable[[str], object]) -> None:
@@ -120,8 +121,12 @@ class McapRecorder:
         def look() -> None:
             for topic, types in node.get_topic_names_and_types():
                 kind = _known(left.get(topic, ""), types)
-                if kind is not None:
+                if kind is None:
+                    continue
+                try:
                     self._listen_to(node, topic, left.pop(topic), kind)
+                except Exception as error:  # noqa: BLE001 - such as of another type than this process publishes there
+                    self._complain(f"{topic} is not recorded: {described(error)}")
             if not left:
                 timer.cancel()
 

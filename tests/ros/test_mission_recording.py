@@ -108,6 +108,28 @@ def test_topics_of_the_mission_are_recorded_as_they_come(record, ros, tmp_path):
     assert found["/robot1/navigate_to_pose/_action/feedback"][0].feedback.distance_remaining == 2.5
 
 
+def test_a_topic_that_cannot_be_listened_to_is_told_of_and_the_others_are_recorded(make_ros, ros, tmp_path):
+    from geometry_msgs.msg import Twist, TwistStamped
+    from sensor_msgs.msg import LaserScan
+
+    from sar_compiler.ros.mcap_recorder import McapRecorder
+
+    # A process cannot listen to one type where it publishes another one.
+    node = ros.node("mission")
+    node.create_publisher(Twist, "cmd_vel", 10)
+    make_ros().node("other").create_publisher(TwistStamped, "cmd_vel", 10)
+    scans = node.create_publisher(LaserScan, "scan", 10)
+    ros.spin_until(lambda: node.count_publishers("cmd_vel") == 2, "the other process")
+    complaints: list[str] = []
+    recorder = McapRecorder.create(tmp_path / "run.mcap", complaints.append)
+    recorder.listen(node)
+    ros.spin_until(lambda: complaints and scans.get_subscription_count(), "the recorder")
+    ros.spin_for(0.6)
+    recorder.close()
+    (complaint,) = complaints
+    assert complaint.startswith("/cmd_vel is not recorded: RCLError: ")
+
+
 def test_what_is_there_is_not_written_over(tmp_path):
     from sar_compiler.ros.mcap_recorder import McapRecorder, RecordingError
 
