@@ -155,11 +155,15 @@ class McapRecorder:
         if not self._is_broken:
             self._waiting.put(recorded)
 
-    def close(self) -> None:
-        """Write what is left to be written, and close the file; one in which nothing was recorded is removed."""
+    def close(self, *, keep: bool = True) -> None:
+        """Write what is left to be written, and close the file.
+
+        Args:
+            keep: Whether to keep it; one in which nothing was recorded is removed all the same.
+        """
         self._waiting.put(None)
         self._thread.join()
-        if not self._channels:
+        if not (keep and self._channels):
             self._path.unlink(missing_ok=True)
 
     def _work(self) -> None:

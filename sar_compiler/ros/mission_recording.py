@@ -38,6 +38,7 @@ class MissionRecording:
         self._node = node
         self._recorder = McapRecorder.create(path, node.get_logger().error)
         self._tree_log: TreeLog | None = None
+        self._has_begun = False
 
     def show(self, tree: NumberedTree) -> None:
         """Take the tree, and begin to record."""
@@ -47,6 +48,7 @@ class MissionRecording:
 
     def watch(self, engine: Engine) -> None:
         """Watch what ticks the tree."""
+        self._has_begun = True
         if self._tree_log is not None:
             self._tree_log.watch(engine)
 
@@ -69,8 +71,8 @@ class MissionRecording:
             self._tree_log.end()
 
     def close(self) -> None:
-        """Close the file."""
-        self._recorder.close()
+        """Close the file; that of a run that never began is removed, so that the next try finds none."""
+        self._recorder.close(keep=self._has_begun)
 
     def _write(self, name: str, message: object) -> None:
         try:

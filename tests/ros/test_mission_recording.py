@@ -32,17 +32,21 @@ def read(path):
 
 
 @pytest.fixture
-def record(ros, tmp_path):
-    """Record a tree that is ticked; return the recording, what ticks the tree, and its node."""
-    from sar_compiler.ros.mission_recording import MissionRecording
-
+def tree(tmp_path):
     path = tmp_path / "tree.xml"
     write(
         path,
         *main('<Sequence><Queue name="one" answers="S"/><Queue name="two" answers="S"/></Sequence>'),
         main="Main",
     )
-    tree = sar_compiler.load(path, nodes=[Queue]).compile(context={sar_compiler.Clock: ManualClock()})
+    return sar_compiler.load(path, nodes=[Queue]).compile(context={sar_compiler.Clock: ManualClock()})
+
+
+@pytest.fixture
+def record(ros, tree, tmp_path):
+    """Record a tree that is ticked; return the recording, what ticks the tree, and its node."""
+    from sar_compiler.ros.mission_recording import MissionRecording
+
     node, runner = ros.node("mission", namespace="/robot1"), TreeRunner(tree)
     recording = MissionRecording(node, tmp_path / "run.mcap")
     recording.show(NumberedTree(tree))
@@ -166,6 +170,17 @@ def test_what_was_recorded_is_on_the_disk_soon_before_the_recording_is_over(tmp_
                 found.append(channel.topic)
     assert found == ["/text"]
     recorder.close()
+
+
+def test_a_run_that_never_began_leaves_no_file(ros, tree, tmp_path):
+    from sar_compiler.ros.mission_recording import MissionRecording
+
+    path = tmp_path / "run.mcap"
+    recording = MissionRecording(ros.node("mission"), path)
+    recording.show(NumberedTree(tree))
+    ros.spin_until(lambda: recording._recorder._channels, "the tree in the file")
+    recording.close()
+    assert not path.exists()
 
 
 def test_a_disk_that_is_full_ends_the_recording_and_nothing_else(tmp_path):
