@@ -1,5 +1,6 @@
 """Recording a mission in one MCAP file, with the messages of ROS 2."""
 
+import json
 import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -70,6 +71,21 @@ def _known(name: str, types: Iterable[str]) -> Any:
     )
 
 
+def _as_yaml(profiles: Iterable[QoSProfile]) -> str:
+    """Return profiles as rosbag2 keeps them, by which it plays: YAML, with the numbers that its versions all read."""
+    policies = ("history", "depth", "reliability", "durability", "liveliness")
+    times = ("deadline", "lifespan", "liveliness_lease_duration")
+    written = []
+    for profile in profiles:
+        of_profile: dict[str, object] = {name: int(getattr(profile, name)) for name in policies}
+        for name in times:
+            seconds, nanoseconds = divmod(getattr(profile, name).nanoseconds, 10**9)
+            of_profile[name] = {"sec": seconds, "nsec": nanoseconds}
+        of_profile["avoid_ros_namespace_conventions"] = profile.avoid_ros_namespace_conventions
+        written.append(of_profile)
+    return json.dumps(written)
+
+
 class _Recorded(NamedTuple):
     topic: str
     kind: Any
@@ -94,6 +110,8 @@ class McapRecorder:
         self._is_broken = False
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
+        # The profiles that a topic is published with, from before its first message is put into the queue.
+        self._offered: dict[str, str] = {}
         self._thread = Thread(target=self._work, name="recorder", daemon=True)
         self._thread.start()
 
@@ -138,17 +156,32 @@ class McapRecorder:
         qos = QoSProfile(depth=_DEPTH, durability=latched, reliability=reliable)
 
         def take(data: bytes) -> None:
+            if topic not in self._offered:
+                self._offered[topic] = self._offered_in(node, topic)
             self._put(_Recorded(topic, kind, data, time.time_ns()))
 
         node.create_subscription(kind, topic, take, qos, raw=True)
 
-    def write(self, topic: str, message: Any) -> None:
+    def _offered_in(self, node: Node, topic: str) -> str:
+        # Asked with the first message: a topic is there already when only somebody listens to it.
+        try:
+            return _as_yaml(each.qos_profile for each in node.get_publishers_info_by_topic(topic))
+        except Exception as error:  # noqa: BLE001 - the message itself is recorded
+            self._complain(f"How {topic} is published is not recorded: {described(error)}")
+            return _as_yaml([])
+
+    def write(self, topic: str, message: Any, *, latched: bool = False) -> None:
         """Record a message.
 
         Args:
             topic: The full name of its topic.
             message: The message.
+            latched: Whether who comes late has it as well, when it is played.
         """
+        if latched:
+            self._offered.setdefault(
+                topic, _as_yaml([QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)])
+            )
         self._put(_Recorded(topic, type(message), serialize_message(message), time.time_ns()))
 
     def _put(self, recorded: _Recorded) -> None:
@@ -199,5 +232,7 @@ class McapRecorder:
             name = type_name(kind)
             if name not in self._schemas:
                 self._schemas[name] = writer.register_schema(name, "ros2msg", message_text(kind).encode())
-            self._channels[topic] = writer.register_channel(topic, "cdr", self._schemas[name])
+            # At least the empty list: rosbag2 cannot read the empty text.
+            metadata = {"offered_qos_profiles": self._offered.get(topic, _as_yaml([]))}
+            self._channels[topic] = writer.register_channel(topic, "cdr", self._schemas[name], metadata)
         writer.add_message(self._channels[topic], time_ns, data, time_ns)

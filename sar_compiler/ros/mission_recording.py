@@ -42,7 +42,7 @@ class MissionRecording:
 
     def show(self, tree: NumberedTree) -> None:
         """Take the tree, and begin to record."""
-        self._write("~/tree", String(data=tree_xml(tree)))
+        self._write("~/tree", String(data=tree_xml(tree)), latched=True)
         self._tree_log = TreeLog(self._node, tree, lambda message: self._write(TOPIC, message))
         self._recorder.listen(self._node)
 
@@ -74,8 +74,8 @@ class MissionRecording:
         """Close the file; that of a run that never began is removed, so that the next try finds none."""
         self._recorder.close(keep=self._has_begun)
 
-    def _write(self, name: str, message: object) -> None:
+    def _write(self, name: str, message: object, *, latched: bool = False) -> None:
         try:
-            self._recorder.write(self._node.resolve_topic_name(name), message)
+            self._recorder.write(self._node.resolve_topic_name(name), message, latched=latched)
         except Exception as error:  # noqa: BLE001 - what cannot be written is no reason to stop the mission
             self._node.get_logger().error(f"A message of {name} is not recorded: {described(error)}")

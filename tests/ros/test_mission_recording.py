@@ -112,6 +112,36 @@ def test_topics_of_the_mission_are_recorded_as_they_come(record, ros, tmp_path):
     assert found["/robot1/navigate_to_pose/_action/feedback"][0].feedback.distance_remaining == 2.5
 
 
+def test_topics_are_played_as_they_were_published(record, ros, tmp_path):
+    from nav_msgs.msg import OccupancyGrid
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+    from rosbags.highlevel import AnyReader
+    from rosbags.interfaces import QosDurability, QosReliability
+    from sensor_msgs.msg import LaserScan
+
+    recording, _, node = record
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    node.create_publisher(OccupancyGrid, "map", latched).publish(OccupancyGrid())
+    scans = node.create_publisher(LaserScan, "scan", 10)
+    ros.spin_until(scans.get_subscription_count, "the recorder")
+    scans.publish(LaserScan())
+    recording.take(JournalEntry(1, 1, 1e9, 0.0, "zone_visited", {}))
+    ros.spin_until(lambda: len(recording._recorder._channels) == 4, "the messages")
+    recording.close()
+    with AnyReader([tmp_path / "run.mcap"]) as reader:
+        connections: list[Any] = [*reader.connections]
+        offered = {each.topic: each.ext.offered_qos_profiles for each in connections}
+    assert {
+        topic: [(each.durability, each.reliability) for each in profiles]
+        for topic, profiles in offered.items()
+    } == {
+        "/robot1/map": [(QosDurability.TRANSIENT_LOCAL, QosReliability.RELIABLE)],
+        "/robot1/mission/tree": [(QosDurability.TRANSIENT_LOCAL, QosReliability.RELIABLE)],
+        "/robot1/scan": [(QosDurability.VOLATILE, QosReliability.RELIABLE)],
+        "/robot1/mission_log": [],
+    }
+
+
 def test_a_topic_that_cannot_be_listened_to_is_told_of_and_the_others_are_recorded(make_ros, ros, tmp_path):
     from geometry_msgs.msg import Twist, TwistStamped
     from sensor_msgs.msg import LaserScan
@@ -161,7 +191,7 @@ def test_what_was_recorded_is_on_the_disk_soon_before_the_recording_is_over(tmp_
     path = tmp_path / "run.mcap"
     recorder = McapRecorder.create(path, print)
     recorder.write("/text", String(data="x"))
-    found = []
+    found: list[str] = []
     deadline = time.monotonic() + SILENCE_SEC
     while not found:
         assert time.monotonic() < deadline
