@@ -57,6 +57,9 @@ _DEPTH = 100
 _LOOK_SEC = 0.5
 # How often what has come is handed over to the disk, in seconds of the steady clock: what a process that is killed may lose.
 _FLUSH_SEC = 1.0
+# What may wait to be written, in bytes; and how long nothing at all may be written before the file is given up at the end, in seconds.
+_MOST_WAITING = 256 << 20
+_PATIENCE_SEC = 10.0
 
 
 class RecordingError(SarError):
@@ -107,6 +110,8 @@ class McapRecorder:
     def __init__(self, path: Path, file: IO[bytes], complain: Callable[[str], object]) -> None:
         self._path, self._file, self._complain = path, file, complain
         self._waiting: SimpleQueue[_Recorded | None] = SimpleQueue()
+        # In bytes; each is counted by one thread alone.
+        self._put_in = self._written = 0
         self._is_broken = False
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
@@ -185,8 +190,13 @@ class McapRecorder:
         self._put(_Recorded(topic, type(message), serialize_message(message), time.time_ns()))
 
     def _put(self, recorded: _Recorded) -> None:
-        if not self._is_broken:
-            self._waiting.put(recorded)
+        if self._is_broken:
+            return
+        if self._put_in - self._written > _MOST_WAITING:
+            self._give_up(f"{_MOST_WAITING >> 20} MiB wait for a disk that is too slow")
+            return
+        self._put_in += len(recorded.data)
+        self._waiting.put(recorded)
 
     def close(self, *, keep: bool = True) -> None:
         """Write what is left to be written, and close the file.
@@ -195,7 +205,13 @@ class McapRecorder:
             keep: Whether to keep it; one in which nothing was recorded is removed all the same.
         """
         self._waiting.put(None)
-        self._thread.join()
+        written = -1
+        while self._thread.is_alive() and written != self._written:
+            written = self._written
+            self._thread.join(_PATIENCE_SEC)
+        if self._thread.is_alive():
+            self._complain(f"{self._path} is left without its end: the disk takes nothing.")
+            return
         if not (keep and self._channels):
             self._path.unlink(missing_ok=True)
 
@@ -207,11 +223,11 @@ class McapRecorder:
                 self._write_what_comes(writer)
                 writer.finish()  # type: ignore[no-untyped-call]
         except Exception as error:  # noqa: BLE001 - whatever it is, the mission goes on
-            self._is_broken = True
-            reason = (error.strerror if isinstance(error, OSError) else None) or repr(error)
-            self._complain(
-                f"{self._path} cannot be written any more ({reason}): the mission goes on unrecorded."
-            )
+            self._give_up((error.strerror if isinstance(error, OSError) else None) or repr(error))
+
+    def _give_up(self, reason: str) -> None:
+        self._is_broken = True
+        self._complain(f"{self._path} cannot be written any more ({reason}): the mission goes on unrecorded.")
 
     def _write_what_comes(self, writer: Writer) -> None:
         """Write until there is nothing more to come."""
@@ -236,3 +252,4 @@ class McapRecorder:
             metadata = {"offered_qos_profiles": self._offered.get(topic, _as_yaml([]))}
             self._channels[topic] = writer.register_channel(topic, "cdr", self._schemas[name], metadata)
         writer.add_message(self._channels[topic], time_ns, data, time_ns)
+        self._written += len(data)

@@ -1,7 +1,9 @@
 """A mission in an MCAP file, read back by somebody else's reader."""
 
+import io
 import re
 import struct
+import threading
 import time
 from contextlib import suppress
 from typing import Any
@@ -227,6 +229,56 @@ def test_a_disk_that_is_full_ends_the_recording_and_nothing_else(tmp_path):
     assert said == [
         f"{path} cannot be written any more (No space left on device): the mission goes on unrecorded."
     ]
+
+
+class Disk(io.BytesIO):
+    """A disk that takes nothing until it may."""
+
+    def __init__(self):
+        super().__init__()
+        self.may = threading.Event()
+
+    def write(self, data):
+        self.may.wait()
+        return super().write(data)
+
+
+@pytest.fixture
+def disk():
+    made = Disk()
+    yield made
+    made.may.set()
+
+
+def test_a_disk_that_is_too_slow_ends_the_recording_before_the_memory_is_full(disk, tmp_path, monkeypatch):
+    from std_msgs.msg import String
+
+    from sar_compiler.ros import mcap_recorder
+
+    monkeypatch.setattr(mcap_recorder, "_MOST_WAITING", 2 << 20)
+    said: list[str] = []
+    path = tmp_path / "run.mcap"
+    recorder = mcap_recorder.McapRecorder(path, disk, said.append)
+    for _ in range(10):
+        recorder.write("/text", String(data="x" * (1 << 20)))
+    assert recorder._waiting.qsize() == 2
+    assert said == [
+        f"{path} cannot be written any more (2 MiB wait for a disk that is too slow): the mission goes on unrecorded."
+    ]
+
+
+def test_a_disk_that_takes_nothing_does_not_hold_up_the_end(disk, tmp_path, monkeypatch):
+    from std_msgs.msg import String
+
+    from sar_compiler.ros import mcap_recorder
+
+    monkeypatch.setattr(mcap_recorder, "_PATIENCE_SEC", 0.01)
+    said: list[str] = []
+    path = tmp_path / "run.mcap"
+    recorder = mcap_recorder.McapRecorder(path, disk, said.append)
+    recorder.write("/text", String(data="x"))
+    recorder.close()
+    assert said == [f"{path} is left without its end: the disk takes nothing."]
 
 
 def test_the_definition_of_every_message_that_is_recorded_is_understood():
