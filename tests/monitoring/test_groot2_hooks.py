@@ -11,6 +11,7 @@ from tests.monitoring.groot2_client import Client, free_port, request
 from tests.monitoring.test_groot2 import FAILURE, IDLE, RUNNING, SUCCESS, WAS, Queue, main
 from tests.ros.conftest import make_ros, ros
 from tests.trees import write
+from tests.waiting import SILENCE_SEC
 
 pytestmark = pytest.mark.ros
 
@@ -31,6 +32,8 @@ def stage(ros, tmp_path):
             tree = sar_compiler.load(path, nodes=[Queue]).compile(context={sar_compiler.Clock: ManualClock()})
             port = free_port()
             told: list[str] = []
+            # A machine that stalls is not somebody who has gone.
+            options = {"patience_sec": SILENCE_SEC, **options}
             publisher = Groot2Publisher(tree, port, hooks=True, tell=told.append, **options)
             stack.enter_context(closing(publisher))
             runner = TreeRunner(tree)
@@ -150,10 +153,12 @@ def test_who_waits_at_a_breakpoint_that_is_taken_away_goes_on(leave, stage):
 
 
 def test_a_breakpoint_of_somebody_who_is_gone_holds_nobody(stage, ros):
-    runner, client, _ = stage(TWO, patience_sec=0.1)
+    runner, client, told = stage(TWO, patience_sec=1.0)
     runner.tick_tock(period_ms=1e7)
     client.ask("I", hook(2))
     runner.wake()
+    ros.spin_until(lambda: client.ask("D") and told, "the breakpoint")
+    assert told[0].startswith("Groot2 holds the tree before 'one'")
     ros.spin_until(lambda: runner.count == 1, "the end of the tick")
     (listed,) = json.loads(client.ask("D")[0])
     assert listed["enabled"]
