@@ -30,6 +30,7 @@ from sar_compiler.monitoring.groot2_protocol import (
 from sar_compiler.monitoring.numbered_tree import NumberedTree
 from sar_compiler.monitoring.status_changes import StatusChange, StatusChanges
 from sar_compiler.monitoring.tree_xml import tree_xml
+from sar_compiler.runtime.blackboard import MissingEntryError
 
 DEFAULT_PORT = 1667
 _LAST_PORT = 0xFFFF
@@ -205,8 +206,11 @@ class Groot2Publisher:
         return packed
 
     def _entries(self, path: str) -> dict[str, object]:
-        scope = self._tree.scopes[path]
-        return {key: _plain(entry.read()) for key, entry in scope.entries() if entry.exists}
+        found = {}
+        for key, entry in self._tree.scopes[path].entries():
+            with suppress(MissingEntryError):  # never written, or removed by the tick meanwhile
+                found[key] = _plain(entry.read())
+        return found
 
     def _toggle_recording(self, request: Request) -> bytes | None:
         word = request.payload
@@ -255,9 +259,12 @@ def _refuse(_: Request) -> None:
 
 
 def _plain(value: object) -> object:
-    """Return a value as msgpack has it; None for one that it has nothing for, as BehaviorTree.CPP does without a converter."""
+    """Return a copy of a value as msgpack has it, for the tick may change the value itself.
+
+    None for one that it has nothing for, as BehaviorTree.CPP does without a converter.
+    """
     try:
-        msgpack.packb(value)
-    except (TypeError, ValueError, OverflowError):
+        copy: object = msgpack.unpackb(msgpack.packb(value), use_list=False, strict_map_key=False)
+    except (TypeError, ValueError, OverflowError, RuntimeError):  # the last of a dict that grows meanwhile
         return None
-    return value
+    return copy

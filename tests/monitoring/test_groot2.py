@@ -17,6 +17,7 @@ from py_trees.trees import BehaviourTree
 
 import sar_compiler
 from sar_compiler import Groot2Publisher, Kind, ManualClock, SarError, register
+from sar_compiler.runtime.blackboard import Entry
 from tests.monitoring.groot2_client import Client, free_port, request
 from tests.trees import write
 from tests.waiting import SILENCE_SEC
@@ -176,6 +177,29 @@ def test_blackboards_go_by_the_trees_id_and_the_paths_of_subtrees(stage):
 def test_a_value_that_cannot_be_told_is_told_as_nothing(stage):
     _, client = stage(*main('<Queue answers="S"/>'), parameters={"p": object(), "big": 2**70})
     assert client.blackboards("Main") == {"Main": {"p": None, "big": None}}
+
+
+def test_an_entry_that_is_removed_while_it_is_asked_for_is_left_out(stage, monkeypatch):
+    tree, client = stage(
+        *main('<Sequence><Script code="a := 2"/><SubTree ID="In" name="one" x="{never}"/></Sequence>'),
+        '<BehaviorTree ID="In"><AlwaysSuccess/></BehaviorTree>',
+    )
+    tree.tick()
+    # What somebody sees who looks just before.
+    monkeypatch.setattr(Entry, "exists", property(lambda _: True))
+    assert client.blackboards("one") == {"one": {}, "ROOT": {"a": 2}}
+
+
+def test_a_value_that_changes_while_it_is_asked_for_is_told_as_it_was(stage):
+    changing: dict[str, object] = {"n": 1}
+
+    class Changes(dict[str, int]):
+        def items(self):
+            changing["odd"] = object()
+            return super().items()
+
+    _, client = stage(*main('<Queue answers="S"/>'), parameters={"a": changing, "b": Changes(m=2)})
+    assert client.blackboards("Main") == {"Main": {"a": {"n": 1}, "b": {"m": 2}}}
 
 
 @pytest.mark.parametrize(
