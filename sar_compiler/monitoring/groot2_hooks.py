@@ -192,7 +192,9 @@ class Groot2Hooks:
             RequestError: If there is none.
         """
         read = _parsed(text)
-        key, outcome, remove = _key(read), _outcome(read), _boolean(read, "remove_when_done")
+        key, remove = _key(read), _boolean(read, "remove_when_done")
+        # Every other word, of whatever version, means to go on.
+        outcome = _OUTCOMES.get(_entry(read, "desired_status", str, "a text"), SKIPPED)
         with self._lock:
             hook = self._hooks.get(key)
             if hook is None:

@@ -136,6 +136,16 @@ def test_a_breakpoint_can_be_left_with_an_outcome(stage):
     assert client.statuses() == {1: WAS + FAILURE, 2: WAS + FAILURE, 3: IDLE}
 
 
+@pytest.mark.parametrize("word", ["IDLE", "RUNNING", "CONTINUE", ""])
+def test_a_breakpoint_is_left_without_an_outcome_by_every_other_word(word, stage):
+    runner, client, _ = stage(TWO)
+    client.ask("I", hook(2))
+    runner.tick()
+    client.ask("U", unlock(2, word))
+    runner.tick()
+    assert client.statuses()[1] == WAS + SUCCESS
+
+
 @pytest.mark.parametrize("leave", ["remove", "remove all", "disable", "replace"])
 def test_who_waits_at_a_breakpoint_that_is_taken_away_goes_on(leave, stage):
     runner, client, _ = stage(TWO)
