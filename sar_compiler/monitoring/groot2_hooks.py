@@ -45,6 +45,7 @@ class Hook:
         outcome: What the tick is made to come to, as a number of `kernel.cells`; only SUCCESS and FAILURE change anything.
         enabled: Whether it does anything.
         ready: Whether its breakpoint is to be left.
+        told: The outcome that it was told of last: what it does in every tick is said once.
     """
 
     uid: int
@@ -54,6 +55,7 @@ class Hook:
     outcome: int
     enabled: bool
     ready: bool = False
+    told: int = SKIPPED
 
     @property
     def holds(self) -> bool:
@@ -135,7 +137,9 @@ class Groot2Hooks:
                 del self._hooks[key]
         if not hook.outcome & ENDED:
             return SKIPPED
-        self._tell(f"Groot2 puts {WORDS[hook.outcome]} in the place of what '{name}' comes to")
+        if hook.mode is HookMode.BREAKPOINT or hook.told != hook.outcome:
+            hook.told = hook.outcome
+            self._tell(f"Groot2 puts {WORDS[hook.outcome]} in the place of what '{name}' comes to")
         return hook.outcome
 
     def heard(self) -> None:

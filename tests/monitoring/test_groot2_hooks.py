@@ -108,6 +108,17 @@ def test_another_outcome_is_put_in_the_place_of_a_node_that_is_not_ticked(status
     assert client.heard() == ("N", "2")
 
 
+def test_what_is_put_in_a_place_in_every_tick_is_said_once_for_each_outcome(stage):
+    runner, client, told = stage(TWO)
+    for status in ("SUCCESS", "FAILURE"):
+        client.ask("I", hook(2, mode=1, status=status))
+        runner.tick()
+        runner.tick()
+    assert told == [
+        f"Groot2 puts {status} in the place of what 'one' comes to" for status in ("SUCCESS", "FAILURE")
+    ]
+
+
 def test_a_node_that_runs_is_stopped_before_another_outcome_takes_its_place(stage):
     runner, client, _ = stage('<Sequence><Queue name="one" answers="R"/><Queue answers="R"/></Sequence>')
     (queue, _) = runner.root.children
