@@ -88,7 +88,9 @@ class _NodeWriter:
         bound, scope = node.made.bound, node.made.instance.inner[node.made.bound].scope
         assert bound.subtree is not None  # noqa: S101 - the caller has looked
         self._subtrees.append(_UsedSubtree(bound.subtree.name, scope.path, root))
-        given = {name: text for name, text in bound.element.attributes.items() if name not in ("ID", "name")}
+        # What is left are ports and conditions; `oneshot` is a node of its own around this one.
+        named = ("ID", "name", "oneshot")
+        given = {name: text for name, text in bound.element.attributes.items() if name not in named}
         uid = str(node.uid)
         attributes = {"ID": bound.subtree.name, **given, "_fullpath": scope.path, "_uid": uid}
         return _start(SUBTREE_TAG, attributes, is_empty=True)
