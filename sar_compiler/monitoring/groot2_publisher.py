@@ -191,8 +191,9 @@ class Groot2Publisher:
             return error_reply(error)
 
     def _statuses(self, _: Request) -> bytes:
-        with self._lock:
-            return snapshot(self._shown)
+        with self._lock:  # not for longer: the tick waits for it
+            shown = [*self._shown]
+        return snapshot(shown)
 
     def _blackboards(self, request: Request) -> bytes:
         found: dict[str, object] = {}

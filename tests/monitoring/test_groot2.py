@@ -5,6 +5,7 @@ import json
 import select
 import subprocess
 import sys
+import threading
 import time
 from contextlib import ExitStack, closing
 from xml.etree import ElementTree as ET
@@ -17,6 +18,8 @@ from py_trees.trees import BehaviourTree
 
 import sar_compiler
 from sar_compiler import Groot2Publisher, Kind, ManualClock, SarError, register
+from sar_compiler.monitoring import groot2_publisher
+from sar_compiler.monitoring.groot2_protocol import snapshot
 from sar_compiler.runtime.blackboard import Entry
 from tests.monitoring.groot2_client import Client, free_port, request
 from tests.trees import write
@@ -100,6 +103,32 @@ def test_nodes_have_the_names_and_attributes_that_behaviortree_cpp_knows(stage):
         "Queue",
         ["answers"],
     )
+
+
+def test_what_makes_a_subtree_run_once_is_a_node_around_it_and_no_port(stage):
+    _, client = stage(
+        *main('<SubTree ID="In" name="one" oneshot="ON_COMPLETION" x="1"/>'),
+        '<BehaviorTree ID="In"><AlwaysSuccess/></BehaviorTree>',
+    )
+    root = ET.fromstring(client.ask("T")[0])  # noqa: S314 - it is ours
+    (once,) = root.iter("RunOnce")
+    assert [dict(each.attrib) for each in once] == [{"ID": "In", "x": "1", "_fullpath": "one", "_uid": "2"}]
+
+
+def test_a_tick_does_not_wait_for_a_snapshot_to_be_made(stage, monkeypatch):
+    tree, client = stage(*main('<Queue answers="R"/>'))
+    was_ticked = []
+
+    def make(shown):
+        ticking = threading.Thread(target=tree.tick)
+        ticking.start()
+        ticking.join(10.0)
+        was_ticked.append(not ticking.is_alive())
+        return snapshot(shown)
+
+    monkeypatch.setattr(groot2_publisher, "snapshot", make)
+    assert client.statuses() == {1: IDLE}
+    assert was_ticked == [True]
 
 
 def test_a_node_that_has_ended_is_idle_when_the_work_around_it_is_over(stage):
