@@ -1,10 +1,9 @@
 """A compiled tree in Graphviz' language, with the shapes and colours of py_trees' own drawings."""
 
-from collections import Counter
 from collections.abc import Iterator
 
 from sar_compiler.compiler import CompiledTree
-from sar_compiler.views.drawing import Shape, drawn_nodes
+from sar_compiler.views.drawing import DrawnNode, Shape, drawn_nodes, graph_lines
 
 _LOOKS = {
     Shape.SEQUENCE: ("box", "orange"),
@@ -28,17 +27,14 @@ def _lines(tree: CompiledTree) -> Iterator[str]:
     yield "  ordering=out;"
     yield '  graph [fontname="sans-serif", style=dashed];'
     yield '  node [fontname="sans-serif", fontsize=9, style=filled];'
-    ends = Counter(node.end for node in nodes if node.is_subtree)
-    for number, node in enumerate(nodes):
-        yield from ["  }"] * ends[number]
-        if node.is_subtree:
-            yield f"  subgraph cluster_{number} {{"
-        shape, colour = _LOOKS[node.shape]
-        label = "\\n".join(map(_escaped, filter(None, (node.label, node.details))))
-        yield f'  n{number} [label="{label}", shape={shape}, fillcolor={colour}, tooltip={_quoted(node.title)}];'
-    yield from ["  }"] * ends[len(nodes)]
-    yield from (f"  n{node.parent} -> n{number};" for number, node in enumerate(nodes) if node.parent >= 0)
+    yield from graph_lines(nodes, "  subgraph cluster_{} {{", _node, "  }", "  n{} -> n{};")
     yield "}"
+
+
+def _node(number: int, node: DrawnNode) -> str:
+    shape, colour = _LOOKS[node.shape]
+    label = "\\n".join(map(_escaped, filter(None, (node.label, node.details))))
+    return f'  n{number} [label="{label}", shape={shape}, fillcolor={colour}, tooltip={_quoted(node.title)}];'
 
 
 def _quoted(text: str) -> str:

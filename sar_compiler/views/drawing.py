@@ -1,5 +1,7 @@
 """A compiled tree as what a drawing has of it: one list of nodes, which all formats share."""
 
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from enum import Enum
 from typing import NamedTuple
 
@@ -69,6 +71,28 @@ def drawn_nodes(tree: CompiledTree) -> list[DrawnNode]:
         is_wrapper = any(origins[child].bound is origin.bound for child in children)
         drawn.append(DrawnNode(parent, children, end, *_looks(each.name, origin, is_wrapper=is_wrapper)))
     return drawn
+
+
+def graph_lines(
+    nodes: Sequence[DrawnNode], frame: str, line: Callable[[int, DrawnNode], str], end: str, edge: str
+) -> Iterator[str]:
+    """Yield the lines of a graph: nodes in pre-order, frames around subtrees, then the edges.
+
+    Args:
+        nodes: The nodes.
+        frame: What begins a frame, with a place for the number of its first node.
+        line: Returns the line of a node and its number.
+        end: What ends a frame.
+        edge: An edge, with places for the numbers of parent and child.
+    """
+    ends = Counter(node.end for node in nodes if node.is_subtree)
+    for number, node in enumerate(nodes):
+        yield from [end] * ends[number]
+        if node.is_subtree:
+            yield frame.format(number)
+        yield line(number, node)
+    yield from [end] * ends[len(nodes)]
+    yield from (edge.format(node.parent, number) for number, node in enumerate(nodes) if node.parent >= 0)
 
 
 class _Looks(NamedTuple):

@@ -1,11 +1,10 @@
 """A compiled tree as a flowchart of Mermaid, which GitHub and GitLab draw in Markdown."""
 
 import re
-from collections import Counter
 from collections.abc import Iterator
 
 from sar_compiler.compiler import CompiledTree
-from sar_compiler.views.drawing import Shape, drawn_nodes
+from sar_compiler.views.drawing import DrawnNode, Shape, drawn_nodes, graph_lines
 
 # What is before and behind a label, and the colours: those of py_trees' drawings, lighter.
 _LOOKS = {
@@ -40,18 +39,15 @@ def too_large(flowchart: str) -> bool:
 def _lines(tree: CompiledTree) -> Iterator[str]:
     nodes = drawn_nodes(tree)
     yield "flowchart TD"
-    ends = Counter(node.end for node in nodes if node.is_subtree)
-    for number, node in enumerate(nodes):
-        yield from ["  end"] * ends[number]
-        if node.is_subtree:
-            yield f'  subgraph s{number}[" "]'
-        before, behind, _ = _LOOKS[node.shape]
-        label = "<br>".join(map(_escaped, filter(None, (node.label, node.details))))
-        yield f'  n{number}{before}"{label}"{behind}:::{node.shape.value}'
-    yield from ["  end"] * ends[len(nodes)]
-    yield from (f"  n{node.parent}{_EDGE}n{number}" for number, node in enumerate(nodes) if node.parent >= 0)
+    yield from graph_lines(nodes, '  subgraph s{}[" "]', _node, "  end", f"  n{{}}{_EDGE}n{{}}")
     for shape in sorted({node.shape for node in nodes}, key=list(Shape).index):
         yield f"  classDef {shape.value} fill:{_LOOKS[shape][2]},stroke:#555,color:#111"
+
+
+def _node(number: int, node: DrawnNode) -> str:
+    before, behind, _ = _LOOKS[node.shape]
+    label = "<br>".join(map(_escaped, filter(None, (node.label, node.details))))
+    return f'  n{number}{before}"{label}"{behind}:::{node.shape.value}'
 
 
 def _escaped(text: str) -> str:
