@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from sar_compiler.compiler import CompiledTree
+from sar_compiler.tree.showing import in_one_line
 from sar_compiler.views.drawing import DrawnNode, Shape, drawn_nodes, graph_lines
 
 _LOOKS = {
@@ -23,7 +24,7 @@ def dot(tree: CompiledTree) -> str:
 
 def _lines(tree: CompiledTree) -> Iterator[str]:
     nodes = drawn_nodes(tree)
-    yield f"digraph {_quoted(tree.instance.tree.name)} {{"
+    yield f"digraph {_quoted(in_one_line(tree.instance.tree.name))} {{"
     yield "  ordering=out;"
     yield '  graph [fontname="sans-serif", style=dashed];'
     yield '  node [fontname="sans-serif", fontsize=9, style=filled];'

@@ -11,6 +11,7 @@ from unicodedata import combining, east_asian_width
 from xml.sax.saxutils import escape
 
 from sar_compiler.compiler import CompiledTree
+from sar_compiler.tree.showing import in_one_line
 from sar_compiler.views.drawing import DrawnNode, Shape, drawn_nodes
 from sar_compiler.views.plain import speakable
 
@@ -93,7 +94,7 @@ def svg(tree: CompiledTree) -> str:
     blocks = _placed(nodes)
     width, height = (math.ceil(size + 2 * _MARGIN) for size in (blocks[0].width, blocks[0].height))
     size = f'width="{width}" height="{height}"'
-    title = f"{tree.instance.tree.name}, {len(nodes)} {'node' if len(nodes) == 1 else 'nodes'}"
+    title = f"{in_one_line(tree.instance.tree.name)}, {len(nodes)} {'node' if len(nodes) == 1 else 'nodes'}"
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="0 0 {width} {height}" role="img">',
         f"<title>{_text(title)}</title>",

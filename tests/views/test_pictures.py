@@ -255,6 +255,14 @@ def test_control_characters_and_turned_text_are_shown_as_what_they_are():
     parsed(svg(drawn))
 
 
+@pytest.mark.parametrize("sign", ["\u202e", "\x9b", "\n"])
+def test_so_are_those_of_a_trees_id(sign):
+    drawn = tree((f"a&#{ord(sign)};b", "<AlwaysSuccess/>"))
+    assert drawn.instance.tree.name == f"a{sign}b"
+    for view in (svg, mermaid, dot):
+        assert f"a{sign}b" not in view(drawn)
+
+
 def test_a_long_text_is_cut_in_a_box_and_whole_in_its_title():
     value = "x" * 100
     node = drawn_nodes(tree_of(f'<Script code="{value} := 1"/>'))[0]
