@@ -45,6 +45,7 @@ class NumberedTree:
 
     Attributes:
         name: Its ID.
+        scopes: The scopes of the tree and its subtrees, by their paths.
         nodes: The nodes; that with the number 1 is the first.
 
     Raises:
@@ -53,7 +54,6 @@ class NumberedTree:
 
     def __init__(self, tree: CompiledTree) -> None:
         self.name = tree.instance.tree.name
-        self.board = tree.board
         self.scopes = {each.scope.path: each.scope for each in tree.instance.iterate()}
         assert isinstance(tree.origins, Origins)  # noqa: S101 - the compiler makes no other
         self.nodes = list(_numbered(tree.root, tree.origins))
