@@ -24,6 +24,7 @@ __all__ = [
     "Parser",
     "add_version",
     "count",
+    "pair_of_ports",
     "port",
     "run",
     "seed",
@@ -57,6 +58,15 @@ def port(text: str) -> int:
         message = f"'{text}' is not a port, 0 to 65535"
         raise argparse.ArgumentTypeError(message)
     return int(text)
+
+
+def pair_of_ports(text: str) -> int:
+    """Read the number of a port that is used together with the next one."""
+    number = port(text)
+    if not 0 < number < (1 << 16) - 1:
+        message = f"'{text}' is not a port that has a next one, 1 to 65534"
+        raise argparse.ArgumentTypeError(message)
+    return number
 
 
 def seed(text: str) -> int:

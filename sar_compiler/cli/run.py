@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import Parser, add_version, port, seed, speed
+from sar_compiler.cli.arguments import Parser, add_version, pair_of_ports, port, seed, speed
 from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_models, add_nodes, add_trust
 from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import USAGE, print_error, run
@@ -156,10 +156,15 @@ def _contradictions(given: Namespace) -> Iterator[tuple[object, str]]:
         given.check and (given.resume or given.new or given.report),
         "--check begins nothing: --resume, --new and --report are for the run itself",
     )
+    yield (
+        given.check and (given.groot2 is not None or given.publish or given.record is not None),
+        "--check begins nothing that could be watched: leave --groot2, --publish and --record out",
+    )
     if given.record is not None:
+        named = given.record.parent / f"{given.record.stem}.mcap"
         yield (
             given.record.suffix != ".mcap",
-            f"--record writes MCAP, which readers know by its ending: {given.record.stem}.mcap",
+            f"--record writes MCAP, which readers know by its ending: {named}",
         )
     yield (
         given.groot2_hooks and given.groot2 is None,
@@ -261,7 +266,7 @@ def _parser() -> Parser:
     )
     parser.add_argument(
         "--groot2",
-        type=int,
+        type=pair_of_ports,
         metavar="PORT",
         help="show the tree live in Groot2, on this port of 127.0.0.1 and the next one (Groot2 asks for 1667)",
     )

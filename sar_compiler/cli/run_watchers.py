@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -171,7 +170,7 @@ def open_watchers(
     view: "RunView | None",
     place: "Georeference | None",
 ) -> Iterator[RunWatchers]:
-    """Let those watch a run who are asked for on the command line; nobody watches a check.
+    """Let those watch a run who are asked for on the command line.
 
     Raises:
         SarError: If there can be no recording, no page or no report.
@@ -182,6 +181,4 @@ def open_watchers(
             from sar_compiler.cli.run_page import serve_run
 
             stack.enter_context(serve_run(options.web_port, journal, node, mission))
-        if options.check:
-            options = replace(options, groot2=None, publish=False, record=None)
         yield RunWatchers(options, node, journal, stack, view, place)
