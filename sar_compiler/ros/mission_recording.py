@@ -24,7 +24,7 @@ class MissionRecording:
     """Records a mission in an MCAP file, whether or not anything of it is published.
 
     Beside the topics of `ros.mcap_recorder.RECORDED`: `behavior_tree_log`, `~/tree` as `ros.mission_publisher` has them, and
-    `mission_log` (`rcl_interfaces/msg/Log`), the entries of the run's journal.
+    `mission_log` (`rcl_interfaces/msg/Log`), what the run's journal is told, but for what other topics have.
 
     Args:
         node: The mission's node.
