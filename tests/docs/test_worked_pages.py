@@ -27,7 +27,9 @@ WORLD = Path("docs/world.md").resolve()
 # How long a block of commands may take; the longest flies a robot for some simulated seconds.
 _TIMEOUT_SEC = 120.0
 # What is said only of something that takes long, and how long that is depends on the machine.
-_ON_A_SLOW_MACHINE = re.compile(r"^.* \(Ctrl-C stops and shows a run\)\n", re.MULTILINE)
+_ON_A_SLOW_MACHINE = re.compile(
+    r"^.* \(Ctrl-C stops and shows a run\)\n|^sweep: .* rows done\n", re.MULTILINE
+)
 
 
 def follow(page, folder):
