@@ -9,7 +9,6 @@ from sar_compiler.compiler import CompiledTree
 from sar_compiler.journal.journal import Journal, Listener
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.missions.mission import Mission, MissionRun
-from sar_compiler.nodes.spec import Kind
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -88,19 +87,15 @@ class RunJournal:
         """
         if not self._journal.is_wanted:
             return
-        from sar_compiler.journal.status_watch import pre_order
         from sar_compiler.missions.resuming import as_data, require_same_tree
+        from sar_compiler.views.drawing import drawn_nodes
         from sar_compiler.views.outline import outline
 
         self._about["tree"] = nodes = as_data(outline(tree))
         self._run_about |= {
             "tree_file": str(path.resolve()),
             "tree_id": tree.instance.tree.name,
-            "conditions": [
-                number
-                for number, each in enumerate(pre_order(tree.root))
-                if not each.children and tree.origins[each.id].bound.spec.kind is Kind.CONDITION
-            ],
+            "looks": [[each.shape.value, each.sign] for each in drawn_nodes(tree)],
         }
         if self.is_resumed:
             require_same_tree(self._journal, tree, nodes)

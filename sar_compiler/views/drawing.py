@@ -36,7 +36,8 @@ class DrawnNode(NamedTuple):
         children: The places of its children.
         end: The place after the last node below it: the list is in pre-order.
         shape: Its shape.
-        label: Its name, after the sign of what it does with its children.
+        sign: The sign of what it does with its children; empty for a leaf.
+        name: Its name.
         details: Its tag, where neither sign nor name says it, and its attributes as written; may be empty.
         title: The place in the file, and everything that is written there.
         is_subtree: Whether it is the top of a subtree.
@@ -46,10 +47,16 @@ class DrawnNode(NamedTuple):
     children: tuple[int, ...]
     end: int
     shape: Shape
-    label: str
+    sign: str
+    name: str
     details: str
     title: str
     is_subtree: bool
+
+    @property
+    def label(self) -> str:
+        """Its name, after its sign."""
+        return f"{self.sign} {self.name}".lstrip()
 
 
 def drawn_nodes(tree: CompiledTree) -> list[DrawnNode]:
@@ -97,7 +104,8 @@ def graph_lines(
 
 class _Looks(NamedTuple):
     shape: Shape
-    label: str
+    sign: str
+    name: str
     details: str
     title: str
     is_subtree: bool
@@ -114,7 +122,8 @@ def _looks(name: str, origin: Origin, *, is_wrapper: bool) -> _Looks:
     title = f"{element.source.path}:{element.line} <{tag}> {name} {attributes}"
     return _Looks(
         shape,
-        f"{sign} {_cut(name)}".lstrip(),
+        sign,
+        _cut(name),
         _cut(details),
         in_one_line(shortened(title.rstrip())),
         bound.subtree is not None and not is_wrapper,

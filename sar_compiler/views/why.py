@@ -8,6 +8,7 @@ from sar_compiler.checks.verify.counterfactual import Counterfactual, LeafAnswer
 from sar_compiler.journal.journal_entries import RUN_BEGAN, JournalEntry
 from sar_compiler.journal.mission_state import FAILURE, SUCCESS, Instant, MissionState, NodeState
 from sar_compiler.tree.showing import in_one_line, shortened
+from sar_compiler.views.drawing import Shape
 from sar_compiler.views.mission_report import outcome, utc
 
 _OTHER = {FAILURE: SUCCESS, SUCCESS: FAILURE}
@@ -137,8 +138,13 @@ def _is_sound(data: Mapping[str, Any], count: int) -> bool:
 def _conditions(entries: Sequence[JournalEntry]) -> set[int]:
     """Return the numbers of the leaves that are conditions, as a run says."""
     about = entries[0].data.get("run") if entries else None
-    said = about.get("conditions") if isinstance(about, Mapping) else None
-    return {each for each in said if isinstance(each, int)} if isinstance(said, list) else set()
+    looks = about.get("looks") if isinstance(about, Mapping) else None
+    condition = [Shape.CONDITION.value, ""]
+    return (
+        {number for number, each in enumerate(looks) if each == condition}
+        if isinstance(looks, list)
+        else set()
+    )
 
 
 class _Explained:

@@ -94,10 +94,11 @@ def flown(simulated, policy, journal=None, **about):
     journal.listen(stream.append)
     journal.clock = simulated.clock
     behaviours = list(simulated.root.iterate())
-    conditions = [
-        number for number, each in enumerate(pre_order(simulated.root)) if each.name.startswith(CONDITION)
+    looks = [
+        ["condition" if each.name.startswith(CONDITION) else "action", ""]
+        for each in pre_order(simulated.root)
     ]
-    journal.begin({"tree": outline(simulated.compiled)}, {"conditions": conditions, **about})
+    journal.begin({"tree": outline(simulated.compiled)}, {"looks": looks, **about})
     watch = StatusWatch(simulated.root, journal)
     numbers = watch._numbers
     by_id = {each.id: each for each in behaviours}

@@ -41,8 +41,8 @@ def flown(root, ticks=1, journal=None, told=(), **about):
     journal = journal or Journal()
     stream: list[JournalEntry] = []
     journal.listen(stream.append)
-    looks = [number for number, node in enumerate(pre_order(root)) if node.name.endswith("?")]
-    journal.begin({"tree": described(root), **about}, {"conditions": looks})
+    looks = [["condition" if node.name.endswith("?") else "action", ""] for node in pre_order(root)]
+    journal.begin({"tree": described(root), **about}, {"looks": looks})
     tree = BehaviourTree(root)
     tree.add_visitor(StatusWatch(root, journal))
     for _ in range(ticks):
