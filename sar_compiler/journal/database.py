@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from sar_compiler.journal.errors import JournalError, JournalPlaceError
 from sar_compiler.journal.journal_entries import RUN_BEGAN, RUN_ENDED, Ending, JournalEntry, JournalRun
 
-VERSION = 1
+VERSION = 2
 """The version of the schema that is written; others are refused."""
 
 # What `file` and SQLite know the files by: "SARJ".
@@ -50,8 +50,9 @@ _SIDECARS = ("-wal", "-shm")
 
 
 class Row(NamedTuple):
-    """An entry that is to be written."""
+    """An entry that is to be written; its number is the next one after those of facts and of what was watched."""
 
+    number: int
     run: int
     wall: float
     time: float
@@ -170,7 +171,7 @@ class JournalFile:
         if version != VERSION:
             return (
                 f"{self.path} has version {version} of a journal, and this sar_compiler reads version {VERSION}: use the "
-                "sar_compiler that has written it"
+                "sar_compiler that has written it, or move it away to begin anew"
             )
         return ""
 
@@ -238,7 +239,7 @@ class JournalFile:
                 entries.append(JournalEntry(0, run.number, run.ended, last, RUN_ENDED, data))
         # The system's clock may be set; the order of runs, and of their beginnings and ends, may not.
         rank = {RUN_BEGAN: 0, RUN_ENDED: 2}
-        entries.sort(key=lambda entry: (entry.run, rank.get(entry.kind, 1), entry.wall))
+        entries.sort(key=lambda entry: (entry.run, rank.get(entry.kind, 1), entry.number))
         following = StreamMark(
             max((entry.number for entry in facts), default=mark.fact),
             max((entry.number for entry in watched), default=mark.watched),
@@ -246,6 +247,13 @@ class JournalFile:
             frozenset(run.number for run in runs if run.ended is not None),
         )
         return entries, following
+
+    def last_number(self) -> int:
+        """Return the number of the last entry; 0 if there is none."""
+        with _readable(self.path):
+            query = "SELECT max(number) FROM (SELECT number FROM fact UNION ALL SELECT number FROM watched)"
+            (last,) = self._connection.execute(query).fetchone()
+            return int(last or 0)
 
     def _last_time(self, run: int) -> float:
         """Return the mission's time of the last entry of a run; minus infinity if there is none."""
@@ -286,11 +294,11 @@ class JournalFile:
         """Write what was watched; and a fact, which is on the disk when this returns."""
         with self._transaction(durable=fact is not None):
             self._connection.executemany(
-                "INSERT INTO watched (run, wall, time, kind, data) VALUES (?, ?, ?, ?, ?)", watched
+                "INSERT INTO watched (number, run, wall, time, kind, data) VALUES (?, ?, ?, ?, ?, ?)", watched
             )
             if fact is not None:
                 self._connection.execute(
-                    "INSERT INTO fact (run, wall, time, kind, data) VALUES (?, ?, ?, ?, ?)", fact
+                    "INSERT INTO fact (number, run, wall, time, kind, data) VALUES (?, ?, ?, ?, ?, ?)", fact
                 )
 
     @contextmanager

@@ -85,6 +85,8 @@ class Journal:
         self._facts = known.facts() if known is not None else []
         self._about = known.about() if known is not None else {}
         self._has_begun = self.is_resumed
+        # The last entry's, of facts and of what is watched; the system's clock may be set, and orders nothing.
+        self._number = known.last_number() if known is not None else 0
         self._run = 0
         self._pending: list[Row] = []
         self._pending_since = 0.0
@@ -246,7 +248,8 @@ class Journal:
     def _row(self, kind: str, data: Mapping[str, object]) -> "Row":
         from sar_compiler.journal.database import Row
 
-        return Row(self._run, time.time(), self.clock.now(), kind, json.dumps(data))
+        self._number += 1
+        return Row(self._number, self._run, time.time(), self.clock.now(), kind, json.dumps(data))
 
     def _write(self, fact: "Row | None" = None) -> None:
         pending, self._pending = self._pending, []

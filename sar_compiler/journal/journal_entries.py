@@ -28,7 +28,7 @@ class JournalEntry(NamedTuple):
     """A fact, or something that was watched.
 
     Attributes:
-        number: Its number among its like, in the order in which they were written; in a stream, among all of the stream.
+        number: Its number in the journal, in the order in which things happened; in a stream, among all of the stream.
         run: The number of the run that has written it, from 1.
         wall: When it was written, in seconds since 1970.
         time: The time of the mission's clock, in seconds.

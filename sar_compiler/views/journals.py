@@ -39,7 +39,7 @@ def journal_text(file: JournalFile, *, with_watched: bool = False) -> str:
     runs, about = file.runs(), file.about()
     mission = about.get("mission") or "a tree of no mission"
     entries = [*file.facts(), *(file.watched() if with_watched else ())]
-    entries.sort(key=lambda entry: (entry.run, entry.wall))
+    entries.sort(key=lambda entry: (entry.run, entry.number))
     nodes = _node_names(about.get("tree")) if with_watched else []
     lines = [f"{mission}, {_state(file, runs)}"]
     for run in runs:

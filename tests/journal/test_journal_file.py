@@ -1,6 +1,7 @@
 """The file of a journal: what is in it, who may open it, and what is said of a file that is none."""
 
 import fcntl
+import itertools
 import os
 import sqlite3
 import subprocess
@@ -18,8 +19,11 @@ from sar_compiler.journal.journal_entries import Ending
 from sar_compiler.views.journals import journal_data, journal_text
 
 
+NUMBERS = itertools.count(1)
+
+
 def fact(kind, data="{}", run=1):
-    return Row(run, 10.0, 1.5, kind, data)
+    return Row(next(NUMBERS), run, 10.0, 1.5, kind, data)
 
 
 @pytest.fixture

@@ -1,11 +1,13 @@
 """Who listens to a journal is told what can be read from its file afterwards, with or without a file."""
 
+import time
 from contextlib import closing
 
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.opening import open_journal
+from sar_compiler.views.journals import journal_text
 
 
 def live(journal):
@@ -67,3 +69,24 @@ def test_the_runs_of_a_mission_come_one_after_the_other(tmp_path):
         stream = [(entry.run, entry.kind) for entry in file.stream()]
     kinds = ("run_began", "zone_visited", "run_ended")
     assert stream == [(run, kind) for run in (1, 2) for kind in kinds]
+
+
+def test_what_has_happened_keeps_its_order_though_the_system_s_clock_is_set_back(tmp_path, monkeypatch):
+    place = tmp_path / "mission.journal"
+    clock = iter([*range(100, 105), *range(50, 100)])
+    monkeypatch.setattr(time, "time", lambda: float(next(clock)))
+    written = []
+    for run in (1, 2):
+        journal = open_journal(place, resume=run == 2)
+        journal.begin({}, {})
+        for number in range(3):
+            journal.watch("pose", x=float(number))
+            journal.note("zone_visited", zone=f"zone_{number}")
+            written += [(run, "pose"), (run, "zone_visited")]
+        journal.close()
+    with closing(JournalFile.read(place)) as file:
+        happened = [entry for entry in file.stream() if entry.kind != "run_began"]
+        told = journal_text(file, with_watched=True).splitlines()
+    assert [(entry.run, entry.kind) for entry in happened] == written
+    assert [entry.data for entry in happened[:2]] == [{"x": 0.0}, {"zone": "zone_0"}]
+    assert [line.split()[2] for line in told if " s  " in line] == [kind for _, kind in written]
