@@ -87,7 +87,9 @@ class Journal:
         self._has_begun = self.is_resumed
         # The last entry's, of facts and of what is watched; the system's clock may be set, and orders nothing.
         self._number = known.last_number() if known is not None else 0
-        self._run = 0
+        # The number of the run, also where no file is written, or can be written any more.
+        self._run = 1
+        self._is_written = False
         self._pending: list[Row] = []
         self._pending_since = 0.0
         self._listeners: list[Listener] = []
@@ -170,7 +172,7 @@ class Journal:
             file.move(self.aside)
             self._file = file = JournalFile.create(file.path)
         try:
-            self._run = file.begin_run(about, of_run, time.time())
+            self._run, self._is_written = file.begin_run(about, of_run, time.time()), True
         except Error as error:
             message = f"the journal {self.place} cannot be written: {error}"
             raise JournalError(message) from error
@@ -185,7 +187,7 @@ class Journal:
         Raises:
             TypeError: If a value is no JSON value.
         """
-        if self._run:
+        if self._is_written:
             self._write(self._row(kind, data))
         self._tell(kind, data)
 
@@ -199,7 +201,7 @@ class Journal:
         Raises:
             TypeError: If a value is no JSON value.
         """
-        if self._run:
+        if self._is_written:
             if not self._pending:
                 self._pending_since = time.monotonic()
             self._pending.append(self._row(kind, data))
@@ -221,7 +223,7 @@ class Journal:
         """
         self._write()
         file, run = self._file, self._run
-        if file is not None and run:
+        if file is not None and self._is_written:
             self._try(lambda: file.end_run(run, time.time(), ending, status, reason))
         self._tell(RUN_ENDED, {"ending": ending.value, "status": status, "reason": reason})
 
@@ -232,12 +234,12 @@ class Journal:
             self._file.close()
         elif self._file is not None:
             self._file.remove()
-        self._file, self._run = None, 0
+        self._file, self._is_written = None, False
 
     def _tell(self, kind: str, data: Mapping[str, object]) -> None:
         if self._listeners:
             self._told += 1
-            entry = JournalEntry(self._told, self._run or 1, time.time(), self.clock.now(), kind, data)
+            entry = JournalEntry(self._told, self._run, time.time(), self.clock.now(), kind, data)
             for listener in list(self._listeners):
                 try:
                     listener(entry)
@@ -253,7 +255,7 @@ class Journal:
 
     def _write(self, fact: "Row | None" = None) -> None:
         pending, self._pending = self._pending, []
-        file = self._file if self._run else None
+        file = self._file if self._is_written else None
         if file is not None and (pending or fact is not None):
             self._try(lambda: file.write(pending, fact))
 
@@ -264,7 +266,7 @@ class Journal:
             write()
         except Error as error:
             # A full disk is no reason to leave people unsearched.
-            self._run = 0
+            self._is_written = False
             self.on_failure(
                 f"The journal {self.place} cannot be written any more ({error}): the mission goes on without it, and "
                 "cannot be resumed from here."

@@ -18,7 +18,6 @@ from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal_entries import Ending
 from sar_compiler.views.journals import journal_data, journal_text
 
-
 NUMBERS = itertools.count(1)
 
 

@@ -229,6 +229,23 @@ def test_a_full_disk_is_said_once_and_the_mission_goes_on(place):
     again.close()
 
 
+def test_after_a_full_disk_what_is_told_is_of_the_same_run_still(place):
+    leave(place, Ending.STOPPED)
+    journal = open_journal(place, resume=True)
+    told = []
+    journal.listen(told.append)
+    journal.begin({}, {})
+    journal._file._connection.execute("PRAGMA query_only = 1")
+    journal.note("base_reached")
+    journal.end(Ending.OVER, 0)
+    journal.close()
+    assert [(entry.run, entry.kind) for entry in told] == [
+        (2, "run_began"),
+        (2, "base_reached"),
+        (2, "run_ended"),
+    ]
+
+
 @pytest.mark.parametrize(
     ("node", "environment", "expected"),
     [
