@@ -1,7 +1,6 @@
 """`sar-journal`: what a mission has left behind."""
 
 import argparse
-import json
 import sys
 from collections.abc import Sequence
 from contextlib import closing, suppress
@@ -114,7 +113,7 @@ def _show(options: argparse.Namespace) -> int:
 
     with closing(JournalFile.read(options.journal)) as file:
         if options.format == "json":
-            print(json.dumps(journal_data(file, with_watched=options.all), indent=2))
+            print(as_json(journal_data(file, with_watched=options.all)))
         else:
             print(journal_text(file, with_watched=options.all))
     return OK

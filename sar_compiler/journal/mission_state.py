@@ -280,6 +280,11 @@ class MissionState:
                 return  # somebody else's entry of that kind
 
     @property
+    def title(self) -> str:
+        """What it is called: the mission, or the root of the tree."""
+        return str(self.about.get("mission") or (self.nodes[0].name if self.nodes else "mission"))
+
+    @property
     def parameters(self) -> Mapping[str, Any]:
         """The parameters of the last run, by name."""
         given = self.runs[-1].about.get("parameters") if self.runs else None
@@ -312,7 +317,7 @@ class MissionState:
         if not self.about:
             self.about = about
             self._take_identity(about.get("identity") or {})
-        self.nodes = list(_nodes(self.about.get("tree")))
+        self.nodes = list(tree_nodes(self.about.get("tree")))
 
     def _take_identity(self, identity: Mapping[str, Any]) -> None:
         for zone in identity.get("zones") or []:
@@ -424,18 +429,19 @@ def _position(x: Any, y: Any) -> Position:
     return place
 
 
-def _nodes(tree: Any) -> Iterator[NodeState]:
-    """Yield the nodes of a tree as the journal has it, in pre-order."""
+def tree_nodes(tree: Any) -> Iterator[NodeState]:
+    """Yield the nodes of a tree as the journal has it, in pre-order; what is none is left out."""
     waiting: list[tuple[Any, NodeState | None]] = [(tree, None)] if isinstance(tree, Mapping) else []
     number = 0
     while waiting:
         node, parent = waiting.pop()
+        line, children = node.get("line"), node.get("children")
         state = NodeState(
             number,
             str(node.get("name")),
             str(node.get("class")),
             str(node.get("file") or ""),
-            int(node.get("line") or 0),
+            line if isinstance(line, int) else 0,
             0 if parent is None else parent.depth + 1,
             None if parent is None else parent.number,
             attributes=node.get("attributes") or {},
@@ -444,4 +450,5 @@ def _nodes(tree: Any) -> Iterator[NodeState]:
             parent.children.append(number)
         number += 1
         yield state
-        waiting.extend((child, state) for child in reversed(node.get("children") or []))
+        if isinstance(children, list):
+            waiting.extend((child, state) for child in reversed(children) if isinstance(child, Mapping))

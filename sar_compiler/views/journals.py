@@ -1,11 +1,12 @@
 """A mission's journal, as text and as plain data."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from sar_compiler.journal.database import VERSION, JournalFile, is_locked
 from sar_compiler.journal.journal_entries import JournalEntry, JournalRun, day_and_time
-from sar_compiler.tree.showing import shortened, visible
+from sar_compiler.journal.mission_state import tree_nodes
+from sar_compiler.tree.showing import in_one_line, shortened
 
 _RUNNING, _BROKEN_OFF, _EMPTY = "running", "broken off", "empty"
 
@@ -40,12 +41,12 @@ def journal_text(file: JournalFile, *, with_watched: bool = False) -> str:
     mission = about.get("mission") or "a tree of no mission"
     entries = [*file.facts(), *(file.watched() if with_watched else ())]
     entries.sort(key=lambda entry: (entry.run, entry.number))
-    nodes = _node_names(about.get("tree")) if with_watched else []
+    nodes = [node.name for node in tree_nodes(about.get("tree"))] if with_watched else []
     lines = [f"{mission}, {_state(file, runs)}"]
     for run in runs:
         own = [entry for entry in entries if entry.run == run.number]
         lines += [_headline(run), *_table(run, own, nodes)]
-    return "\n".join(visible(line) for line in lines)
+    return "\n".join(in_one_line(line) for line in lines)
 
 
 def _state(file: JournalFile, runs: Sequence[JournalRun]) -> str:
@@ -90,18 +91,3 @@ def _value(value: object) -> str:
     if isinstance(value, list):
         return f"({', '.join(map(_value, value))})"
     return str(value)
-
-
-def _node_names(tree: Any) -> list[str]:
-    """Return the names of a tree's nodes, in pre-order."""
-    names, waiting = [], [tree] if isinstance(tree, dict) else []
-    while waiting:
-        node = waiting.pop()
-        names.append(str(node.get("name")))
-        waiting.extend(reversed(_children(node)))
-    return names
-
-
-def _children(node: Mapping[str, Any]) -> list[Any]:
-    children: Iterable[Any] = node.get("children") or []
-    return [child for child in children if isinstance(child, dict)]

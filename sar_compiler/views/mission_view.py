@@ -4,17 +4,16 @@ import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
-from sar_compiler.journal.journal_entries import GOAL_SENT, RUN_BEGAN, RUN_ENDED, JournalEntry
+from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, RUN_BEGAN, RUN_ENDED, JournalEntry
 from sar_compiler.journal.mission_state import RUNNING, MissionState, NodeState, SurvivorState
 from sar_compiler.tree.showing import in_one_line, shortened
 from sar_compiler.views.journals import entry_words
 
-SIGNS = {RUNNING: "[*]", "SUCCESS": "[✓]", "FAILURE": "[✕]", "SKIPPED": "[>]"}
-_NO_PART = "[-]"
+_SIGNS = {RUNNING: "[*]", "SUCCESS": "[✓]", "FAILURE": "[✕]", "SKIPPED": "[>]"}
 
 # Facts that say nothing to people.
 _PASSED_OVER = (RUN_BEGAN, RUN_ENDED, GOAL_SENT)
-_WATCHED = ("pose", "plan", "map", "progress", "log", "goal_ended")
+_WATCHED = ("pose", "plan", "map", "progress", "log", GOAL_ENDED)
 
 
 class Piece(NamedTuple):
@@ -30,6 +29,11 @@ class Piece(NamedTuple):
 
 
 Line = list[Piece]
+
+
+def sign(status: str) -> str:
+    """Return the sign of a status; of what has no part in what is going on, another one."""
+    return _SIGNS.get(status, "[-]")
 
 
 def clock_text(seconds: float) -> str:
@@ -78,8 +82,7 @@ def full_height(state: MissionState) -> int:
 
 def _headline(state: MissionState, now: float) -> Line:
     root = state.nodes[0].status if state.nodes else ""
-    name = str(state.about.get("mission") or (state.nodes[0].name if state.nodes else "mission"))
-    words = [name, clock_text(now), _going_on(state, root), *_whereabouts(state)]
+    words = [state.title, clock_text(now), _going_on(state, root), *_whereabouts(state)]
     if state.zones:
         done = sum(zone.state in ("visited", "abandoned") for zone in state.zones.values())
         words.append(f"{done}/{len(state.zones)} zones done")
@@ -197,7 +200,7 @@ def _is_folded(rows: Sequence[NodeState], index: int) -> bool:
 def _row(state: MissionState, node: NodeState, now: float, *, is_folded: bool) -> Line:
     pieces = [
         Piece(_indent(node.depth)),
-        Piece(SIGNS.get(node.status, _NO_PART), node.status),
+        Piece(sign(node.status), node.status),
         Piece(f" {in_one_line(node.name)}"),
     ]
     if is_folded:

@@ -15,8 +15,8 @@ from sar_compiler.journal.mission_state import (
     ZoneState,
 )
 from sar_compiler.tree.showing import visible
-from sar_compiler.views.mission_report import georeference, outcome
-from sar_compiler.views.mission_view import SIGNS, clock_text
+from sar_compiler.views.mission_report import georeference, outcome, to_visit
+from sar_compiler.views.mission_view import clock_text, sign
 from sar_compiler.views.report_map import report_map
 
 _NONE = "-"
@@ -80,11 +80,10 @@ _LEGEND = (
 
 def html_report(state: MissionState) -> str:
     """Return the report of a mission as a page; whatever a stranger has written is escaped."""
-    name = str(state.about.get("mission") or (state.nodes[0].name if state.nodes else "mission"))
-    title = f"Report: {name}, {_day(state.runs[0].began) if state.runs else 'not begun'}"
+    title = f"Report: {state.title}, {_day(state.runs[0].began) if state.runs else 'not begun'}"
     body = "".join(
         (
-            *_head(state, name),
+            *_head(state),
             *_survivors(state),
             *_map(state),
             *_zones(state),
@@ -101,14 +100,14 @@ def html_report(state: MissionState) -> str:
     )
 
 
-def _head(state: MissionState, name: str) -> Iterator[str]:
+def _head(state: MissionState) -> Iterator[str]:
     word, reason = outcome(state)
-    yield f"<header><h1>{_text(name)}</h1>"
+    yield f"<header><h1>{_text(state.title)}</h1>"
     if state.about.get("simulated"):
         yield '<p class="simulated">Simulated: nobody was searched for, nobody was found</p>'
     yield f'<p class="outcome{"" if word == "complete" else " bad"}">{_text(word.capitalize())}'
     yield f"{_text(f': {reason}') if reason and word != 'complete' else ''}</p>"
-    listed = [each for each in state.survivors if each.standing not in ("rejected", "merged")]
+    listed = to_visit(state)
     done = sum(zone.state == "visited" for zone in state.zones.values())
     facts: list[tuple[str, str]] = [
         (f"run {run.number}" if len(state.runs) > 1 else "time", _duration(run.began, run.ended))
@@ -222,8 +221,7 @@ def _annex(state: MissionState) -> Iterator[str]:
 
 
 def _node(node: NodeState) -> str:
-    sign = SIGNS.get(node.status, "[-]")
-    name = f"{'  ' * node.depth}{sign} {node.name}".replace("  ", "\u00a0\u00a0")
+    name = f"{'  ' * node.depth}{sign(node.status)} {node.name}".replace("  ", "\u00a0\u00a0")
     place = f"{node.file}:{node.line}" if node.file else ""
     cells = (name, node.message, place)
     return f'<tr class="{escape(node.status)}">{"".join(f"<td>{_text(cell)}</td>" for cell in cells)}</tr>'

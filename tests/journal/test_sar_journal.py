@@ -24,8 +24,8 @@ def place(tmp_path):
         journal.clock = clock = ManualClock(100.0)
         journal.begin({"mission": "search_and_rescue", "tree": TREE}, {})
         clock.advance(3.5)
-        journal.note("zone_searched", zone="zone_a\x1b[2J", survivor=(-2.5, 3.2))
-        journal.watch("status", node=2, status="SUCCESS", message="")
+        journal.note("zone_searched", zone="zone_a\x1b[2J\n", survivor=(-2.5, 3.2))
+        journal.watch("status", node=2, status="SUCCESS", message="\u202e")
         journal.end(ending, status, reason)
         journal.close()
     return place
@@ -41,7 +41,7 @@ def test_the_facts_of_each_run_are_told_with_their_time(place, capsys):
     assert lines[0] == "search_and_rescue, over"
     assert lines[1].startswith("run 1, begun 20")
     assert lines[1].endswith(", stopped with status 130:")
-    assert lines[2] == r"      3.5 s  zone_searched  zone zone_a\x1b[2J, survivor (-2.50, 3.20)"
+    assert lines[2] == r"      3.5 s  zone_searched  zone zone_a\x1b[2J\n, survivor (-2.50, 3.20)"
     assert lines[3].endswith(", over with status 0, Mission complete.:")
 
 
@@ -51,12 +51,15 @@ def test_what_was_watched_is_told_on_request_with_the_names_of_nodes(place, caps
 
 
 def test_json_has_everything_as_it_is(place, capsys):
+    text = shown(capsys, place, "--format", "json", "--all")
+    assert "\x1b" not in text
+    assert r"\u202e" in text
     data = json.loads(shown(capsys, place, "--format", "json"))
     assert data["state"] == "over"
     assert data["tree"] == TREE
     assert [run["ending"] for run in data["runs"]] == ["stopped", "over"]
     assert [fact["data"] for fact in data["facts"]] == [
-        {"zone": "zone_a\x1b[2J", "survivor": [-2.5, 3.2]}
+        {"zone": "zone_a\x1b[2J\n", "survivor": [-2.5, 3.2]}
     ] * 2
     assert "watched" not in data
     watched = json.loads(shown(capsys, place, "--format", "json", "--all"))["watched"]
