@@ -4,6 +4,7 @@ GeoJSON by RFC 7946, Cursor on Target 2.0 as TAK reads it, the Common Alerting P
 """
 
 import itertools
+import re
 from collections.abc import Iterator
 from datetime import datetime, timedelta, timezone
 from typing import Any
@@ -11,8 +12,10 @@ from typing import Any
 from lxml import etree
 
 from sar_compiler.journal.georeference import Georeference
-from sar_compiler.journal.mission_state import MissionState, SurvivorState
+from sar_compiler.journal.mission_state import Instant, MissionState, SurvivorState
+from sar_compiler.tree.showing import in_one_line
 from sar_compiler.views.mission_report import ReportError, georeference, outcome, report_data, to_visit, utc
+from sar_compiler.views.plain import as_json, speakable
 
 # How near somebody is to where a find is told, metres: what is drawn around it.
 _RADIUS_M = 2.0
@@ -22,6 +25,8 @@ _UNKNOWN = "9999999.0"
 # A spot on the map, with the colours of it (ARGB as a signed number): red for who is confirmed, orange else.
 _SPOT, _RED, _ORANGE = "b-m-p-s-m", -65536, -35072
 _NAMELESS = "survivor"
+# A moment in an identifier, which has no colons.
+_STAMP = "%Y%m%dT%H%M%SZ"
 
 
 def geojson_report(state: MissionState) -> str:
@@ -35,47 +40,63 @@ def geojson_report(state: MissionState) -> str:
 
     reference = _reference(state)
     data = report_data(state)
+    simulated = {"simulated": data["simulated"]}
 
     def point(position: Any) -> Any:
         return geojson.Point((position["lon"], position["lat"]), precision=8)
 
     features = [
-        geojson.Feature(geometry=point(each.pop("position")), properties={"kind": kind, **_flat(each)})
+        geojson.Feature(
+            geometry=point(each.pop("position")), properties={"kind": kind, **simulated, **_flat(each)}
+        )
         for kind, listed in (("survivor", data["survivors"]), ("zone", data["zones"]))
         for each in listed
         if each["position"] is not None
     ]
     if data["base_station"] is not None:
         features.append(
-            geojson.Feature(geometry=point(data["base_station"]), properties={"kind": "base station"})
+            geojson.Feature(
+                geometry=point(data["base_station"]), properties={"kind": "base station", **simulated}
+            )
         )
     for run in state.runs:
         way = [(each["lon"], each["lat"]) for each in data["path"] if each["run"] == run.number]
         if len(way) > 1:
             line = geojson.LineString(way, precision=8)
-            features.append(geojson.Feature(geometry=line, properties={"kind": "path", "run": run.number}))
+            about = {"kind": "path", **simulated, "run": run.number}
+            features.append(geojson.Feature(geometry=line, properties=about))
     if state.fence:
         ring = [reference.located(*corner)[::-1] for corner in (*state.fence, state.fence[0])]
         # Its outside lies to the right of who walks along it.
         ring = ring if _is_counterclockwise(ring) else ring[::-1]
         features.append(
-            geojson.Feature(geometry=geojson.Polygon([ring], precision=8), properties={"kind": "geofence"})
+            geojson.Feature(
+                geometry=geojson.Polygon([ring], precision=8), properties={"kind": "geofence", **simulated}
+            )
         )
     about = {key: data[key] for key in ("mission", "simulated", "outcome", "reason", "home")}
-    return (
-        str(geojson.dumps(geojson.FeatureCollection(features, **about), indent=2, ensure_ascii=False)) + "\n"
-    )
+    return as_json(geojson.FeatureCollection(features, **about)) + "\n"
 
 
-def cot_report(state: MissionState) -> str:
+def cot_report(state: MissionState, now: datetime | None = None) -> str:
     """Return an event for each survivor to whom somebody must go, one in a line: what a TAK server takes as a stream.
+
+    Args:
+        state: The mission.
+        now: When the events are made; now, by default.
 
     Raises:
         ReportError: If the map's place on the earth is not known.
         ImportError: If a library is not installed.
     """
-    reference = _reference(state)
-    events = (_event(state, each, number, reference) for number, each in enumerate(to_visit(state), 1))
+    reference, listed = _reference(state), to_visit(state)
+    made = now or datetime.now(timezone.utc)
+    # By its place among all of them: what the operator says, and a name, make nobody else of a survivor.
+    events = (
+        _event(state, each, number, reference, made)
+        for number, each in enumerate(state.survivors, 1)
+        if each in listed
+    )
     return "".join(f"{etree.tostring(event, encoding='unicode')}\n" for event in events)
 
 
@@ -91,12 +112,13 @@ def cap_report(state: MissionState) -> str:
     from xsdata.formats.dataclass.serializers.config import SerializerConfig
     from xsdata.models.datatype import XmlDateTime
 
-    reference, began = _reference(state), utc(state.runs[0].began) if state.runs else None
+    reference, sent = _reference(state), _moment(state.now)
     word, reason = outcome(state)
     alert = Alert(
-        identifier=f"{_identifier(state)}-{(began or '').replace(':', '')}",
+        # A later state of the mission is another alert.
+        identifier=f"{_mission_id(state)}-{sent:{_STAMP}}",
         sender="sar_compiler",
-        sent=XmlDateTime.from_datetime(_now(state)),
+        sent=XmlDateTime.from_datetime(sent),
         status=Status.EXERCISE if state.about.get("simulated") else Status.ACTUAL,
         msg_type=MsgType.ALERT,
         scope=Scope.RESTRICTED,
@@ -105,7 +127,8 @@ def cap_report(state: MissionState) -> str:
         infos=list(_infos(state, reference)),
     )
     written = XmlSerializer(config=SerializerConfig(indent="  ")).render(alert, ns_map={None: _CAP})
-    return str(written)
+    # The norm forbids the letter.
+    return str(written).replace("Z</sent>", "-00:00</sent>")
 
 
 _CAP = "urn:oasis:names:tc:emergency:cap:1.2"
@@ -135,13 +158,14 @@ def _infos(state: MissionState, reference: Georeference) -> Iterator[Any]:
         )
 
 
-def _event(state: MissionState, survivor: SurvivorState, number: int, reference: Georeference) -> Any:
+def _event(
+    state: MissionState, survivor: SurvivorState, number: int, reference: Georeference, now: datetime
+) -> Any:
     lat, lon = reference.located(*survivor.place)
-    now = _now(state)
     stamp = "%Y-%m-%dT%H:%M:%S.000Z"
     colour = str(_RED if survivor.standing == "confirmed" else _ORANGE)
-    uid = f"{_identifier(state)}.{survivor.name or number}"
-    event = etree.Element("event", version="2.0", uid=_text(uid), type=_SPOT, how="m-g")
+    uid = f"{_mission_id(state)}.{number}"
+    event = etree.Element("event", version="2.0", uid=uid, type=_SPOT, how="m-g")
     found = utc(survivor.found)
     event.set("time", now.strftime(stamp))
     event.set("start", found.replace("Z", ".000Z") if found else now.strftime(stamp))
@@ -155,11 +179,14 @@ def _event(state: MissionState, survivor: SurvivorState, number: int, reference:
     }
     etree.SubElement(event, "point", where)
     detail = etree.SubElement(event, "detail")
-    etree.SubElement(detail, "contact", callsign=_text(survivor.name or f"{_NAMELESS} {number}"))
+    simulated = bool(state.about.get("simulated"))
+    callsign = f"{'SIM ' if simulated else ''}{survivor.name or f'{_NAMELESS} {number}'}"
+    etree.SubElement(detail, "contact", callsign=_text(callsign))
     etree.SubElement(detail, "color", argb=colour)
     etree.SubElement(detail, "usericon", iconsetpath=f"COT_MAPPING_SPOTMAP/{_SPOT}/{colour}")
-    simulated = "SIMULATED. " if state.about.get("simulated") else ""
-    etree.SubElement(detail, "remarks").text = _text(simulated + _remarks(survivor))
+    etree.SubElement(detail, "remarks").text = _text(
+        f"{'SIMULATED. ' if simulated else ''}{_remarks(survivor)}"
+    )
     return event
 
 
@@ -178,23 +205,20 @@ def _reference(state: MissionState) -> Georeference:
     return reference
 
 
-def _identifier(state: MissionState) -> str:
-    node = state.runs[-1].about.get("node") if state.runs else None
-    return "".join(
-        each if each.isalnum() or each in "._-" else "." for each in str(node or "mission").strip("/")
-    )
+def _mission_id(state: MissionState) -> str:
+    """Return what no other mission has: the node, and when the first run began."""
+    node = str((state.runs[0].about.get("node") if state.runs else None) or "mission").strip("/")
+    began = _moment(state.runs[0].began if state.runs else None)
+    return f"{re.sub(r'[^a-zA-Z0-9_-]', '.', node)}.{began:{_STAMP}}"
 
 
-def _now(state: MissionState) -> datetime:
-    """Return when the report is of: the last entry's time."""
-    return datetime.fromisoformat(
-        (utc(state.now) or "1970-01-01T00:00:00Z").replace("Z", "+00:00")
-    ).astimezone(timezone.utc)
+def _moment(instant: Instant | None) -> datetime:
+    return datetime.fromisoformat((utc(instant) or "1970-01-01T00:00:00Z").replace("Z", "+00:00"))
 
 
 def _text(text: str) -> str:
-    """Return a text without what XML cannot have."""
-    return "".join(each if each.isprintable() else "�" for each in text)
+    """Return a text in one line, with nothing that XML cannot have."""
+    return speakable(in_one_line(text))
 
 
 def _flat(data: dict[str, Any]) -> dict[str, Any]:

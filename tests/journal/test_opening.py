@@ -6,7 +6,7 @@ import pytest
 
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.errors import JournalError
-from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, Ending
+from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, Ending, JournalEntry
 from sar_compiler.journal.opening import default_place, open_journal
 from sar_compiler.runtime.clock import ManualClock
 
@@ -232,9 +232,10 @@ def test_a_full_disk_is_said_once_and_the_mission_goes_on(place):
 def test_after_a_full_disk_what_is_told_is_of_the_same_run_still(place):
     leave(place, Ending.STOPPED)
     journal = open_journal(place, resume=True)
-    told = []
+    told: list[JournalEntry] = []
     journal.listen(told.append)
     journal.begin({}, {})
+    assert journal._file is not None
     journal._file._connection.execute("PRAGMA query_only = 1")
     journal.note("base_reached")
     journal.end(Ending.OVER, 0)

@@ -7,6 +7,7 @@ import json
 import re
 import sys
 import xml.etree.ElementTree as ET
+from datetime import datetime, timezone
 
 import geojson
 import pytest
@@ -18,6 +19,7 @@ from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.views.mission_report import ReportError, report_data
+from sar_compiler.views.report_exchange import cot_report
 from sar_compiler.views.report_html import html_report
 from sar_compiler.views.reports import FORMS, report_text, require_form
 
@@ -26,7 +28,9 @@ VIENNA = {"georeference.lat": 48.2, "georeference.lon": 16.37, "georeference.hea
 PNG = base64.b64encode(b"\x89PNG and so on").decode()
 
 
-def mission(*told, simulated=False, parameters=VIENNA, ended=True, name="search_and_rescue"):
+def mission(
+    *told, simulated=False, parameters=VIENNA, ended=True, name="search_and_rescue", wall=1_700_000_000.0
+):
     """Return a mission with two survivors and three zones, of which one was given up."""
     zones = [
         {"id": f"zone_{letter}", "x": x, "y": 1.0} for letter, x in (("a", 10.0), ("b", 20.0), ("c", 30.0))
@@ -57,7 +61,6 @@ def mission(*told, simulated=False, parameters=VIENNA, ended=True, name="search_
             else []
         ),
     ]
-    wall = 1_700_000_000.0
     return MissionState.of(
         JournalEntry(at, 1, wall + at, float(at), kind, data) for at, (kind, data) in enumerate(entries)
     )
@@ -65,6 +68,7 @@ def mission(*told, simulated=False, parameters=VIENNA, ended=True, name="search_
 
 CONFIRMED = ("survivor_judged", {"survivor": "survivor_1", "standing": "confirmed", "same_as": None})
 REJECTED = ("survivor_judged", {"survivor": "survivor_1", "standing": "rejected", "same_as": None})
+NAMELESS = ("zone_searched", {"zone": "zone_b", "survivor": [9.0, 9.0]})
 
 
 class TestWhereTheMapLies:
@@ -133,6 +137,17 @@ class TestGeoJson:
         (survivor,) = [each for each in self.features(REJECTED) if each["properties"]["kind"] == "survivor"]
         assert survivor["properties"]["standing"] == "rejected"
 
+    @pytest.mark.parametrize("simulated", [True, False])
+    def test_each_of_them_says_whether_it_is_of_a_simulation(self, simulated):
+        text = report_text(mission(simulated=simulated), "r.geojson")
+        assert {each["properties"]["simulated"] for each in json.loads(text)["features"]} == {simulated}
+
+    def test_what_a_terminal_would_obey_or_no_encoding_has_is_escaped(self):
+        found = ("survivor_named", {"survivor": "\u202e\x1b[2J\ud800", "x": 1.0, "y": 1.0})
+        text = report_text(mission(found), "r.geojson")
+        assert r"\u202e\u001b[2J\ud800" in text
+        assert text.encode().isascii()
+
 
 def as_tak_reads(line):
     return takproto.parse_proto(takproto.xml2proto(line)).cotEvent
@@ -142,23 +157,47 @@ class TestCursorOnTarget:
     def test_tak_reads_an_event_for_each_survivor(self):
         (line,) = report_text(mission(CONFIRMED), "r.cot").splitlines()
         event = as_tak_reads(line)
-        assert (event.uid, event.type, event.how) == ("robot1.sar.survivor_1", "b-m-p-s-m", "m-g")
+        assert (event.type, event.how) == ("b-m-p-s-m", "m-g")
         assert (event.lat, event.lon) == pytest.approx((48.2, 16.3713452), abs=1e-6)
         assert event.detail.contact.callsign == "survivor_1"
-        assert event.startTime == 1_700_000_005_000
-        assert event.staleTime > event.sendTime
         assert ET.fromstring(line).get("version") == "2.0"  # noqa: S314 - our own
+
+    def test_an_event_is_made_now_lasts_a_day_and_is_of_when_somebody_was_found(self):
+        made = datetime(2024, 2, 28, 12, 0, tzinfo=timezone.utc)
+        event = as_tak_reads(cot_report(mission(), made))
+        assert event.startTime == 1_700_000_005_000
+        assert event.sendTime == made.timestamp() * 1000
+        assert event.staleTime == datetime(2024, 2, 29, 12, 0, tzinfo=timezone.utc).timestamp() * 1000
+
+    def uids(self, *told, **about):
+        return [
+            ET.fromstring(line).get("uid")  # noqa: S314 - our own
+            for line in report_text(mission(*told, **about), "r.cot").splitlines()
+        ]
+
+    def test_a_survivor_of_another_mission_is_another_one(self):
+        assert self.uids() == ["robot1.sar.20231114T221320Z.1"]
+        assert self.uids(wall=1_700_086_400.0) == ["robot1.sar.20231115T221320Z.1"]
+
+    def test_somebody_is_the_same_whatever_the_operator_says_and_with_a_name(self):
+        named = ("survivor_named", {"survivor": "survivor_2", "x": 9.0, "y": 9.0})
+        later = [self.uids(NAMELESS, *told)[-1] for told in ((), (REJECTED,), (named,))]
+        assert set(later) == {"robot1.sar.20231114T221320Z.2"}
 
     def test_nobody_is_sent_to_who_was_rejected(self):
         assert report_text(mission(REJECTED), "r.cot") == ""
 
     def test_of_a_simulation_it_is_said_to_be_one(self):
-        assert "SIMULATED" in report_text(mission(simulated=True), "r.cot")
+        text = report_text(mission(simulated=True), "r.cot")
+        assert as_tak_reads(text).detail.contact.callsign == "SIM survivor_1"
+        assert "SIMULATED" in text
 
     def test_what_a_stranger_has_written_is_a_text(self):
         found = ("survivor_named", {"survivor": NASTY, "x": 1.0, "y": 1.0})
-        line = report_text(mission(found), "r.cot").splitlines()[1]
-        assert as_tak_reads(line).detail.contact.callsign == NASTY.replace("\x1b", "�")
+        judged = ("survivor_judged", {"survivor": NASTY, "standing": "a\nb\ud800\uffff", "same_as": None})
+        line = report_text(mission(found, judged), "r.cot").splitlines()[1]
+        assert as_tak_reads(line).detail.contact.callsign == NASTY.replace("\x1b", r"\x1b")
+        assert r">a\nb\ud800\ufffd; found" in line.replace("\ufffd", r"\ufffd")
 
 
 class TestCommonAlertingProtocol:
@@ -175,6 +214,22 @@ class TestCommonAlertingProtocol:
         place, radius = info.areas[0].circles[0].split()
         assert [float(each) for each in place.split(",")] == pytest.approx([48.2, 16.3713452], abs=1e-7)
         assert radius == "0.002"
+
+    def test_it_is_sent_at_a_time_as_the_norm_writes_it(self):
+        text = report_text(mission(), "r.cap")
+        # In UTC the norm has no letter, and no plus.
+        assert ET.fromstring(text).findtext("{*}sent") == "2023-11-14T22:13:31-00:00"  # noqa: S314 - our own
+
+    def test_what_has_become_of_the_mission_since_is_another_alert(self):
+        identifiers = [
+            self.read(ended=ended, wall=wall).identifier
+            for ended, wall in ((False, 1_700_000_000.0), (True, 1_700_000_000.0), (True, 1_700_000_100.0))
+        ]
+        assert identifiers == [
+            "robot1.sar.20231114T221320Z-20231114T221330Z",
+            "robot1.sar.20231114T221320Z-20231114T221331Z",
+            "robot1.sar.20231114T221500Z-20231114T221511Z",
+        ]
 
     def test_who_is_confirmed_was_observed_and_others_are_likely(self):
         assert self.read().infos[0].certainty is Certainty.LIKELY
