@@ -29,7 +29,7 @@ _SIMULATOR = ("numpy", "scipy", "PIL")
 _OF_OPTIONS = {
     "groot2": (("zmq", "msgpack"), "--groot2", ", apt's python3-zmq and python3-msgpack on a robot"),
     "record": (("mcap", "lz4", "zstandard"), "--record", ""),
-    "report": (("cap_tools", "geojson", "pyproj"), "a report in coordinates of the world", ""),
+    "report": (("cap_tools", "geojson", "pyproj", "xsdata"), "a report in coordinates of the world", ""),
     "sweep": (("dask", "distributed"), "--dask", ""),
     "view": (
         ("rich",),

@@ -42,16 +42,18 @@ class RunReport:
                 write_text(file, report_text(self._state, file))
             except WriteError as error:  # noqa: PERF203 - the next one is tried as well
                 print_error(f"sar-run: {error}")
+            except Exception as error:  # noqa: BLE001 - nor does it change what the mission has come to
+                print_error(f"sar-run: the report {file} could not be made: {error!r}")
 
 
 def write_reports(state: MissionState, files: Sequence[Path], place: Georeference | None) -> None:
     """Write the reports of a mission.
 
     Raises:
-        SarError: If one cannot be written; then none is.
-        ImportError: If a library of theirs is not installed; the same.
+        SarError: If one of them cannot be asked for, and then none is written; or if a file cannot be written.
+        ImportError: If a library of theirs is not installed; then none is written.
     """
     for file in files:
         require_form(file, place)
-    for file in files:
-        write_text(file, report_text(state, file))
+    for file, text in [(file, report_text(state, file)) for file in files]:
+        write_text(file, text)

@@ -6,6 +6,8 @@ from typing import Any, NamedTuple
 
 GEOREFERENCE = "georeference"
 """The parameter, with `lat`, `lon` and `heading`."""
+# Its latitude, degrees.
+_POLE = 90.0
 
 
 class Georeference(NamedTuple):
@@ -23,11 +25,15 @@ class Georeference(NamedTuple):
 
     @classmethod
     def among(cls, parameters: Mapping[str, Any]) -> "Georeference | None":
-        """Return that of a run by its parameters' flat names; None if it has none."""
-        values = [parameters.get(f"{GEOREFERENCE}.{name}") for name in cls._fields]
-        if not all(isinstance(value, int | float) for value in values):
+        """Return that of a run by its parameters' flat names; None if it has none, or one that is nowhere."""
+        try:
+            place = cls(*(float(parameters[f"{GEOREFERENCE}.{name}"]) for name in cls._fields))
+        except (ArithmeticError, LookupError, TypeError, ValueError):
             return None
-        return cls(*map(float, values))  # type: ignore[arg-type]
+        is_somewhere = (
+            abs(place.lat) <= _POLE and abs(place.lon) <= 2 * _POLE and math.isfinite(place.heading)
+        )
+        return place if is_somewhere else None
 
     def located(self, x: float, y: float) -> tuple[float, float]:
         """Return latitude and longitude of a position in the frame `map` (metres), along the ellipsoid.

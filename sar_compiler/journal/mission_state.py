@@ -294,9 +294,12 @@ class MissionState:
     def fence(self) -> list[Position]:
         """The corners of the geofence; empty for none."""
         numbers = self.parameters.get("geofence")
-        if not isinstance(numbers, Sequence) or not all(isinstance(each, int | float) for each in numbers):
+        if not isinstance(numbers, Sequence):
             return []
-        return [Position(*pair) for pair in zip(numbers[::2], numbers[1::2], strict=False)]
+        try:
+            return [_position(x, y) for x, y in zip(numbers[::2], numbers[1::2], strict=False)]
+        except (ArithmeticError, TypeError, ValueError):
+            return []
 
     def running(self) -> list[NodeState]:
         """Return the nodes that are running and have no child that is."""

@@ -64,6 +64,9 @@ def report_data(state: MissionState) -> dict[str, Any]:
 
     Positions are metres in the frame `map`, with `lat` and `lon` in degrees where the map's place on the earth is known;
     times are `utc`, and `time`, the seconds of the mission's clock since the beginning of the run.
+
+    Raises:
+        ImportError: If pyproj is not installed, and the map's place on the earth is known.
     """
     place = _PlacesInTheWorld(georeference(state))
     word, reason = outcome(state)
@@ -106,10 +109,7 @@ class _PlacesInTheWorld(NamedTuple):
             return None
         place = {"x": position.x, "y": position.y}
         if self.reference is not None:
-            try:
-                lat, lon = self.reference.located(*position)
-            except ImportError:  # said where a form is asked for that needs it
-                return place
+            lat, lon = self.reference.located(*position)
             place |= {"lat": round(lat, 8), "lon": round(lon, 8)}
         return place
 

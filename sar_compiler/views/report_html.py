@@ -79,7 +79,11 @@ _LEGEND = (
 
 
 def html_report(state: MissionState) -> str:
-    """Return the report of a mission as a page; whatever a stranger has written is escaped."""
+    """Return the report of a mission as a page; whatever a stranger has written is escaped.
+
+    Raises:
+        ImportError: If pyproj is not installed, and the map's place on the earth is known.
+    """
     title = f"Report: {state.title}, {_day(state.runs[0].began) if state.runs else 'not begun'}"
     body = "".join(
         (
@@ -224,13 +228,13 @@ def _node(node: NodeState) -> str:
     name = f"{'  ' * node.depth}{sign(node.status)} {node.name}".replace("  ", "\u00a0\u00a0")
     place = f"{node.file}:{node.line}" if node.file else ""
     cells = (name, node.message, place)
-    return f'<tr class="{escape(node.status)}">{"".join(f"<td>{_text(cell)}</td>" for cell in cells)}</tr>'
+    return f'<tr class="{_text(node.status)}">{"".join(f"<td>{_text(cell)}</td>" for cell in cells)}</tr>'
 
 
 def _table(heads: Sequence[str], rows: Iterable[tuple[str, Sequence[str]]], empty: str) -> str:
     """Return a table; each row has a class, and its cells."""
     body = "".join(
-        f'<tr class="{escape(kind)}">{"".join(map(_cell, heads, cells))}</tr>' for kind, cells in rows
+        f'<tr class="{_text(kind)}">{"".join(map(_cell, heads, cells))}</tr>' for kind, cells in rows
     )
     if not body:
         return f"<p>{_text(empty)}</p>"
@@ -253,11 +257,8 @@ def _position(state: MissionState, place: Position | None) -> list[str]:
         return [_NONE] * (1 if reference is None else 2)
     cells = [f"{place.x:.2f}, {place.y:.2f}"]
     if reference is not None:
-        try:
-            lat, lon = reference.located(*place)
-            cells.append(f"{lat:.7f}, {lon:.7f}")
-        except ImportError:  # said where a form is asked for that needs it
-            cells.append(_NONE)
+        lat, lon = reference.located(*place)
+        cells.append(f"{lat:.7f}, {lon:.7f}")
     return cells
 
 

@@ -18,6 +18,8 @@ _MARGIN = 1 / 20
 _LABEL = 16
 # A break of so many metres in the path is no way of a robot: it was carried, or the localisation has jumped.
 _JUMP_M = 5.0
+# A map that is turned by less is drawn as if it were not.
+_TURNED_RAD = 1e-3
 
 
 def report_map(state: MissionState) -> str:
@@ -56,15 +58,17 @@ def _extent(state: MissionState) -> tuple[float, float, float, float] | None:
     left, right = min(place.x for place in places), max(place.x for place in places)
     low, high = min(place.y for place in places), max(place.y for place in places)
     margin = max(right - left, high - low, 1.0) * _MARGIN
-    return left - margin, low - margin, right + margin, high + margin
+    extent = left - margin, low - margin, right + margin, high + margin
+    # So far away that the numbers have no metres is nowhere.
+    return extent if all(0.0 < extent[axis + 2] - extent[axis] < math.inf for axis in (0, 1)) else None
 
 
 def _corners(state: MissionState) -> list[Position]:
     try:
         x, y, edge = (float(state.map[key]) for key in ("x", "y", "resolution"))
-        turned = float(state.map.get("yaw", 0.0)) != 0.0
+        turned = abs(float(state.map.get("yaw", 0.0))) > _TURNED_RAD
         width, height = int(state.map["width"]) * edge, int(state.map["height"]) * edge
-    except (LookupError, TypeError, ValueError):
+    except (ArithmeticError, LookupError, TypeError, ValueError):
         return []
     corners = [Position(x, y), Position(x + width, y + height)]
     drawable = width > 0 < height and not turned
@@ -129,7 +133,7 @@ def _places(state: MissionState, right: float, size: float) -> Iterator[str]:
         if zone.place is not None:
             kind = zone.state.replace(" ", "-")
             x, y = zone.place.x, -zone.place.y
-            yield f'<circle class="zone {escape(kind)}" cx="{x:.3f}" cy="{y:.3f}" r="{1.2 * size:.3f}"/>'
+            yield f'<circle class="zone {kind}" cx="{x:.3f}" cy="{y:.3f}" r="{1.2 * size:.3f}"/>'
             yield _label(
                 zone.place,
                 right,
@@ -140,7 +144,7 @@ def _places(state: MissionState, right: float, size: float) -> Iterator[str]:
         x, y = survivor.place.x, -survivor.place.y
         corners = ((x, y - 1.6 * size), (x + 1.6 * size, y), (x, y + 1.6 * size), (x - 1.6 * size, y))
         points = " ".join(f"{a:.3f},{b:.3f}" for a, b in corners)
-        yield f'<polygon class="survivor {escape(survivor.standing)}" points="{points}"/>'
+        yield f'<polygon class="survivor {escape(visible(survivor.standing))}" points="{points}"/>'
         yield _label(survivor.place, right, size, survivor.name or "survivor", "name")
 
 

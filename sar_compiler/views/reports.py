@@ -1,11 +1,13 @@
 """Reports of a mission by the endings of their files."""
 
+import os
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
 
 from sar_compiler.journal.georeference import GEOREFERENCE, Georeference
 from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.tree.content import real_path
 from sar_compiler.views.mission_report import ReportError, report_data
 from sar_compiler.views.plain import as_json
 
@@ -48,7 +50,7 @@ FORMS: Mapping[str, Callable[[MissionState], str]] = {
 """What writes a report, by the ending of the file."""
 
 # The libraries of those in coordinates of the world.
-_LIBRARIES = {".geojson": ("pyproj", "geojson"), ".cot": ("pyproj",), ".cap": ("pyproj", "cap_tools")}
+_LIBRARIES = {".geojson": ("geojson",), ".cot": (), ".cap": ("cap_tools", "xsdata")}
 
 
 def require_form(file: Path, place: Georeference | None) -> None:
@@ -66,19 +68,30 @@ def require_form(file: Path, place: Georeference | None) -> None:
     if ending not in FORMS:
         message = f"a report ends in {', '.join(FORMS)}, and {file} does not"
         raise ReportError(message)
-    libraries = _LIBRARIES.get(ending, ())
-    if libraries and place is None:
+    if ending in _LIBRARIES and place is None:
         message = (
             f"{file} has coordinates of the world, which takes {GEOREFERENCE}: {{lat: …, lon: …, heading: …}} in the "
             "parameter file: where the origin of the frame map lies, in degrees, and where its x axis points, clockwise from "
             "north"
         )
         raise ReportError(message)
-    for library in libraries:
+    for library in (*(() if place is None else ("pyproj",)), *_LIBRARIES.get(ending, ())):
         import_module(library)
-    if not file.absolute().parent.is_dir():
-        message = f"{file} cannot be written: there is no folder {file.absolute().parent}"
+    obstacle = _obstacle(file.absolute())
+    if obstacle:
+        message = f"{file} cannot be written: {obstacle}"
         raise ReportError(message)
+
+
+def _obstacle(file: Path) -> str:
+    """Return why a file cannot be written, as far as that is known before; empty if nothing is known."""
+    if not file.parent.is_dir():
+        return f"there is no folder {file.parent}"
+    if file.is_dir():
+        return "it is a folder"
+    # A device is written to; a file is put in the place of the one that is there.
+    written = file if file.exists() and not file.is_file() else real_path(file).parent
+    return "" if os.access(written, os.W_OK) else f"{written} may not be written to"
 
 
 def report_text(state: MissionState, file: Path | str) -> str:

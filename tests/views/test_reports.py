@@ -4,6 +4,8 @@ import base64
 import html
 import itertools
 import json
+import math
+import os
 import re
 import sys
 import xml.etree.ElementTree as ET
@@ -21,6 +23,7 @@ from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.views.mission_report import ReportError, report_data
 from sar_compiler.views.report_exchange import cot_report
 from sar_compiler.views.report_html import html_report
+from sar_compiler.views.report_map import report_map
 from sar_compiler.views.reports import FORMS, report_text, require_form
 
 NASTY = "<script>alert('x')</script>&\x1b[2J"
@@ -87,6 +90,19 @@ class TestWhereTheMapLies:
     def test_it_is_known_only_if_all_of_it_is_said(self):
         assert Georeference.among(VIENNA) == (48.2, 16.37, 90.0)
         assert Georeference.among({"georeference.lat": 48.2}) is None
+
+    @pytest.mark.parametrize(
+        ("name", "value"),
+        [
+            ("lat", 90.1),
+            ("lat", -91),
+            ("lon", 180.5),
+            ("heading", math.inf),
+            *((n, math.nan) for n in ("lat", "lon")),
+        ],
+    )
+    def test_it_is_a_place_on_the_earth(self, name, value):
+        assert Georeference.among({**VIENNA, f"georeference.{name}": value}) is None
 
 
 class TestJson:
@@ -293,6 +309,36 @@ class TestThePage:
         ]
         assert "<image" not in html_report(mission(change))
 
+    @pytest.mark.parametrize(("yaw", "is_drawn"), [(1e-9, True), (-1e-9, True), (0.1, False), (-0.1, False)])
+    def test_a_map_that_is_hardly_turned_is_drawn(self, yaw, is_drawn):
+        change = ("map", {"x": 0, "y": 0, "resolution": 1, "width": 1, "height": 1, "png": PNG, "yaw": yaw})
+        assert ("<image" in html_report(mission(change))) == is_drawn
+
+    @pytest.mark.parametrize(
+        "told",
+        [
+            ("map", {"x": 0, "y": 0, "resolution": 1, "width": math.inf, "height": 1, "png": PNG}),
+            ("pose", {"x": 1e308, "y": 0.0, "yaw": 0.0}),
+            ("survivor_judged", {"survivor": "survivor_1", "standing": "\ud800", "same_as": "\ud800"}),
+            ("status", {"node": 0, "tick": 1, "status": "\ud800", "message": "\ud800"}),
+        ],
+    )
+    def test_what_cannot_be_so_does_not_keep_a_report_from_being_made(self, told):
+        for ending in FORMS:
+            assert report_text(mission(told), f"r{ending}").encode()
+
+    def test_a_mission_at_the_end_of_the_numbers_has_no_map(self):
+        began = ("run_began", {"identity": {"zones": [{"id": "far", "x": 1e17, "y": 0.0}]}, "run": {}})
+        state = MissionState.of([JournalEntry(1, 1, 0.0, 0.0, *began)])
+        assert "far" in html_report(state)
+        assert report_map(state) == ""
+
+    def test_a_geofence_with_a_corner_nowhere_is_none(self):
+        state = mission()
+        for corner in (math.nan, math.inf, 10**400, "x", None):
+            state.runs[0].about["parameters"]["geofence"] = [0.0, 0.0, 1.0, 0.0, 1.0, corner]
+            assert state.fence == []
+
     def test_a_simulation_says_that_nobody_was_found(self):
         assert "Simulated: nobody was searched for" in texts(html_report(mission(simulated=True)))
 
@@ -339,9 +385,30 @@ class TestWhatIsRefusedBeforehand:
         with pytest.raises(ReportError, match="there is no folder"):
             require_form(tmp_path / "not" / "report.html", None)
 
+    def test_a_folder_is_no_file(self, tmp_path):
+        (tmp_path / "r.html").mkdir()
+        with pytest.raises(ReportError, match="it is a folder"):
+            require_form(tmp_path / "r.html", None)
+
+    def test_the_folder_must_take_files(self, tmp_path, monkeypatch):
+        # Root may write to each of them, and tests may be run by root.
+        monkeypatch.setattr(os, "access", lambda path, mode: (path, mode) != (tmp_path, os.W_OK))
+        with pytest.raises(ReportError, match=f"{tmp_path} may not be written to"):
+            require_form(tmp_path / "r.html", None)
+
+    def test_a_device_is_written_to_wherever_it_is(self, tmp_path, monkeypatch):
+        monkeypatch.setattr(os, "access", lambda path, _: path != tmp_path)
+        (tmp_path / "r.html").symlink_to(os.devnull)
+        require_form(tmp_path / "r.html", None)
+
     @pytest.mark.parametrize(
         ("ending", "library"),
-        [(".geojson", "pyproj"), (".geojson", "geojson"), (".cot", "pyproj"), (".cap", "cap_tools")],
+        [
+            *((ending, "pyproj") for ending in sorted(FORMS)),
+            (".geojson", "geojson"),
+            (".cap", "cap_tools"),
+            (".cap", "xsdata"),
+        ],
     )
     def test_the_libraries_must_be_there(self, ending, library, tmp_path, monkeypatch):
         monkeypatch.setitem(sys.modules, library, None)
