@@ -32,7 +32,7 @@ class Terminal:
         self._stream = pyte.ByteStream(self.screen)
         self._state = tempfile.TemporaryDirectory(prefix="state_of_test")
         self._here, there = pty.openpty()
-        self._set_size(columns, lines)
+        self.tell_size(columns, lines)
         terminal = {"TERM": "xterm-256color", "XDG_STATE_HOME": self._state.name, "PYTHONUTF8": "1"}
         without = ("COLUMNS", "LINES", "NO_COLOR")
         self._process = subprocess.Popen(
@@ -49,12 +49,13 @@ class Terminal:
         )
         os.close(there)
 
-    def _set_size(self, columns, lines):
+    def tell_size(self, columns, lines):
+        """Tell the command that the terminal has another size, and leave the screen as it is."""
         fcntl.ioctl(self._here, termios.TIOCSWINSZ, struct.pack("HHHH", lines, columns, 0, 0))
 
     def resize(self, columns, lines):
         """Give the terminal another size."""
-        self._set_size(columns, lines)
+        self.tell_size(columns, lines)
         self.screen.resize(lines, columns)
 
     @property

@@ -134,6 +134,7 @@ class RunScreen(RunView):
             return
         begin = self._take_lines(size) if size != self._size else ""
         if not self._height:
+            self._output.draw(begin)
             return
         width, lines = size
         view = screen(self._state, self._now - self._start, self._height)
@@ -149,7 +150,7 @@ class RunScreen(RunView):
         self._height = min(full_height(self._state), lines - max(_LOG_LINES, lines // 4))
         if self._height < _LEAST:  # too small for both
             self._height = 0
-            return _NO_MARGINS
+            return "" if is_first else f"{_SAVE}{_NO_MARGINS}{_RESTORE}"
         last = lines - self._height
         margins = f"\x1b[1;{last}r"
         if not is_first:

@@ -53,6 +53,17 @@ def test_it_is_right_after_the_terminal_has_another_size(on_terminal):
         terminal.wait_for(lambda rows, lines=lines: stands(*SHOWN)(rows) and "Then" in rows[lines - 2])
 
 
+def test_a_terminal_that_becomes_too_small_scrolls_as_a_whole_again(on_terminal):
+    terminal = on_terminal(WAIT).wait_for(stands(*SHOWN))
+    assert terminal.screen.margins is not None
+    # The margins of a screen whose lines are left as they are; of others they end by themselves.
+    terminal.tell_size(80, 6)
+    terminal.wait_for(lambda _: terminal.screen.margins is None)
+    terminal.send(signal.SIGINT)
+    assert terminal.end() == 130
+    assert terminal.screen.margins is None
+
+
 def test_a_terminal_that_is_too_small_gets_it_back_once_it_is_large_enough(on_terminal):
     terminal = on_terminal(WAIT, lines=6)
     terminal.resize(80, 24)
