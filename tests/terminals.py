@@ -9,6 +9,7 @@ import subprocess
 import tempfile
 import termios
 import time
+from pathlib import Path
 
 import pyte
 
@@ -20,7 +21,7 @@ class Terminal:
     """A command on a terminal.
 
     Args:
-        name: The command, as installed.
+        name: The command, as installed, or a program's path.
         arguments: Its arguments.
         columns: The width.
         lines: The height.
@@ -95,6 +96,16 @@ class Terminal:
     def send(self, number):
         """Send a signal."""
         self._process.send_signal(number)
+
+    def send_to_child(self, number):
+        """Send a signal to the process that the command has started."""
+        pid = self._process.pid
+        (child,) = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii").split()
+        os.kill(int(child), number)
+
+    def type(self, text):
+        """Have a text typed."""
+        os.write(self._here, text.encode())
 
     def end(self):
         """Wait for the command to end; return its exit status."""

@@ -5,6 +5,7 @@ write to the terminal themselves. A terminal has margins for that, inside which 
 """
 
 import os
+import signal
 import sys
 import time
 from abc import ABC, abstractmethod
@@ -100,17 +101,20 @@ class RunScreen(RunView):
         self._height = 0
         self._drawn_at = -_PERIOD_SEC
         self._start = self._now = 0.0
-        self._has_begun = self._is_closed = False
+        self._has_begun = self._is_closed = self._is_to_stop = False
 
     def take(self, entry: JournalEntry) -> None:
         """Take an entry, which is shown when the next drawing is due."""
         self._state.take(entry)
         if entry.kind == RUN_BEGAN:
             self._start, self._has_begun = entry.time, True
+            self._listen()
         self._now = max(self._now, entry.time)
 
     def refresh(self, now: float) -> None:
-        """Draw, if that is due, and something has begun."""
+        """Draw, if that is due, and something has begun; stop first, if the terminal has asked for that (Ctrl-Z)."""
+        if self._is_to_stop and not self._is_closed:
+            self._stop()
         steady = time.monotonic()
         if self._has_begun and not self._is_closed and steady - self._drawn_at >= _PERIOD_SEC:
             self._drawn_at, self._now = steady, now
@@ -124,8 +128,30 @@ class RunScreen(RunView):
         try:
             self._draw()
         finally:
-            if self._height:
-                self._output.draw(f"{_NO_MARGINS}\x1b[{self._size[1]};1H\r\n")
+            self._leave()
+
+    def _leave(self) -> None:
+        if self._height:
+            self._output.draw(f"{_NO_MARGINS}\x1b[{self._size[1]};1H\r\n")
+
+    def _listen(self) -> None:
+        # Whoever has started the process may have turned the signal off.
+        if signal.getsignal(signal.SIGTSTP) == signal.SIG_DFL:
+            signal.signal(signal.SIGTSTP, self._ask_to_stop)
+
+    def _ask_to_stop(self, *_signal: object) -> None:
+        # In the middle of anything, such as a drawing: the rest is done before the next one, if there is one.
+        self._is_to_stop = not self._is_closed
+        if self._is_closed:
+            _stop_process()
+
+    def _stop(self) -> None:
+        """Stop as anybody does, with the terminal as it was; then go on with what stands there now."""
+        self._is_to_stop = False
+        self._leave()
+        _stop_process()
+        self._listen()
+        self._size, self._drawn_at = (0, 0), -_PERIOD_SEC
 
     def _draw(self) -> None:
         try:
@@ -157,6 +183,12 @@ class RunScreen(RunView):
             return f"{_NO_MARGINS}{_CLEAR}{margins}\x1b[{last};1H"
         # What stands there scrolls up; the cursor stays with it.
         return f"{chr(10) * self._height}\x1b[{self._height}A{_SAVE}{margins}{_RESTORE}"
+
+
+def _stop_process() -> None:
+    """Let the signal do what it does to who does not take it over; return when the process goes on."""
+    signal.signal(signal.SIGTSTP, signal.SIG_DFL)
+    signal.raise_signal(signal.SIGTSTP)
 
 
 Paint = Callable[[Sequence[Line], int, int], Iterable[str]]

@@ -4,6 +4,7 @@ import signal
 
 import pytest
 
+from tests.processes import BIN
 from tests.terminals import Terminal
 from tests.trees import document
 
@@ -14,19 +15,29 @@ SHOWN = ["[*] Main", "[*] Wait", "[-] Then"]
 
 
 @pytest.fixture
-def on_terminal(tmp_path):
-    """Run trees on terminals."""
+def begin():
+    """Run commands on terminals."""
     begun = []
 
-    def run(tree, *arguments, **size):
-        path = tmp_path / "tree.xml"
-        path.write_text(document(tree), encoding="utf-8")
-        begun.append(Terminal("sar-run", path, "--view", "text", *arguments, **size))
+    def run(*command, **size):
+        begun.append(Terminal(*command, **size))
         return begun[-1]
 
     yield run
     for terminal in begun:
         terminal.kill()
+
+
+@pytest.fixture
+def on_terminal(tmp_path, begin):
+    """Run trees on terminals."""
+
+    def run(tree, *arguments, **size):
+        path = tmp_path / "tree.xml"
+        path.write_text(document(tree), encoding="utf-8")
+        return begin("sar-run", path, "--view", "text", *arguments, **size)
+
+    return run
 
 
 def tree_of(rows):
@@ -100,6 +111,25 @@ def test_at_the_end_the_view_stays_and_the_terminal_is_as_before(on_terminal):
     assert not terminal.screen.cursor.hidden
     # What comes next, a shell's prompt, stands below.
     assert not any(terminal.rows[terminal.screen.cursor.y :])
+
+
+def test_while_it_is_stopped_the_terminal_is_the_shell_s(tmp_path, begin):
+    path = tmp_path / "tree.xml"
+    path.write_text(document(WAIT), encoding="utf-8")
+    # With job control, without which nobody could go on with what was stopped, and it is not.
+    script = '"$@"; echo "stopped: $?"; read; kill -CONT %1; wait %1; echo "ended: $?"'
+    terminal = begin("/bin/bash", "-mc", script, "bash", BIN / "sar-run", path, "--view", "text")
+    terminal.wait_for(stands(*SHOWN))
+    terminal.send_to_child(signal.SIGTSTP)
+    terminal.wait_for(f"stopped: {128 + signal.SIGTSTP}")
+    assert terminal.screen.margins is None
+    assert not terminal.screen.cursor.hidden
+    terminal.type("\n")
+    terminal.wait_for(lambda _: terminal.screen.margins is not None)
+    terminal.wait_for(lambda rows: "Then" in rows[22])
+    terminal.send_to_child(signal.SIGINT)
+    terminal.wait_for("ended: 130")
+    assert terminal.screen.margins is None
 
 
 def test_a_terminal_that_obeys_nothing_gets_a_line_for_each_change(tmp_path):
