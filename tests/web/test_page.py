@@ -35,6 +35,9 @@ def test_a_browser_that_comes_late_sees_the_truth(live, browser):
     ]
     assert "Drive" in browser.text("#now")
     assert browser.text("#progress") == "zones 1 of 2"
+    assert "zone_a visited, zone_b open" in browser.text("#places")
+    run.journal.note("zone_started", zone="zone_b")
+    browser.wait_for("#map .zone.under-way title", "zone_b: under way")
     run.status(1, "RUNNING", "2 m left")
     browser.wait_for("#now", "2 m left")
 

@@ -4,7 +4,7 @@ import { svg } from "./shapes.js";
 
 // Of a longer way every second, third, ... place is drawn.
 const POINTS = 1500;
-const ZONES = { "to do": "", current: "▶", visited: "✓", postponed: "…", abandoned: "✗" };
+const ZONES = { open: "", "under way": "▶", visited: "✓", postponed: "…", abandoned: "✗" };
 const FINDS = { rejected: "✗", merged: "=" };
 
 export class MapView {
@@ -63,7 +63,7 @@ export class MapView {
   }
 
   zones({ zones, base }) {
-    const drawn = [...zones.values()].map((zone) => this.mark(zone, `zone ${zone.state.replace(" ", "")}`, svg("circle", { r: 11 }), ZONES[zone.state], zone.id, `${zone.id}: ${zone.state}${zone.reason ? `, ${zone.reason}` : ""}`));
+    const drawn = [...zones.values()].map((zone) => this.mark(zone, `zone ${zone.state.replace(" ", "-")}`, svg("circle", { r: 11 }), ZONES[zone.state], zone.id, `${zone.id}: ${zone.state}${zone.reason ? `, ${zone.reason}` : ""}`));
     return base ? [this.mark(base, "base", svg("path", { d: "M-9 9 V-2 L0 -10 L9 -2 V9 Z" }), "", "base", "base station"), ...drawn] : drawn;
   }
 

@@ -5,7 +5,7 @@ const NEVER = Object.freeze({ status: "", since: 0, time: 0, tick: 0, entered: 0
 const LEVELS = { 30: "warning", 40: "error", 50: "error" };
 const QUIET = new Set(["goal_sent", "goal_ended", "map", "progress"]);
 const ZONES = {
-  zone_started: "current", zone_visited: "visited", zone_postponed: "postponed", zone_abandoned: "abandoned",
+  zone_started: "under way", zone_visited: "visited", zone_postponed: "postponed", zone_abandoned: "abandoned",
 };
 
 export class Run {
@@ -47,7 +47,7 @@ export class Run {
     const identity = data.identity ?? {};
     if (first || !this.zones.size) {
       for (const zone of listed(identity.zones)) {
-        if (!this.zones.has(zone.id)) this.zones.set(zone.id, { ...zone, state: "to do" });
+        if (!this.zones.has(zone.id)) this.zones.set(zone.id, { ...zone, state: "open" });
       }
     }
     if (identity.base_station) this.base = identity.base_station;
@@ -85,12 +85,12 @@ export class Run {
   }
 
   place(kind, data) {
-    if (kind === "zone_added") this.zones = new Map(this.zones).set(data.id, { ...data, state: "to do" });
+    if (kind === "zone_added") this.zones = new Map(this.zones).set(data.id, { ...data, state: "open" });
     const zone = this.zones.get(data.zone);
     if (!zone || !ZONES[kind]) return;
     this.zones = new Map(this.zones);
     if (kind === "zone_started") {
-      for (const [id, each] of this.zones) if (each.state === "current") this.zones.set(id, { ...each, state: "to do" });
+      for (const [id, each] of this.zones) if (each.state === "under way") this.zones.set(id, { ...each, state: "open" });
     }
     this.zones.set(data.zone, { ...zone, state: ZONES[kind], reason: data.reason ?? "" });
   }
