@@ -5,6 +5,7 @@ import json
 import pytest
 
 from sar_compiler.cli.journal_command import main
+from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal_entries import Ending
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.runtime.clock import ManualClock
@@ -90,6 +91,12 @@ def test_what_is_no_journal_is_said(tmp_path, capsys, content, words):
         place.write_text(content, encoding="utf-8")
     assert main(["show", str(place)]) == 2
     assert f"{place} {words}" in capsys.readouterr().err
+
+
+def test_a_journal_in_which_nothing_has_begun_has_a_report_too(tmp_path):
+    JournalFile.create(tmp_path / "m.journal").close()
+    assert main(["report", str(tmp_path / "m.journal"), "--to", str(tmp_path / "r.html")]) == 0
+    assert "not begun" in (tmp_path / "r.html").read_text(encoding="utf-8")
 
 
 def test_a_report_is_written_of_a_journal_in_each_form_that_is_asked_for(tmp_path, capsys):

@@ -10,6 +10,7 @@ from py_trees.decorators import Inverter, Retry, Timeout
 from py_trees.trees import BehaviourTree
 
 from sar_compiler.cli.journal_command import main
+from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.opening import open_journal
@@ -269,9 +270,11 @@ class TestTheCommand:
         assert main(["why", places[0], "--against", places[1]]) == 0
         assert "The runs are alike in 0 changes of status. Then:" in capsys.readouterr().out
 
-    def test_a_journal_in_which_nothing_has_begun_is_no_failure(self, tmp_path, capsys):
-        journal = open_journal(tmp_path / "m.journal")
-        journal.begin({}, {})
-        journal.close()
+    @pytest.mark.parametrize("has_begun", [False, True])
+    def test_a_journal_in_which_nothing_has_happened_is_no_failure(self, has_begun, tmp_path, capsys):
+        file = JournalFile.create(tmp_path / "m.journal")
+        if has_begun:
+            file.begin_run({}, {}, 0.0)
+        file.close()
         assert main(["why", str(tmp_path / "m.journal")]) == 0
         assert "unfinished" in capsys.readouterr().out
