@@ -120,6 +120,7 @@ class ZoneState:
         reason: Why it was given up untried, in words.
         attempts: How often it was set out for.
         started: When it was set out for last.
+        searched: When a search of it was finished; None if none was, whatever the state is.
         left: When it was visited or abandoned.
     """
 
@@ -129,7 +130,16 @@ class ZoneState:
     reason: str = ""
     attempts: int = 0
     started: Instant | None = None
+    searched: Instant | None = None
     left: Instant | None = None
+
+    @property
+    def said(self) -> str:
+        """Whether it was searched, in words: a robot may have been there, and nobody has looked."""
+        searched = "searched" if self.searched is not None else "not searched"
+        if self.state == "abandoned":
+            return f"{searched}, given up"
+        return f"visited, {searched}" if self.state == "visited" and self.searched is None else searched
 
 
 @dataclass
@@ -317,6 +327,7 @@ class MissionState:
     def _run_began(self, run: Mapping[str, Any], **about: Any) -> None:
         self.runs.append(RunState(self.now.run, self.now, run))
         self.drive, self.plan, self.tick = None, [], 0
+        self._leave_off()
         if not self.about:
             self.about = about
             self._take_identity(about.get("identity") or {})
@@ -331,6 +342,14 @@ class MissionState:
     def _run_ended(self, ending: str, status: int | None, reason: str) -> None:
         run = self.runs[-1]
         run.ended, run.ending, run.status, run.reason = self.now, str(ending), status, str(reason)
+        self._leave_off()
+
+    def _leave_off(self) -> None:
+        """Have no zone under way, because the run has ended, or another zone is."""
+        for zone in self.zones.values():
+            if zone.state in ("under way", "searched"):
+                zone.state = "open"
+        self.zone = ""
 
     def _goal_sent(self, action: str, goal: str) -> None:
         self.goals[goal] = action
@@ -370,12 +389,14 @@ class MissionState:
         self.zones[str(id)] = ZoneState(str(id), _position(x, y))
 
     def _zone_started(self, zone: str) -> None:
+        self._leave_off()
         state = self._zone(zone)
         state.state, state.started, state.attempts = "under way", self.now, state.attempts + 1
         self.zone, self.home = state.name, False
 
     def _zone_searched(self, zone: str, survivor: Any) -> None:
-        self._zone(zone).state = "searched"
+        state = self._zone(zone)
+        state.state, state.searched = "searched", self.now
         if survivor is None:
             return
         found = SurvivorState(_position(*survivor), str(zone), found=self.now)

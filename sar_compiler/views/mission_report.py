@@ -75,6 +75,7 @@ def report_data(state: MissionState) -> dict[str, Any]:
         "simulated": bool(state.about.get("simulated")),
         "outcome": word,
         "reason": reason,
+        "as_of": utc(state.now) if state.runs else None,
         "home": state.home,
         "georeference": place.reference and place.reference._asdict(),
         "runs": [
@@ -148,6 +149,7 @@ def _zone(zone: ZoneState, place: _PlacesInTheWorld) -> dict[str, Any]:
         "reason": zone.reason or None,
         "attempts": zone.attempts,
         "started": _at(zone.started),
+        "searched": _at(zone.searched),
         "left": _at(zone.left),
     }
 

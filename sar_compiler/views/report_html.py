@@ -17,7 +17,7 @@ from sar_compiler.journal.mission_state import (
 from sar_compiler.tree.showing import visible
 from sar_compiler.views.mission_report import georeference, outcome, to_visit
 from sar_compiler.views.mission_view import clock_text, sign
-from sar_compiler.views.report_map import report_map
+from sar_compiler.views.report_map import LEGEND, report_map
 
 _NONE = "-"
 # Of the log's warnings so many are told.
@@ -45,15 +45,16 @@ td.text { overflow-wrap: anywhere; min-width: 6.5rem }
 .confirmed td:first-child { font-weight: 700 } .rejected td, .merged td { color: var(--quiet) }
 .map { width: 100%; max-height: 42rem; background: #fff; border: 1px solid var(--rule) }
 .map text { fill: #000; stroke: #fff; stroke-width: .25em; paint-order: stroke; font-family: system-ui, sans-serif }
-.map .name { font-weight: 700 } .map .scale { fill: #444 } .map image { image-rendering: pixelated; opacity: .75 }
-.grid { stroke: #0002; stroke-width: .02 } .fence { fill: none; stroke: #000; stroke-dasharray: .3 .2 }
+.map .name { font-weight: 700 } .map .said { font-size: .7em } .map .scale { fill: #444 } .map image { image-rendering: pixelated; opacity: .75 }
+.grid { stroke: #0002; stroke-width: .02 } .fence { fill: none; stroke: #000; stroke-dasharray: .4em .25em }
 .path { fill: none; stroke: #0072b2; stroke-linejoin: round } .base { fill: #fff; stroke: #000 }
-.zone { fill: #fff; stroke: #0072b2 } .zone.visited { fill: #0072b2 } .zone.searched, .zone.under-way { fill: #56b4e9 }
-.zone.abandoned { fill: #000; stroke: #000 } .zone.open { stroke-dasharray: .15 .1 }
+.zone { fill: #fff; stroke: #0072b2 } .zone.searched { fill: #0072b2 } .zone.visited { fill: #56b4e9 }
+.zone.abandoned { fill: #000; stroke: #000 } .zone.open { stroke-dasharray: .35em .2em }
 .survivor { fill: #e69f00; stroke: #000 } .survivor.confirmed { fill: #d55e00 }
 .survivor.rejected, .survivor.merged { fill: #fff; stroke: #777 }
 ul.legend { list-style: none; padding: 0; display: flex; flex-wrap: wrap; gap: .2rem 1.2rem; margin: .4rem 0 }
-.legend i { display: inline-block; width: .8em; height: .8em; margin-right: .4em; border: 1px solid #000 }
+.key { width: 1.1em; height: 1.1em; margin-right: .4em; vertical-align: -.2em; background: #fff; stroke-width: .3 }
+.key * { font-size: 2px }
 .tree td { font: 12px/1.35 ui-monospace, monospace; padding-top: 0; padding-bottom: 0; border: 0 }
 .FAILURE { color: var(--alarm) }
 footer { margin-top: 2rem; color: var(--quiet); font-size: .85rem }
@@ -69,14 +70,6 @@ footer { margin-top: 2rem; color: var(--quiet); font-size: .85rem }
   .map { max-height: 150mm } .wide { overflow: visible } .annex { break-before: page } .tree td { font-size: 7.5pt } }
 """
 
-_LEGEND = (
-    ("#d55e00", "survivor, confirmed by the operator"),
-    ("#e69f00", "survivor, not yet judged"),
-    ("#fff", "rejected, or merged with another; a white square: the base station"),
-    ("#0072b2", "zone visited, and the way of the robot"),
-    ("#000", "zone given up"),
-)
-
 
 def html_report(state: MissionState) -> str:
     """Return the report of a mission as a page; whatever a stranger has written is escaped.
@@ -91,8 +84,8 @@ def html_report(state: MissionState) -> str:
             *_survivors(state),
             *_map(state),
             *_zones(state),
-            *_events("Alarms of the failsafes", state.alarms),
-            *_events("Orders of the operator", state.orders),
+            *_events(state, "Alarms of the failsafes", state.alarms),
+            *_events(state, "Orders of the operator", state.orders),
             *_faults(state),
             *_annex(state),
         )
@@ -112,11 +105,13 @@ def _head(state: MissionState) -> Iterator[str]:
     yield f'<p class="outcome{"" if word == "complete" else " bad"}">{_text(word.capitalize())}'
     yield f"{_text(f': {reason}') if reason and word != 'complete' else ''}</p>"
     listed = to_visit(state)
-    done = sum(zone.state == "visited" for zone in state.zones.values())
+    unsearched = [zone.name for zone in state.zones.values() if zone.searched is None]
     facts: list[tuple[str, str]] = [
         (f"run {run.number}" if len(state.runs) > 1 else "time", _duration(run.began, run.ended))
         for run in state.runs
     ]
+    if state.runs and not state.runs[-1].ending:
+        facts.append(("as of", _day(state.now)))
     if state.zones:
         known = sum(each.report == "acknowledged" for each in listed)
         facts += [
@@ -124,7 +119,8 @@ def _head(state: MissionState) -> Iterator[str]:
                 "survivors",
                 f"{len(listed)}, of whom base has acknowledged {known}" if listed else "none found",
             ),
-            ("zones", f"{done} of {len(state.zones)} visited"),
+            ("zones", f"{len(state.zones) - len(unsearched)} of {len(state.zones)} searched"),
+            *([("not searched", ", ".join(unsearched))] if unsearched else []),
             ("robot", _robot(state)),
         ]
     place = georeference(state)
@@ -157,13 +153,13 @@ def _survivor(state: MissionState, survivor: SurvivorState) -> list[str]:
             if survivor.standing == "merged"
             else f", possibly {survivor.possibly}"
         )
-    told = _when(survivor.acknowledged) if survivor.acknowledged else f"NO ({survivor.report})"
+    told = _when(state, survivor.acknowledged) if survivor.acknowledged else f"NO ({survivor.report})"
     return [
         survivor.name or "without a name",
         standing,
         survivor.zone or _NONE,
         *_position(state, survivor.place),
-        _when(survivor.found),
+        _when(state, survivor.found),
         told,
     ]
 
@@ -172,7 +168,8 @@ def _map(state: MissionState) -> Iterator[str]:
     drawing = report_map(state)
     if drawing:
         legend = "".join(
-            f'<li><i style="background:{colour}"></i>{_text(text)}</li>' for colour, text in _LEGEND
+            f'<li><svg class="key" viewBox="-2 -2 4 4" aria-hidden="true">{drawn}</svg>{_text(text)}</li>'
+            for drawn, text in LEGEND
         )
         yield f'<h2>Map</h2>{drawing}<ul class="legend">{legend}</ul>'
 
@@ -180,33 +177,35 @@ def _map(state: MissionState) -> Iterator[str]:
 def _zones(state: MissionState) -> Iterator[str]:
     if state.zones:
         yield "<h2>Zones</h2>"
-        heads = ("zone", "state", *_position_heads(state), "attempts", "last set out", "left")
+        heads = ("zone", "state", *_position_heads(state), "attempts", "last set out", "searched", "left")
         yield _table(heads, (("", _zone(state, each)) for each in state.zones.values()), "")
 
 
 def _zone(state: MissionState, zone: ZoneState) -> list[str]:
-    said = f"{zone.state}{f': {zone.reason}' if zone.reason else ''}"
+    said = f"{zone.said}{f': {zone.reason}' if zone.reason else ''}"
     return [
         zone.name,
         said,
         *_position(state, zone.place),
         str(zone.attempts),
-        _when(zone.started),
-        _when(zone.left),
+        _when(state, zone.started),
+        _when(state, zone.searched),
+        _when(state, zone.left),
     ]
 
 
-def _events(title: str, told: Sequence[Told]) -> Iterator[str]:
+def _events(state: MissionState, title: str, told: Sequence[Told]) -> Iterator[str]:
     if told:
         yield f"<h2>{_text(title)}</h2>"
-        yield _table(("when", "what"), (("", [_when(each.at), each.text]) for each in told), "")
+        rows = (("", [_when(state, each.at), each.text]) for each in told)
+        yield _table(("when", "what"), rows, "")
 
 
 def _faults(state: MissionState) -> Iterator[str]:
     yield "<h2>Faults met</h2>"
     shown = state.warnings[:_MOST_WARNINGS]
     rows = (
-        ("", [_when(each.at), "error" if each.level >= _ERROR else "warning", each.by, each.text])
+        ("", [_when(state, each.at), "error" if each.level >= _ERROR else "warning", each.by, each.text])
         for each in shown
     )
     yield _table(("when", "kind", "of", "what"), rows, "The log has no warnings and no errors.")
@@ -262,9 +261,14 @@ def _position(state: MissionState, place: Position | None) -> list[str]:
     return cells
 
 
-def _when(instant: Instant | None) -> str:
-    """Return the local time, and the mission's clock; the day and the zone stand at the top."""
-    return _NONE if instant is None else f"{_day(instant, '%H:%M:%S')} ({clock_text(instant.time)})"
+def _when(state: MissionState, instant: Instant | None) -> str:
+    """Return the local time, and the mission's clock; with the run if there are several, and another day than at the top."""
+    if instant is None:
+        return _NONE
+    run = f"run {instant.run}, " if len(state.runs) > 1 else ""
+    day = _day(instant, "%Y-%m-%d")
+    is_first = bool(state.runs) and day == _day(state.runs[0].began, "%Y-%m-%d")
+    return f"{run}{'' if is_first else f'{day} '}{_day(instant, '%H:%M:%S')} ({clock_text(instant.time)})"
 
 
 def _day(instant: Instant, form: str = "%Y-%m-%d %H:%M:%S %z") -> str:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from html import escape
 
-from sar_compiler.journal.mission_state import MissionState, Position, RobotPose
+from sar_compiler.journal.mission_state import MissionState, Position, RobotPose, ZoneState
 from sar_compiler.tree.showing import visible
 
 # A picture that is not as a journal has it is left out.
@@ -15,11 +15,30 @@ _BASE64 = re.compile(r"[A-Za-z0-9+/]+=*", re.ASCII)
 _SYMBOL = 1 / 90
 _MARGIN = 1 / 20
 # A label takes so many symbols' room.
-_LABEL = 16
+_LABEL = 20
+# How far below a place a label stands, in symbols: a survivor's name does not hide the zone's, nor what is said of that.
+_BELOW = {"": 0.8, "name": -0.6, "said": 2.5}
 # A break of so many metres in the path is no way of a robot: it was carried, or the localisation has jumped.
 _JUMP_M = 5.0
 # A map that is turned by less is drawn as if it were not.
 _TURNED_RAD = 1e-3
+
+
+_ZONE = '<circle class="zone {}" r="1.2"/>'
+_DIAMOND = '<polygon class="survivor {}" points="0,-1.6 1.6,0 0,1.6 -1.6,0"/>'
+LEGEND = (
+    (_DIAMOND.format("confirmed"), "survivor, confirmed by the operator"),
+    (_DIAMOND.format("candidate"), "survivor, not yet judged"),
+    (_DIAMOND.format("rejected"), "rejected, or merged with another"),
+    (_ZONE.format("searched"), "zone searched"),
+    (_ZONE.format("visited"), "zone visited, not searched"),
+    (_ZONE.format("open"), "zone not searched"),
+    (_ZONE.format("abandoned"), "zone not searched, given up"),
+    ('<rect class="base" x="-1" y="-1" width="2" height="2"/>', "base station"),
+    ('<polyline class="path" points="-2,0 2,0"/>', "way of the robot"),
+    ('<polyline class="fence" points="-2,0 2,0"/>', "geofence"),
+)
+"""What is on the map: each as SVG around the origin, drawn like the map in units of a symbol, and in words."""
 
 
 def report_map(state: MissionState) -> str:
@@ -131,15 +150,11 @@ def _places(state: MissionState, right: float, size: float) -> Iterator[str]:
         yield _label(state.base, right, size, "base")
     for zone in state.zones.values():
         if zone.place is not None:
-            kind = zone.state.replace(" ", "-")
             x, y = zone.place.x, -zone.place.y
-            yield f'<circle class="zone {kind}" cx="{x:.3f}" cy="{y:.3f}" r="{1.2 * size:.3f}"/>'
-            yield _label(
-                zone.place,
-                right,
-                size,
-                zone.name if zone.state == "visited" else f"{zone.name} ({zone.state})",
-            )
+            yield f'<circle class="zone {_kind(zone)}" cx="{x:.3f}" cy="{y:.3f}" r="{1.2 * size:.3f}"/>'
+            yield _label(zone.place, right, size, zone.name)
+            if zone.said != "searched":
+                yield _label(zone.place, right, size, zone.said, "said")
     for survivor in state.survivors:
         x, y = survivor.place.x, -survivor.place.y
         corners = ((x, y - 1.6 * size), (x + 1.6 * size, y), (x, y + 1.6 * size), (x - 1.6 * size, y))
@@ -148,13 +163,18 @@ def _places(state: MissionState, right: float, size: float) -> Iterator[str]:
         yield _label(survivor.place, right, size, survivor.name or "survivor", "name")
 
 
+def _kind(zone: ZoneState) -> str:
+    if zone.searched is not None:
+        return "searched"
+    return zone.state if zone.state in ("visited", "abandoned") else "open"
+
+
 def _label(place: Position, right: float, size: float, text: str, kind: str = "") -> str:
     """Return a text beside a place; on the left of it where there would be no room."""
     anchor, x = (
         ("end", place.x - 2 * size) if place.x > right - _LABEL * size else ("start", place.x + 2 * size)
     )
-    # A name stands a little higher, so that it does not hide that of the zone.
-    y = -place.y + size * (-0.6 if kind else 0.8)
+    y = -place.y + size * _BELOW[kind]
     return (
         f'<text class="{kind}" text-anchor="{anchor}" x="{x:.3f}" y="{y:.3f}">{escape(visible(text))}</text>'
     )

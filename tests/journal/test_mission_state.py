@@ -96,6 +96,37 @@ def test_a_zone_goes_from_open_to_visited():
     assert (state.zone, zone.state, zone.started.time, zone.left.time) == ("", "visited", 1.0, 3.0)
 
 
+STARTED = ("zone_started", {"zone": "zone_a"})
+SEARCHED = ("zone_searched", {"zone": "zone_a", "survivor": None})
+ABANDONED = ("zone_abandoned", {"zone": "zone_a", "attempts": 3, "reason": ""})
+STOPPED = ("run_ended", {"ending": "stopped", "status": 130, "reason": ""})
+
+
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        ([], "not searched"),
+        ([STARTED], "not searched"),
+        ([STARTED, SEARCHED], "searched"),
+        ([STARTED, SEARCHED, ("zone_visited", {"zone": "zone_a"})], "searched"),
+        ([STARTED, ("zone_visited", {"zone": "zone_a"})], "visited, not searched"),
+        ([STARTED, SEARCHED, ("zone_postponed", {"zone": "zone_a"})], "searched"),
+        ([STARTED, ABANDONED], "not searched, given up"),
+        ([STARTED, SEARCHED, ABANDONED], "searched, given up"),
+    ],
+)
+def test_of_a_zone_it_is_said_whether_it_was_searched_wherever_the_robot_was(told, words):
+    assert after(*told).zones["zone_a"].said == words
+
+
+@pytest.mark.parametrize("end", [STOPPED, BEGAN, ("zone_started", {"zone": "zone_b"})])
+@pytest.mark.parametrize("told", [[STARTED], [STARTED, SEARCHED]])
+def test_a_zone_is_under_way_no_longer_than_the_run_or_until_another_one_is(told, end):
+    state = after(*told, end)
+    assert state.zones["zone_a"].state == "open"
+    assert state.zone == ("zone_b" if end[0] == "zone_started" else "")
+
+
 def test_a_zone_that_is_postponed_comes_last():
     state = after(("zone_started", {"zone": "zone_a"}), ("zone_postponed", {"zone": "zone_a"}))
     assert list(state.zones) == ["zone_b", "zone_a"]

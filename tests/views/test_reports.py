@@ -69,6 +69,14 @@ def mission(
     )
 
 
+def mission_of(told):
+    """Return a mission by the run, the time of the system's clock, the kind and the data of each entry."""
+    return MissionState.of(
+        JournalEntry(number, run, wall, wall, kind, data)
+        for number, (run, wall, kind, data) in enumerate(told)
+    )
+
+
 CONFIRMED = ("survivor_judged", {"survivor": "survivor_1", "standing": "confirmed", "same_as": None})
 REJECTED = ("survivor_judged", {"survivor": "survivor_1", "standing": "rejected", "same_as": None})
 NAMELESS = ("zone_searched", {"zone": "zone_b", "survivor": [9.0, 9.0]})
@@ -123,6 +131,14 @@ class TestJson:
 
     def test_without_a_place_on_the_earth_positions_are_those_of_the_map(self):
         assert report_data(mission(parameters={}))["survivors"][0]["position"] == {"x": 100.0, "y": 0.0}
+
+    def test_a_zone_says_when_it_was_searched_if_it_was(self):
+        zones = {zone["name"]: zone["searched"]["time"] for zone in report_data(mission())["zones"]}
+        assert zones == {"zone_a": 5.0, "zone_b": None, "zone_c": None}
+
+    def test_it_says_of_when_it_is(self):
+        assert report_data(mission())["as_of"] == "2023-11-14T22:13:31Z"
+        assert report_data(MissionState())["as_of"] is None
 
     def test_a_run_without_an_end_is_unfinished(self):
         assert report_data(mission(ended=False))["outcome"] == "unfinished"
@@ -282,6 +298,47 @@ class TestThePage:
             "48.2000000",
         ):
             assert words in read
+
+    def test_what_was_not_searched_stands_at_the_top(self):
+        visited = ("zone_visited", {"zone": "zone_c"})
+        head, tables = html_report(mission(visited)).split("</header>")
+        assert "<dt>not searched</dt><dd>zone_b, zone_c</dd>" in head
+        assert "<dd>1 of 3 searched</dd>" in head
+        for words in ("visited, not searched", "not searched, given up: it was not reached in 2 attempts"):
+            assert words in texts(tables)
+
+    def test_an_unfinished_mission_says_of_when_that_is(self):
+        assert "as of\n\n2023-11-1" in texts(html_report(mission(ended=False)))
+        assert "as of" not in texts(html_report(mission()))
+
+    def test_the_map_says_of_which_zone_nobody_knows_the_inside(self):
+        said = re.findall(r'<text class="(?:said)?" [^>]*>([^<]*)</text>', report_map(mission()))
+        assert said == ["zone_a", "zone_b", "not searched, given up", "zone_c", "not searched"]
+
+    def test_everything_on_the_map_is_in_its_legend(self):
+        found = ("survivor_named", {"survivor": "survivor_2", "x": 1.0, "y": 1.0})
+        page = html_report(mission(found, REJECTED, ("zone_visited", {"zone": "zone_c"})))
+        drawn, rest = page.split('<ul class="legend">')
+        legend = rest.split("</ul>")[0]
+        classes = set(re.findall(r'<(?:circle|polygon|rect|polyline) class="([^"]+)"', drawn))
+        assert classes > {"zone searched", "zone visited", "zone abandoned", "survivor rejected", "fence"}
+        for each in classes:
+            assert f'class="{each}"' in legend
+
+    def test_times_of_other_days_and_runs_say_so(self):
+        began = {"identity": {"zones": [{"id": "zone_a", "x": 0.0, "y": 0.0}]}, "run": {}}
+        noon = datetime(2024, 2, 28, 12, 0).timestamp()  # noqa: DTZ001 - the page's times are local
+        told = [(1, noon, "run_began", began), (1, noon + 5, "alarmed", {"reason": "first"})]
+        assert "\n12:00:05 (0:05)\n" in texts(html_report(mission_of(told)))
+        told += [(1, noon + 86400, "alarmed", {"reason": "next"})]
+        assert "\n2024-02-29 12:00:00 (24:00:00)\n" in texts(html_report(mission_of(told)))
+        told += [
+            (2, noon + 86400, "run_began", began),
+            (2, noon + 86402, "alarmed", {"reason": "last"}),
+        ]
+        read = texts(html_report(mission_of(told)))
+        assert "\nrun 1, 12:00:05 (0:05)\n" in read
+        assert "\nrun 2, 2024-02-29 12:00:02 (0:02)\n" in read
 
     def test_who_base_does_not_know_of_stands_out(self):
         found = ("survivor_named", {"survivor": "survivor_2", "x": 1.0, "y": 1.0})
