@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from sar_compiler.cli.arguments import Parser, add_version, port
 from sar_compiler.cli.journal_why import add_why
 from sar_compiler.commands import OK, interruptible, run
+from sar_compiler.views.plain import as_json
 
 if TYPE_CHECKING:
     from sar_compiler.journal.journal_entries import JournalEntry
