@@ -49,7 +49,7 @@ def serve_run(
 
     def beat() -> dict[str, object]:
         try:
-            return {"time": clock.now(), "verbs": calls.heeded()}
+            return {"time": clock.now(), "verbs": calls.available()}
         except Exception:  # noqa: BLE001 - ROS may be shut down meanwhile, in another thread
             return {}
 

@@ -32,7 +32,7 @@ class VerbCalls:
         # The node keeps both as long as it lives.
         self._bell = node.create_guard_condition(self._call)
 
-    def heeded(self) -> list[str]:
+    def available(self) -> list[str]:
         """Return the verbs whose services are there: those that the tree's leaves heed."""
         return [name for name, client in self._clients.items() if client.service_is_ready()]
 
@@ -40,7 +40,7 @@ class VerbCalls:
         """Give an order, from any thread.
 
         Returns:
-            Whether it was heeded, and what was said to it.
+            Whether it was accepted, and what was said to it.
 
         Raises:
             VerbError: If there is no such verb, or a value is wrong, or no leaf of the tree heeds it.

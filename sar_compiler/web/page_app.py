@@ -43,7 +43,7 @@ class Orders(Protocol):
         """Give an order, from any thread.
 
         Returns:
-            Whether it was heeded, and what was said to it.
+            Whether it was accepted, and what was said to it.
 
         Raises:
             SarError: If there is no such verb, or a value is wrong.
@@ -100,7 +100,7 @@ async def _refused(_: Request, error: Exception) -> Response:
 
 
 def _answer(status: int, text: str) -> Response:
-    return JSONResponse({"heeded": False, "message": text}, status)
+    return JSONResponse({"accepted": False, "message": text}, status)
 
 
 async def _values(request: Request) -> Mapping[str, Any]:
@@ -129,12 +129,12 @@ async def _carried_out(orders: Orders, verb: str, values: Mapping[str, Any]) -> 
     from sar_compiler.errors import SarError
 
     try:
-        heeded, said = await asyncio.wait_for(asyncio.wrap_future(orders.give(verb, values)), 10.0)
+        accepted, said = await asyncio.wait_for(asyncio.wrap_future(orders.give(verb, values)), 10.0)
     except SarError as error:
         return _answer(400, str(error))
     except (TimeoutError, asyncio.TimeoutError):
         return _answer(504, "the mission has not answered within ten seconds")
-    return JSONResponse({"heeded": heeded, "message": said})
+    return JSONResponse({"accepted": accepted, "message": said})
 
 
 class _Guard:

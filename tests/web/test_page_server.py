@@ -118,7 +118,7 @@ def test_who_has_the_address_gives_orders(live):
     operator = Operator()
     run = live(orders=operator)
     own = f"http://127.0.0.1:{run.server.port}"
-    assert run.order("pause", {"why": "rest"}, Origin=own) == (200, '{"heeded":true,"message":"done"}')
+    assert run.order("pause", {"why": "rest"}, Origin=own) == (200, '{"accepted":true,"message":"done"}')
     assert operator.given == [("pause", {"why": "rest"})]
     assert run.server.url == f"{own}/#{run.server.token}"
 
@@ -156,7 +156,7 @@ def test_what_is_no_order_is_refused(live, body, kind, status):
 
 def test_what_is_wrong_with_an_order_is_said(live):
     run = live(orders=Operator())
-    assert run.order("dance", {}) == (400, '{"heeded":false,"message":"there is no order \'dance\'"}')
+    assert run.order("dance", {}) == (400, '{"accepted":false,"message":"there is no order \'dance\'"}')
 
 
 def test_a_page_without_orders_takes_none(live):

@@ -90,8 +90,8 @@ export class Orders {
         headers: { "Content-Type": "application/json", Authorization: `Bearer ${this.token}` },
         body: JSON.stringify(values),
       });
-      const { heeded, message } = await response.json();
-      said = heeded ? message || "done" : `refused: ${message}`;
+      const { accepted, message } = await response.json();
+      said = accepted ? message || "done" : `refused: ${message}`;
     } catch {
       said = "the run cannot be reached";
     }
