@@ -40,14 +40,14 @@ class VerbCalls:
         """Give an order, from any thread.
 
         Returns:
-            Whether it was accepted, and what was said to it.
+            Whether it was accepted, and what was said to it; it can be cancelled until it is sent.
 
         Raises:
             VerbError: If there is no such verb, or a value is wrong, or no leaf of the tree heeds it.
         """
         known = self._verbs.get(verb)
         if known is None:
-            message = f"there is no order '{verb:.60}'"
+            message = f"there is no order {verb!r:.60}"
             raise VerbError(message)
         checked = known.checked(values)
         client = self._clients[verb]
@@ -67,9 +67,22 @@ class VerbCalls:
 
     @staticmethod
     def _send(client: Any, request: Any, answer: "Future[tuple[bool, str]]") -> None:
-        def take(called: Any) -> None:
-            response = called.result()
-            if not answer.cancelled():
-                answer.set_result((bool(response.success), str(response.message)))
+        # Whoever has given up an order has been told that it was not carried out; from here on nobody can.
+        if not answer.set_running_or_notify_cancel():
+            return
 
-        client.call_async(request).add_done_callback(take)
+        def take(called: Any) -> None:
+            try:
+                response = called.result()
+                said = bool(response.success), str(response.message)
+            except Exception as error:  # noqa: BLE001 - what a client comes to must not end the mission
+                answer.set_exception(VerbError(f"the order was not answered: {error}"))
+                return
+            answer.set_result(said)
+
+        try:
+            called = client.call_async(request)
+        except Exception as error:  # noqa: BLE001 - rclpy raises whatever a value is to it
+            answer.set_exception(VerbError(f"the order cannot be sent: {error}"))
+            return
+        called.add_done_callback(take)

@@ -68,7 +68,8 @@ class Verb(NamedTuple):
             fits = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
             wanted = "a number"
         else:
-            fits = isinstance(value, str) and len(value) <= _LONGEST and bool(value or field.optional)
+            fits = isinstance(value, str) and len(value) <= _LONGEST and value.isprintable()
+            fits = fits and bool(value or field.optional)
             wanted = "a text"
             if field.kind == "choice":
                 fits = fits and value in dict(field.choices)

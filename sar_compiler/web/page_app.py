@@ -21,6 +21,8 @@ from sar_compiler.web.feed import Feed
 # Whatever the port: it may have come through a tunnel. Another name is that of somebody who wants to pass for this machine.
 _NAMES = ("127.0.0.1", "localhost", "[::1]")
 _LONGEST_ORDER = 10_000
+# How long an order may take, in seconds; the page waits somewhat longer (`orders.js`).
+_ANSWER_SEC = 10.0
 
 _TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
 _HEADERS = {
@@ -43,7 +45,7 @@ class Orders(Protocol):
         """Give an order, from any thread.
 
         Returns:
-            Whether it was accepted, and what was said to it.
+            Whether it was accepted, and what was said to it; cancelled, it is not carried out.
 
         Raises:
             SarError: If there is no such verb, or a value is wrong.
@@ -129,11 +131,14 @@ async def _carried_out(orders: Orders, verb: str, values: Mapping[str, Any]) -> 
     from sar_compiler.errors import SarError
 
     try:
-        accepted, said = await asyncio.wait_for(asyncio.wrap_future(orders.give(verb, values)), 10.0)
+        given = orders.give(verb, values)
+        accepted, said = await asyncio.wait_for(asyncio.wrap_future(given), _ANSWER_SEC)
     except SarError as error:
         return _answer(400, str(error))
     except (TimeoutError, asyncio.TimeoutError):
-        return _answer(504, "the mission has not answered within ten seconds")
+        if given.cancel():
+            return _answer(503, "the mission is busy: the order was not given")
+        return _answer(504, "the order was given, and is not answered yet: look at the log")
     return JSONResponse({"accepted": accepted, "message": said})
 
 

@@ -27,6 +27,8 @@ def test_the_values_of_a_complete_order_are_taken():
     ("values", "words"),
     [
         ({"name": ""}, "go: name is '', and must be a text"),
+        ({"name": "a\nb"}, r"go: name is 'a\nb', and must be a text"),
+        ({"name": "\ud800"}, r"go: name is '\ud800', and must be a text"),
         ({"name": 5}, "go: name is 5, and must be a text"),
         ({"name": "n" * 201}, "and must be a text"),
         ({"x": "1"}, "go: x is '1', and must be a number"),

@@ -12,6 +12,7 @@ import pytest
 
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
+from sar_compiler.web import page_app
 from sar_compiler.web.errors import PageError
 from sar_compiler.web.feed import LiveFeed, RecordedFeed
 from sar_compiler.web.kept_entries import KeptEntries
@@ -157,6 +158,24 @@ def test_what_is_no_order_is_refused(live, body, kind, status):
 def test_what_is_wrong_with_an_order_is_said(live):
     run = live(orders=Operator())
     assert run.order("dance", {}) == (400, '{"accepted":false,"message":"there is no order \'dance\'"}')
+
+
+@pytest.mark.parametrize(
+    ("is_sent", "status", "said"),
+    [(False, 503, "the order was not given"), (True, 504, "the order was given, and is not answered yet")],
+)
+def test_of_an_order_without_an_answer_it_is_said_whether_it_was_given(
+    live, monkeypatch, is_sent, status, said
+):
+    monkeypatch.setattr(page_app, "_ANSWER_SEC", 0.01)
+    order: Future[tuple[bool, str]] = Future()
+    if is_sent:
+        order.set_running_or_notify_cancel()
+    operator = Operator()
+    operator.give = lambda *_: order
+    found, text = live(orders=operator).order("pause", {})
+    assert (found, order.cancelled()) == (status, not is_sent)
+    assert said in text
 
 
 def test_a_page_without_orders_takes_none(live):

@@ -91,7 +91,8 @@ export class Orders {
         body: JSON.stringify(values),
       });
       const { accepted, message } = await response.json();
-      said = accepted ? message || "done" : `refused: ${message}`;
+      const unanswered = response.status >= 500;
+      said = accepted ? message || "done" : unanswered ? message : `refused: ${message}`;
     } catch {
       said = "the run cannot be reached";
     }

@@ -1,0 +1,83 @@
+"""Orders from other threads become calls in the thread of the node's executor."""
+
+from typing import Any
+
+import pytest
+
+from sar_compiler.missions.verb_calls import VerbCalls
+from sar_compiler.missions.verbs import Verb, VerbError
+
+pytestmark = pytest.mark.ros
+
+PAUSE = Verb("pause", "Pause", "Stops it.")
+
+
+class Stage:
+    """A node with services of its own, and who calls them."""
+
+    def __init__(self, ros, *verbs):
+        from std_srvs.srv import Trigger
+
+        self.ros, self.node = ros, ros.node("mission")
+        self.carried_out: list[Any] = []
+        self.calls = VerbCalls(self.node, verbs)
+        self.node.create_service(Trigger, "~/pause", self.pause)
+
+    def pause(self, _, response):
+        self.carried_out.append("pause")
+        response.success, response.message = False, "it stands still already"
+        return response
+
+    def ready(self):
+        self.ros.spin_until(lambda: self.calls.available() == ["pause"], "the service")
+        return self
+
+    def answer(self, order):
+        self.ros.spin_until(order.done, "the answer")
+        return order
+
+
+@pytest.fixture
+def stage(ros):
+    return Stage(ros, PAUSE).ready()
+
+
+def test_an_order_is_called_and_its_answer_comes_back(stage):
+    assert stage.answer(stage.calls.give("pause", {})).result() == (False, "it stands still already")
+    assert stage.carried_out == ["pause"]
+
+
+def test_an_order_that_was_given_up_before_it_was_sent_is_not_carried_out(stage):
+    given_up, heeded = stage.calls.give("pause", {}), stage.calls.give("pause", {})
+    assert given_up.cancel()
+    stage.answer(heeded)
+    assert stage.carried_out == ["pause"]
+
+
+def test_an_order_that_was_sent_cannot_be_given_up_any_more(stage):
+    order = stage.calls.give("pause", {})
+    stage.ros.spin_until(order.running, "the call")
+    assert not order.cancel()
+    assert stage.answer(order).result() == (False, "it stands still already")
+
+
+def test_what_cannot_be_sent_is_said_and_ends_nothing(stage, monkeypatch):
+    client = stage.calls._clients["pause"]
+
+    def refuse(_):
+        raise UnicodeEncodeError("utf-8", "\ud800", 0, 1, "surrogates not allowed")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(client, "call_async", refuse)
+        order = stage.answer(stage.calls.give("pause", {}))
+    with pytest.raises(VerbError, match="the order cannot be sent: .* surrogates not allowed"):
+        order.result()
+    assert stage.answer(stage.calls.give("pause", {})).result()[1] == "it stands still already"
+
+
+def test_an_order_that_nobody_has_a_service_for_is_refused(ros):
+    stage = Stage(ros, PAUSE, Verb("dance", "Dance", "Dances.")).ready()
+    with pytest.raises(VerbError, match="no node of this tree heeds 'dance'"):
+        stage.calls.give("dance", {})
+    with pytest.raises(VerbError, match=r"there is no order 'swim\\n'"):
+        stage.calls.give("swim\n", {})
