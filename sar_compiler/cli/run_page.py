@@ -117,10 +117,12 @@ def _names(paths: Sequence[Path]) -> list[str]:
 
 def _form(verb: "Verb") -> dict[str, Any]:
     """Return what the page must know of a verb, as JSON values."""
+    from sar_compiler.missions.verbs import LONGEST
+
     return {
         "name": verb.name,
         "label": verb.label,
         "help": verb.help,
         "confirm": verb.confirm,
-        "fields": [field._asdict() for field in verb.fields],
+        "fields": [{**field._asdict(), "longest": LONGEST} for field in verb.fields],
     }

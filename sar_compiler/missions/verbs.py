@@ -1,12 +1,13 @@
 """The operator's verbs: what can be ordered of a mission under way, each by a service of its node."""
 
-import math
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 from sar_compiler.errors import SarError
 
-_LONGEST = 200
+LONGEST = 200
+"""How many characters a text of an order has at most."""
 
 
 class VerbError(SarError):
@@ -21,7 +22,7 @@ class VerbField(NamedTuple):
         label: What people read.
         kind: `text`; `number`; `choice`, of `choices`; `survivor`, the name of one that was found.
         choices: For `choice`: pairs of a value and what people read.
-        optional: Whether it may be left empty.
+        optional: Whether it may be left empty: a number is None then, anything else an empty text.
     """
 
     name: str
@@ -59,18 +60,20 @@ class Verb(NamedTuple):
             VerbError: If one is missing or wrong, or there are others.
         """
         if unknown := set(values) - {field.name for field in self.fields}:
-            message = f"{self.name} takes no '{min(unknown)}'"
+            message = f"{self.name} takes no {min(unknown)!r:.60}"
             raise VerbError(message)
         return {field.name: self._checked(field, values.get(field.name)) for field in self.fields}
 
     def _checked(self, field: VerbField, value: Any) -> Any:
+        if field.optional and value in ("", None):
+            return None if field.kind == "number" else ""
         if field.kind == "number":
-            fits = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+            # A whole number may be greater than any that is finite as a float.
+            fits = type(value) in (int, float) and abs(value) <= sys.float_info.max
             wanted = "a number"
         else:
-            fits = isinstance(value, str) and len(value) <= _LONGEST and value.isprintable()
-            fits = fits and bool(value or field.optional)
-            wanted = "a text"
+            fits = isinstance(value, str) and 0 < len(value) <= LONGEST and value.isprintable()
+            wanted = f"a text of at most {LONGEST} characters, in one line"
             if field.kind == "choice":
                 fits = fits and value in dict(field.choices)
                 wanted = f"one of {', '.join(dict(field.choices))}"

@@ -30,19 +30,32 @@ def test_the_values_of_a_complete_order_are_taken():
         ({"name": "a\nb"}, r"go: name is 'a\nb', and must be a text"),
         ({"name": "\ud800"}, r"go: name is '\ud800', and must be a text"),
         ({"name": 5}, "go: name is 5, and must be a text"),
-        ({"name": "n" * 201}, "and must be a text"),
+        ({"name": "n" * 201}, "and must be a text of at most 200 characters"),
         ({"x": "1"}, "go: x is '1', and must be a number"),
         ({"x": True}, "go: x is True, and must be a number"),
         ({"x": float("nan")}, "go: x is nan, and must be a number"),
         ({"how": "AWAY"}, "go: how is 'AWAY', and must be one of FAST, SLOW"),
-        ({"whom": None}, "go: whom is None, and must be a text"),
+        ({"x": 10**400}, "go: x is 1000000"),
+        ({"x": None}, "go: x is None, and must be a number"),
+        ({"how": ""}, "go: how is '', and must be one of FAST, SLOW"),
+        ({"whom": 1}, "go: whom is 1, and must be a text"),
         ({"why": "so"}, "go takes no 'why'"),
+        ({"\ud800": "so"}, r"go takes no '\ud800'"),
     ],
 )
 def test_what_is_wrong_with_an_order_is_said(values, words):
     with pytest.raises(VerbError) as error:
         GO.checked({**RIGHT, **values})
     assert words in str(error.value)
+
+
+@pytest.mark.parametrize("kind", ["text", "number", "choice", "survivor"])
+@pytest.mark.parametrize("values", [{}, {"how": ""}, {"how": None}])
+def test_what_is_optional_may_be_left_empty(kind, values):
+    field = VerbField("how", "How", kind, (("FAST", "fast"),), optional=True)
+    assert Verb("go", "Go", "Goes.", fields=(field,)).checked(values) == {
+        "how": None if kind == "number" else ""
+    }
 
 
 def test_a_value_that_is_missing_is_named():

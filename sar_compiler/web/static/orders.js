@@ -46,7 +46,8 @@ export class Orders {
     say(heading, verb.label);
     say(yes, verb.label);
     body.replaceChildren(...(verb.confirm ? [html("p", {}, verb.confirm)] : []), ...verb.fields.map((field) => html("label", {}, `${field.label} `, fields.get(field.name))));
-    const read = () => Object.fromEntries(verb.fields.map(({ name, kind }) => [name, kind === "number" ? Number(fields.get(name).value) : fields.get(name).value]));
+    const number = (text) => (text === "" ? null : Number(text));
+    const read = () => Object.fromEntries(verb.fields.map(({ name, kind }) => [name, (kind === "number" ? number : String)(fields.get(name).value)]));
     if (fields.has("x") && fields.has("y")) body.append(this.picker(verb, read));
     this.ask.returnValue = "no";
     this.ask.showModal();
@@ -71,14 +72,14 @@ export class Orders {
     return button;
   }
 
-  field({ name, kind, choices, optional }, value = "") {
+  field({ name, kind, choices, optional, longest }, value = "") {
     if (kind === "choice" || kind === "survivor") {
       const known = kind === "survivor" ? [...this.run.survivors.values()].filter((each) => each.name).map((each) => [each.name, each.name]) : choices;
       const offered = optional ? [["", "–"], ...known] : known;
       return html("select", { name, required: !optional }, ...offered.map(([key, label]) => html("option", { value: key, selected: key === value }, label)));
     }
-    const numeric = kind === "number" ? { type: "number", step: "any" } : { type: "text", maxlength: 100 };
-    return html("input", { name, required: !optional, value: kind === "number" && value === "" ? 0 : value, autocomplete: "off", ...numeric });
+    const numeric = kind === "number" ? { type: "number", step: "any" } : { type: "text", maxlength: longest };
+    return html("input", { name, required: !optional, value: kind === "number" && value === "" && !optional ? 0 : value, autocomplete: "off", ...numeric });
   }
 
   async give(verb, values) {
