@@ -24,8 +24,12 @@ def as_json(data: object) -> str:
 
 
 def entry_text(entry: JournalEntry, robot: int) -> str:
-    """Return an entry of a robot as a page takes it."""
-    return as_json({"robot": robot, **entry._asdict()})
+    """Return an entry of a robot as a page takes it; one that is no JSON, or is being changed, as a fact that says so."""
+    try:
+        return as_json({"robot": robot, **entry._asdict()})
+    except Exception as error:  # noqa: BLE001 - one entry must not be the end of the page
+        data = {"kind": entry.kind, "reason": str(error)}
+        return as_json({"robot": robot, **entry._replace(kind="unreadable", data=data)._asdict()})
 
 
 def _finite(data: Any) -> Any:

@@ -3,6 +3,8 @@
 import time
 from contextlib import closing
 
+import pytest
+
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
@@ -90,3 +92,13 @@ def test_what_has_happened_keeps_its_order_though_the_system_s_clock_is_set_back
     assert [(entry.run, entry.kind) for entry in happened] == written
     assert [entry.data for entry in happened[:2]] == [{"x": 0.0}, {"zone": "zone_0"}]
     assert [line.split()[2] for line in told if " s  " in line] == [kind for _, kind in written]
+
+
+def test_a_value_that_is_no_json_is_the_callers_mistake_without_a_file_too():
+    journal, entries = Journal(), []
+    journal.listen(entries.append)
+    journal.begin({}, {})
+    for tell in (journal.note, journal.watch):
+        with pytest.raises(TypeError, match="not JSON serializable"):
+            tell("odd", value={1, 2})
+    assert [entry.kind for entry in entries] == ["run_began"]

@@ -234,6 +234,22 @@ def test_numbers_that_are_none_are_told_as_null(live):
     assert pose["data"] == {"x": None, "y": None, "yaw": [1.0, None]}
 
 
+def circle():
+    found: list[Any] = []
+    found.append(found)
+    return found
+
+
+@pytest.mark.parametrize("value", [{1, 2}, {("a", "b"): 1}, circle(), object()])
+def test_an_entry_that_is_no_json_is_not_the_end_of_the_page(live, value):
+    run = live().begin()
+    run.feed.take(JournalEntry(9, 1, 0.0, 0.0, "odd", {"value": value}))
+    run.journal.note("base_reached")
+    found = entries(events(run, lambda found: len(entries(found)) == 3))
+    assert [entry["kind"] for entry in found] == ["run_began", "unreadable", "base_reached"]
+    assert found[1]["data"]["kind"] == "odd"
+
+
 def kept(*told):
     """Return what is kept of entries, as pairs of a kind and values."""
     keeping = KeptEntries()
