@@ -141,7 +141,8 @@ class JournalFile:
         with _readable(path):
             _require_regular(path.stat().st_mode)
             # Who writes to it has a log beside it; else nobody does, and SQLite need not put anything there to read it.
-            used = Path(f"{path}-wal").exists()
+            # It is locked before that log is there.
+            used = Path(f"{path}-wal").exists() or is_locked(path)
             uri = f"{path.absolute().as_uri()}?{'mode=ro' if used else 'immutable=1'}"
             return cls(path, _connected(uri, uri=True)).checked()
 
@@ -221,7 +222,26 @@ class JournalFile:
         Args:
             mark: How far the stream was read.
         """
-        about, runs = self.about(), self.runs()
+        with self.snapshot():
+            return self._news(mark)
+
+    @contextmanager
+    def snapshot(self) -> Iterator[None]:
+        """Have all that is read in it be of one moment, whoever writes meanwhile."""
+        if self._connection.in_transaction:
+            yield
+            return
+        with _readable(self.path):
+            self._connection.execute("BEGIN")
+        try:
+            yield
+        finally:
+            with suppress(sqlite3.Error):
+                self._connection.execute("COMMIT")
+
+    def _news(self, mark: "StreamMark") -> "tuple[list[JournalEntry], StreamMark]":
+        runs = self.runs()
+        about = self.about() if any(run.number not in mark.begun for run in runs) else {}
         columns = "SELECT number, run, wall, time, kind, data FROM"
         facts = self._entries(f"{columns} fact WHERE number > ? ORDER BY number", (mark.fact,))
         watched = self._entries(f"{columns} watched WHERE number > ? ORDER BY number", (mark.watched,))

@@ -1,9 +1,13 @@
 """What another process writes to a journal is read as it comes."""
 
+import fcntl
+from contextlib import closing
+
 import pytest
 
+from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.errors import JournalError
-from sar_compiler.journal.following import JournalFollower
+from sar_compiler.journal.following import _TRIES, JournalFollower
 from sar_compiler.journal.journal_entries import Ending
 from sar_compiler.journal.opening import open_journal
 
@@ -55,7 +59,51 @@ def test_another_mission_in_the_file_is_read_from_its_beginning(place):
         assert kinds(follower) == ["run_began", "zone_visited"]
 
 
-def test_what_is_no_journal_is_said(place):
+def test_what_is_no_journal_is_said_if_it_stays_so(place):
     place.write_text("no journal", encoding="utf-8")
+    follower = JournalFollower(place)
+    for _ in range(_TRIES - 1):
+        assert follower.news() == []
     with pytest.raises(JournalError, match="is it a journal"):
-        JournalFollower(place).news()
+        follower.news()
+
+
+def test_a_file_that_cannot_be_read_for_a_moment_is_read_afterwards(place):
+    follower = JournalFollower(place)
+    for _ in range(_TRIES):
+        place.write_text("half a journal", encoding="utf-8")
+        assert follower.news() == []
+        place.unlink()
+        journal = open_journal(place, anew=True)
+        journal.begin({}, {})
+        assert kinds(follower) == ["run_began"]
+        journal.close()
+        place.unlink()
+
+
+def test_what_is_read_at_once_is_of_one_moment(place):
+    journal = open_journal(place)
+    journal.begin({}, {})
+    with closing(JournalFile.read(place)) as file:
+        with file.snapshot():
+            assert len(file.runs()) == 1
+            journal.note("zone_visited", zone="zone_a")
+            assert [entry.kind for entry in file.stream()] == ["run_began"]
+        assert [entry.kind for entry in file.stream()] == ["run_began", "zone_visited"]
+    journal.close()
+
+
+def test_a_file_that_a_run_has_just_opened_is_read_as_one_that_changes(place):
+    journal = open_journal(place)
+    journal.begin({}, {})
+    journal.close()
+    with place.open("rb") as opened:
+        fcntl.flock(opened, fcntl.LOCK_EX)
+        file = JournalFile.read(place)
+    with closing(file):
+        assert file.facts() == []
+        again = open_journal(place, resume=True)
+        again.begin({}, {})
+        again.note("zone_visited", zone="zone_a")
+        assert [fact.kind for fact in file.facts()] == ["zone_visited"]
+        again.close()
