@@ -92,10 +92,13 @@ def watch_journals(paths: Sequence[Path], port: int | None) -> None:
 
     followers = [JournalFollower(path) for path in paths]
     hello: dict[str, object] = {"mode": "live", "robots": _names(paths)}
-    feed = LiveFeed(hello, lambda: {"running": [is_locked(path) for path in paths]}, len(paths))
+    running = [False for _ in paths]
+    feed = LiveFeed(hello, lambda: {"running": running}, len(paths))
     with _told_of(feed, port) as server:
         while not server.wait(_LOOK_SEC):
             for robot, follower in enumerate(followers):
+                # Between two looks, in this thread: it takes away the locks of whoever reads the file in this process.
+                running[robot] = is_locked(follower.path)
                 for entry in follower.news():
                     feed.take(entry, robot)
 
