@@ -3,6 +3,7 @@
 import asyncio
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Sequence
+from itertools import islice
 
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.web.kept_entries import KeptEntries, as_json, entry_text
@@ -11,8 +12,8 @@ from sar_compiler.web.kept_entries import KeptEntries, as_json, entry_text
 _NEWS_SEC, _BEAT_SEC = 0.1, 1.0
 # So many entries are put into one message: whoever makes it holds Python's lock for a millisecond.
 _MESSAGE = 200
-# A browser that does not read is let go when so many messages wait for it; it comes again.
-_WAITING = 500
+# A browser that does not read is let go when so many characters wait for it; it comes again.
+_WAITING = 8_000_000
 
 
 def message(event: str, data: str) -> str:
@@ -20,9 +21,10 @@ def message(event: str, data: str) -> str:
     return f"event: {event}\ndata: {data}\n\n"
 
 
-def _messages(texts: Sequence[str]) -> Iterator[str]:
-    for start in range(0, len(texts), _MESSAGE):
-        yield message("entries", f"[{','.join(texts[start : start + _MESSAGE])}]")
+def _messages(texts: Iterable[str]) -> Iterator[str]:
+    rest = iter(texts)
+    while part := list(islice(rest, _MESSAGE)):
+        yield message("entries", f"[{','.join(part)}]")
 
 
 class RecordedFeed:
@@ -39,7 +41,7 @@ class RecordedFeed:
         self._ended = False
 
     async def stream(self) -> AsyncIterator[str]:
-        """Yield the server-sent events for a browser; it is beaten to the end, so that it sees when the server goes."""
+        """Yield the server-sent events for a browser: all there is, and then beats, so that it sees when the server goes."""
         yield message("hello", as_json(self._hello))
         for text in _messages(self._texts):
             yield text
@@ -53,6 +55,34 @@ class RecordedFeed:
     def end(self) -> None:
         """Let go of whoever listens."""
         self._ended = True
+
+
+class _Listener:
+    """A browser that is told of a run; made in the task that sends to it."""
+
+    def __init__(self) -> None:
+        self._waiting: asyncio.Queue[str] = asyncio.Queue()
+        self._size = 0
+        self._task = asyncio.current_task()
+
+    @property
+    def is_told(self) -> bool:
+        return self._waiting.empty()
+
+    def put(self, text: str) -> bool:
+        """Have a text wait; let go of a browser that has not read for long, and return False, since it has missed something."""
+        if self._size > _WAITING:
+            if self._task is not None:
+                self._task.cancel()
+            return False
+        self._size += len(text)
+        self._waiting.put_nowait(text)
+        return True
+
+    async def get(self) -> str:
+        text = await self._waiting.get()
+        self._size -= len(text)
+        return text
 
 
 class LiveFeed:
@@ -70,7 +100,7 @@ class LiveFeed:
         self._hello, self._beat = hello, beat
         self._news: deque[tuple[int, JournalEntry]] = deque()
         self._kept = [KeptEntries(robot) for robot in range(robots)]
-        self._listeners: set[asyncio.Queue[str]] = set()
+        self._listeners: set[_Listener] = set()
         self._ended = self._has_told_all = False
 
     def take(self, entry: JournalEntry, robot: int = 0) -> None:
@@ -78,46 +108,50 @@ class LiveFeed:
         self._news.append((robot, entry))
 
     async def stream(self) -> AsyncIterator[str]:
-        """Yield the server-sent events for a browser, until the run has ended, or the browser is too slow."""
-        queue: asyncio.Queue[str] = asyncio.Queue()
+        """Yield the server-sent events for a browser, until the run has ended; cancelled if the browser is too slow."""
+        listener = _Listener()
         # Between these lines nobody else has a turn: what is kept, and what comes next, are all there is.
-        self._listeners.add(queue)
+        self._listeners.add(listener)
         texts = [text for kept in self._kept for text in kept.texts()]
         try:
             yield message("hello", as_json({**self._hello, "entries": len(texts)}))
             for text in _messages(texts):
                 yield text
-            while not (queue.empty() and (self._has_told_all or queue not in self._listeners)):
-                yield await queue.get()
+            while not (self._has_told_all and listener.is_told):
+                yield await listener.get()
         finally:
-            self._listeners.discard(queue)
+            self._listeners.discard(listener)
 
     async def run(self) -> None:
         """Tell whoever listens, until the run has ended."""
         loop, due = asyncio.get_running_loop(), 0.0
         while not self._ended:
-            self._tell(_messages(self._taken()))
+            await self._tell_news()
             if loop.time() >= due:
                 due = loop.time() + _BEAT_SEC
-                self._tell([message("beat", as_json(self._beat()))])
+                self._tell(message("beat", as_json(self._beat())))
             await asyncio.sleep(_NEWS_SEC)
-        self._tell([*_messages(self._taken()), message("bye", "{}")])
+        await self._tell_news()
+        self._tell(message("bye", "{}"))
         self._has_told_all = True
 
     def end(self) -> None:
         """Let `run` tell what there is still to be told, and end: from any thread."""
         self._ended = True
 
-    def _taken(self) -> list[str]:
-        taken = (self._news.popleft() for _ in range(len(self._news)))
-        return [self._kept[robot].add(entry) for robot, entry in taken]
+    async def _tell_news(self) -> None:
+        for text in _messages(self._taken()):
+            self._tell(text)
+            # Whoever comes here is told what is kept by now, and then the next message.
+            await asyncio.sleep(0.0)
 
-    def _tell(self, messages: Iterable[str]) -> None:
-        for text in messages:
-            # Who does not read has missed something, and must not be told on as if that were not so.
-            self._listeners = {queue for queue in self._listeners if queue.qsize() < _WAITING}
-            for queue in self._listeners:
-                queue.put_nowait(text)
+    def _taken(self) -> Iterator[str]:
+        for _ in range(len(self._news)):
+            robot, entry = self._news.popleft()
+            yield self._kept[robot].add(entry)
+
+    def _tell(self, text: str) -> None:
+        self._listeners = {listener for listener in self._listeners if listener.put(text)}
 
 
 Feed = RecordedFeed | LiveFeed

@@ -6,6 +6,7 @@ import socket
 import threading
 
 import uvicorn
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from sar_compiler.web.errors import PageError
 from sar_compiler.web.feed import Feed
@@ -14,8 +15,21 @@ from sar_compiler.web.page_app import Orders, page_app
 PORT = 8043
 """The port, unless another one is asked for."""
 _ADDRESS = "127.0.0.1"
+# So many connections it has at once, from whomever, and so many that are not accepted yet: each takes a file descriptor of the
+# mission's process.
+_CONNECTIONS, _BACKLOG = 32, 16
 # How long a browser has to read the last news, in seconds.
 _LAST_WORDS_SEC = 1.0
+
+
+class _Protocol(H11Protocol):
+    """Lets go of whoever comes when there are too many already."""
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Begin with a connection."""
+        super().connection_made(transport)
+        if len(self.connections) > _CONNECTIONS:
+            transport.abort()
 
 
 class PageServer:
@@ -42,7 +56,8 @@ class PageServer:
         config = uvicorn.Config(
             page_app(feed, self.token, orders),
             loop="asyncio",
-            http="h11",
+            http=_Protocol,
+            backlog=_BACKLOG,
             ws="none",
             lifespan="off",
             log_config=None,
@@ -106,7 +121,7 @@ def _bound(port: int | None) -> socket.socket:
     made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         made.bind((_ADDRESS, port))
-        made.listen()
+        made.listen(_BACKLOG)
     except OSError as error:
         made.close()
         message = f"port {port} cannot be had for the page ({error.strerror}): choose another one, --web-port, or 0 for any"

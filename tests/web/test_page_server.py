@@ -1,22 +1,24 @@
 """Who may look at a page, who may give orders, and what a late browser is told."""
 
-import asyncio
 import json
+import selectors
 import socket
 import urllib.request
 from concurrent.futures import Future
-from contextlib import closing
+from contextlib import ExitStack, closing
 from typing import Any
 
 import pytest
 
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
+from sar_compiler.web import feed as feed_module
 from sar_compiler.web import page_app
 from sar_compiler.web.errors import PageError
-from sar_compiler.web.feed import LiveFeed, RecordedFeed
+from sar_compiler.web.feed import RecordedFeed
 from sar_compiler.web.kept_entries import KeptEntries
 from sar_compiler.web.page_server import PORT, PageServer
+from tests.waiting import SILENCE_SEC, News
 
 
 class Operator:
@@ -197,19 +199,31 @@ def test_a_late_browser_is_told_what_has_happened_and_then_the_news(live):
     assert entries(late)[-1]["data"]["message"] == "2 m left"
 
 
-def test_a_browser_that_does_not_read_is_let_go_and_comes_again():
-    feed = LiveFeed({}, dict)
+def test_a_browser_that_does_not_read_is_let_go_and_comes_again(live, monkeypatch):
+    monkeypatch.setattr(feed_module, "_WAITING", 100_000)
+    run = live().begin()
+    with socket.create_connection(("127.0.0.1", run.server.port)) as mute:
+        mute.sendall(b"GET /events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        assert mute.recv(8).startswith(b"HTTP/1.1")
+        for number in range(400):
+            run.journal.watch("plan", frame="map", points=[number] * 30_000)
+        news = News()
+        with news:
+            news.wait_until(lambda: not run.feed._listeners, lambda: "nobody was let go")
+        last = events(run, lambda found: len(entries(found)) == 2)
+    assert entries(last)[-1]["data"]["points"][0] == 399
 
-    async def slow():
-        stream = feed.stream()
-        first = await stream.__anext__()
-        for _ in range(10_000):
-            feed._tell(["news"])
-        return first, [text async for text in stream]
 
-    first, rest = asyncio.run(slow())
-    assert first.startswith("event: hello")
-    assert rest == ["news"] * 500
+def test_connections_take_few_of_the_file_descriptors_of_the_mission(live):
+    run = live().begin()
+    with ExitStack() as stack, selectors.DefaultSelector() as let_go:
+        for _ in range(48):
+            opened = socket.create_connection(("127.0.0.1", run.server.port), timeout=20.0)
+            let_go.register(stack.enter_context(opened), selectors.EVENT_READ)
+        for _ in range(16):
+            (key, _), *_ = let_go.select(timeout=SILENCE_SEC)
+            let_go.unregister(key.fileobj)
+        assert let_go.select(timeout=0.0) == []
 
 
 def test_the_end_of_a_run_is_told_before_the_server_goes(live):
