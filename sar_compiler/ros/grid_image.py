@@ -22,10 +22,11 @@ def grid_image(message: Any) -> tuple[int, int, int, bytes] | None:
     if not cells or len(cells) != width * height:
         return None
     step = 1
-    while (width // step) * (height // step) > _CELLS:
+    # A map of a single row stays one.
+    while max(1, width // step) * max(1, height // step) > _CELLS:
         step += 1
     pixels = cells.translate(_GREY)
-    wide, high = width // step, height // step
+    wide, high = max(1, width // step), max(1, height // step)
     starts = (row * step * width for row in reversed(range(high)))
     # Each row begins with its filter: none.
     rows = b"".join(b"\0" + pixels[start : start + wide * step : step] for start in starts)

@@ -2,6 +2,9 @@
 
 import base64
 import math
+import zlib
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -11,16 +14,19 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import GOAL_ENDED, JournalEntry
 from sar_compiler.ros.grid_image import grid_image
 
 # At most one in so many seconds of the node's clock; while a map is being made there is one after the other.
 _PERIODS_SEC = {"pose": 1.0, "plan": 1.0, "map": 10.0}
 # A plan has a point every few centimetres; a drawing needs fewer.
 _POINTS = 200
-# The grey of a cell of which nothing is known.
-_UNKNOWN = 205
+# How often it is looked for what was not due when it came, in seconds of the node's clock.
+_LOOK_SEC = 0.5
 # Before its node has read a burst of the log, so many lines are kept.
 _LINES = 200
+# Anybody can write to the log: of a line so many characters are written down, of other nodes so many lines from look to look.
+_LONGEST, _OTHERS = 2000, 20
 
 
 class RobotWatch:
@@ -42,53 +48,89 @@ class RobotWatch:
         self._journal = journal
         self._name = node.get_logger().name
         self._due = dict.fromkeys(_PERIODS_SEC, -math.inf)
-        self._map: dict[str, Any] = {}
+        self._newest: dict[str, Any] = {}
+        self._takers: dict[str, Callable[[Any], None]] = {
+            "pose": self._on_pose,
+            "plan": self._on_plan,
+            "map": self._on_map,
+        }
+        self._map: tuple[object, ...] = ()
+        self._others = 0
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         for message, topic, take, qos in (
-            (PoseWithCovarianceStamped, "amcl_pose", self._on_pose, QoSProfile(depth=1)),
-            (Path, "plan", self._on_plan, QoSProfile(depth=1)),
-            (OccupancyGrid, "map", self._on_map, latched),
+            (PoseWithCovarianceStamped, "amcl_pose", partial(self._take, "pose"), QoSProfile(depth=1)),
+            (Path, "plan", partial(self._take, "plan"), QoSProfile(depth=1)),
+            (OccupancyGrid, "map", partial(self._take, "map"), latched),
             (Log, "/rosout", self._on_log, QoSProfile(depth=_LINES)),
         ):
             node.create_subscription(message, topic, take, qos)
+        node.create_timer(_LOOK_SEC, self._look)
+        journal.listen(self._on_entry)
+
+    def _on_entry(self, entry: JournalEntry) -> None:
+        if entry.kind == GOAL_ENDED:
+            self._newest.pop("plan", None)
+
+    def _take(self, kind: str, message: Any) -> None:
+        self._newest[kind] = message
+        self._tell(kind)
+
+    def _look(self) -> None:
+        """Tell what came last and was not due: where the robot stands still it is the only thing that is true."""
+        for kind in tuple(self._newest):
+            self._tell(kind)
+        left_out, self._others = self._others - _OTHERS, 0
+        if left_out > 0:
+            text = f"{left_out} more warnings of other nodes within {_LOOK_SEC:g} s are left out."
+            self._journal.watch("log", node=self._name, level=Log.WARN, text=text)
+
+    def _tell(self, kind: str) -> None:
+        if self._is_due(kind):
+            self._takers[kind](self._newest.pop(kind))
 
     def _on_pose(self, message: Any) -> None:
-        if self._is_due("pose"):
-            place, turn = message.pose.pose.position, message.pose.pose.orientation
-            yaw = 2.0 * math.atan2(turn.z, turn.w)
-            self._journal.watch("pose", x=place.x, y=place.y, yaw=yaw)
+        place, turn = message.pose.pose.position, message.pose.pose.orientation
+        yaw = 2.0 * math.atan2(turn.z, turn.w)
+        self._journal.watch("pose", x=place.x, y=place.y, yaw=yaw)
 
     def _on_plan(self, message: Any) -> None:
-        if self._is_due("plan"):
-            step = max(1, math.ceil(len(message.poses) / _POINTS))
-            places = [stamped.pose.position for stamped in (*message.poses[:-1:step], *message.poses[-1:])]
-            points = [(round(place.x, 3), round(place.y, 3)) for place in places]
-            self._journal.watch("plan", frame=message.header.frame_id, points=points)
+        step = max(1, math.ceil(len(message.poses) / _POINTS))
+        places = [stamped.pose.position for stamped in (*message.poses[:-1:step], *message.poses[-1:])]
+        points = [(round(place.x, 3), round(place.y, 3)) for place in places]
+        self._journal.watch("plan", frame=message.header.frame_id, points=points)
 
     def _on_map(self, message: Any) -> None:
-        origin = message.info.origin
-        numbers = (message.info.resolution, origin.position.x, origin.position.y, origin.orientation.z)
-        if not (all(map(math.isfinite, numbers)) and self._is_due("map")):
+        info, origin = message.info, message.info.origin
+        place, turn = origin.position, origin.orientation
+        numbers = (info.resolution, place.x, place.y, turn.z, turn.w)
+        said = (info.width, info.height, *numbers, zlib.crc32(message.data))
+        # To draw a map takes its time in the thread that ticks, so the same one is not drawn again.
+        if said == self._map or not all(map(math.isfinite, numbers)):
             return
         if (drawn := grid_image(message)) is None:
             return
+        self._map = said
         width, height, step, png = drawn
-        said = {
-            "resolution": message.info.resolution * step,
-            "width": width,
-            "height": height,
-            "x": origin.position.x,
-            "y": origin.position.y,
-            "yaw": 2.0 * math.atan2(origin.orientation.z, origin.orientation.w),
-            "png": base64.b64encode(png).decode(),
-        }
-        if said != self._map:
-            self._map = said
-            self._journal.watch("map", **said)
+        self._journal.watch(
+            "map",
+            resolution=info.resolution * step,
+            width=width,
+            height=height,
+            x=place.x,
+            y=place.y,
+            yaw=2.0 * math.atan2(turn.z, turn.w),
+            png=base64.b64encode(png).decode(),
+        )
 
     def _on_log(self, message: Any) -> None:
-        if message.name == self._name or message.level >= Log.WARN:
-            self._journal.watch("log", node=message.name, level=message.level, text=message.msg)
+        if message.name != self._name:
+            if message.level < Log.WARN:
+                return
+            self._others += 1
+            if self._others > _OTHERS:
+                return
+        text = message.msg if len(message.msg) <= _LONGEST else f"{message.msg[:_LONGEST]} [...]"
+        self._journal.watch("log", node=message.name, level=message.level, text=text)
 
     def _is_due(self, kind: str) -> bool:
         now = self._journal.clock.now()

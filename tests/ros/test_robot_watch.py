@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from sar_compiler.journal.journal import Journal
+from sar_compiler.runtime.clock import ManualClock
 
 pytestmark = pytest.mark.ros
 
@@ -67,3 +68,95 @@ def test_of_a_map_that_is_turned_the_angle_is_told(told):
 
 def test_a_map_that_has_not_as_many_cells_as_it_says_is_left_out(told):
     assert told([0, 0, 0], 2, 1) == []
+
+
+def test_of_a_map_whose_angle_is_no_number_nothing_is_told(told):
+    assert told([0, 0], 2, 1, z=0.7, w=math.nan) == []
+
+
+class Watched:
+    """What a journal is told of a robot that is a test; its clock stands still."""
+
+    def __init__(self, ros):
+        from sar_compiler.ros.robot_watch import RobotWatch
+
+        self.ros, self.robot, node = ros, ros.node("robot"), ros.node("mission")
+        self.journal, self._entries = Journal(), []
+        self.journal.clock = self.clock = ManualClock()
+        self.journal.listen(self._entries.append)
+        self.watch = RobotWatch(node, self.journal)
+
+    def told(self, kind):
+        return [entry.data for entry in self._entries if entry.kind == kind]
+
+    def is_newest(self, x):
+        message = self.watch._newest.get("pose")
+        return message is not None and message.pose.pose.position.x == x
+
+    def wait(self, kind, count):
+        self.ros.spin_until(lambda: len(self.told(kind)) == count, f"{count} of {kind}")
+
+
+@pytest.fixture
+def watched(ros):
+    return Watched(ros)
+
+
+def pose(x):
+    from geometry_msgs.msg import PoseWithCovarianceStamped
+
+    message = PoseWithCovarianceStamped()
+    message.pose.pose.position.x = x
+    return message
+
+
+def test_the_last_pose_is_told_where_the_robot_then_stands_still(watched):
+    poses = watched.robot.create_publisher(type(pose(0.0)), "amcl_pose", 1)
+    watched.ros.spin_until(poses.get_subscription_count, "who listens")
+    poses.publish(pose(1.0))
+    watched.wait("pose", 1)
+    for x in (2.0, 3.0):
+        poses.publish(pose(x))
+        watched.ros.spin_until(lambda: watched.is_newest(x), "the pose")  # noqa: B023
+    assert len(watched.told("pose")) == 1
+    watched.clock.advance(1.0)
+    watched.wait("pose", 2)
+    assert [each["x"] for each in watched.told("pose")] == [1.0, 3.0]
+
+
+def test_a_map_that_came_soon_after_another_one_is_told_later(watched):
+    from nav_msgs.msg import OccupancyGrid
+
+    for cell in (0, 100):
+        grid = OccupancyGrid(data=array("b", [cell]))
+        grid.info.width = grid.info.height = 1
+        watched.watch._take("map", grid)
+    assert len(watched.told("map")) == 1
+    watched.clock.advance(10.0)
+    watched.wait("map", 2)
+
+
+def test_a_plan_is_not_told_after_the_end_of_its_goal(watched):
+    from nav_msgs.msg import Path
+
+    for _ in range(2):
+        watched.watch._take("plan", Path())
+    watched.journal.watch("goal_ended", goal="a")
+    watched.clock.advance(1.0)
+    watched.watch._look()
+    assert len(watched.told("plan")) == 1
+
+
+def test_of_others_warnings_only_so_many_and_so_much_is_written(watched):
+    from rcl_interfaces.msg import Log
+
+    for level in (20, 30):
+        for _ in range(50):
+            watched.watch._on_log(Log(name="other", level=level, msg="w" * 9_000))
+    watched.watch._look()
+    lines = watched.told("log")
+    assert len(lines) == 21
+    assert {len(line["text"]) for line in lines[:-1]} == {2006}
+    assert lines[-1]["text"] == "30 more warnings of other nodes within 0.5 s are left out."
+    watched.watch._on_log(Log(name="mission", level=20, msg="mine"))
+    assert watched.told("log")[-1] == {"node": "mission", "level": 20, "text": "mine"}

@@ -31,7 +31,7 @@ export class Run {
     this.time = Math.max(entry.run === this.number ? this.time : 0, entry.time);
     if (kind === "status") this.node(entry);
     else if (kind === "pose") this.moved(data);
-    else if (kind === "plan") this.plan = data.points;
+    else if (kind === "plan") this.plan = data.frame === "map" ? data.points : null;
     else if (kind === "map") this.map = data;
     else if (kind === "log") this.tell(entry, LEVELS[data.level] ?? "info", data.text, data.node);
     else this.fact(entry);
