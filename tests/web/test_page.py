@@ -106,6 +106,32 @@ def test_an_order_is_given_by_a_button_and_its_answer_is_shown(live, browser):
     assert operator.given == [("pause", {})]
 
 
+def test_pages_that_are_out_of_sight_keep_no_order_back(live, browser):
+    operator = Operator()
+    run = live(orders=operator, verbs=[PAUSE]).begin()
+    browser.open(run.server.url)
+    first = browser.driver.current_window_handle
+    for _ in range(7):
+        browser.driver.switch_to.new_window("tab")
+        browser.open(run.server.url)
+    run.journal.note("base_reached")
+    for tab in [each for each in browser.driver.window_handles if each != first][1:]:
+        browser.driver.switch_to.window(tab)
+        browser.driver.close()
+    browser.driver.switch_to.window(first)
+    browser.wait_for("#log", "base reached")
+    browser.wait(
+        lambda: browser.driver.find_element("css selector", "[data-verb=pause]").is_enabled(), "the button"
+    )
+    browser.click("[data-verb=pause]")
+    browser.wait_for("#answer", "Pause: done")
+    assert operator.given == [("pause", {})]
+    last = next(each for each in browser.driver.window_handles if each != first)
+    browser.driver.switch_to.window(last)
+    browser.driver.close()
+    browser.driver.switch_to.window(first)
+
+
 def test_a_grave_order_asks_first_and_can_be_left(live, browser):
     operator = Operator()
     run = live(orders=operator, verbs=[SKIP]).begin()

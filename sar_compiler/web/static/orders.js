@@ -2,6 +2,9 @@
 
 import { html, say } from "./shapes.js";
 
+// The server answers within ten seconds.
+const ANSWER_MS = 12000;
+
 export class Orders {
   /**
    * @param {{bar: HTMLElement, ask: HTMLDialogElement, answer: HTMLElement}} places
@@ -90,12 +93,13 @@ export class Orders {
         method: "POST",
         headers: { "Content-Type": "application/json", Authorization: `Bearer ${this.token}` },
         body: JSON.stringify(values),
+        signal: AbortSignal.timeout(ANSWER_MS),
       });
       const { accepted, message } = await response.json();
       const unanswered = response.status >= 500;
       said = accepted ? message || "done" : unanswered ? message : `refused: ${message}`;
-    } catch {
-      said = "the run cannot be reached";
+    } catch (error) {
+      said = error.name === "TimeoutError" ? "no answer: look at the log whether it was given" : "the run cannot be reached";
     }
     say(this.answer, `${verb.label}: ${said}`);
   }

@@ -61,8 +61,12 @@ function beat({ time, verbs, running }) {
   later();
 }
 
+// A browser has few connections to one server, for orders as well: a page that nobody sees has none.
+let source = null;
+
 function listen() {
-  const source = new EventSource("events");
+  if (document.hidden || (source && source.readyState !== EventSource.CLOSED)) return;
+  source = new EventSource("events");
   const on = (name, heed) => source.addEventListener(name, ({ data }) => {
     heard = performance.now();
     heed(JSON.parse(data));
@@ -74,10 +78,17 @@ function listen() {
   source.addEventListener("error", () => {
     gone();
     // A browser gives up where a proxy answers in the server's place.
-    if (source.readyState === EventSource.CLOSED) setTimeout(listen, 2000);
+    setTimeout(listen, 2000);
     later();
   });
 }
+
+document.addEventListener("visibilitychange", () => {
+  if (document.hidden) {
+    source?.close();
+    gone();
+  } else listen();
+});
 
 function gone() {
   heard = 0;
