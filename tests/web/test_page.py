@@ -174,6 +174,41 @@ def test_the_tree_is_walked_and_folded_by_keyboard(live, browser):
     )
 
 
+def mouse(browser, kind, x, y, **said):
+    """Do something with the mouse at a place of the window."""
+    said = {"type": kind, "x": x, "y": y, "button": "left", "clickCount": 1, **said}
+    browser.driver.execute_cdp_cmd("Input.dispatchMouseEvent", said)
+
+
+def middle(browser, selector):
+    return browser.js(
+        "const r = document.querySelector(arguments[0]).getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]",
+        selector,
+    )
+
+
+def test_a_row_that_changes_while_it_is_pressed_is_clicked(live, browser):
+    run = live().begin()
+    run.status(1, "RUNNING", "9 m left")
+    browser.open(run.server.url)
+    place = middle(browser, "#tree [data-id='1']")
+    mouse(browser, "mousePressed", *place)
+    run.status(1, "FAILURE", "no way there")
+    browser.wait_for("#tree", "no way there")
+    mouse(browser, "mouseReleased", *place)
+    browser.wait_for("#details", "leaves.Drive")
+
+
+def test_the_tree_is_folded_by_the_mouse(live, browser):
+    run = live().begin()
+    browser.open(run.server.url)
+    for count in (1, 3):
+        place = middle(browser, "#tree .twist")
+        mouse(browser, "mousePressed", *place)
+        mouse(browser, "mouseReleased", *place)
+        assert len(browser.rows()) == count
+
+
 def test_a_status_is_told_by_shape_and_letter_as_well(live, browser):
     run = live().begin()
     statuses = ("RUNNING", "SUCCESS", "FAILURE")

@@ -13,11 +13,17 @@ export function svg(tag, attributes = {}, ...children) {
 }
 
 function filled(element, attributes, children) {
-  for (const [name, value] of Object.entries(attributes)) {
-    if (value !== undefined && value !== null && value !== false) element.setAttribute(name, value);
-  }
+  set(element, attributes);
   element.append(...children);
   return element;
+}
+
+/** Give an element attributes; it is without those that are undefined, null or false. */
+export function set(element, attributes) {
+  for (const [name, value] of Object.entries(attributes)) {
+    if (value === undefined || value === null || value === false) element.removeAttribute(name);
+    else element.setAttribute(name, value);
+  }
 }
 
 /** Write a text into an element, if it is another one. */

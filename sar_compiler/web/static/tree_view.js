@@ -1,6 +1,6 @@
 // The tree as a drawing: a row for each node, of which only those in sight are drawn.
 
-import { badge, duration, svg } from "./shapes.js";
+import { badge, duration, set, svg } from "./shapes.js";
 
 const ROW = 26;
 const MANY = 200;
@@ -25,7 +25,7 @@ export class TreeView {
     place.addEventListener("scroll", () => this.draw());
     place.addEventListener("keydown", (event) => this.key(event));
     place.addEventListener("click", (event) => this.click(event));
-    place.addEventListener("dblclick", (event) => this.toggle(idOf(event)));
+    place.addEventListener("dblclick", (event) => this.isTwist(event) || this.toggle(idOf(event)));
     new ResizeObserver(() => this.draw()).observe(place);
   }
 
@@ -34,6 +34,7 @@ export class TreeView {
     this.run = run;
     if (this.nodes !== run.nodes) {
       this.nodes = run.nodes;
+      this.canvas.replaceChildren();
       this.deepest = run.nodes.reduce((deepest, node) => Math.max(deepest, node.depth), 1);
       this.drawn = new Map();
       this.chosen = 0;
@@ -124,16 +125,12 @@ export class TreeView {
     const drawn = new Map();
     for (let row = first; row < last; row += 1) drawn.set(this.rows[row], this.row(this.rows[row], row, clientWidth));
     this.canvas.setAttribute("width", clientWidth);
-    // In the order of the tree; a row that is as it was stays where it is.
+    // In the order of the tree; a row that stays in sight is not moved: it may be pressed just now.
+    for (const [id, { element }] of this.drawn) if (!drawn.has(id)) element.remove();
     let at = this.canvas.firstChild;
     for (const { element } of drawn.values()) {
       if (element === at) at = at.nextSibling;
       else this.canvas.insertBefore(element, at);
-    }
-    while (at) {
-      const next = at.nextSibling;
-      at.remove();
-      at = next;
     }
     this.drawn = drawn;
     if (this.rowOf.has(this.chosen)) this.place.setAttribute("aria-activedescendant", `node${this.chosen}`);
@@ -151,14 +148,19 @@ export class TreeView {
     const key = [row, width, this.indent, isFolded, former, state.status, message, age, id === this.chosen, node.name].join("\n");
     const known = this.drawn.get(id);
     if (known?.key === key) return known;
-    const group = svg("g", {
-      id: `node${id}`, role: "treeitem", transform: `translate(0 ${row * ROW})`, "data-id": id,
+    const group = known?.element ?? svg("g", { id: `node${id}`, role: "treeitem", "data-id": id }, svg("rect", { class: "ground hit", height: ROW }));
+    // What is pressed on stays, so that a row that changes between press and release is clicked all the same.
+    const hit = group.firstChild;
+    while (hit.nextSibling) hit.nextSibling.remove();
+    hit.setAttribute("width", width);
+    set(group, {
+      transform: `translate(0 ${row * ROW})`,
       class: `row ${former ? "former" : state.status || "none"}${id === this.chosen ? " chosen" : ""}`,
-      "aria-level": node.depth + 1, "aria-selected": id === this.chosen,
+      "aria-level": node.depth + 1, "aria-selected": String(id === this.chosen),
       "aria-expanded": node.children.length ? String(!isFolded) : undefined,
       "aria-label": `${node.name}, ${node.cls}, ${former && state.status ? `earlier ${state.status}` : state.status || "not ticked"}${message ? `, ${message}` : ""}`,
     });
-    group.append(svg("rect", { class: "ground", width, height: ROW }), this.lines(node, x));
+    group.append(this.lines(node, x));
     if (node.children.length) group.append(svg("path", { class: "twist", d: isFolded ? "M0 -4 L5 0 L0 4 Z" : "M-1 -2.5 H7 L3 3 Z", transform: `translate(${x} ${ROW / 2})` }));
     const sign = badge(state.status, former);
     sign.setAttribute("transform", `translate(${x + 12} 5)`);
@@ -219,9 +221,16 @@ export class TreeView {
   click(event) {
     const id = idOf(event);
     if (id === null) return;
-    if (event.target.closest(".twist")) this.toggle(id);
+    if (this.isTwist(event)) this.toggle(id);
     this.select(id);
     this.place.focus({ preventScroll: true });
+  }
+
+  /** Whether an event is at the sign for folding of its row. */
+  isTwist(event) {
+    const node = this.nodes[idOf(event)];
+    const x = event.clientX - this.canvas.getBoundingClientRect().left - 4 - (node?.depth ?? 0) * this.indent;
+    return Boolean(node?.children.length) && x > -6 && x < 11;
   }
 
   key(event) {
