@@ -151,6 +151,21 @@ def test_a_grave_order_asks_first_and_can_be_left(live, browser):
     assert operator.given == [("pause", {})]
 
 
+def test_enter_in_a_field_gives_the_order(live, browser):
+    operator = Operator()
+    name = {"name": "zone", "label": "Name", "kind": "text", "choices": [], "optional": False, "longest": 200}
+    run = live(orders=operator, verbs=[{**PAUSE, "fields": [name]}]).begin()
+    browser.open(run.server.url)
+    button = browser.driver.find_element("css selector", "[data-verb=pause]")
+    browser.wait(button.is_enabled, "the button")
+    button.click()
+    browser.click("#ask .no")
+    button.click()
+    browser.type("#ask input", "zone_e", Keys.ENTER)
+    browser.wait_for("#answer", "Pause: done")
+    assert operator.given == [("pause", {"zone": "zone_e"})]
+
+
 def test_who_has_no_token_can_only_look(live, browser):
     run = live(orders=Operator(), verbs=[PAUSE]).begin()
     browser.open(run.server.url.partition("#")[0])

@@ -14,6 +14,8 @@ export class Orders {
     Object.assign(this, places);
     this.pick = pick;
     this.buttons = new Map();
+    // Not a button that submits: Enter in a field would press the first of these.
+    this.ask.querySelector(".no").addEventListener("click", () => this.ask.close("no"));
   }
 
   /** Take the verbs of a run, as the server has them. */
