@@ -9,6 +9,9 @@ import pytest
 
 from tests.waiting import SILENCE_SEC
 
+# How often it is looked whether something has come.
+_LOOK_SEC = 0.02
+
 CHROMIUM, DRIVER = "chromium", "chromedriver"
 
 
@@ -91,6 +94,8 @@ class Browser:
             assert time.monotonic() < end, (
                 f"{what} did not come:\n{self.text('body')}\n{self.driver.get_log('browser')}"
             )
+            # The browser is to get on with it, and not to be asked all the time.
+            time.sleep(_LOOK_SEC)
 
     def wait_for(self, selector, text):
         """Wait until a text is written in an element."""

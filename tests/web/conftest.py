@@ -2,7 +2,9 @@
 
 import http.client
 import json
-from contextlib import closing
+import random
+import socket
+from contextlib import closing, suppress
 from typing import Any
 
 import pytest
@@ -37,6 +39,15 @@ ABOUT: dict[str, Any] = {
     "tree": TREE,
     "identity": {"zones": ZONES, "base_station": {"x": 0.0, "y": 0.0}},
 }
+
+
+def quiet_port():
+    """Return a port that is free, and that the system gives to nobody who asks for any: it can be had again."""
+    for port in random.sample(range(20_000, 32_000), 100):
+        with socket.socket() as found, suppress(OSError):
+            found.bind(("127.0.0.1", port))
+            return port
+    pytest.fail("no port is free")
 
 
 class Live:

@@ -13,7 +13,7 @@ from sar_compiler.journal.opening import open_journal
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.web.feed import RecordedFeed
 from sar_compiler.web.page_server import PageServer
-from tests.web.conftest import ABOUT
+from tests.web.conftest import ABOUT, quiet_port
 from tests.web.test_page_server import Operator
 
 pytestmark = pytest.mark.unmeasured
@@ -54,7 +54,7 @@ def test_a_reload_shows_the_same_again(live, browser):
 
 
 def test_a_run_that_takes_the_place_of_another_is_shown_by_itself(live, browser):
-    run = live().begin()
+    run = live(port=quiet_port()).begin()
     run.status(1, "FAILURE", "no way there")
     browser.open(run.server.url)
     browser.wait_for("#state", "live")
@@ -280,7 +280,7 @@ def replay(tmp_path):
         journal.end(Ending.STOPPED, 130, "Stopped.")
         journal.close()
     with closing(JournalFile.read(place)) as file:
-        server = PageServer(RecordedFeed([file.stream()], {"mode": "replay"}), 0)
+        server = PageServer(RecordedFeed([file.stream()], {"mode": "replay"}), quiet_port())
     with closing(server):
         server.start()
         yield server
@@ -306,6 +306,101 @@ def test_a_replay_goes_back_and_forth_through_time(replay, browser):
         go(browser, seconds)
         browser.wait_for("#now", left)
         browser.wait_for("#progress", f"zones {zones} of 2")
+
+
+def test_the_end_of_a_replay_can_be_reached_by_its_slider(tmp_path, browser):
+    entries: list[JournalEntry] = []
+    journal = Journal()
+    journal.listen(entries.append)
+    journal.clock = clock = ManualClock()
+    journal.begin(ABOUT, {})
+    clock.advance(10.1237)
+    journal.end(Ending.OVER, 0, "Complete.")
+    with closing(PageServer(RecordedFeed([entries], {"mode": "replay"}), 0)) as server:
+        server.start()
+        browser.open(server.url)
+        browser.type("#time", Keys.END)
+        browser.wait_for("#state", "Complete.")
+
+
+def test_going_back_in_a_replay_keeps_what_is_chosen_and_folded(replay, browser):
+    browser.open(replay.url)
+    go(browser, 15.0)
+    browser.wait_for("#clock", "run 2")
+    browser.type("#tree", Keys.ARROW_DOWN)
+    browser.wait_for("#details", "leaves.Drive")
+    browser.type("#tree", Keys.ARROW_LEFT, Keys.ARROW_LEFT)
+    go(browser, 3.0)
+    browser.wait_for("#clock", "3.0 s")
+    assert len(browser.rows()) == 1
+    assert "py_trees.composites.Sequence" in browser.text("#details")
+
+
+def test_a_replay_whose_connection_came_again_is_where_it_was(replay, browser):
+    browser.open(replay.url)
+    go(browser, 13.0)
+    browser.wait_for("#at", "13 s of")
+    browser.allow("ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING")
+    feed, port = replay._feed, replay.port
+    replay.close()
+    feed._ended = False
+    with closing(PageServer(feed, port)) as again:
+        browser.js("document.body.dataset.mode = ''")
+        again.start()
+        told = "return document.body.dataset.mode === 'replay' && document.body.classList.contains('ready')"
+        browser.wait(lambda: browser.js(told), "the connection")
+        assert browser.text("#at") == "13 s of 20 s"
+
+
+def lines(browser):
+    return browser.js("return [...document.querySelectorAll('#log li span')].map((line) => line.textContent)")
+
+
+def test_the_facts_are_shown_that_many_lines_have_pushed_out(live, browser):
+    run = live().begin()
+    browser.open(run.server.url)
+    run.journal.note("base_reached")
+    for number in range(450):
+        run.journal.watch("log", node="patrol", level=20, text=f"line {number}")
+    browser.wait_for("#log", "line 449")
+    assert lines(browser)[0] == "line 50"
+    browser.click("#facts")
+    browser.wait(lambda: len(lines(browser)) == 2, "the facts")
+    assert lines(browser) == ["The run began on /patrol.", "base reached"]
+
+
+def test_the_log_has_no_lines_of_the_mission_before(live, browser):
+    run = live().begin()
+    for number in range(2):
+        run.journal.watch("log", node="patrol", level=20, text=f"first {number}")
+    browser.open(run.server.url)
+    for entry in (("run_began", {**ABOUT, "run": {}}), *(("log", {"text": f"second {n}"}) for n in range(9))):
+        run.feed.take(JournalEntry(9, 1, 0.0, 0.0, *entry))
+    browser.wait_for("#log", "second 8")
+    assert lines(browser) == ["The run began.", *(f"second {n}" for n in range(9))]
+
+
+def test_the_log_follows_the_newest_line_unless_somebody_reads_above(live, browser):
+    run = live().begin()
+    browser.size(400, 800)
+    browser.open(run.server.url)
+    is_at_end = (
+        "const log = document.getElementById('log');"
+        "return log.clientHeight > 0 && log.scrollTop + log.clientHeight > log.scrollHeight - 5"
+    )
+
+    def tell(text):
+        for _ in range(100):
+            run.journal.watch("log", node="patrol", level=20, text=text)
+        browser.wait_for("#log", text)
+
+    tell("while the tree is shown")
+    browser.click("nav [data-view=log]")
+    browser.wait(lambda: browser.js(is_at_end), "the newest line")
+    browser.type("#log", Keys.HOME)
+    browser.wait(lambda: browser.js("return document.getElementById('log').scrollTop") == 0, "the beginning")
+    tell("while somebody reads")
+    assert browser.js("return document.getElementById('log').scrollTop") == 0
 
 
 def test_a_replay_plays_by_itself_to_the_end(replay, browser):

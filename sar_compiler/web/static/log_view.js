@@ -7,29 +7,42 @@ const LINES = 400;
 export class LogView {
   constructor(place) {
     this.place = place;
-    this.shown = 0;
     this.onlyFacts = false;
+    // Whether it stays at the newest line: until somebody scrolls up.
+    this.follows = true;
+    this.again();
+    place.addEventListener("scroll", () => {
+      if (place.clientHeight) this.follows = place.scrollTop + place.clientHeight > place.scrollHeight - 40;
+    });
+    new ResizeObserver(() => this.follow()).observe(place);
   }
 
   /** Show what is there by now. */
   show({ log, logged }) {
-    if (logged === this.shown) return;
-    const atEnd = this.place.scrollTop + this.place.clientHeight > this.place.scrollHeight - 40;
-    if (logged < this.shown || logged - this.shown > LINES) {
-      this.place.replaceChildren();
-      this.shown = Math.max(0, logged - LINES);
+    // Else the lines are another run's, or of a time before which a replay has gone back.
+    const goesOn = this.shown <= logged && log[this.shown - 1] === this.last;
+    if (goesOn && logged === this.shown) return;
+    if (!goesOn) this.again();
+    const lines = [];
+    for (let at = logged - 1; at >= this.shown && lines.length < LINES; at -= 1) {
+      if (!this.onlyFacts || log[at].level !== "info") lines.push(line(log[at]));
     }
-    const lines = log.slice(this.shown, logged).filter(({ level }) => !this.onlyFacts || level !== "info");
-    this.place.append(...lines.map(line));
-    this.shown = logged;
+    this.place.append(...lines.reverse());
     while (this.place.childElementCount > LINES) this.place.firstElementChild.remove();
-    if (atEnd) this.place.scrollTop = this.place.scrollHeight;
+    this.shown = logged;
+    this.last = log[logged - 1];
+    this.follow();
   }
 
-  again(run) {
+  /** Forget what is shown. */
+  again() {
     this.place.replaceChildren();
-    this.shown = Infinity;
-    this.show(run);
+    this.shown = 0;
+    this.last = undefined;
+  }
+
+  follow() {
+    if (this.follows) this.place.scrollTop = this.place.scrollHeight;
   }
 }
 

@@ -25,14 +25,19 @@ let run = runs[0];
 let names = [];
 let alive = [];
 let recording = null;
-let expected = 0;
+// So many entries are still to come before there is something to show.
+let expected = Infinity;
 let heard = 0;
 let drawing = false;
+// Of a replay: what draws the next moment of it, and the time that is shown.
+let playing = 0;
+let place = 0;
 
 // --- what the server tells -------------------------------------------------------------------------
 
 function hello({ mode, robots, verbs, entries }) {
   // Whatever was known is told again: by the same run, or by another one that has taken its place.
+  play(false);
   names = robots ?? ["run"];
   recording = mode === "replay" ? new Recording(names.length) : null;
   runs = recording ? recording.runs : names.map(() => new Run());
@@ -40,7 +45,7 @@ function hello({ mode, robots, verbs, entries }) {
   offerRobots();
   expected = entries;
   document.body.dataset.mode = mode;
-  document.body.classList.toggle("ready", !expected);
+  document.body.classList.remove("ready");
   at("timeline").hidden = !recording;
   orders.offer(verbs ?? []);
 }
@@ -50,7 +55,6 @@ function take(entries) {
   if (recording) recording.add(entries);
   else entries.forEach((entry) => runs[entry.robot].apply(entry));
   if (recording && expected <= 0) begin();
-  document.body.classList.toggle("ready", expected <= 0);
   later();
 }
 
@@ -84,7 +88,8 @@ function listen() {
 }
 
 document.addEventListener("visibilitychange", () => {
-  if (document.hidden) {
+  // Of a replay all is here already.
+  if (document.hidden && !recording) {
     source?.close();
     gone();
   } else listen();
@@ -107,12 +112,13 @@ function later() {
 }
 
 function show() {
+  state();
+  if (expected > 0) return;
   const mission = run.about.mission ?? run.nodes[0]?.name ?? "mission";
   const node = run.about.run?.node;
   say(at("mission"), `${String(mission).replaceAll("_", " ")}${run.about.simulated ? ", simulated" : ""}`);
   at("mission").title = node ?? "";
   document.title = `${recording ? "replay: " : ""}${mission}`;
-  state();
   say(at("clock"), run.number ? `${duration(run.time - run.began)}${run.number > 1 ? `, run ${run.number}` : ""}` : "");
   say(at("progress"), progress());
   running();
@@ -122,6 +128,7 @@ function show() {
   log.show(run);
   showDetails(at("details"), run, tree.chosen);
   if (recording) timeline();
+  document.body.classList.add("ready");
 }
 
 function state() {
@@ -156,7 +163,7 @@ function running() {
   const list = at("now").querySelector("ul");
   const all = run.ended ? [] : run.running();
   const leaves = all.slice(0, SHOWN);
-  const key = all.join(" ");
+  const key = all.map((id) => `${id} ${run.nodes[id].name}`).join("\n");
   if (list.dataset.key !== key || list.childElementCount === 0) {
     list.dataset.key = key;
     list.replaceChildren(...leaves.map(runner));
@@ -195,19 +202,16 @@ function turnTo(index) {
   run = runs[index];
   at("robots").dataset.shown = names[index];
   [...at("robots").children].forEach((button, place) => button.setAttribute("aria-pressed", place === index));
-  log.again(run);
   later();
 }
 
 // --- replay ----------------------------------------------------------------------------------------
 
-let playing = 0;
-let place = 0;
-
 function begin() {
   recording.ready();
-  at("time").max = recording.end;
-  place = Number(at("time").dataset.at ?? 0);
+  // In whole steps, or the end could not be reached.
+  at("time").max = Math.ceil(recording.end * 100) / 100;
+  // Where it was before the connection came again.
   go(place);
 }
 
@@ -270,7 +274,8 @@ at("follow").addEventListener("change", () => {
 });
 at("facts").addEventListener("change", () => {
   log.onlyFacts = at("facts").checked;
-  log.again(run);
+  log.again();
+  later();
 });
 at("search").addEventListener("input", () => {
   const count = tree.search(at("search").value);

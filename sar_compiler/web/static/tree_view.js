@@ -32,6 +32,7 @@ export class TreeView {
   /** Show a run; its state may have changed since the last call. */
   show(run) {
     this.run = run;
+    if (isSame(this.nodes, run.nodes)) this.nodes = run.nodes;
     if (this.nodes !== run.nodes) {
       this.nodes = run.nodes;
       this.canvas.replaceChildren();
@@ -255,6 +256,11 @@ export class TreeView {
     event.preventDefault();
     moves[event.key]();
   }
+}
+
+/** Whether nodes are those of the same tree, told again: by a replay that goes back, or by another run. */
+function isSame(nodes, others) {
+  return nodes?.length === others.length && nodes.every(({ name, path, parent }, id) => name === others[id].name && path === others[id].path && parent === others[id].parent);
 }
 
 function idOf(event) {
