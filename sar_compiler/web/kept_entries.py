@@ -63,8 +63,8 @@ class KeptEntries:
         text = entry_text(entry, self._robot)
         item = self._number, text
         if entry.kind == RUN_BEGAN:
-            # The tree begins anew.
-            self._of_key.clear()
+            # The tree begins anew; the map is still the same one.
+            self._of_key = {key: known for key, known in self._of_key.items() if key == "map"}
             self._status.clear()
         if entry.kind == "status":
             self._take_status(entry.data, item)

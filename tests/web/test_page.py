@@ -457,23 +457,38 @@ def test_two_robots_are_on_one_map_each_with_its_tree(two, browser):
 
 
 def told(count):
-    """Return entries of a run as random as nobody flies."""
+    """Return entries of two runs as random as nobody flies."""
     import random
 
     chance, journal = random.Random(7), Journal()  # noqa: S311
     entries: list[JournalEntry] = []
     journal.listen(entries.append)
-    journal.begin(ABOUT, {})
-    for tick in range(count):
-        status = chance.choice(["RUNNING", "SUCCESS", "FAILURE", "HALTED", "SKIPPED"])
-        journal.watch(
-            "status",
-            node=chance.randrange(3),
-            tick=tick,
-            status=status,
-            message=chance.choice(["", "a", "b"]),
-        )
-    return entries
+    kinds = ("zone_started", "zone_visited", "zone_postponed", "zone_abandoned")
+    for run in (1, 2):
+        journal.begin(ABOUT, {})
+        for tick in range(count):
+            status = chance.choice(["RUNNING", "SUCCESS", "FAILURE", "HALTED", "SKIPPED", "IDLE"])
+            message = chance.choice(["", "a", "b"])
+            journal.watch("status", node=chance.randrange(3), tick=tick, status=status, message=message)
+            x, name = float(tick), f"survivor_{tick % 5}"
+            for kind, data in chance.sample(
+                [
+                    ("pose", {"x": x, "y": -x, "yaw": 0.1}),
+                    ("map", {"png": f"{run}.{tick}"}),
+                    ("plan", {"frame": chance.choice(["map", "odom"]), "points": [[x, x]]}),
+                    ("progress", {"target": "zone_a", "distance": x, "time_left": None}),
+                    ("goal_ended", {"goal": name}),
+                    ("zone_added", {"id": f"zone_{tick % 7}", "x": x, "y": 0.0}),
+                    (chance.choice(kinds), {"zone": f"zone_{chance.choice('ab12')}"}),
+                    ("zone_searched", {"zone": "zone_a", "survivor": [x, 0.0]}),
+                    ("survivor_named", {"survivor": name, "x": x, "y": 0.0}),
+                    ("survivor_judged", {"survivor": name, "standing": message}),
+                    ("report_kept", {"survivor": name}),
+                ],
+                2,
+            ):
+                journal.watch(kind, **data)
+    return [entry._replace(run=1 + (at >= len(entries) // 2)) for at, entry in enumerate(entries)]
 
 
 FOLD = """
@@ -481,16 +496,18 @@ const done = arguments[1];
 import('./static/run.js').then(({ Run }) => done(arguments[0].map((texts) => {
   const run = new Run();
   texts.forEach((text) => run.apply(JSON.parse(text)));
-  return { states: run.states, current: run.nodes.map(({ id }) => run.isCurrent(id)) };
+  const { states, map, plan, drive, pose, zones, survivors, number, ended } = run;
+  const current = run.nodes.map(({ id }) => run.isCurrent(id));
+  return { states, current, map, plan, drive, pose, zones: [...zones], survivors: [...survivors], number, ended, end: run.trail.at(-1) };
 })));
 """
 
 
-def test_a_late_browser_knows_of_the_tree_what_the_others_know(live, browser):
+def test_a_late_browser_knows_what_the_others_know(live, browser):
     from sar_compiler.web.kept_entries import KeptEntries
 
     browser.open(live().server.url)
-    entries = told(300)
+    entries = told(100)
     pairs = []
     for end in range(2, len(entries), 7):
         keeping = KeptEntries()
