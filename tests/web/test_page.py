@@ -42,6 +42,16 @@ def test_a_browser_that_comes_late_sees_the_truth(live, browser):
     browser.wait_for("#now", "2 m left")
 
 
+def test_what_is_left_of_a_drive_is_shown_until_it_ends(live, browser):
+    run = live().begin()
+    run.status(1, "RUNNING")
+    run.journal.watch("progress", target="zone_b", distance=3.14159, time_left=14.0)
+    browser.open(run.server.url)
+    assert browser.text("#drive") == "zone_b in 3.1 m, 14 s left"
+    run.journal.watch("goal_ended", goal="a")
+    browser.wait(lambda: browser.text("#drive") == "", "the end of the drive")
+
+
 def test_a_reload_shows_the_same_again(live, browser):
     run = live().begin()
     run.status(0, "RUNNING")

@@ -170,12 +170,17 @@ function running() {
     const rest = all.length - leaves.length;
     if (rest || !all.length) list.append(html("li", { class: "nobody" }, rest ? `and ${rest} more` : "nobody"));
   }
+  say(at("drive"), Number.isFinite(run.drive?.distance) && !run.ended ? driveLeft(run.drive) : "");
   leaves.forEach((id, index) => {
     const { since, message } = run.states[id];
     const item = list.children[index];
     say(item.querySelector(".for"), `for ${duration(run.time - since)}`);
     say(item.querySelector(".message"), message);
   });
+}
+
+function driveLeft({ target, distance, time_left: left }) {
+  return `${target} in ${distance.toFixed(1)} m${left == null ? "" : `, ${duration(left)} left`}`;
 }
 
 function runner(id) {

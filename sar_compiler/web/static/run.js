@@ -3,7 +3,7 @@
 
 const NEVER = Object.freeze({ status: "", since: 0, time: 0, tick: 0, entered: 0, message: "", failure: null });
 const LEVELS = { 30: "warning", 40: "error", 50: "error" };
-const QUIET = new Set(["goal_sent", "goal_ended", "map", "progress"]);
+const QUIET = new Set(["goal_sent", "goal_ended"]);
 const ZONES = {
   zone_started: "under way", zone_visited: "visited", zone_postponed: "postponed", zone_abandoned: "abandoned",
 };
@@ -19,7 +19,7 @@ export class Run {
   /** What changes with entries, but for the lists that only grow. */
   beginning() {
     return {
-      about: {}, number: 0, began: 0, wall: 0, time: 0, tick: 0, ended: null, states: [], map: null, pose: null, plan: null,
+      about: {}, number: 0, began: 0, wall: 0, time: 0, tick: 0, ended: null, states: [], map: null, pose: null, plan: null, drive: null,
       base: null, zones: new Map(), survivors: new Map(), orders: "", alarm: "", logged: 0, trailed: 0,
     };
   }
@@ -33,6 +33,7 @@ export class Run {
     else if (kind === "pose") this.moved(data);
     else if (kind === "plan") this.plan = data.frame === "map" ? data.points : null;
     else if (kind === "map") this.map = data;
+    else if (kind === "progress") this.drive = data;
     else if (kind === "log") this.tell(entry, LEVELS[data.level] ?? "info", data.text, data.node);
     else this.fact(entry);
   }
@@ -41,7 +42,7 @@ export class Run {
     // Another mission has begun in the same journal.
     if (this.number && run <= this.number) Object.assign(this, this.beginning());
     const first = !this.number;
-    Object.assign(this, { about: data, number: run, began: time, time, tick: 0, ended: null, plan: null });
+    Object.assign(this, { about: data, number: run, began: time, time, tick: 0, ended: null, plan: null, drive: null });
     this.nodes = data.tree ? flat(data.tree) : [];
     this.states = this.nodes.map(() => NEVER);
     const identity = data.identity ?? {};
@@ -76,7 +77,7 @@ export class Run {
   fact(entry) {
     const { kind, data } = entry;
     if (kind === "run_ended") this.ended = data;
-    if (kind === "goal_ended") this.plan = null;
+    if (kind === "goal_ended") Object.assign(this, { plan: null, drive: null });
     if (kind === "operator_ordered") this.orders = data.order;
     if (kind === "alarmed") this.alarm = data.reason;
     this.place(kind, data);
