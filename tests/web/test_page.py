@@ -176,6 +176,69 @@ def test_enter_in_a_field_gives_the_order(live, browser):
     assert operator.given == [("pause", {"zone": "zone_e"})]
 
 
+ADD = {
+    **PAUSE,
+    "label": "Add zone",
+    "fields": [
+        {"name": name, "label": name, "kind": "number", "choices": [], "optional": False, "longest": 200}
+        for name in "xy"
+    ],
+}
+
+
+def test_a_place_is_shown_on_the_map_or_not(live, browser):
+    operator = Operator()
+    run = live(orders=operator, verbs=[ADD]).begin()
+    browser.open(run.server.url)
+    button = browser.driver.find_element("css selector", "[data-verb=pause]")
+    browser.wait(button.is_enabled, "the button")
+    button.click()
+    browser.click("#ask label ~ button")
+    browser.wait_for("#answer", "Escape leaves it")
+    browser.type("#map", Keys.ESCAPE)
+    browser.wait(lambda: browser.text("#answer") == "", "the end of the question")
+    browser.click("#map")
+    assert not browser.js("return document.getElementById('ask').open")
+    button.click()
+    browser.click("#ask label ~ button")
+    browser.click("#map .base")
+    browser.click("#ask .yes")
+    browser.wait_for("#answer", "done")
+    ((_, place),) = operator.given
+    assert (round(place["x"]), round(place["y"])) == (0, 0)
+
+
+def base(browser):
+    """Return where the base station is drawn on the map."""
+    return browser.js("return document.querySelector('#map .base').getAttribute('transform')")
+
+
+def test_the_map_is_moved_by_the_mouse_and_by_nothing_else(live, browser):
+    run = live().begin()
+    browser.open(run.server.url)
+    x, y = middle(browser, "#map")
+    touch = {"enabled": True}
+    browser.driver.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", touch)
+    for kind, points in (("touchStart", [{"x": x, "y": y}]), ("touchCancel", [])):
+        browser.driver.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+    browser.driver.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
+    at_first = base(browser)
+    mouse(browser, "mouseMoved", x + 40, y + 40, button="none")
+    mouse(browser, "mousePressed", x, y, button="right")
+    mouse(browser, "mouseMoved", x + 40, y + 40, button="right")
+    mouse(browser, "mouseReleased", x + 40, y + 40, button="right")
+    mouse(browser, "mouseWheel", x, y, deltaX=50, deltaY=0)
+    mouse(browser, "mouseMoved", x, y, button="none")
+    assert base(browser) == at_first
+    mouse(browser, "mousePressed", x, y)
+    mouse(browser, "mouseMoved", x + 40, y + 40)
+    mouse(browser, "mouseReleased", x + 40, y + 40)
+    moved = base(browser)
+    assert moved != at_first
+    mouse(browser, "mouseMoved", x, y, button="none")
+    assert base(browser) == moved
+
+
 def test_who_has_no_token_can_only_look(live, browser):
     run = live(orders=Operator(), verbs=[PAUSE]).begin()
     browser.open(run.server.url.partition("#")[0])

@@ -120,17 +120,16 @@ export class MapView {
 
   wheel(event) {
     event.preventDefault();
+    if (!event.deltaY) return;
     const { left, top } = this.place.getBoundingClientRect();
     this.nearer(event.deltaY < 0 ? 1.2 : 1 / 1.2, event.clientX - left, event.clientY - top);
   }
 
   drag(event) {
+    if (!event.isPrimary || event.button !== 0) return;
     const { left, top } = this.place.getBoundingClientRect();
     if (this.picking) {
-      const pick = this.picking;
-      this.picking = null;
-      this.place.classList.remove("picking");
-      pick(this.from(event.clientX - left, event.clientY - top));
+      this.picked(this.from(event.clientX - left, event.clientY - top));
       return;
     }
     const begin = [event.clientX - this.shift[0], event.clientY - this.shift[1]];
@@ -140,14 +139,22 @@ export class MapView {
     };
     this.place.setPointerCapture(event.pointerId);
     this.place.addEventListener("pointermove", move);
-    this.place.addEventListener("pointerup", () => this.place.removeEventListener("pointermove", move), { once: true });
+    // However it ends: a touch may be taken away for something else.
+    this.place.addEventListener("lostpointercapture", () => this.place.removeEventListener("pointermove", move), { once: true });
   }
 
-  /** Have the next click answer with a place, in metres. */
+  /** Have the next click answer with a place, in metres; with null if none is picked. */
   pick(answer) {
     this.picking = answer;
     this.place.classList.add("picking");
     this.place.focus();
+  }
+
+  picked(place) {
+    const pick = this.picking;
+    this.picking = null;
+    this.place.classList.remove("picking");
+    pick?.(place);
   }
 
   key(event) {

@@ -8,7 +8,7 @@ const ANSWER_MS = 12000;
 export class Orders {
   /**
    * @param {{bar: HTMLElement, ask: HTMLDialogElement, answer: HTMLElement}} places
-   * @param {(answer: (place: number[]) => void) => void} pick has the map asked for a place.
+   * @param {(answer: (place: number[] | null) => void) => void} pick has the map asked for a place.
    */
   constructor(places, pick) {
     Object.assign(this, places);
@@ -67,9 +67,11 @@ export class Orders {
       const values = read();
       this.ask.close("no");
       document.querySelector('nav [data-view="map"]').click();
-      say(this.answer, "Click where it is to be.");
-      this.pick(async ([x, y]) => {
+      say(this.answer, "Click where it is to be; Escape leaves it.");
+      this.pick(async (place) => {
         say(this.answer, "");
+        if (!place) return;
+        const [x, y] = place;
         const all = await this.question(verb, { ...values, x: x.toFixed(2), y: y.toFixed(2) });
         if (all) this.give(verb, all);
       });

@@ -296,6 +296,7 @@ at("search").addEventListener("keydown", (event) => {
   event.preventDefault();
 });
 document.addEventListener("keydown", (event) => {
+  if (event.key === "Escape" && map.picking) map.picked(null);
   if (event.ctrlKey || event.altKey || event.metaKey || event.target.matches("input, select, button, textarea") || at("ask").open) return;
   if (event.key === "/") at("search").focus();
   else if (event.key === " " && recording) play(!playing);
@@ -306,4 +307,5 @@ document.addEventListener("keydown", (event) => {
 window.addEventListener("hashchange", () => location.reload());
 // Who is silent for long is not there.
 setInterval(later, 1000);
+tree.show(run);
 listen();

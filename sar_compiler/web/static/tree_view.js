@@ -42,7 +42,7 @@ export class TreeView {
       this.folded.clear();
       this.led = "";
       if (run.nodes.length > MANY) this.fold();
-      this.arrange();
+      this.search(this.wanted);
     }
     this.follow();
     this.draw();
