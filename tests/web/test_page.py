@@ -6,10 +6,12 @@ from contextlib import closing
 import pytest
 from selenium.webdriver.common.keys import Keys
 
+from sar_compiler.cli.run_page import _form
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.opening import open_journal
+from sar_compiler.missions.search_and_rescue.operator_verbs import VERBS
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.web.feed import RecordedFeed
 from sar_compiler.web.page_server import PageServer
@@ -336,6 +338,64 @@ def test_of_a_large_tree_only_what_is_in_sight_is_drawn(live, browser, count):
     assert [row.partition(",")[0] for row in browser.rows()[:3]] == ["Mission", "group 7", "leaf 7.4"]
 
 
+def deep_tree(depth):
+    """Return an outline of groups within each other, and a leaf in the last one."""
+    tree = ABOUT["tree"]["children"][0]
+    for level in reversed(range(depth)):
+        tree = {**ABOUT["tree"], "name": f"level {level}", "children": [tree]}
+    return tree
+
+
+def test_the_deepest_name_is_in_a_narrow_window(live, browser):
+    run = live().begin({**ABOUT, "tree": deep_tree(120)})
+    run.status(120, "RUNNING")
+    browser.size(400, 640)
+    browser.open(run.server.url)
+    browser.type("#tree", Keys.END)
+    browser.wait(lambda: browser.rows()[-1].startswith("Drive"), "the leaf")
+    name = "return [...document.querySelectorAll('#tree .name')].at(-1).getBoundingClientRect().right"
+    assert browser.js(name) < 400
+
+
+def test_what_is_selected_of_a_node_stays_selected(live, browser):
+    run = live().begin()
+    run.status(1, "RUNNING", "9 m left")
+    browser.open(run.server.url)
+    browser.type("#tree", Keys.ARROW_DOWN)
+    browser.js(
+        "const place = [...document.querySelectorAll('#details dd')].find((dd) => dd.textContent.includes('mission.xml'));"
+        "getSelection().selectAllChildren(place)"
+    )
+    run.status(1, "RUNNING", "8 m left")
+    browser.wait_for("#details", "8 m left")
+    assert browser.js("return String(getSelection())") == "trees/mission.xml:4"
+
+
+def test_nothing_is_folded_unseen_while_something_is_searched(live, browser):
+    run = live().begin()
+    browser.size(400, 640)
+    browser.open(run.server.url)
+    browser.click("nav [data-view=map]")
+    browser.type("#map", "/")
+    browser.type("#search", "Mission")
+    browser.wait_for("#found", "3 of 3")
+    browser.type("#tree", Keys.HOME, Keys.ARROW_LEFT, Keys.ENTER, Keys.ARROW_RIGHT)
+    browser.type("#search", Keys.ESCAPE)
+    assert len(browser.rows()) == 3
+
+
+def test_who_listens_to_the_tree_is_told_where_in_it_a_node_is(live, browser):
+    run = live().begin({**ABOUT, "tree": wide_tree(1_000)})
+    browser.open(run.server.url)
+    browser.click("#unfold")
+    browser.type("#tree", Keys.END)
+    current = "return document.getElementById('tree').getAttribute('aria-activedescendant')"
+    places = "const row = document.getElementById(arguments[0]); return ['level', 'posinset', 'setsize'].map((name) => row.getAttribute(`aria-${name}`))"
+    assert browser.js(places, browser.js(current)) == ["3", "10", "10"]
+    browser.js("document.getElementById('tree').scrollTop = 0")
+    browser.wait(lambda: browser.js(current) is None, "no node in sight")
+
+
 @pytest.fixture
 def replay(tmp_path):
     """Serve the page of a journal: two runs of ten seconds each, in which a zone each is visited."""
@@ -589,16 +649,21 @@ def test_a_late_browser_knows_what_the_others_know(live, browser):
     assert [json.dumps(each) for each in folded[::2]] == [json.dumps(each) for each in folded[1::2]]
 
 
-@pytest.mark.parametrize("width", [400, 1600])
-def test_nothing_sticks_out_of_the_window(live, browser, width):
-    run = live(orders=Operator(), verbs=[PAUSE]).begin()
+@pytest.mark.parametrize("size", [(400, 640), (400, 800), (1600, 800)])
+def test_nothing_sticks_out_of_the_window(live, browser, size):
+    width, height = size
+    run = live(orders=Operator(), verbs=[_form(verb) for verb in VERBS]).begin()
     run.status(
         1, "RUNNING", "navigating to a zone with a long name, 3.14 m left, and more than there is room for"
     )
     run.journal.watch("log", node="patrol", level=30, text="long" * 100)
-    browser.size(width, 800)
+    run.journal.watch("progress", target="a_zone_with_a_long_name", distance=3.14, time_left=100.0)
+    browser.size(width, height)
     browser.open(run.server.url)
+    browser.wait(
+        lambda: browser.js("return document.querySelectorAll('#verbs :enabled').length") == 7, "the buttons"
+    )
     for view in ("tree", "map", "log"):
         browser.js("document.querySelector(`nav [data-view=${arguments[0]}]`).click()", view)
         assert browser.js("return document.documentElement.scrollWidth") <= width
-        assert browser.js("return document.documentElement.scrollHeight") <= 800
+        assert browser.js("return document.documentElement.scrollHeight") <= height

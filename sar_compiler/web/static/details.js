@@ -1,11 +1,15 @@
 // All that is known of the chosen node.
 
-import { duration, html } from "./shapes.js";
+import { duration, html, say } from "./shapes.js";
 
 /** Show a node of a run in a list of terms. */
 export function showDetails(place, run, id) {
   const node = run.nodes[id];
-  if (!node) return place.replaceChildren();
+  if (!node) {
+    delete place.dataset.terms;
+    place.replaceChildren();
+    return;
+  }
   const state = run.states[id];
   const ago = (time) => `${duration(run.time - time)} ago, at ${duration(time - run.began)}`;
   const former = state.status && !run.isCurrent(id) ? " (of an earlier activation)" : "";
@@ -20,8 +24,11 @@ export function showDetails(place, run, id) {
     ...Object.entries(node.attributes).map(([key, value]) => [key, typeof value === "object" ? JSON.stringify(value) : String(value)]),
   ];
   const shown = rows.filter(([, value]) => value);
-  const key = JSON.stringify(shown);
-  if (place.dataset.key === key) return undefined;
-  place.dataset.key = key;
-  return place.replaceChildren(...shown.flatMap(([term, value]) => [html("dt", {}, term), html("dd", {}, value)]));
+  const terms = shown.map(([term]) => term).join("\n");
+  if (place.dataset.terms !== terms) {
+    place.dataset.terms = terms;
+    place.replaceChildren(...shown.flatMap(([term]) => [html("dt", {}, term), html("dd")]));
+  }
+  // Only what is another text is written, so that the rest can be selected meanwhile.
+  shown.forEach(([, value], row) => say(place.children[2 * row + 1], value));
 }

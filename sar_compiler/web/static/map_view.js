@@ -197,7 +197,7 @@ function extent(runs) {
 }
 
 /** The map in words. */
-export function described({ pose, zones, survivors }) {
+function described({ pose, zones, survivors }) {
   const robot = pose ? `The robot is at ${pose.x.toFixed(1)}, ${pose.y.toFixed(1)}.` : "";
   const places = [...zones.values()].map((zone) => `${zone.id} ${zone.state}`);
   const people = [...survivors.values()].map((each) => `${each.name ?? "a survivor"} ${each.standing}${each.report ? `, report ${each.report}` : ""}`);

@@ -2,7 +2,7 @@
 
 import { showDetails } from "./details.js";
 import { LogView } from "./log_view.js";
-import { MapView, described } from "./map_view.js";
+import { MapView } from "./map_view.js";
 import { Orders } from "./orders.js";
 import { Recording } from "./replay.js";
 import { Run } from "./run.js";
@@ -124,7 +124,6 @@ function show() {
   running();
   tree.show(run);
   map.show(run, runs.length > 1 ? names : [], runs);
-  say(at("places"), described(run));
   log.show(run);
   showDetails(at("details"), run, tree.chosen);
   if (recording) timeline();
@@ -298,8 +297,10 @@ at("search").addEventListener("keydown", (event) => {
 document.addEventListener("keydown", (event) => {
   if (event.key === "Escape" && map.picking) map.picked(null);
   if (event.ctrlKey || event.altKey || event.metaKey || event.target.matches("input, select, button, textarea") || at("ask").open) return;
-  if (event.key === "/") at("search").focus();
-  else if (event.key === " " && recording) play(!playing);
+  if (event.key === "/") {
+    look("tree");
+    at("search").focus();
+  } else if (event.key === " " && recording) play(!playing);
   else return;
   event.preventDefault();
 });

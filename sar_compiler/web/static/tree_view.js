@@ -122,7 +122,7 @@ export class TreeView {
     const { scrollTop, clientHeight, clientWidth } = this.place;
     const first = Math.max(0, Math.floor(scrollTop / ROW) - 3);
     const last = Math.min(this.rows.length, Math.ceil((scrollTop + clientHeight) / ROW) + 3);
-    this.indent = Math.max(3, Math.min(16, (0.4 * clientWidth) / this.deepest));
+    this.indent = Math.min(16, (0.4 * clientWidth) / this.deepest);
     const drawn = new Map();
     for (let row = first; row < last; row += 1) drawn.set(this.rows[row], this.row(this.rows[row], row, clientWidth));
     this.canvas.setAttribute("width", clientWidth);
@@ -134,8 +134,7 @@ export class TreeView {
       else this.canvas.insertBefore(element, at);
     }
     this.drawn = drawn;
-    if (this.rowOf.has(this.chosen)) this.place.setAttribute("aria-activedescendant", `node${this.chosen}`);
-    this.place.setAttribute("aria-rowcount", this.rows.length);
+    set(this.place, { "aria-activedescendant": drawn.has(this.chosen) && `node${this.chosen}` });
   }
 
   row(id, row, width) {
@@ -157,7 +156,8 @@ export class TreeView {
     set(group, {
       transform: `translate(0 ${row * ROW})`,
       class: `row ${former ? "former" : state.status || "none"}${id === this.chosen ? " chosen" : ""}`,
-      "aria-level": node.depth + 1, "aria-selected": String(id === this.chosen),
+      "aria-level": node.depth + 1, "aria-posinset": node.place + 1,
+      "aria-setsize": this.nodes[node.parent]?.children.length ?? 1, "aria-selected": String(id === this.chosen),
       "aria-expanded": node.children.length ? String(!isFolded) : undefined,
       "aria-label": `${node.name}, ${node.cls}, ${former && state.status ? `earlier ${state.status}` : state.status || "not ticked"}${message ? `, ${message}` : ""}`,
     });
@@ -214,7 +214,8 @@ export class TreeView {
   }
 
   toggle(id) {
-    if (id === null || !this.nodes[id]?.children.length) return;
+    // While something is searched, the ways there are shown whatever is folded.
+    if (id === null || this.wanted || !this.nodes[id]?.children.length) return;
     if (!this.folded.delete(id)) this.folded.add(id);
     this.arrange();
   }
@@ -240,7 +241,7 @@ export class TreeView {
     if (!node || event.ctrlKey || event.altKey || event.metaKey) return;
     const page = Math.max(1, Math.floor(this.place.clientHeight / ROW) - 1);
     const to = (at) => this.select(this.rows[Math.max(0, Math.min(this.rows.length - 1, at))]);
-    const isFolded = this.folded.has(this.chosen);
+    const isFolded = this.folded.has(this.chosen) && !this.wanted;
     const moves = {
       ArrowDown: () => to(row + 1),
       ArrowUp: () => to(row - 1),
