@@ -140,10 +140,10 @@ class JournalFile:
         """
         with _readable(path):
             _require_regular(path.stat().st_mode)
-            # Who writes to it has a log beside it; else nobody does, and SQLite need not put anything there to read it.
-            # It is locked before that log is there.
-            used = Path(f"{path}-wal").exists() or is_locked(path)
-            uri = f"{path.absolute().as_uri()}?{'mode=ro' if used else 'immutable=1'}"
+            # Where nobody writes to it SQLite need not put anything beside it to read it; and what whoever does has put
+            # there is not touched: the file may get another name just now, and another one its place.
+            passive = "mode=ro&readonly_shm=1" if Path(f"{path}-shm").exists() else "mode=ro"
+            uri = f"{path.absolute().as_uri()}?{passive if _is_used(path) else 'immutable=1'}"
             return cls(path, _connected(uri, uri=True)).checked()
 
     def checked(self) -> "JournalFile":
@@ -385,6 +385,17 @@ def is_locked(path: Path) -> bool:
     finally:
         os.close(descriptor)
     return False
+
+
+def _is_used(path: Path) -> bool:
+    """Return whether somebody writes to a journal: whoever does has locked it, and a moment later has a log beside it."""
+    for _ in range(_ATTEMPTS):
+        if Path(f"{path}-wal").exists():
+            return True
+        if not is_locked(path):
+            return False
+        time.sleep(_MOMENT_SEC)
+    return True
 
 
 def _locked(path: Path) -> int:
