@@ -95,7 +95,8 @@ def test_what_has_happened_keeps_its_order_though_the_system_s_clock_is_set_back
 
 
 def test_a_value_that_is_no_json_is_the_callers_mistake_without_a_file_too():
-    journal, entries = Journal(), []
+    journal = Journal()
+    entries: list[JournalEntry] = []
     journal.listen(entries.append)
     journal.begin({}, {})
     for tell in (journal.note, journal.watch):

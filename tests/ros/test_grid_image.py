@@ -51,11 +51,11 @@ def test_of_a_huge_map_every_second_cell_is_drawn():
     assert pixels(drawn)[0] == (2500, 500)
 
 
-@pytest.mark.parametrize("size", [(5_000_000, 1), (1, 5_000_000)])
-def test_a_huge_map_of_one_row_stays_one(size):
+@pytest.mark.parametrize(("width", "height"), [(5_000_000, 1), (1, 5_000_000)])
+def test_a_huge_map_of_one_row_stays_one(width, height):
     from sar_compiler.ros.grid_image import grid_image
 
-    drawn = grid_image(grid(*size, [0] * 5_000_000))
+    drawn = grid_image(grid(width, height, [0] * 5_000_000))
     assert drawn is not None
-    assert drawn[:3] == (max(1, size[0] // 2), max(1, size[1] // 2), 2)
+    assert drawn[:3] == (max(1, width // 2), max(1, height // 2), 2)
     assert pixels(drawn)[0] == drawn[:2]

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.runtime.clock import ManualClock
 
 pytestmark = pytest.mark.ros
@@ -81,7 +82,8 @@ class Watched:
         from sar_compiler.ros.robot_watch import RobotWatch
 
         self.ros, self.robot, node = ros, ros.node("robot"), ros.node("mission")
-        self.journal, self._entries = Journal(), []
+        self.journal = Journal()
+        self._entries: list[JournalEntry] = []
         self.journal.clock = self.clock = ManualClock()
         self.journal.listen(self._entries.append)
         self.watch = RobotWatch(node, self.journal)

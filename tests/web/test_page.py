@@ -2,6 +2,7 @@
 
 import json
 from contextlib import closing
+from typing import Any
 
 import pytest
 from selenium.webdriver.common.keys import Keys
@@ -178,7 +179,7 @@ def test_enter_in_a_field_gives_the_order(live, browser):
     assert operator.given == [("pause", {"zone": "zone_e"})]
 
 
-ADD = {
+ADD: dict[str, Any] = {
     **PAUSE,
     "label": "Add zone",
     "fields": [
@@ -604,22 +605,20 @@ def told(count):
             message = chance.choice(["", "a", "b"])
             journal.watch("status", node=chance.randrange(3), tick=tick, status=status, message=message)
             x, name = float(tick), f"survivor_{tick % 5}"
-            for kind, data in chance.sample(
-                [
-                    ("pose", {"x": x, "y": -x, "yaw": 0.1}),
-                    ("map", {"png": f"{run}.{tick}"}),
-                    ("plan", {"frame": chance.choice(["map", "odom"]), "points": [[x, x]]}),
-                    ("progress", {"target": "zone_a", "distance": x, "time_left": None}),
-                    ("goal_ended", {"goal": name}),
-                    ("zone_added", {"id": f"zone_{tick % 7}", "x": x, "y": 0.0}),
-                    (chance.choice(kinds), {"zone": f"zone_{chance.choice('ab12')}"}),
-                    ("zone_searched", {"zone": "zone_a", "survivor": [x, 0.0]}),
-                    ("survivor_named", {"survivor": name, "x": x, "y": 0.0}),
-                    ("survivor_judged", {"survivor": name, "standing": message}),
-                    ("report_kept", {"survivor": name}),
-                ],
-                2,
-            ):
+            happened: list[tuple[str, dict[str, Any]]] = [
+                ("pose", {"x": x, "y": -x, "yaw": 0.1}),
+                ("map", {"png": f"{run}.{tick}"}),
+                ("plan", {"frame": chance.choice(["map", "odom"]), "points": [[x, x]]}),
+                ("progress", {"target": "zone_a", "distance": x, "time_left": None}),
+                ("goal_ended", {"goal": name}),
+                ("zone_added", {"id": f"zone_{tick % 7}", "x": x, "y": 0.0}),
+                (chance.choice(kinds), {"zone": f"zone_{chance.choice('ab12')}"}),
+                ("zone_searched", {"zone": "zone_a", "survivor": [x, 0.0]}),
+                ("survivor_named", {"survivor": name, "x": x, "y": 0.0}),
+                ("survivor_judged", {"survivor": name, "standing": message}),
+                ("report_kept", {"survivor": name}),
+            ]
+            for kind, data in chance.sample(happened, 2):
                 journal.watch(kind, **data)
     return [entry._replace(run=1 + (at >= len(entries) // 2)) for at, entry in enumerate(entries)]
 

@@ -173,9 +173,12 @@ def test_of_an_order_without_an_answer_it_is_said_whether_it_was_given(
     order: Future[tuple[bool, str]] = Future()
     if is_sent:
         order.set_running_or_notify_cancel()
-    operator = Operator()
-    operator.give = lambda *_: order
-    found, text = live(orders=operator).order("pause", {})
+
+    class Slow(Operator):
+        def give(self, *_):
+            return order
+
+    found, text = live(orders=Slow()).order("pause", {})
     assert (found, order.cancelled()) == (status, not is_sent)
     assert said in text
 
