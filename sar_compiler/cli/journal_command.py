@@ -5,15 +5,11 @@ import sys
 from collections.abc import Sequence
 from contextlib import closing, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import Parser, add_version, port
-from sar_compiler.cli.journal_why import add_why
+from sar_compiler.cli.journal_why import add_why, read_stream
 from sar_compiler.commands import OK, interruptible, run
 from sar_compiler.views.plain import as_json
-
-if TYPE_CHECKING:
-    from sar_compiler.journal.journal_entries import JournalEntry
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -76,16 +72,9 @@ def _parser() -> argparse.ArgumentParser:
 def _why(options: argparse.Namespace) -> int:
     from sar_compiler.cli.journal_why import tell_why
 
-    against = None if options.against is None else _stream(options.against)
-    tell_why(options, _stream(options.journal), against)
+    against = None if options.against is None else read_stream(options.against)
+    tell_why(options, read_stream(options.journal), against)
     return OK
-
-
-def _stream(place: Path) -> "list[JournalEntry]":
-    from sar_compiler.journal.database import JournalFile
-
-    with closing(JournalFile.read(place)) as file:
-        return file.stream()
 
 
 def _report(options: argparse.Namespace) -> int:
@@ -93,7 +82,7 @@ def _report(options: argparse.Namespace) -> int:
     from sar_compiler.journal.mission_state import MissionState
     from sar_compiler.views.mission_report import georeference
 
-    state = MissionState.of(_stream(options.journal))
+    state = MissionState.of(read_stream(options.journal))
     write_reports(state, options.to, georeference(state))
     return OK
 

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from sar_compiler.checks.verify.counterfactual import Counterfactual
     from sar_compiler.journal.journal_entries import JournalEntry
     from sar_compiler.project import Workspace
+    from sar_compiler.views.why import Why
 
     Stream = list[JournalEntry]
 
@@ -47,22 +49,57 @@ def tell_why(options: argparse.Namespace, stream: "Stream", other: "Stream | Non
 
     reasons = views.why(stream)
     change = (
-        what_would_have_succeeded(stream, workspace(options), options.tree_file) if reasons.chain else None
+        what_would_have_succeeded(stream, workspace(options), options.tree_file)
+        if reasons.chain
+        else Otherwise()
     )
     difference = None if other is None else views.first_difference(stream, other)
     if options.format == "json":
-        change = change or Otherwise()
-        data = {
-            **views.why_data(reasons),
-            "counterfactual": change.found and views.counterfactual_data(change.found, stream),
-            "counterfactual_missing": change.reason,
-        }
+        data = _data(reasons, change, stream)
         print(as_json(data if other is None else {**data, "difference": views.difference_data(difference)}))
         return
-    otherwise = "" if change is None else change.text(stream)
+    otherwise = change.text(stream) if reasons.chain else ""
     print_text(views.why_text(reasons, otherwise))
     if other is not None:
         print_text(f"\n{views.difference_text(difference, (str(options.journal), str(options.against)))}")
+
+
+def why_entry(stream: "Stream", projects: "Workspace | None" = None) -> "JournalEntry | None":
+    """Return why the last run of a mission has failed, as an entry for a page at the end of it; None if it has not.
+
+    Args:
+        stream: The entries of the mission.
+        projects: Loads the tree, if what would have succeeded is looked for.
+    """
+    from sar_compiler.views import why as views
+
+    reasons = views.why(stream)
+    if not reasons.chain or reasons.went_on or reasons.outcome == "complete":
+        return None
+    change = what_would_have_succeeded(stream, projects) if projects is not None else Otherwise()
+    return stream[-1]._replace(kind="why", data=_data(reasons, change, stream))
+
+
+def _data(reasons: "Why", change: "Otherwise", stream: "Stream") -> dict[str, Any]:
+    from sar_compiler.views import why as views
+
+    return {
+        **views.why_data(reasons),
+        "counterfactual": change.found and views.counterfactual_data(change.found, stream),
+        "counterfactual_missing": change.reason,
+    }
+
+
+def read_stream(place: Path) -> "Stream":
+    """Return the entries of a journal.
+
+    Raises:
+        JournalError: If it cannot be read.
+    """
+    from sar_compiler.journal.database import JournalFile
+
+    with closing(JournalFile.read(place)) as file:
+        return file.stream()
 
 
 class Otherwise(NamedTuple):

@@ -5,7 +5,9 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sar_compiler.cli.journal_why import read_stream, why_entry
 from sar_compiler.commands import print_error
+from sar_compiler.journal.journal_entries import OF_ROBOT, RUN_ENDED, JournalEntry
 from sar_compiler.web.feed import LiveFeed, RecordedFeed
 from sar_compiler.web.page_server import PageServer
 
@@ -57,6 +59,7 @@ def serve_run(
     for entry in journal.earlier():
         feed.take(entry)
     journal.listen(feed.take)
+    journal.listen(_TellsWhy(feed).take)
     with closing(PageServer(feed, port, calls)) as server:
         server.start()
         print_error(f"The page of this run: {server.url}")
@@ -70,12 +73,13 @@ def replay_journals(paths: Sequence[Path], port: int | None) -> None:
         JournalError: If one cannot be read.
         PageError: If the port cannot be had.
     """
-    from sar_compiler.journal.database import JournalFile
+    from sar_compiler.project import Workspace
 
     robots = []
     for path in paths:
-        with closing(JournalFile.read(path)) as file:
-            robots.append(file.stream())
+        stream = read_stream(path)
+        told = why_entry(stream, Workspace())
+        robots.append(stream if told is None else [*stream, told])
     with _told_of(RecordedFeed(robots, {"mode": "replay", "robots": _names(paths)}), port) as server:
         server.wait()
 
@@ -101,6 +105,30 @@ def watch_journals(paths: Sequence[Path], port: int | None) -> None:
                 running[robot] = is_locked(follower.path)
                 for entry in follower.news():
                     feed.take(entry, robot)
+                    if (
+                        entry.kind == RUN_ENDED
+                        and (told := why_entry(read_stream(follower.path))) is not None
+                    ):
+                        feed.take(told, robot)
+
+
+class _TellsWhy:
+    """Tells a page at the end of a run why the mission has failed.
+
+    Args:
+        feed: What the page is told.
+    """
+
+    def __init__(self, feed: LiveFeed) -> None:
+        self._feed = feed
+        self._entries: list[JournalEntry] = []
+
+    def take(self, entry: JournalEntry) -> None:
+        """Take an entry of the run."""
+        if entry.kind not in OF_ROBOT:
+            self._entries.append(entry)
+        if entry.kind == RUN_ENDED and (told := why_entry(self._entries)) is not None:
+            self._feed.take(told)
 
 
 @contextmanager

@@ -129,7 +129,7 @@ class LiveFeed:
             await self._tell_news()
             if loop.time() >= due:
                 due = loop.time() + _BEAT_SEC
-                self._tell(message("beat", as_json(self._beat())))
+                self._tell(message("beat", as_json({**self._beat(), "pages": len(self._listeners)})))
             await asyncio.sleep(_NEWS_SEC)
         await self._tell_news()
         self._tell(message("bye", "{}"))

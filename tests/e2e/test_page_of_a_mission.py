@@ -105,6 +105,7 @@ def story(tmp_path_factory):
         )
         page.wait_for("#state", "ended, status 1: ")
         seen["replayed"] = page.text("#progress"), [page.zone(name) for name in ("zone_a", "zone_b")]
+        seen["why"] = page.text("#why")
         seen["of replay"] = replay.stop()
     return seen
 
@@ -129,6 +130,11 @@ def test_the_page_of_a_run_that_was_stopped_goes_on_with_the_one_that_resumes(st
 def test_the_end_of_a_mission_is_seen_after_its_command_has_ended(story):
     assert story["ended"] == 1
     assert story["last"].startswith("zones 3 of 4 · survivors 1, 1 acknowledged")
+
+
+def test_the_replay_says_why_the_mission_has_failed(story):
+    assert story["why"].startswith("Why: ")
+    assert "MissionComplete? FAILURE, zone_a was" in story["why"]
 
 
 def test_the_journal_shows_the_same_again(story):

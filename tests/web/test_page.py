@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from selenium.webdriver.common.keys import Keys
 
-from sar_compiler.cli.run_page import _form
+from sar_compiler.cli.run_page import _form, _TellsWhy
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
@@ -38,7 +38,9 @@ def test_a_browser_that_comes_late_sees_the_truth(live, browser):
     ]
     assert "Drive" in browser.text("#now")
     assert browser.text("#progress") == "zones 1 of 2"
-    assert "zone_a visited, zone_b open" in browser.text("#places")
+    label = browser.driver.find_element("id", "map").get_attribute("aria-label")
+    assert label is not None
+    assert "zone_a visited, zone_b open" in label
     run.journal.note("zone_started", zone="zone_b")
     browser.wait_for("#map .zone.under-way title", "zone_b: under way")
     run.status(1, "RUNNING", "2 m left")
@@ -90,6 +92,39 @@ def test_the_end_of_a_run_stays_on_the_page(live, browser):
     run.close()
     browser.wait_for("#state", "ended, status 1: No zone is left.")
     assert "zone_a was not visited" in browser.text("#log")
+
+
+def test_why_a_mission_has_failed_stays_on_the_page(live, browser):
+    run = live()
+    run.journal.listen(_TellsWhy(run.feed).take)
+    run.begin()
+    browser.open(run.server.url)
+    assert not browser.driver.find_element("id", "why").is_displayed()
+    run.status(1, "FAILURE", "no way there")
+    run.status(0, "FAILURE")
+    run.journal.end(Ending.OVER, 1, "The root has failed.")
+    browser.wait_for("#why summary", "Why: Drive FAILURE, no way there")
+    browser.click("#why summary")
+    assert "Mission FAILURE  mission.xml:3" in browser.text("#why")
+    browser.click("#why li:nth-child(2) button")
+    assert browser.text("#details").startswith("nodeDrive")
+
+
+def test_nobody_asks_why_a_mission_has_succeeded(live, browser):
+    run = live()
+    run.journal.listen(_TellsWhy(run.feed).take)
+    run.begin()
+    run.status(0, "SUCCESS")
+    run.journal.end(Ending.OVER, 0)
+    browser.open(run.server.url).wait_for("#state", "ended")
+    assert not browser.driver.find_element("id", "why").is_displayed()
+
+
+def test_a_node_has_the_sign_that_the_journal_says(live, browser):
+    run = live()
+    run.journal.begin(ABOUT, {"looks": [["sequence", "→"], ["action", ""], ["condition", ""]]})
+    browser.open(run.server.url)
+    browser.wait_for("#tree", "→ MissionDriveSearch")
 
 
 def test_texts_from_outside_are_texts(live, browser):

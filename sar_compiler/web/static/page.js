@@ -6,10 +6,13 @@ import { MapView } from "./map_view.js";
 import { Orders } from "./orders.js";
 import { Recording } from "./replay.js";
 import { Run } from "./run.js";
+import { WhyView } from "./why_view.js";
 import { badge, duration, html, say, svg } from "./shapes.js";
 import { TreeView } from "./tree_view.js";
 
 const SILENCE_MS = 4000;
+// A browser has six connections to one server, for orders as well: of more pages than these, those that nobody sees let theirs go.
+const MANY = 4;
 // Of more nodes that run at once, the first.
 const SHOWN = 6;
 const at = (id) => document.getElementById(id);
@@ -17,6 +20,10 @@ const at = (id) => document.getElementById(id);
 const tree = new TreeView(at("tree"), () => showDetails(at("details"), run, tree.chosen));
 const map = new MapView(at("map"));
 const log = new LogView(at("log"));
+const why = new WhyView(at("why"), (id) => {
+  look("tree");
+  tree.select(id);
+});
 const orders = new Orders({ bar: at("verbs"), ask: at("ask"), answer: at("answer") }, (answer) => map.pick(answer));
 
 // A run for each robot, and the one whose tree and log are shown.
@@ -58,18 +65,21 @@ function take(entries) {
   later();
 }
 
-function beat({ time, verbs, running }) {
+function beat({ time, verbs, running, pages }) {
+  if (document.hidden && pages > MANY) {
+    source.close();
+    gone();
+  }
   alive = running ?? [];
   if (time !== undefined && !run.ended && run.number) run.time = Math.max(run.time, time);
   orders.allow(verbs ?? [], run);
   later();
 }
 
-// A browser has few connections to one server, for orders as well: a page that nobody sees has none.
 let source = null;
 
 function listen() {
-  if (document.hidden || (source && source.readyState !== EventSource.CLOSED)) return;
+  if (source && source.readyState !== EventSource.CLOSED) return;
   source = new EventSource("events");
   const on = (name, heed) => source.addEventListener(name, ({ data }) => {
     heard = performance.now();
@@ -82,18 +92,12 @@ function listen() {
   source.addEventListener("error", () => {
     gone();
     // A browser gives up where a proxy answers in the server's place.
-    setTimeout(listen, 2000);
+    setTimeout(() => document.hidden || listen(), 2000);
     later();
   });
 }
 
-document.addEventListener("visibilitychange", () => {
-  // Of a replay all is here already.
-  if (document.hidden && !recording) {
-    source?.close();
-    gone();
-  } else listen();
-});
+document.addEventListener("visibilitychange", listen);
 
 function gone() {
   heard = 0;
@@ -125,6 +129,7 @@ function show() {
   tree.show(run);
   map.show(run, runs.length > 1 ? names : [], runs);
   log.show(run);
+  why.show(run);
   showDetails(at("details"), run, tree.chosen);
   if (recording) timeline();
   document.body.classList.add("ready");

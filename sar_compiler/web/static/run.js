@@ -19,7 +19,7 @@ export class Run {
   /** What changes with entries, but for the lists that only grow. */
   beginning() {
     return {
-      about: {}, number: 0, began: 0, wall: 0, time: 0, tick: 0, ended: null, states: [], map: null, pose: null, plan: null, drive: null,
+      about: {}, number: 0, began: 0, wall: 0, time: 0, tick: 0, ended: null, why: null, states: [], map: null, pose: null, plan: null, drive: null,
       base: null, zones: new Map(), survivors: new Map(), orders: "", alarm: "", logged: 0, trailed: 0,
     };
   }
@@ -34,6 +34,7 @@ export class Run {
     else if (kind === "plan") this.plan = data.frame === "map" ? data.points : null;
     else if (kind === "map") this.map = data;
     else if (kind === "progress") this.drive = data;
+    else if (kind === "why") this.why = data;
     else if (kind === "log") this.tell(entry, LEVELS[data.level] ?? "info", data.text, data.node);
     else this.fact(entry);
   }
@@ -42,8 +43,8 @@ export class Run {
     // Another mission has begun in the same journal.
     if (this.number && run <= this.number) Object.assign(this, this.beginning());
     const first = !this.number;
-    Object.assign(this, { about: data, number: run, began: time, time, tick: 0, ended: null, plan: null, drive: null });
-    this.nodes = data.tree ? flat(data.tree) : [];
+    Object.assign(this, { about: data, number: run, began: time, time, tick: 0, ended: null, why: null, plan: null, drive: null });
+    this.nodes = data.tree ? flat(data.tree, data.run?.looks) : [];
     this.states = this.nodes.map(() => NEVER);
     const identity = data.identity ?? {};
     if (first || !this.zones.size) {
@@ -149,14 +150,14 @@ function listed(zones) {
 }
 
 /** The nodes of an outline in pre-order, as the journal numbers them. */
-function flat(outline) {
+function flat(outline, looks) {
   const nodes = [];
   const waiting = [[outline, -1, 0, 0]];
   while (waiting.length) {
     const [node, parent, depth, place] = waiting.pop();
     const id = nodes.length;
     const cls = String(node.class ?? "").split(".").pop();
-    nodes.push({ id, name: node.name, cls, parent, depth, place, children: [], ...pick(node), count: 1 });
+    nodes.push({ id, name: node.name, cls, sign: looks?.[id]?.[1] ?? "", parent, depth, place, children: [], ...pick(node), count: 1 });
     if (parent >= 0) nodes[parent].children.push(id);
     const children = node.children ?? [];
     for (let index = children.length - 1; index >= 0; index -= 1) waiting.push([children[index], id, depth + 1, index]);

@@ -165,7 +165,7 @@ export class TreeView {
     if (node.children.length) group.append(svg("path", { class: "twist", d: isFolded ? "M0 -4 L5 0 L0 4 Z" : "M-1 -2.5 H7 L3 3 Z", transform: `translate(${x} ${ROW / 2})` }));
     const sign = badge(state.status, former);
     sign.setAttribute("transform", `translate(${x + 12} 5)`);
-    const name = svg("text", { class: "name", x: x + 34, y: 17.5 }, `${kind(node)}${node.name}`);
+    const name = svg("text", { class: "name", x: x + 34, y: 17.5 }, `${node.sign} ${node.name}`.trimStart());
     if (message) name.append(svg("tspan", { class: "message", dx: 10 }, message));
     if (isFolded) name.append(svg("tspan", { class: "message", dx: 8 }, `+${node.count - 1}`));
     group.append(sign, name);
@@ -271,12 +271,4 @@ function idOf(event) {
 
 function matches(node, text) {
   return `${node.name}\n${node.cls}\n${node.file}:${node.line}`.toLowerCase().includes(text);
-}
-
-/** What a node does with its children, as the literature draws it. */
-function kind({ cls, children }) {
-  if (/Sequence$/.test(cls)) return "→ ";
-  if (/(Selector|Fallback)$/.test(cls)) return "? ";
-  if (/Parallel/.test(cls)) return "⇉ ";
-  return children.length === 1 ? "◇ " : "";
 }

@@ -1,0 +1,62 @@
+// Why a mission has failed: from the root down to the answers that caused it, and what would have succeeded.
+
+import { duration, html } from "./shapes.js";
+
+// Of what leaves would have answered after the change, the first.
+const SHOWN = 12;
+
+export class WhyView {
+  /**
+   * @param {HTMLDetailsElement} place where it is shown.
+   * @param {(id: number) => void} choose called with a node that is asked for.
+   */
+  constructor(place, choose) {
+    this.place = place;
+    this.choose = choose;
+    this.shown = null;
+  }
+
+  show({ why }) {
+    if (this.shown === why) return;
+    this.shown = why;
+    this.place.hidden = !why;
+    if (!why) return;
+    const [summary, rest] = this.place.children;
+    const [first] = why.answers;
+    summary.replaceChildren("Why: ", html("b", {}, first.name), ` ${said(first)}`);
+    rest.replaceChildren(
+      html("h2", {}, why.went_on ? "The root had failed, and went on" : "The root has failed"),
+      html("ol", {}, ...why.chain.map((each) => this.line(each, `${each.name} ${said(each)}`, each.since?.time, each.place))),
+      ...this.otherwise(why.counterfactual),
+    );
+  }
+
+  otherwise(change) {
+    if (!change) return [];
+    const { was, instead, then, time, place } = change;
+    const words = `${instead.name} ${meant(instead)} instead of ${meant(was)}`;
+    const usual = change.unusual ? `${change.unusual} of them not as usual` : "as usual";
+    const more = then.length > SHOWN ? `, and ${then.length - SHOWN} more` : "";
+    const after = then.slice(0, SHOWN).map((each) => `${each.name} ${each.label || each.status}`).join(", ");
+    return [
+      html("h2", {}, "It would have succeeded with another answer"),
+      html("ol", {}, this.line({ ...instead, depth: 0 }, words, time, place), ...(after ? [html("li", {}, `and after it, ${usual}: ${after}${more}`)] : [])),
+    ];
+  }
+
+  line({ node, name, depth }, words, time, place) {
+    const button = html("button", { type: "button" }, name);
+    button.addEventListener("click", () => this.choose(node));
+    const line = html("li", {}, time === undefined ? "" : html("time", {}, duration(time)), " ", button, words.slice(name.length), place ? html("span", { class: "place", title: place }, `  ${place.split("/").pop()}`) : "");
+    line.style.marginLeft = `${1.2 * depth}em`;
+    return line;
+  }
+}
+
+function said({ status, message }) {
+  return message ? `${status}, ${message}` : status;
+}
+
+function meant({ status, label }) {
+  return label ? `${status} (${label})` : status;
+}
