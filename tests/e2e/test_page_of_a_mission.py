@@ -9,6 +9,7 @@ import pytest
 
 from tests.processes import Command
 from tests.web.browsers import Browser, open_browser
+from tests.web.conftest import quiet_port
 
 pytestmark = pytest.mark.ros
 
@@ -64,7 +65,7 @@ def story(tmp_path_factory):
                 "sar-run", tree, "--sim", "--speed", 2, "--view", "web", "--journal", journal, *options
             )
 
-        run = fly("--web-port", 0)
+        run = fly("--web-port", quiet_port())
         url, port = address(run)
         page.open(url).order("pause", "Pause: done")
         page.wait_for("#state", "live: held by the operator").wait_for("#now", "Hold")
