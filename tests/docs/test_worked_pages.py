@@ -19,6 +19,7 @@ from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
 from tests.docs.markdown import blocks
 from tests.processes import BIN
+from tests.slowness import without_progress
 
 TREES = Path("docs/writing_a_tree.md").resolve()
 LEAVES = Path("docs/writing_a_leaf.md").resolve()
@@ -26,10 +27,6 @@ WORLD = Path("docs/world.md").resolve()
 
 # How long a block of commands may take; the longest flies a robot for some simulated seconds.
 _TIMEOUT_SEC = 120.0
-# What is said only of something that takes long, and how long that is depends on the machine.
-_ON_A_SLOW_MACHINE = re.compile(
-    r"^.* \(Ctrl-C stops and shows a run\)\n|^sweep: .* rows done\n", re.MULTILINE
-)
 
 
 def follow(page, folder):
@@ -70,7 +67,7 @@ def typed_in(folder, text):
         os.killpg(shell.pid, signal.SIGKILL)
         output, _ = shell.communicate()
         pytest.fail(f"did not end within {_TIMEOUT_SEC:g} s:\n{text}\n{output}")
-    return subprocess.CompletedProcess(text, shell.returncode, _ON_A_SLOW_MACHINE.sub("", output))
+    return subprocess.CompletedProcess(text, shell.returncode, without_progress(output))
 
 
 def matches(shown, seen):

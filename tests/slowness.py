@@ -1,0 +1,13 @@
+"""What commands say only of what takes long: how long that is depends on the machine."""
+
+import re
+
+_PROGRESS = re.compile(
+    r"^(.* \(Ctrl-C stops and shows a run\)|sweep: .* rows done|sar-sim: mapping .* of the way driven)\n",
+    re.MULTILINE,
+)
+
+
+def without_progress(text):
+    """Return what a command has said, without the progress that it tells where it is slow."""
+    return _PROGRESS.sub("", text)
