@@ -28,6 +28,9 @@ from launch_ros.descriptions import Parameter
 # Everything moves with the namespace but these, which are absolute everywhere in ROS; Nav2 does the same.
 TRANSFORMS = [("/tf", "tf"), ("/tf_static", "tf_static")]
 
+# Launch passes on line by line what processes say, so nothing can be overwritten.
+PASSED_ON = {"TERM": "dumb"}
+
 # What `journal` can be, as options of sar-run.
 JOURNAL = {"keep": [], "resume": ["--resume"], "new": ["--new"], "none": ["--no-journal"]}
 
@@ -219,6 +222,7 @@ def simulator() -> Node:
         remappings=TRANSFORMS,
         output="screen",
         emulate_tty=True,
+        additional_env=PASSED_ON,
         on_exit=end_all,
     )
 
@@ -269,6 +273,7 @@ def mission(context: LaunchContext) -> list[LaunchDescriptionEntity]:
             remappings=TRANSFORMS,
             output="screen",
             emulate_tty=True,
+            additional_env=PASSED_ON,
             on_exit=end_all,
         )
     ]

@@ -12,6 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 
 from sar_compiler.cli.output import RunOutput
+from sar_compiler.cli.terminal import draws_in_place
 from sar_compiler.journal.journal_entries import RUN_BEGAN, JournalEntry
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.views.mission_view import Line, change_text, full_height, screen
@@ -68,7 +69,7 @@ def run_view(output: RunOutput) -> RunView:
     Raises:
         ImportError: If rich is not installed.
     """
-    if sys.stdout is None or not sys.stdout.isatty() or os.environ.get("TERM", "dumb") == "dumb":
+    if not draws_in_place(sys.stdout):
         return ChangeLog(output)
     return RunScreen(output, _painter())
 

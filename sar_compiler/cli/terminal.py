@@ -37,6 +37,14 @@ def has_colours(stream: TextIO) -> bool:
     return not plain and stream is not None and stream.isatty()
 
 
+def draws_in_place(stream: TextIO | None) -> bool:
+    """Return whether what is written to a stream can be overwritten: on a terminal, but for a `dumb` one.
+
+    Whoever passes a process's output on, as launch does, gives it such a terminal.
+    """
+    return stream is not None and stream.isatty() and os.environ.get("TERM", "dumb") != "dumb"
+
+
 def painter(stream: TextIO) -> Callable[[str, str], str]:
     """Return a function that colours a text by what it is (a key of `_SGR`), if the stream shows colours."""
     if not has_colours(stream):
@@ -67,7 +75,7 @@ class ProgressLine:
 
     def __init__(self, prog: str) -> None:
         self._prog = prog
-        self._is_terminal = sys.stderr.isatty()
+        self._is_terminal = draws_in_place(sys.stderr)
         self._every = self._EVERY_SEC if self._is_terminal else self._EVERY_SEC_IN_A_LOG
         first = self._PATIENCE_SEC if self._is_terminal else self._EVERY_SEC_IN_A_LOG
         self._due = time.monotonic() + first

@@ -24,7 +24,8 @@ class Screen(io.StringIO):
 def shown(monkeypatch):
     """Return what was shown after texts, each with the seconds since the beginning."""
 
-    def show(is_terminal, *texts):
+    def show(is_terminal, *texts, term="xterm"):
+        monkeypatch.setenv("TERM", term)
         screen, now = Screen(is_terminal), [0.0]
         monkeypatch.setattr("sys.stderr", screen)
         monkeypatch.setattr("sar_compiler.cli.terminal.time.monotonic", lambda: now[0])
@@ -47,6 +48,10 @@ def test_on_a_terminal_a_line_is_overwritten_and_goes_away(shown):
 
 def test_a_line_that_is_wider_than_the_terminal_is_cut(shown):
     assert shown(TERMINAL, (1.0, "x" * 100)) == f"\r\x1b[K{'x' * 79}\r\x1b[K"
+
+
+def test_on_a_terminal_whose_lines_are_passed_on_nothing_is_overwritten(shown):
+    assert shown(TERMINAL, (5.0, "5"), (10.0, "10"), term="dumb") == "sar-sim: 10\n"
 
 
 def test_in_a_log_a_line_comes_every_ten_seconds(shown):

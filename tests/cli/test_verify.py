@@ -381,6 +381,7 @@ class Terminal:
 
 @pytest.mark.parametrize(("terminal", "said"), [(True, "\r\x1b[K"), (False, "sar-compile: ")])
 def test_progress_goes_to_standard_error(run, monkeypatch, terminal, said):
+    monkeypatch.setenv("TERM", "xterm")
     shown = Terminal()
     monkeypatch.setattr(shown, "isatty", lambda: terminal)
     monkeypatch.setattr("sys.stderr", shown)
