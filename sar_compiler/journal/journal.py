@@ -239,7 +239,7 @@ class Journal:
     def _tell(self, kind: str, data: Mapping[str, object]) -> None:
         if self._listeners:
             # What is no JSON value is the caller's mistake where nothing is written, too.
-            if not self._run:
+            if not self._is_written:
                 json.dumps(data)
             self._told += 1
             entry = JournalEntry(self._told, self._run, time.time(), self.clock.now(), kind, data)
