@@ -19,9 +19,9 @@ from sar_compiler.runtime.kernel.cells import RUNNING, SUCCESS, WORDS
 from sar_compiler.runtime.stub_leaf import ANSWERED, Event
 
 _SUCCESS, _RUNNING = WORDS[SUCCESS], WORDS[RUNNING]
-# Answers other than the usual ones after the change, and ticks that are tried.
+# Answers other than the usual ones after the change, and ticks that are tried, times the nodes of the tree: some seconds.
 _MOST_UNUSUAL = 2
-_MOST_TICKS = 40_000
+_MOST_TICKED = 2_000_000
 # Ticks of one state are all told apart, even where they meet again, for what happened in them is asked.
 _NEVER = 1 << 30
 
@@ -214,7 +214,6 @@ class _Runs:
     """All runs of a tree, as far as somebody asks for them."""
 
     def __init__(self, simulated: SimulatedTree) -> None:
-        self._simulated = simulated
         stepper = TreeStepper(Prepared.of(simulated), without_properties().rules, few=_NEVER)
         self._stepper = stepper
         self._numbers = {id(node.behaviour): node.index for node in stepper.flat.nodes}
@@ -222,22 +221,27 @@ class _Runs:
         self.leaves = {self._numbers[id(leaf)] for leaf in simulated.leaves}
         self._known: dict[bytes, list[_Way]] = {}
         self._hopeless: dict[bytes, int] = {}
-        self._played = 0
+        self._left = _MOST_TICKED // len(self.names)
 
     @property
     def start(self) -> bytes:
         """The state before the first tick."""
         return self._stepper.steps.start()
 
+    @property
+    def is_spent(self) -> bool:
+        """Whether as many ticks were tried as may be."""
+        return not self._left
+
     def ways(self, state: bytes) -> list[_Way]:
         """Return the ticks of a state; none once too many were tried."""
         known = self._known.get(state)
-        if known is not None or self._played >= _MOST_TICKS:
+        if known is not None or self.is_spent:
             return known or []
         steps, played = self._stepper.steps, []
         steps.enter(state)
-        while self._played < _MOST_TICKS and steps.step():
-            self._played += 1
+        while self._left and steps.step():
+            self._left -= 1
             if steps.state is not None:
                 tick = self._stepper.played()
                 played.append((tick.events, tick.root, steps.state))
@@ -288,7 +292,7 @@ class _Runs:
                     return _back(origins, after)
                 if each.root == _RUNNING:
                     waiting.append(after)
-        if self._played < _MOST_TICKS:
+        if not self.is_spent:
             for state, used in origins:
                 self._hopeless[state] = max(most - used, self._hopeless.get(state, -1))
         return None
@@ -326,6 +330,9 @@ def _replayed(runs: _Runs, record: Sequence[RecordedTick]) -> list[_Moment]:
         told.update(tick.statuses)
         noted = runs.leaves.intersection(tick.statuses)
         ways = [(state, way) for state in sorted(now) for way in runs.ways(state) if way.fits(noted, told)]
+        if not ways and runs.is_spent:
+            message = "the tree has too many runs to find this one again among them"
+            raise UndecidableError(message)
         if not ways:
             message = (
                 f"the run cannot be found again in the tree from tick {tick.number} on, {tick.time_sec:.1f} s: "

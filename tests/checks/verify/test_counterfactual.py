@@ -10,6 +10,7 @@ from sar_compiler.checks.verify.counterfactual import (
     RecordedTick,
     counterfactual,
 )
+from sar_compiler.errors import UndecidableError
 from sar_compiler.runtime.answers import nominal
 from sar_compiler.views.why import recorded
 from tests.trees import document
@@ -110,6 +111,14 @@ def test_a_run_that_cannot_be_is_refused_with_the_first_tick_that_was_not_so(pat
     ]
     with pytest.raises(NotReplayedError, match=r"from tick 4 on, 1\.5 s"):
         counterfactual(simulated(path), record, ["all", "one", "two"])
+
+
+def test_a_tree_of_too_many_runs_is_given_up_on(path, monkeypatch):
+    monkeypatch.setattr("sar_compiler.checks.verify.counterfactual._MOST_TICKED", 3)
+    path.write_text(document('<A name="one"/>'), encoding="utf-8")
+    record = [RecordedTick(number, 0.0, {0: "RUNNING"}) for number in range(1, 9)]
+    with pytest.raises(UndecidableError, match="too many runs"):
+        counterfactual(simulated(path), [*record, RecordedTick(9, 0.0, {0: "FAILURE"})], ["one"])
 
 
 class Changed:
