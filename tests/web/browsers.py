@@ -75,7 +75,17 @@ class Browser:
         return self.js("return document.querySelector(arguments[0])?.textContent ?? ''", selector)
 
     def click(self, selector):
-        self.driver.find_element("css selector", selector).click()
+        """Click an element; one that is drawn anew just then is looked for again."""
+        self.wait(lambda: self._clicked(selector), f"a click on {selector}")
+
+    def _clicked(self, selector):
+        from selenium.common.exceptions import StaleElementReferenceException
+
+        try:
+            self.driver.find_element("css selector", selector).click()
+        except StaleElementReferenceException:
+            return False
+        return True
 
     def type(self, selector, *keys):
         """Press keys in an element."""
