@@ -25,6 +25,13 @@ PAUSE = {"name": "pause", "label": "Pause", "help": "Stops it.", "confirm": "", 
 SKIP = {**PAUSE, "name": "pause", "label": "Skip", "confirm": "It is not searched."}
 
 
+def order_button(browser):
+    """Return the button of the order, once it can be pressed."""
+    button = browser.driver.find_element("css selector", "[data-verb=pause]")
+    browser.wait(button.is_enabled, "the button")
+    return button
+
+
 def test_a_browser_that_comes_late_sees_the_truth(live, browser):
     run = live().begin()
     run.status(0, "RUNNING")
@@ -146,10 +153,7 @@ def test_an_order_is_given_by_a_button_and_its_answer_is_shown(live, browser):
     operator = Operator()
     run = live(orders=operator, verbs=[PAUSE]).begin()
     browser.open(run.server.url)
-    browser.wait(
-        lambda: browser.driver.find_element("css selector", "[data-verb=pause]").is_enabled(), "the button"
-    )
-    browser.click("[data-verb=pause]")
+    order_button(browser).click()
     browser.wait_for("#answer", "Pause: done")
     assert operator.given == [("pause", {})]
 
@@ -168,10 +172,7 @@ def test_pages_that_are_out_of_sight_keep_no_order_back(live, browser):
         browser.driver.close()
     browser.driver.switch_to.window(first)
     browser.wait_for("#log", "base reached")
-    browser.wait(
-        lambda: browser.driver.find_element("css selector", "[data-verb=pause]").is_enabled(), "the button"
-    )
-    browser.click("[data-verb=pause]")
+    order_button(browser).click()
     browser.wait_for("#answer", "Pause: done")
     assert operator.given == [("pause", {})]
     last = next(each for each in browser.driver.window_handles if each != first)
@@ -184,8 +185,7 @@ def test_a_grave_order_asks_first_and_can_be_left(live, browser):
     operator = Operator()
     run = live(orders=operator, verbs=[SKIP]).begin()
     browser.open(run.server.url)
-    button = browser.driver.find_element("css selector", "[data-verb=pause]")
-    browser.wait(button.is_enabled, "the button")
+    button = order_button(browser)
     button.click()
     assert "It is not searched." in browser.text("#ask")
     browser.type("#ask .yes", Keys.ESCAPE)
@@ -204,8 +204,7 @@ def test_enter_in_a_field_gives_the_order(live, browser):
     name = {"name": "zone", "label": "Name", "kind": "text", "choices": [], "optional": False, "longest": 200}
     run = live(orders=operator, verbs=[{**PAUSE, "fields": [name]}]).begin()
     browser.open(run.server.url)
-    button = browser.driver.find_element("css selector", "[data-verb=pause]")
-    browser.wait(button.is_enabled, "the button")
+    button = order_button(browser)
     button.click()
     browser.click("#ask .no")
     button.click()
@@ -228,8 +227,7 @@ def test_a_place_is_shown_on_the_map_or_not(live, browser):
     operator = Operator()
     run = live(orders=operator, verbs=[ADD]).begin()
     browser.open(run.server.url)
-    button = browser.driver.find_element("css selector", "[data-verb=pause]")
-    browser.wait(button.is_enabled, "the button")
+    button = order_button(browser)
     button.click()
     browser.click("#ask label ~ button")
     browser.wait_for("#answer", "Escape leaves it")
