@@ -244,7 +244,7 @@ def _simulation(
     settings = {"context": node.context, "parameter_overrides": _simulated_time(options)}
     servers = mission.servers(plan, **settings) if mission is not None else []
     try:
-        with Simulation(
+        simulation = Simulation(
             world,
             speed=options.speed,
             seed=options.seed,
@@ -252,7 +252,9 @@ def _simulation(
             context=node.context,
             namespace=node.get_namespace(),
             extra_nodes=servers,
-        ) as simulation:
+        )
+        simulation.wait_for(node.get_clock())
+        with simulation:
             yield simulation
     finally:
         for server in servers:

@@ -31,6 +31,7 @@ class PacedExecutor(SingleThreadedExecutor):
         super().__init__(context=context)
         self._remaining = TimeoutObject(0.0)
         self._interrupted = interrupted
+        self._over = interrupted
         self._rounds = 0
 
     def can_execute(self, entity: Any) -> bool:
@@ -39,23 +40,36 @@ class PacedExecutor(SingleThreadedExecutor):
             return False
         return bool(super().can_execute(entity))
 
-    def serve_until(self, deadline: float, *, to_the_end: bool = False) -> None:
+    def serve_until(
+        self, deadline: float, *, enough: Callable[[], bool] | None = None, to_the_end: bool = False
+    ) -> None:
         """Serve callbacks until *deadline*, and at least one round of those that are ready.
 
         Args:
             deadline: On the clock of `time.monotonic()`, seconds.
+            enough: Returns whether to stop earlier; asked after each callback and whenever somebody calls `wake`.
             to_the_end: Whether to continue despite an interruption.
         """
         self._rounds += 1
         interrupted = _never if to_the_end else self._interrupted
-        while not interrupted():
+        self._over = interrupted if enough is None else lambda: interrupted() or enough()
+        while not self._over():
             self._remaining.timeout = max(0.0, deadline - time.monotonic())
             try:
-                handler, _, _ = self.wait_for_ready_callbacks(self._remaining, None, interrupted)
-            except (TimeoutException, ConditionReachedException, ShutdownException):
+                handler, _, _ = self.wait_for_ready_callbacks(self._remaining, None, self._is_over)
+            except TimeoutException:
+                # A round that was broken off has its time-out from then.
+                if time.monotonic() >= deadline:
+                    return
+            except (ConditionReachedException, ShutdownException):
                 return
-            handler()
-            handler.result()
+            else:
+                handler()
+                handler.result()
+
+    def _is_over(self) -> bool:
+        # One object for every call: a condition that differs starts a new round, as a time-out does.
+        return self._over()
 
 
 def _never() -> bool:

@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING
 
+from rclpy.clock import JumpHandle, JumpThreshold, ROSClock
 from rclpy.context import Context
+from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.utilities import get_default_context
@@ -34,11 +36,15 @@ STEP_NS = 50_000_000
 STEP_SEC = STEP_NS / 1e9
 # The longest delay of the machine that is caught up with, seconds of wall time.
 _CATCH_UP_SEC = 0.05
-# How long the end of a goal gets to reach its client when the simulation stops, seconds of wall time.
-_FAREWELL_SEC = 0.05
+# In so many rounds of the executor, each of so many seconds of wall time at least, the end of a goal reaches its client
+# when the simulation stops.
+_FAREWELL_ROUNDS = 5
+_FAREWELL_SEC = 0.01
 # How long the thread may take for a step when it is asked to stop, seconds of wall time: on a busy machine much more
 # than usual, and whoever has sent a goal waits for its end.
 _JOIN_SEC = 30.0
+# How many steps whoever is waited for may be behind: with none, the two threads would work in turns only.
+_LEAD_STEPS = 2
 # The robots' places are written in one of so many steps.
 _KEEP_EVERY = 4
 # How often to look whether this is still the only simulation, seconds of wall time.
@@ -106,6 +112,8 @@ class Simulation:
         self._host = NodeHost(self._executor, context, namespace)
         self._clock_node = self._host.create("simulator")
         self._clock = self._clock_node.create_publisher(Clock, "/clock", 10)
+        self._listener: ROSClock | None = None
+        self._jumps: JumpHandle | None = None
         self._actions = [robot.action for robot in robots]
         self._robots: dict[str, SimulatedRobot] = {}
         for number, (robot, body) in enumerate(zip(robots, bodies, strict=True)):
@@ -128,6 +136,15 @@ class Simulation:
         """Keep the robots' places from the start on; what cannot be written ends the simulation."""
         self._kept = kept
 
+    def wait_for(self, listener: ROSClock) -> None:
+        """Go faster than real time only as far as a clock of another thread's node, in simulated time, follows.
+
+        Time limits in simulated seconds would run out otherwise where the machine, or a leaf, is slower than asked for.
+        """
+        every = JumpThreshold(min_forward=Duration(nanoseconds=1), min_backward=None)
+        self._listener = listener
+        self._jumps = listener.create_jump_callback(every, post_callback=lambda _: self._executor.wake())
+
     def start(self) -> None:
         """Start simulated time; may be called only once."""
         self._thread.start()
@@ -145,6 +162,8 @@ class Simulation:
             return
         for robot in self._robots.values():
             robot.close()
+        if self._jumps is not None:
+            self._jumps.unregister()
         self._host.destroy_all()
         self._executor.shutdown()
 
@@ -164,9 +183,12 @@ class Simulation:
         try:
             due = look = time.monotonic()
             while not self._stopping.is_set():
+                began = time.monotonic()
                 self._step()
                 due = max(due + self._period, time.monotonic() - _CATCH_UP_SEC)
                 self._executor.serve_until(due)
+                if self._listener is not None:
+                    self._executor.serve_until(began + STEP_SEC, enough=self._is_followed)
                 if due > look:
                     look = due + _LOOK_EVERY_SEC
                     refuse_rivals(self._clock_node, self._actions)
@@ -191,10 +213,20 @@ class Simulation:
         if self._kept is not None and self._step_count % _KEEP_EVERY == 0:
             self._kept.write({name: robot.place for name, robot in self._robots.items()})
 
+    def _is_followed(self) -> bool:
+        """Return whether the listener has come near the time of this step, or has no use for it."""
+        listener = self._listener
+        return (
+            listener is None
+            or not listener.ros_time_is_active
+            or listener.now().nanoseconds >= (self._step_count - _LEAD_STEPS) * STEP_NS
+        )
+
     def _farewell(self) -> None:
         """Notify the clients of current goals that these have ended."""
         if any([robot.stop() for robot in self._robots.values()]):  # noqa: C419 - all have to stop
-            self._executor.serve_until(time.monotonic() + _FAREWELL_SEC, to_the_end=True)
+            for _ in range(_FAREWELL_ROUNDS):
+                self._executor.serve_until(time.monotonic() + _FAREWELL_SEC, to_the_end=True)
 
 
 def _navigation(world: World, faults: FaultPlan) -> NavigationSetup | None:

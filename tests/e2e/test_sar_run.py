@@ -18,9 +18,9 @@ def refused(start, *arguments):
     return run.output
 
 
-def ended(*arguments):
+def ended(*arguments, speed=20):
     """Fly in the simulator to the end; return the run and its exit status."""
-    run = Command("sar-run", "--sim", "--speed", 20, *arguments)
+    run = Command("sar-run", "--sim", "--speed", speed, *arguments)
     try:
         return run, run.end()
     finally:
@@ -285,6 +285,12 @@ def test_a_rejected_goal_is_tried_again(delayed):
 def test_a_slow_answer_is_waited_for(delayed):
     run, status = delayed
     assert status == 0, run.output
+
+
+def test_time_waits_for_a_mission_that_cannot_go_as_fast_as_asked_for():
+    run, status = ended(speed=1000)
+    assert status == 0, run.output
+    assert "failed" not in run.output
 
 
 def test_a_server_that_disappears_and_comes_back_delays_the_mission(delayed):

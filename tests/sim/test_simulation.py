@@ -67,6 +67,24 @@ def test_the_speed_is_an_upper_bound(simulate: Simulate, client: Client) -> None
     assert 3.0 / (time.monotonic() - began) < 5.5
 
 
+def test_a_listener_that_does_not_follow_holds_it_to_real_time(disaster_zone: World, client: Client) -> None:
+    from rclpy.node import Node
+    from rclpy.parameter import Parameter
+
+    from sar_compiler.sim.simulation import Simulation
+
+    simulated_time = [Parameter("use_sim_time", value=True)]
+    deaf = Node("deaf", context=client.node.context, parameter_overrides=simulated_time)
+    simulation = Simulation(disaster_zone, speed=1000.0, context=client.node.context)
+    simulation.wait_for(deaf.get_clock())
+    simulation.start()
+    began, start = time.monotonic(), simulation.sim_time
+    client.wait(lambda: simulation.sim_time > start + 1.5, "1.5 simulated seconds")
+    assert 1.5 / (time.monotonic() - began) < 1.1
+    simulation.stop()
+    deaf.destroy_node()
+
+
 def test_a_speed_of_nothing_is_refused(disaster_zone: World, ros_context: Any) -> None:
     from sar_compiler.sim.simulation import Simulation, SimulationError
 
