@@ -58,14 +58,16 @@ def pytest_runtest_protocol(item):
 
     Whoever asks which test reaches which line (`--cov-context`) is told of all.
     """
-    coverage = Coverage.current() if _is_unmeasured(item) else None
-    if coverage is None:
-        return (yield)
-    coverage.stop()
+    running = []
+    # In a worker of xdist pytest-cov has two, and where one is stopped the other goes on.
+    while _is_unmeasured(item) and (coverage := Coverage.current()) is not None:
+        coverage.stop()
+        running.append(coverage)
     try:
         return (yield)
     finally:
-        coverage.start()
+        for coverage in reversed(running):
+            coverage.start()
 
 
 def _is_unmeasured(item):

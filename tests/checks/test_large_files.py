@@ -195,6 +195,7 @@ def _few_guesses(monkeypatch):
     monkeypatch.setattr(values, "MOST_COMPARED", SIZE)
 
 
+@pytest.mark.unmeasured
 @pytest.mark.parametrize("yaml", [False, True], ids=["xml", "yaml"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_effort_grows_as_the_file_does(kind, yaml):

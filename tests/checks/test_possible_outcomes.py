@@ -33,6 +33,7 @@ def tree(form: Form, subsets) -> str:
     return form.text([leaf(subset, f"leaf{number}") for number, subset in enumerate(subsets)])
 
 
+@pytest.mark.unmeasured
 @pytest.mark.parametrize("form", FORMS, ids=str)
 def test_a_node_answers_what_its_record_says_and_nothing_else(form):
     for subsets in combinations(form):
@@ -43,6 +44,7 @@ def test_a_node_answers_what_its_record_says_and_nothing_else(form):
                 assert answers.known <= answers.seen, subsets
 
 
+@pytest.mark.unmeasured
 def test_nearly_every_answer_that_is_seen_is_known_before():
     """A record that is sure of nothing would be right, and of no use."""
     seen = known = 0
@@ -55,6 +57,7 @@ def test_nearly_every_answer_that_is_seen_is_known_before():
     assert known >= 0.99 * seen
 
 
+@pytest.mark.unmeasured
 def test_nodes_in_nodes_answer_what_their_records_say_together():
     seen = known = trees = 0
     random_trees = RandomTrees(seed=1)

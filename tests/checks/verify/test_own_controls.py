@@ -104,6 +104,7 @@ WITH_MEMORY = [
 ]
 
 
+@pytest.mark.unmeasured
 @pytest.mark.parametrize("body", [*WITH_MEMORY, *map(copied, map(random_tree, range(500, 530)))])
 def test_every_state_that_py_trees_comes_to_with_ones_own_classes_is_found_and_no_other(body):
     try:
@@ -117,6 +118,7 @@ def test_every_state_that_py_trees_comes_to_with_ones_own_classes_is_found_and_n
     assert {explored.looked_at(number) for number in near} == reached
 
 
+@pytest.mark.unmeasured
 @pytest.mark.parametrize(
     "body",
     [
