@@ -44,7 +44,7 @@ settings.register_profile("untimed", deadline=None, suppress_health_check=[Healt
 settings.load_profile("untimed")
 
 # Folders whose tests are about other things than the rooms that coverage is measured of.
-_ELSEWHERE = ("docs", "e2e", "examples", "fuzz", "launch", "packaging", "sim")
+_ELSEWHERE = ("cli", "docs", "e2e", "examples", "fuzz", "launch", "packaging", "sim", "views")
 
 
 # Under nohup, or in the background of a script, they are ignored, and what the tests start would inherit that.

@@ -30,6 +30,7 @@ def installed(tmp_path_factory):
     done(
         folder / "environment" / "bin" / "python", "-m",
         "pip", "install", "--no-deps", "--disable-pip-version-check", folder / "repository",
+        env={**os.environ, "MYPYC_OPT_LEVEL": "0"},
     )  # fmt: skip
     return folder / "repository", folder / "environment"
 

@@ -64,7 +64,7 @@ class Workspace:
                 "--cmake-args", f"-DPython3_EXECUTABLE={sys.executable}", "-DBUILD_TESTING=OFF",
             ],
             cwd=self.path,
-            # That the kernel is compiled in the course of a build, which takes minutes, is held by the wheel's tests.
+            # That the kernel is compiled in the course of a build is held by the tests of the wheel.
             env={**os.environ, **ros, "SAR_KERNEL": "python", "PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}"},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

@@ -208,6 +208,7 @@ def flat(leaves):
     return document(f"<Sequence>{''.join(leaves)}</Sequence>")
 
 
+@pytest.mark.unmeasured
 @pytest.mark.parametrize(
     ("old", "new", "changes"),
     [

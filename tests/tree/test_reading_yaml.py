@@ -215,6 +215,7 @@ def test_nesting_has_a_limit_that_is_a_finding():
     assert [code for code, *_ in findings_of(deep)] == ["too-deep"]
 
 
+@pytest.mark.unmeasured
 @pytest.mark.parametrize("opening", ["[", "{a: ", "- ", "? "])
 def test_a_file_of_nothing_but_brackets_ends_at_the_limit(opening):
     assert findings_of(opening * 50_000)[-1][0] == "too-deep"
