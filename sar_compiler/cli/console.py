@@ -55,8 +55,28 @@ def _command(module: str, function: str = "main", *, is_server: bool = False) ->
 
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, leave)
+    if os.environ.get("PYTHONPATH"):
+        _leave_current_folder()
     command = getattr(importlib.import_module(f"sar_compiler.{module}"), function)
     try:
         return int(command())
     finally:
         signal.signal(signal.SIGINT, leave)
+
+
+def _leave_current_folder() -> None:
+    """Let nothing more be imported from the current folder, which may be a stranger's.
+
+    An empty or relative part of `PYTHONPATH` means it. What the user names is sought there nonetheless.
+    """
+    try:
+        written = os.environ["PYTHONPATH"].split(os.pathsep)
+        current = {os.path.realpath(each) for each in ("", *written) if not os.path.isabs(each)}  # noqa: PTH117
+    except OSError:  # the folder has been deleted
+        return
+    here = [entry for entry in sys.path if os.path.realpath(entry) in current]
+    sys.path[:] = [entry for entry in sys.path if entry not in here]
+    if here:
+        from sar_compiler.nodes.installed import pass_over
+
+        pass_over(here)

@@ -26,6 +26,7 @@ from sar_compiler.tree.diagnostic import UnreadableFileError
 
 _OWN_FOLDER = Path(__file__).resolve().parents[2]
 _METADATA = (".dist-info", ".egg-info")
+_passed_over: list[str] = []
 
 
 class EntryPoint(NamedTuple):
@@ -65,12 +66,31 @@ def ignored_entry_points(group: str, checkout: Path | None = None) -> list[tuple
     installed = _installed(checkout)
     found = [
         (entry_point, entry or os.curdir)
-        for entry in sys.path
+        for entry in (*sys.path, *_passed_over)
         if entry not in installed
         for entry_point in _entry_points(group, [entry]).values()
     ]
     known = {each.value for each in _entry_points(group, installed).values()} if found else set()
     return [(entry_point, place) for entry_point, place in found if entry_point.value not in known]
+
+
+def pass_over(entries: Iterable[str]) -> None:
+    """Say which entries were taken off `sys.path`, because they are there by the working directory.
+
+    Those where something is installed are put back; the others are looked at again for what the user names.
+    """
+    given = [*entries]
+    sys.path[:0] = given
+    _passed_over.extend(entry for entry in given if entry not in _importable(None))
+    sys.path[:] = [entry for entry in sys.path if entry not in _passed_over]
+
+
+def look_in_current_folder() -> None:
+    """Allow modules that the user names to be in the current folder; installed ones take precedence."""
+    with suppress(OSError):  # the folder may have been deleted
+        for entry in (*_passed_over, str(Path.cwd())):
+            if entry not in sys.path:
+                sys.path.append(entry)
 
 
 def is_installed(module: str, checkout: Path | None = None) -> bool:
@@ -185,21 +205,26 @@ def _parts(variable: str) -> list[str]:
 
 @contextmanager
 def _importing(checkout: Path | None) -> Iterator[None]:
-    """Restrict imports to installed packages, including the folders of editable installations."""
-    installed = _installed(checkout)
-    origins = (origin for _, origin in _metadata(installed, "direct_url.json"))
-    edited = [folder for origin in origins if (folder := _edited(origin)) is not None]
+    """Restrict imports to installed packages."""
     before = sys.path[:]
-    sys.path[:] = [
-        entry
-        for entry in before
-        if entry in installed
-        or (os.path.isabs(entry) and any(Path(entry).resolve().is_relative_to(each) for each in edited))  # noqa: PTH117
-    ]
+    sys.path[:] = _importable(checkout)
     try:
         yield
     finally:
         sys.path[:] = before
+
+
+def _importable(checkout: Path | None) -> list[str]:
+    """Return the folders of `sys.path` with installed packages, including those of editable installations."""
+    installed = _installed(checkout)
+    origins = (origin for _, origin in _metadata(installed, "direct_url.json"))
+    edited = [folder for origin in origins if (folder := _edited(origin)) is not None]
+    return [
+        entry
+        for entry in sys.path
+        if entry in installed
+        or (os.path.isabs(entry) and any(Path(entry).resolve().is_relative_to(each) for each in edited))  # noqa: PTH117
+    ]
 
 
 def _edited(origin: str) -> Path | None:

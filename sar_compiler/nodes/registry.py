@@ -3,14 +3,12 @@
 import functools
 import importlib
 import re
-import sys
 from collections.abc import Callable, Collection, Iterable, Iterator
-from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 
 from sar_compiler.errors import SarError
-from sar_compiler.nodes.installed import entry_points, import_installed
+from sar_compiler.nodes.installed import entry_points, import_installed, look_in_current_folder
 from sar_compiler.nodes.palettes import load_palettes
 from sar_compiler.nodes.records import Record, RecordedSpec, recorded, specs_of
 from sar_compiler.nodes.spec import MARK, NodeSpec
@@ -162,7 +160,7 @@ def load_registry(
         _add_import(registry, module, "nodes of the configuration", installed)
     for each in named:
         if isinstance(each, str):
-            _look_here()
+            look_in_current_folder()
             _add_import(registry, each, "--nodes", importlib.import_module)
         elif isinstance(each, ModuleType):
             registry.add_module(each)
@@ -237,14 +235,6 @@ def _submodules_with_leaves(package: ModuleType) -> Iterator[str]:
         for path in sorted(Path(folder).glob("*.py")):
             if path.stem.isidentifier() and _REGISTERS.search(path.read_text("utf-8", errors="replace")):
                 yield f"{package.__name__}.{path.stem}"
-
-
-def _look_here() -> None:
-    """Allow modules named by the user to be in the current folder; installed ones take precedence."""
-    with suppress(OSError):  # the folder may have been deleted
-        here = str(Path.cwd())
-        if here not in sys.path:
-            sys.path.append(here)
 
 
 def _import(name: str, source: str, load: Callable[[str], ModuleType]) -> ModuleType:

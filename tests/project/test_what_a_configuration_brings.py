@@ -227,6 +227,23 @@ class TestTrust:
         assert not named.has_run
 
 
+class TestNamesakesOfLibraries:
+    @pytest.mark.parametrize("path", [":{elsewhere}", "{elsewhere}:", ".:{elsewhere}", "{folder}"])
+    @pytest.mark.parametrize("library", ["jsonschema", "json"])
+    def test_in_the_current_folder_are_not_imported(self, checkout, tmp_path, library, path):
+        """A workspace's `PYTHONPATH` often ends with an empty part, which means the current folder."""
+        checkout.write_leaves(f"{library}.py")
+        checkout.configure('[findings]\nunused-port = "off"\n')
+        variable = path.format(elsewhere=tmp_path / "elsewhere", folder=checkout.folder)
+        checkout.validate(PYTHONPATH=variable)
+        assert not checkout.has_run
+
+    def test_leave_what_the_user_names_where_it_is(self, checkout):
+        shutil.move(checkout.write_leaves(), checkout.write("src/here.txt", "").parent)
+        assert checkout.validate("--nodes", "gripper", PYTHONPATH="src") == VALID
+        assert checkout.has_run
+
+
 class TestEntryPoints:
     @pytest.mark.parametrize("suffix", ["dist-info", "egg-info"])
     def test_of_what_only_looks_installed_in_the_checkout_are_passed_over(self, checkout, suffix):
