@@ -10,6 +10,7 @@ from sar_compiler.commands import print_error
 from sar_compiler.tree.gc_pause import gc_paused
 
 if TYPE_CHECKING:
+    from sar_compiler.cli.run import Options
     from sar_compiler.project import Additions, Workspace
     from sar_compiler.tree.forest import Read
 
@@ -19,7 +20,14 @@ FILE_HELP = "a tree file, or the name of a shipped tree"
 def add_project_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that extend a project's configuration, besides `--nodes`."""
     add_models(parser)
-    add_include_path(parser)
+    parser.add_argument(
+        "--include-path",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="FOLDER",
+        help="a further folder that files may be included from (besides the file's own); may be repeated",
+    )
     add_trust(parser)
 
 
@@ -47,18 +55,6 @@ def add_nodes(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_include_path(parser: argparse.ArgumentParser) -> None:
-    """Add `--include-path`."""
-    parser.add_argument(
-        "--include-path",
-        action="append",
-        default=[],
-        type=Path,
-        metavar="FOLDER",
-        help="a further folder that files may be included from (besides the file's own); may be repeated",
-    )
-
-
 def add_trust(parser: argparse.ArgumentParser) -> None:
     """Add `--trust`."""
     parser.add_argument(
@@ -66,6 +62,15 @@ def add_trust(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="run the modules of leaves that the project's own configuration names and brings along, now and until "
         "one of them changes",
+    )
+
+
+def add_mission(parser: argparse.ArgumentParser) -> None:
+    """Add `--mission`."""
+    parser.add_argument(
+        "--mission",
+        metavar="NAME",
+        help="the mission, where the leaves of the tree do not say which one it is",
     )
 
 
@@ -89,12 +94,13 @@ def workspace(
     return Workspace(added, read or read_tree_file, note=tell_passed_over)
 
 
-def additions(arguments: argparse.Namespace) -> "Additions":
+def additions(arguments: "argparse.Namespace | Options") -> "Additions":
     """Return what the options of a command add to a project's configuration."""
     from sar_compiler.project import Additions
 
     models, folders = tuple(arguments.model), tuple(arguments.include_path)
-    return Additions(tuple(arguments.nodes), models, folders, arguments.trust)
+    mission = getattr(arguments, "mission", None)  # which not every command needs
+    return Additions(tuple(arguments.nodes), models, folders, arguments.trust, mission=mission)
 
 
 def tell_passed_over(text: str) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import Parser, add_version, pair_of_ports, port, seed, speed
-from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_models, add_nodes, add_trust
+from sar_compiler.cli.loading import FILE_HELP, add_mission, add_nodes, add_project_options
 from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import USAGE, print_error, run
 from sar_compiler.resources import find
@@ -246,11 +246,7 @@ def _parser() -> Parser:
         help="when to end: the root succeeds or fails (end; default for trees and missions without an end of their "
         "own), the mission is complete (default with --sim), the root succeeds, or fails, or never (default otherwise)",
     )
-    parser.add_argument(
-        "--mission",
-        metavar="NAME",
-        help="the mission, where the leaves of the tree do not say which one it is",
-    )
+    add_mission(parser)
     parser.add_argument(
         "--view",
         choices=("text", "web", "none"),
@@ -340,9 +336,7 @@ def _parser() -> Parser:
     )
     add_version(parser)
     add_nodes(parser)
-    add_models(parser)
-    add_include_path(parser)
-    add_trust(parser)
+    add_project_options(parser)
     return parser
 
 

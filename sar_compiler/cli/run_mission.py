@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-from sar_compiler.cli.loading import tell_passed_over
+from sar_compiler.cli.loading import additions, tell_passed_over
 from sar_compiler.cli.output import RunOutput
 from sar_compiler.cli.run_journal import RunJournal, open_run_journal
 from sar_compiler.cli.run_mission_check import RouteCheck
@@ -26,11 +26,11 @@ from sar_compiler.commands import FINDINGS, OK, print_error
 from sar_compiler.compiler import CompiledTree, compile_tree, require_classes
 from sar_compiler.errors import SarError
 from sar_compiler.missions.beginning import begin_run, fixed_parameters, node_name
-from sar_compiler.missions.choosing import MissionError, choose_mission
+from sar_compiler.missions.choosing import MissionError
 from sar_compiler.missions.ending import EndCondition, RunResult, Until
 from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.nodes.spec import Use
-from sar_compiler.project import Additions, LoadedTree, Workspace
+from sar_compiler.project import LoadedTree, Workspace
 from sar_compiler.ros.arguments import (
     init_arguments,
     names_parameter_file,
@@ -89,7 +89,7 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
     loaded = _loaded(options)
     binding = loaded.binding(options.tree_id)
     require_classes(binding)
-    mission = choose_mission(binding, options.mission, loaded.project.checkout)
+    mission = loaded.mission(binding)
     targets = {**(mission.faults if mission is not None else {}), **NAVIGATION_FAULTS}
     faults = [parse_fault(text, targets) for text in options.fault]
     world = _world(options)
@@ -171,10 +171,7 @@ def _guardian(options: "Options", node: Node) -> Guardian:
 
 
 def _loaded(options: "Options") -> LoadedTree:
-    additions = Additions(
-        tuple(options.nodes), tuple(options.model), tuple(options.include_path), options.trust
-    )
-    return Workspace(additions, note=tell_passed_over).load(options.tree)
+    return Workspace(additions(options), note=tell_passed_over).load(options.tree)
 
 
 def _world(options: "Options") -> "World | None":

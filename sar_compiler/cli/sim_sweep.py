@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import speed
-from sar_compiler.cli.loading import FILE_HELP, add_include_path, add_nodes, add_trust, additions
+from sar_compiler.cli.loading import FILE_HELP, add_mission, add_nodes, add_project_options, additions
 from sar_compiler.cli.sweep_command import Written, add_sweep_options, swept, varied
 from sar_compiler.cli.writing import write_text
 from sar_compiler.ros.middleware import require_middleware
@@ -37,10 +37,9 @@ def add_sim_sweep(parser: argparse.ArgumentParser) -> None:
     text = f"simulated seconds per second, at most (default {_SPEED:g})"
     add("--speed", type=speed, default=_SPEED, metavar="N", help=text)
     add_nodes(parser)
-    add_include_path(parser)
-    add_trust(parser)
+    add_project_options(parser)
+    add_mission(parser)
     add_sweep_options(parser, runs=30, half_width=0.1)
-    parser.set_defaults(model=[])
 
 
 def sweep_missions(options: argparse.Namespace) -> int:
@@ -87,13 +86,12 @@ def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweptRow, Flights]]":
 
 
 def _check(options: argparse.Namespace, worlds: list[str], mixes: list[str]) -> None:
-    from sar_compiler.missions.choosing import choose_mission
     from sar_compiler.project import Workspace
     from sar_compiler.ros.faults import NAVIGATION_FAULTS, parse_fault
     from sar_compiler.sim.world_file import find_world
 
     loaded = Workspace(additions(options)).load(options.tree)
-    mission = choose_mission(loaded.binding(), None, loaded.project.checkout)
+    mission = loaded.mission(loaded.binding())
     targets = {**(mission.faults if mission is not None else {}), **NAVIGATION_FAULTS}
     for mix in mixes:
         for fault in mix.split() if mix != _NO_FAULTS else ():
@@ -107,7 +105,13 @@ def _passed_on(options: argparse.Namespace) -> Iterator[str]:
     yield from ("--speed", f"{options.speed:g}")
     if options.params is not None:
         yield from ("--params", str(options.params))
-    for name, values in (("--nodes", options.nodes), ("--include-path", options.include_path)):
+    for name, values in (
+        ("--nodes", options.nodes),
+        ("--model", options.model),
+        ("--include-path", options.include_path),
+    ):
         yield from (part for value in values for part in (name, str(value)))
+    if options.mission is not None:
+        yield from ("--mission", options.mission)
     if options.trust:
         yield "--trust"

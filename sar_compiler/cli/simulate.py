@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE, count, seed
-from sar_compiler.cli.loading import FILE_HELP, add_params, add_project_options, workspace
+from sar_compiler.cli.loading import FILE_HELP, add_mission, add_params, add_project_options, workspace
 from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import print_error, print_text
 from sar_compiler.errors import SarError
@@ -55,6 +55,7 @@ def add_simulate(parser: argparse.ArgumentParser) -> None:
     )
     add_params(parser)
     add_project_options(parser)
+    add_mission(parser)
     parser.add_argument(
         "--format",
         choices=("text", "json", "junit"),

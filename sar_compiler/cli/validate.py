@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
-from sar_compiler.cli.loading import FILE_HELP, add_project_options, workspace
+from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options, workspace
 from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import print_error, print_text
 from sar_compiler.tree.showing import visible
@@ -30,6 +30,7 @@ def add_validate(parser: argparse.ArgumentParser) -> None:
     more = f"{FILE_HELP}; a folder, for all tree files in it and below; or - for standard input"
     parser.add_argument("files", nargs="+", metavar="FILE", help=more)
     add_project_options(parser)
+    add_mission(parser)
     parser.add_argument("--strict", action="store_true", help="count warnings as errors")
     parser.add_argument(
         "--fix", action="store_true", help="first mend, in the files, what can be nothing but a slip"
@@ -171,9 +172,10 @@ class _Validation:
             except TreeError as error:
                 self._report(error.findings)
                 continue
-            self._report(tree.findings)
+            found = [*tree.findings, *tree.mission_findings]
+            self._report(found)
             self._count_fixable(tree)
-            if self.arguments.format == _TEXT and not tree.findings and path not in self._found_in_folders:
+            if self.arguments.format == _TEXT and not found and path not in self._found_in_folders:
                 print_text(f"{path}: no findings")
         if self.arguments.format == _TEXT:
             self._sum_up()

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, INTERRUPTED, OK, USAGE, count
-from sar_compiler.cli.loading import FILE_HELP, add_params, add_project_options, workspace
+from sar_compiler.cli.loading import FILE_HELP, add_mission, add_params, add_project_options, workspace
 from sar_compiler.cli.terminal import ProgressLine, findings_as_text
 from sar_compiler.commands import print_error, print_text
 
@@ -69,6 +69,7 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
         help="search with so many processes (default: the number of processors)",
     )
     add_project_options(parser)
+    add_mission(parser)
     parser.add_argument(
         "--format", choices=("text", "json"), default="text", help="for people, or for scripts"
     )

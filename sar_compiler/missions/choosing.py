@@ -104,6 +104,11 @@ def mission_named(name: str, checkout: Path | None = None) -> Mission:
     raise MissionError(message)
 
 
+def is_choice(checkout: Path | None = None) -> bool:
+    """Return whether several missions are installed, without importing them; arguments as of `choose_mission`."""
+    return len(entry_points(ENTRY_POINTS, checkout)) > 1
+
+
 def choose_mission(binding: Binding, name: str | None = None, checkout: Path | None = None) -> Mission | None:
     """Return the mission of a bound tree: the one whose context objects its leaves require.
 
@@ -122,10 +127,11 @@ def choose_mission(binding: Binding, name: str | None = None, checkout: Path | N
     """
     if name is not None:
         return _guarded(mission_named(name, checkout))
-    missions = list(load_missions(checkout).values())
+    asking = [(bound, {each.target for each in bound.spec.handed_over}) for bound in binding.nodes()]
+    # The leaves of a plain tree ask for nothing, and no mission is imported for it.
+    missions = [*load_missions(checkout).values()] if any(asked for _, asked in asking) else []
     first: dict[Mission, BoundNode] = {}
-    for bound in binding.nodes():
-        asked = {parameter.target for parameter in bound.spec.handed_over}
+    for bound, asked in asking:
         for mission in missions:
             if not asked.isdisjoint(mission.context_types):
                 first.setdefault(mission, bound)

@@ -9,6 +9,7 @@ package, and the sourced ROS workspaces. The metadata of a distribution that was
 names the folder of its modules; to install it is to trust that folder.
 """
 
+import functools
 import importlib
 import json
 import os
@@ -143,18 +144,27 @@ def _entry_points(group: str, path: Iterable[str]) -> dict[tuple[str, str], Entr
 
 
 def _metadata(path: Iterable[str], file: str) -> Iterator[tuple[str, str]]:
-    """Yield the names of all distributions that have a file of metadata, with its content.
+    """Yield the names of all distributions that have a file of metadata, with its content."""
+    for folder in path:
+        with suppress(OSError):
+            state = os.stat(folder or os.curdir)  # noqa: PTH116
+            yield from _metadata_in(folder or os.curdir, (state.st_ino, state.st_mtime_ns), file)
+
+
+@functools.cache
+def _metadata_in(folder: str, _as_it_is: tuple[int, int], file: str) -> list[tuple[str, str]]:
+    """Return the names of the distributions in a folder that have a file of metadata, with its content.
 
     They are read here because the import of `importlib.metadata` takes longer than to check most trees.
     """
-    for folder in path:
-        with suppress(OSError):
-            with os.scandir(folder or os.curdir) as entries:
-                found = sorted(entry.name for entry in entries if entry.name.endswith(_METADATA))
-            for entry in found:
-                name = entry.rpartition(".")[0].partition("-")[0].lower().replace(".", "_")
-                with suppress(UnreadableFileError, UnicodeError):
-                    yield name, read_bytes(Path(folder, entry, file)).decode("utf-8")
+    with os.scandir(folder) as entries:
+        names = sorted(entry.name for entry in entries if entry.name.endswith(_METADATA))
+    found = []
+    for each in names:
+        name = each.rpartition(".")[0].partition("-")[0].lower().replace(".", "_")
+        with suppress(UnreadableFileError, UnicodeError):
+            found.append((name, read_bytes(Path(folder, each, file)).decode("utf-8")))
+    return found
 
 
 def _in_group(text: str, group: str) -> Iterator[EntryPoint]:

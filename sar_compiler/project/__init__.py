@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from sar_compiler.checks.verify import Report, Verification
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.documents.located import Document
+    from sar_compiler.missions.mission import Mission
     from sar_compiler.project.simulated import Simulated
 
 
@@ -46,6 +47,7 @@ class Additions(NamedTuple):
         trust: Whether to run, now and until they change, the modules beside configurations.
         registry: The registered nodes; None for the installed and named ones.
         trees: Further tree files, in which a tree is sought that a file lacks.
+        mission: The name of the mission, whatever the leaves of a tree require; None to choose it by them.
     """
 
     nodes: tuple[Named, ...] = ()
@@ -54,6 +56,7 @@ class Additions(NamedTuple):
     trust: bool = False
     registry: Registry | None = None
     trees: tuple[Path, ...] = ()
+    mission: str | None = None
 
     @property
     def palettes(self) -> tuple[str, ...]:
@@ -318,13 +321,51 @@ class LoadedTree:
         return project.configuration.decide(sorted(found, key=lambda each: each.span))
 
     def check(self) -> list[Diagnostic]:
-        """Return all findings about the palettes, the file, and the files that it includes.
+        """Return all findings about the palettes, the file, the files that it includes, and whose mission it is.
 
         Raises:
             TreeError: If a palette is malformed, or the configuration names modules that are not trusted.
             UnreadableFileError: If a palette cannot be read.
+            MissionError: If there is no mission of the name that the user has given, or one cannot be imported.
         """
+        return [*self._findings_of_the_tree, *self.mission_findings]
+
+    @property
+    def _findings_of_the_tree(self) -> list[Diagnostic]:
         return [*self.project.findings, *self.findings]
+
+    @functools.cached_property
+    def mission_findings(self) -> list[Diagnostic]:
+        """The findings about the mission of the tree that the file executes; none for a file with errors.
+
+        Raises:
+            MissionError: If there is no mission of the name that the user has given, or one cannot be imported.
+        """
+        from sar_compiler.missions.choosing import is_choice
+
+        project = self.project
+        if project.additions.mission is None and not is_choice(project.checkout):
+            return []
+        try:
+            binding = self.binding()
+        except TreeError:  # there is no such tree, or it has been said already what is wrong with it
+            return []
+        try:
+            self.mission(binding)
+        except TreeError as error:
+            return project.configuration.decide([*error.findings])
+        return []
+
+    def mission(self, binding: Binding) -> "Mission | None":
+        """Return the mission of a bound tree; None for a plain tree.
+
+        Raises:
+            MissionError: If there is no mission of the name that the user has given, or one cannot be imported.
+            TreeError: If the leaves require the objects of several missions.
+        """
+        from sar_compiler.missions.choosing import choose_mission
+
+        return choose_mission(binding, self.project.additions.mission, self.project.checkout)
 
     def binding(self, tree_id: str | None = None) -> Binding:
         """Return a tree of the file, bound.
@@ -341,7 +382,7 @@ class LoadedTree:
         return bind_main(self.forest, self.project.registry, tree_id, self._palettes)
 
     def _require_no_errors(self) -> None:
-        errors = [each for each in self.check() if each.severity is Severity.ERROR]
+        errors = [each for each in self._findings_of_the_tree if each.severity is Severity.ERROR]
         if errors:
             raise TreeError(errors)
 
@@ -352,7 +393,7 @@ class LoadedTree:
             return params or StartValues()
         from sar_compiler.project.start_values import start_values
 
-        return start_values(params, binding, self.project.checkout, self._note)
+        return start_values(params, binding, self.mission(binding), self._note)
 
     def stage(self, tree_id: str | None = None, params: "str | Path | StartValues | None" = None) -> "Stage":
         """Return the stage on which scenarios are played.
@@ -462,7 +503,7 @@ class LoadedTree:
         """Check properties in all possible runs of the tree.
 
         Args:
-            properties: A file with the properties; by default the mission's own for a mission with zones.
+            properties: A file with the properties; by default the mission's own.
             facts: The initial values of facts, in addition to the file's: `{"zones_left": 4}`.
             params: The mission's ROS parameter file; *properties* and *facts* override what it says.
             tree_id: The tree in the file; by default the one that the file executes.
@@ -494,6 +535,7 @@ def load(
     models: Iterable[str | Path] = (),
     include_path: Iterable[str | Path] = (),
     registry: Registry | None = None,
+    mission: str | None = None,
 ) -> LoadedTree:
     """Load a tree file, with the settings of its project's configuration.
 
@@ -503,6 +545,7 @@ def load(
         models: Palettes, which describe nodes that are not installed: files, or names of installed ones (`nav2:jazzy`).
         include_path: Further folders that the file may include from.
         registry: The registered nodes, instead of the installed ones, *nodes* and palettes that are installed.
+        mission: The name of the mission, whatever the leaves require; by default it is chosen by them.
 
     Raises:
         UnreadableFileError: If the file does not exist or cannot be read.
@@ -517,6 +560,6 @@ def load(
             )
             raise TypeError(message)
     palettes, folders = (tuple(Path(path) for path in each) for each in (models, include_path))
-    additions = Additions(tuple(nodes), palettes, folders, registry=registry)
+    additions = Additions(tuple(nodes), palettes, folders, registry=registry, mission=mission)
     # The frames between are `_note`, `project_of` and the two `load`.
     return Workspace(additions, note=lambda text: warnings.warn(text, stacklevel=6)).load(tree)

@@ -18,7 +18,6 @@ from sar_compiler.checks.verify import PropertyFile, Verification, read_property
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.documents.located import Document
 from sar_compiler.documents.yaml_files import document_of
-from sar_compiler.missions.choosing import choose_mission
 from sar_compiler.nodes.binding.bound import Binding
 
 if TYPE_CHECKING:
@@ -62,7 +61,7 @@ def verified(
 
 def default_properties(tree: "LoadedTree", binding: Binding) -> Path | None:
     """Return the file of the properties that the mission of a bound tree brings along; None for none."""
-    mission = choose_mission(binding, checkout=tree.project.checkout)
+    mission = tree.mission(binding)
     if mission is None:
         return None
     return mission.default_properties({bound.spec.cls for bound in binding.nodes() if bound.spec.cls})

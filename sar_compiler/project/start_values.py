@@ -5,28 +5,27 @@ from pathlib import Path
 
 from sar_compiler.checks.assumptions import StartValues
 from sar_compiler.missions.beginning import begin_run, node_name
-from sar_compiler.missions.choosing import choose_mission
+from sar_compiler.missions.mission import Mission
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.ros.parameter_file import read_parameter_file, sections_elsewhere
 from sar_compiler.ros.parameter_reader import ParameterReader
 
 
 def start_values(
-    path: str | Path, binding: Binding, checkout: Path, note: Callable[[str], None]
+    path: str | Path, binding: Binding, mission: Mission | None, note: Callable[[str], None]
 ) -> StartValues:
     """Return what a parameter file says of the runs of a tree.
 
     Args:
         path: The file.
         binding: The tree.
-        checkout: A folder whose content does not count as installed.
+        mission: Its mission; None for a plain tree.
         note: Is told what is surprising in the file.
 
     Raises:
         ParameterFileError: If ROS would refuse or misread the file.
         ParameterError: If the mission cannot begin with the parameters.
     """
-    mission = choose_mission(binding, checkout=checkout)
     node = f"/{node_name(mission)}"
     values = read_parameter_file(path, node)
     elsewhere = sections_elsewhere([path], node)

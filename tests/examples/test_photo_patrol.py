@@ -97,6 +97,24 @@ def test_a_tree_of_two_missions_is_refused_unless_one_is_named(start, installed,
     assert "both.xml:3:11: error[missing-context]: <ZonesRemaining> needs a ZoneManager" in one.output
 
 
+def test_a_tree_of_two_missions_is_found_without_a_robot_too(start, installed, tmp_path):
+    tree = tmp_path / "both.xml"
+    tree.write_text(document("<Sequence><ZonesRemaining/><TakePhoto/></Sequence>"), encoding="utf-8")
+    found = start("sar-compile", "validate", tree, env=installed)
+    assert found.end() == 1
+    assert "both.xml:3:28: error[several-missions]" in found.output
+    verified = start("sar-compile", "verify", tree, env=installed)
+    assert verified.end() == 2
+    assert "--mission NAME" in verified.output
+    for command in ("validate", "simulate", "verify"):
+        named = start("sar-compile", command, tree, "--mission", "photo_patrol", env=installed)
+        named.end()
+        assert "several-missions" not in named.output
+    misspelt = start("sar-compile", "validate", tree, "--mission", "photo_patro", env=installed)
+    assert misspelt.end() == 2
+    assert "did you mean 'photo_patrol'?" in misspelt.output
+
+
 def test_a_patrol_that_dies_is_resumed_without_a_second_photo_of_any_point(start, installed, tmp_path):
     patrol = ("--mission", "photo_patrol", "--sim", "--speed", 20, "--journal", tmp_path / "patrol.journal")
     dead = start("python", "-c", KILLER, 5, "written", *patrol, env=installed)
