@@ -4,7 +4,6 @@ import argparse
 import importlib
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FINDINGS, OK, USAGE, Parser, add_version, run
@@ -13,7 +12,7 @@ from sar_compiler.cli.loading import (
     add_models,
     add_nodes,
     add_project_options,
-    additions,
+    add_trust,
     workspace,
 )
 from sar_compiler.cli.terminal import findings_as_text
@@ -98,7 +97,7 @@ def _add_nodes(parser: argparse.ArgumentParser) -> None:
         default="text",
         help="for people, for scripts, or as a palette for Groot2",
     )
-    _add_model_alone(parser)
+    _add_vocabulary_options(parser)
     parser.set_defaults(run=_nodes)
 
 
@@ -106,14 +105,15 @@ def _add_schema(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--format", choices=("xsd", "json"), default="xsd", help="for files in XML, or for those in YAML"
     )
-    _add_model_alone(parser)
+    _add_vocabulary_options(parser)
     parser.set_defaults(run=_schema)
 
 
-def _add_model_alone(parser: argparse.ArgumentParser) -> None:
-    """Add `--model` where no tree is read: nothing is included, and no configuration is asked."""
+def _add_vocabulary_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that extend a project's configuration where no tree is read, so that nothing is included."""
     add_models(parser)
-    parser.set_defaults(include_path=[], trust=False)
+    add_trust(parser)
+    parser.set_defaults(include_path=[])
 
 
 def _show(arguments: argparse.Namespace) -> int:
@@ -184,33 +184,26 @@ def _schema(arguments: argparse.Namespace) -> int:
 
 
 def _registry(arguments: argparse.Namespace) -> "Registry | None":
-    """Return the installed nodes, the named ones, and those that palettes describe.
+    """Return the nodes for trees in the current folder.
 
-    What is wrong with palettes goes to standard error; None if that is an error.
+    What is wrong with the configuration and the palettes goes to standard error; None if that is an error.
 
     Raises:
         RegistryError: If a module of leaves cannot be imported or has none.
         UnreadableFileError: If a palette cannot be read.
     """
-    from sar_compiler.nodes.registry import Registry, load_registry
+    from sar_compiler.tree.diagnostic import TreeError
 
-    if not arguments.model:
-        return load_registry(arguments.nodes)
-    from sar_compiler.checks.configuration import NOTHING_DECIDED
-    from sar_compiler.nodes.models.models import described_specs
-    from sar_compiler.project import Project
-    from sar_compiler.tree.diagnostic import Severity, TreeError
-
-    project = Project(NOTHING_DECIDED, Path.cwd(), additions(arguments))
     try:
+        project = workspace(arguments).project_here()
+        registry = project.vocabulary
         findings = project.findings
     except TreeError as error:
         findings = [*error.findings]
+        registry = None
     for finding in findings:
         print(finding.render(), file=sys.stderr)
-    if any(each.severity is Severity.ERROR for each in findings):
-        return None
-    return Registry([*project.registry.specs(), *described_specs(project.palettes, project.registry)])
+    return registry
 
 
 _ADDED_HERE = {"show": _add_show, "nodes": _add_nodes, "schema": _add_schema}

@@ -7,7 +7,7 @@ import argparse
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib.metadata import distribution
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from argcomplete.completers import DirectoriesCompleter, FilesCompleter
 from argcomplete.shell_integration import shellcode
@@ -15,6 +15,9 @@ from argcomplete.shell_integration import shellcode
 from sar_compiler.cli.arguments import OK
 from sar_compiler.nodes.palettes import palette_names
 from sar_compiler.resources import shipped_root
+
+if TYPE_CHECKING:
+    from sar_compiler.project import Workspace
 
 SHELLS = ("bash", "zsh", "fish")
 
@@ -69,19 +72,22 @@ def _trees_or_ids(
     """Return tree files, or the IDs of the trees in the file that is named already."""
     if action.metavar != "ID":
         return _trees(prefix)
-    from sar_compiler.tree.forest import load_forest
-    from sar_compiler.tree.reading import read_tree_file
-    from sar_compiler.tree.shipped import find_tree
     from sar_compiler.tree.showing import in_one_line
 
-    trees = load_forest(find_tree(parsed_args.file), read_tree_file, parsed_args.include_path).trees
+    trees = _workspace(parsed_args).load(parsed_args.file).forest.trees
     return [name for name in trees if in_one_line(name) == name]
 
 
 def _tags(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
-    from sar_compiler.nodes.registry import load_registry
+    return [spec.tag for spec in _workspace(parsed_args).project_here().vocabulary.specs()]
 
-    return [spec.tag for spec in load_registry(parsed_args.nodes).specs()]
+
+def _workspace(parsed_args: argparse.Namespace) -> "Workspace":
+    """Return what loads trees by the options that are there; who only asks what there is has not yet said `--trust`."""
+    from sar_compiler.cli.loading import additions
+    from sar_compiler.project import Workspace
+
+    return Workspace(additions(parsed_args)._replace(trust=False))
 
 
 def _codes(**_: Any) -> Mapping[str, str]:

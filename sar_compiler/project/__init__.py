@@ -138,6 +138,22 @@ class Project:
         """The findings about the palettes, for any tree."""
         return self.configuration.decide(check_palettes(self.palettes, self.registry))
 
+    @functools.cached_property
+    def vocabulary(self) -> Registry:
+        """All nodes that a tree can be written with: the registered ones, and those that palettes describe.
+
+        Raises:
+            TreeError: If a palette has mistakes, or the configuration names modules that are not trusted.
+            UnreadableFileError: If a palette cannot be read.
+        """
+        from sar_compiler.nodes.models.models import described_specs
+
+        if not self.palettes:
+            return self.registry
+        if any(each.severity is Severity.ERROR for each in self.findings):
+            raise TreeError(self.findings)
+        return Registry([*self.registry.specs(), *described_specs(self.palettes, self.registry)])
+
     def _set_files(self) -> Iterator[Path]:
         """Yield the tree files that belong together.
 
@@ -199,6 +215,10 @@ class Workspace:
             TreeError: If the project's configuration has mistakes.
         """
         return LoadedTree(path, self.project_of(path), self.read, self._note)
+
+    def project_here(self) -> Project:
+        """Return the project of tree files in the current folder; see `project_of`."""
+        return self.project_of(Path("a tree file"))
 
     def project_of(self, path: Path) -> Project:
         """Return the project of a tree file.

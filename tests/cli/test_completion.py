@@ -145,3 +145,14 @@ def test_nobody_imports_what_completes_without_asking():
         subprocess.run([sys.executable, "-c", program], stdout=subprocess.DEVNULL, check=False).returncode
         == 0
     )
+
+
+def test_what_a_project_brings_along_is_offered_once_it_is_trusted(folder, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    project = shutil.copytree(folder, tmp_path / "project")
+    project.joinpath("sar.toml").write_text('nodes = ["leaves"]\n')
+    for asked in ("sar-compile nodes Wat", "sar-compile nodes --trust Wat"):
+        assert choices("bash", asked, project) == set()
+    nodes = str(Path(sys.executable).with_name("sar-compile")), "nodes", "--trust"
+    subprocess.run(nodes, check=True, cwd=project, capture_output=True)
+    assert choices("bash", "sar-compile nodes Wat", project) == {"WaterPlants"}

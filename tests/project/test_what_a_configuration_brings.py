@@ -80,6 +80,16 @@ class TestModulesThatAConfigurationNames:
         named.configure('nodes = ["robot.gripper"]\n')
         assert named.validate(PYTHONPATH=str(site)) == VALID
 
+    @pytest.mark.parametrize("question", [["nodes", "Grip"], ["schema"], ["schema", "--format", "json"]])
+    def test_count_where_it_is_asked_what_can_be_written(self, named, question):
+        done = named.command(*question)
+        assert (done.returncode, done.stdout) == (1, "")
+        assert "sar.toml:1:11: error[untrusted-nodes]" in done.stderr
+        assert not named.has_run
+        done = named.command(*question, "--trust")
+        assert done.returncode == 0
+        assert "Grip" in done.stdout
+
     def test_are_not_imported_from_the_current_folder_either(self, named, tmp_path):
         elsewhere = tmp_path / "elsewhere"
         elsewhere.mkdir()
