@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import os
 import select
 import subprocess
 import sys
@@ -300,7 +301,7 @@ def port_of(client):
 
 
 @pytest.fixture
-def btview(stage, tmp_path):
+def btview(stage):
     """Somebody else's reader of the protocol, in front of a tree that is in the middle of its work."""
     pytest.importorskip("btview", reason="btview, from PyPI, is not installed")
     tree, client = stage(
@@ -309,17 +310,17 @@ def btview(stage, tmp_path):
     )
     tree.tick()
 
-    def run(command, *arguments):
-        words = [sys.executable, "-m", "btview", command, "--port", port_of(client), *arguments]
-        done = subprocess.run(words, capture_output=True, text=True, check=False, cwd=tmp_path)
-        assert done.returncode == 0, done.stdout + done.stderr
-        return done.stdout
+    def command(name, *arguments):
+        return [sys.executable, "-m", "btview", name, "--port", port_of(client), *arguments]
 
-    return run
+    return command
 
 
 def test_btview_shows_the_tree(btview):
-    lines = [line.split() for line in btview("snapshot", "--ascii", "--no-color").splitlines()]
+    words = btview("snapshot", "--ascii", "--no-color")
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    lines = [line.split() for line in done.stdout.splitlines()]
     for name, status in (
         ("Work", "RUNNING"),
         ("Queue", "SUCCESS"),
@@ -349,7 +350,20 @@ def test_btview_echoes_what_becomes_of_nodes(stage):
 
 
 def test_btview_records_the_tree(btview, tmp_path):
-    btview("record", "--output", "run.jsonl", "--duration", "0.3")
-    head, first, *_ = map(json.loads, (tmp_path / "run.jsonl").read_text("utf-8").splitlines())
+    pipe = tmp_path / "run.jsonl"
+    os.mkfifo(pipe)
+    # Opened for writing as well, so that there is no end of it.
+    with (
+        pipe.open("r+b", buffering=0) as recorded,
+        subprocess.Popen(btview("record", "--output", str(pipe)), stdout=subprocess.DEVNULL) as recorder,
+    ):
+        try:
+            text = b""
+            while text.count(b"\n") < 2:
+                assert select.select([recorded], [], [], SILENCE_SEC)[0], "btview records nothing more"
+                text += recorded.read(65536)
+        finally:
+            recorder.kill()
+    head, first = map(json.loads, text.splitlines()[:2])
     assert 'name="Waiting"' in head["tree_xml"]
     assert first["s"] == [[1, RUNNING], [2, SUCCESS], [3, RUNNING], [4, RUNNING]]
