@@ -18,11 +18,13 @@ if TYPE_CHECKING:
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.errors import SarError, UndecidableError
     from sar_compiler.journal.journal import Journal
+    from sar_compiler.missions.choosing import MissionError
     from sar_compiler.missions.mission import Mission, MissionRun
     from sar_compiler.missions.verbs import Verb, VerbField
     from sar_compiler.monitoring.groot2_publisher import Groot2Publisher
+    from sar_compiler.nodes.constructors import RegistrationError
     from sar_compiler.nodes.register import register
-    from sar_compiler.nodes.registry import RegistryError
+    from sar_compiler.nodes.registry import Registry, RegistryError
     from sar_compiler.nodes.semantics import Semantics
     from sar_compiler.nodes.spec import Kind, Use
     from sar_compiler.nodes.values import Milliseconds, Seconds
@@ -32,10 +34,12 @@ if TYPE_CHECKING:
     from sar_compiler.ros.faults import FaultPlan, ServiceFaults, create_service
     from sar_compiler.ros.landmark import Landmark
     from sar_compiler.ros.leaves.action_leaf import ActionLeaf
+    from sar_compiler.ros.leaves.errors import LeafDefinitionError
     from sar_compiler.ros.leaves.leaf import RosLeaf
     from sar_compiler.ros.leaves.service_leaf import ServiceLeaf
     from sar_compiler.ros.leaves.topic_leaf import TopicLeaf
-    from sar_compiler.ros.parameter_reader import ParameterReader
+    from sar_compiler.ros.parameter_file import ParameterFileError
+    from sar_compiler.ros.parameter_reader import ParameterError, ParameterReader
     from sar_compiler.ros.runner import TreeRunner
     from sar_compiler.ros.serving import serve
     from sar_compiler.runtime.answers import Answer
@@ -60,15 +64,21 @@ __all__ = [
     "Journal",
     "Kind",
     "Landmark",
+    "LeafDefinitionError",
     "LoadedTree",
     "ManualClock",
     "Milliseconds",
     "Mission",
+    "MissionError",
     "MissionRun",
     "Output",
+    "ParameterError",
+    "ParameterFileError",
     "ParameterReader",
     "Progress",
     "ProofStatus",
+    "RegistrationError",
+    "Registry",
     "RegistryError",
     "RosLeaf",
     "SarError",
@@ -102,11 +112,13 @@ _MODULES = {
     "compiler": ("CompiledTree",),
     "errors": ("SarError", "UndecidableError"),
     "journal.journal": ("Journal",),
+    "missions.choosing": ("MissionError",),
     "missions.mission": ("Mission", "MissionRun"),
     "missions.verbs": ("Verb", "VerbField"),
     "monitoring.groot2_publisher": ("Groot2Publisher",),
+    "nodes.constructors": ("RegistrationError",),
     "nodes.register": ("register",),
-    "nodes.registry": ("RegistryError",),
+    "nodes.registry": ("Registry", "RegistryError"),
     "nodes.semantics": ("Semantics",),
     "nodes.spec": ("Kind", "Use"),
     "nodes.values": ("Milliseconds", "Seconds"),
@@ -116,10 +128,12 @@ _MODULES = {
     "ros.faults": ("FaultPlan", "ServiceFaults", "create_service"),
     "ros.landmark": ("Landmark",),
     "ros.leaves.action_leaf": ("ActionLeaf",),
+    "ros.leaves.errors": ("LeafDefinitionError",),
     "ros.leaves.leaf": ("RosLeaf",),
     "ros.leaves.service_leaf": ("ServiceLeaf",),
     "ros.leaves.topic_leaf": ("TopicLeaf",),
-    "ros.parameter_reader": ("ParameterReader",),
+    "ros.parameter_file": ("ParameterFileError",),
+    "ros.parameter_reader": ("ParameterError", "ParameterReader"),
     "ros.runner": ("TreeRunner",),
     "ros.serving": ("serve",),
     "runtime.answers": ("Answer",),

@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import Any, cast
 
 from sar_compiler.errors import SarError
+from sar_compiler.missions import ENTRY_POINTS
 from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.installed import entry_points, ignored_entry_points, import_installed
 from sar_compiler.nodes.values import nearest
 from sar_compiler.tree.diagnostic import TreeError
-
-ENTRY_POINTS = "sar_compiler.missions"
 
 
 class MissionError(SarError):
@@ -102,11 +101,6 @@ def mission_named(name: str, checkout: Path | None = None) -> Mission:
         hint += f"; the missions of {place} are passed over, which is part of what is looked at: install them"
     message = f"there is no mission '{name}' (installed: {', '.join(sorted(missions))}){hint}"
     raise MissionError(message)
-
-
-def is_choice(checkout: Path | None = None) -> bool:
-    """Return whether several missions are installed, without importing them; arguments as of `choose_mission`."""
-    return len(entry_points(ENTRY_POINTS, checkout)) > 1
 
 
 def choose_mission(binding: Binding, name: str | None = None, checkout: Path | None = None) -> Mission | None:

@@ -12,7 +12,7 @@ from sar_compiler.nodes.answers import is_fact_name
 from sar_compiler.nodes.constructors import RegistrationError
 from sar_compiler.nodes.outcome_sets import ALL
 from sar_compiler.nodes.semantics import Semantics
-from sar_compiler.nodes.spec import MARK, Kind, NodeSpec, Use
+from sar_compiler.nodes.spec import CHILD_COUNTS, MARK, Kind, NodeSpec, Use
 from sar_compiler.runtime.answers import STATUSES, Answer, Fact
 
 C = TypeVar("C", bound=type[Any])
@@ -33,6 +33,7 @@ def register(  # noqa: PLR0913 - all that there is to say of a node
     reads: Iterable[str] = (),
     writes: Iterable[str] = (),
     semantics: Semantics | None = None,
+    child_count: tuple[int, int | None] | None = None,
 ) -> Callable[[C], C]:
     """Register a class for a tag.
 
@@ -52,6 +53,8 @@ def register(  # noqa: PLR0913 - all that there is to say of a node
         writes: Further facts or blackboard keys that it changes.
         semantics: For a control or decorator: how it treats its children, for instance `Semantics.sequence()`.
             Without it only the outcomes are known, and checks can conclude little.
+        child_count: For a control: the smallest and the largest number of children, None for no limit; by default from
+            1.
 
     Returns:
         A decorator that returns the class, unchanged except for the mark.
@@ -75,11 +78,14 @@ def register(  # noqa: PLR0913 - all that there is to say of a node
     read, written = _members(tag, "reads", reads, '["..."]'), _members(tag, "writes", writes, '["..."]')
 
     _require_semantics(tag, semantics)
+    numbers = _child_count(tag, kind, child_count)
 
     def mark(cls: C) -> C:
         _require_behaviour(tag, cls)
         means = _guarded(tag, cls, semantics or Semantics())
-        spec = NodeSpec(tag, cls, kind, names, effects, needs, said, known, read, written, means)
+        spec = NodeSpec(
+            tag, cls, kind, names, effects, needs, said, known, read, written, means, child_count=numbers
+        )
         setattr(cls, MARK, spec)
         return cls
 
@@ -109,6 +115,22 @@ def _require_semantics(tag: str, semantics: object) -> None:
     if not isinstance(semantics, (Semantics, type(None))):
         message = f"<{tag}>: semantics is {_shown(semantics)}; write Semantics.sequence() or the like"
         raise RegistrationError(message)
+
+
+def _child_count(tag: str, kind: Kind, count: object) -> tuple[int, int | None]:
+    if count is None:
+        return CHILD_COUNTS[kind]
+    if kind is not Kind.CONTROL:
+        message = f"<{tag}>: child_count is for controls: leave it out"
+        raise RegistrationError(message)
+    match count:
+        case (int(least), int() | None as most) if 1 <= least <= (least if most is None else most):
+            return least, most
+    message = (
+        f"<{tag}>: child_count is {_shown(count)}; write the smallest and the largest number of children, "
+        "as (2, 3), or (2, None) for no limit"
+    )
+    raise RegistrationError(message)
 
 
 _FUNCTIONS = ("possible", "gates", "rounds", "limit_sec")

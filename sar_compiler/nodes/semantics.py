@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from sar_compiler.nodes import outcome_sets
@@ -186,6 +187,35 @@ class Semantics:
         by_bit = {outcome_sets.bit_of(old): outcome_sets.bit_of(new) for old, new in turns.items()}
         return cls(outcome_sets.turning(by_bit), steady=True, changes=outcome_sets.union(by_bit))
 
+    @classmethod
+    def passing(cls) -> "Semantics":
+        """Return the semantics of a decorator that returns its child's results."""
+        return cls(outcome_sets.passing, steady=True)
+
+    @classmethod
+    def repeating(cls, after: "Status", rounds: Number | str) -> "Semantics":
+        """Return the semantics of a decorator that restarts its child after one of its results, and then runs.
+
+        Args:
+            after: That result: SUCCESS for one that repeats, FAILURE for one that retries.
+            rounds: The attribute with the largest number of rounds, -1 for no limit; or a function of the node that
+                returns the number, `math.inf` for no limit, None if it is not known before the run.
+        """
+        end = outcome_sets.bit_of(after)
+        count = partial(_rounds_in, rounds) if isinstance(rounds, str) else rounds
+        return cls(outcome_sets.rounds(count, end), steady=True, changes=end, repeats=end, rounds=count)
+
+    @classmethod
+    def limiting(cls, limit: Number | str) -> "Semantics":
+        """Return the semantics of a decorator that fails when its child has run for too long.
+
+        Args:
+            limit: The attribute with the limit in seconds; or a function of the node that returns it, `math.inf` for
+                none, None if it is not known before the run.
+        """
+        limit_sec = partial(_seconds_in, limit) if isinstance(limit, str) else limit
+        return cls(outcome_sets.time_limit(limit_sec), steady=True, changes=R, limit_sec=limit_sec)
+
     @property
     def is_sequence(self) -> bool:
         """Whether it ticks its children in order until one does not succeed."""
@@ -210,8 +240,13 @@ class Semantics:
         return outcome_sets.union(ends)
 
 
-def endless(count: float | None) -> float | None:
+def _rounds_in(attribute: str, bound: "BoundNode") -> float | None:
     """Return a number of rounds in BehaviorTree.CPP's notation, in which -1 is endless and less is none."""
+    count = outcome_sets.number(bound, attribute)
     if count is None:
         return None
     return math.inf if count == -1 else max(count, 0)
+
+
+def _seconds_in(attribute: str, bound: "BoundNode") -> float | None:
+    return outcome_sets.number(bound, attribute)

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from sar_compiler.checks import check, check_palettes, first_of_each
 from sar_compiler.checks.configuration import Configuration, configuration_for, repository_of
+from sar_compiler.missions import ENTRY_POINTS as MISSIONS
 from sar_compiler.nodes.binding.bound import Binding
-from sar_compiler.nodes.installed import ignored_entry_points, is_installed
+from sar_compiler.nodes.installed import entry_points, ignored_entry_points, is_installed
 from sar_compiler.nodes.palettes import is_palette_name
 from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, load_registry
 from sar_compiler.tree.content import as_written, read_bytes, real_path
@@ -361,10 +362,9 @@ class LoadedTree:
         Raises:
             MissionError: If there is no mission of the name that the user has given, or one cannot be imported.
         """
-        from sar_compiler.missions.choosing import is_choice
-
         project = self.project
-        if project.additions.mission is None and not is_choice(project.checkout):
+        # The only one is never imported to ask whose a tree is.
+        if project.additions.mission is None and len(entry_points(MISSIONS, project.checkout)) < 2:  # noqa: PLR2004
             return []
         try:
             binding = self.binding()

@@ -280,6 +280,34 @@ def test_a_meaning_in_other_words_than_semantics_is_refused():
         register("Tag", kind=Kind.CONTROL, semantics="sequence")  # type: ignore[arg-type]
 
 
+OWN = load_registry(["tests.checks.verify.own_controls"])
+
+
+@pytest.mark.parametrize(
+    ("children", "codes"), [(1, ["missing-child"]), (2, []), (3, ["too-many-children"])]
+)
+def test_a_control_of_ones_own_has_as_many_children_as_it_says(children, codes):
+    body = f"<OwnRecovery>{'<Success/>' * children}</OwnRecovery>"
+    assert [each.code for each in check(forest(body), OWN)] == codes
+
+
+@pytest.mark.parametrize("count", [2, (0, 1), (3, 2), (1, "many"), (True, None, 2)])
+def test_a_number_of_children_that_is_none_is_refused(count):
+    with pytest.raises(RegistrationError, match=r"child_count is .*; write the smallest and the largest"):
+        register("Tag", kind=Kind.CONTROL, child_count=count)
+
+
+def test_a_number_of_children_is_for_controls():
+    with pytest.raises(RegistrationError, match="child_count is for controls"):
+        register("Tag", kind=Kind.DECORATOR, child_count=(1, 1))
+
+
+@pytest.mark.parametrize(("limit", "codes"), [("0", ["short-timeout"]), ("2", [])])
+def test_a_limit_of_ones_own_is_read_off_the_attribute_that_the_meaning_names(limit, codes):
+    body = f"<Sequence><OwnLimit seconds='{limit}'><Sleep msec='5'/></OwnLimit><Success/></Sequence>"
+    assert [each.code for each in check(forest(body), OWN)] == codes
+
+
 @pytest.mark.parametrize(
     ("tag", "words"),
     [
@@ -288,8 +316,7 @@ def test_a_meaning_in_other_words_than_semantics_is_refused():
     ],
 )
 def test_a_function_of_the_semantics_that_goes_wrong_is_told_with_its_class(tag, words):
-    registry = load_registry(["tests.checks.verify.own_controls"])
     with pytest.raises(RegistrationError) as error:
-        check(forest(f'<{tag} name="Here"><Success/></{tag}>'), registry)
+        check(forest(f'<{tag} name="Here"><Success/></{tag}>'), OWN)
     place = "the function 'possible' in the semantics of tests.checks.verify.own_controls."
     assert str(error.value).startswith(f"<{tag}>: {place}{words}")

@@ -2,22 +2,12 @@
 
 import math
 from collections.abc import Mapping
-from functools import partial
 
 from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.nodes.outcome_sets import F, K, Number, S, number
-from sar_compiler.nodes.semantics import Gate, endless
+from sar_compiler.nodes.outcome_sets import F, K, S, number
+from sar_compiler.nodes.semantics import Gate
 
 _MILLISECONDS = 1000.0
-
-
-def at_most(attribute: str) -> Number:
-    """Return the reader of a number of rounds in BehaviorTree.CPP's notation."""
-    return partial(_endless, attribute)
-
-
-def _endless(attribute: str, bound: BoundNode) -> float | None:
-    return endless(number(bound, attribute))
 
 
 def successes(bound: BoundNode) -> float | None:
@@ -37,11 +27,6 @@ def within(bound: BoundNode) -> float | None:
     """Return the limit of a Timeout in seconds; BehaviorTree.CPP's 0 is no limit."""
     milliseconds = number(bound, "msec")
     return milliseconds and milliseconds / _MILLISECONDS if milliseconds != 0 else math.inf
-
-
-def duration(bound: BoundNode) -> float | None:
-    """Return the limit of py_trees' Timeout in seconds."""
-    return number(bound, "duration")
 
 
 def after_the_first(_bound: BoundNode) -> Mapping[int, Gate]:

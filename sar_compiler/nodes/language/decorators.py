@@ -10,10 +10,10 @@ from py_trees.common import OneShotPolicy, Status
 from sar_compiler.nodes import outcome_sets
 from sar_compiler.nodes.binding.attributes import OneShotPolicyName
 from sar_compiler.nodes.btcpp import rewrites
-from sar_compiler.nodes.language.attribute_readers import at_most, duration, failures, successes, within
+from sar_compiler.nodes.language.attribute_readers import failures, successes, within
 from sar_compiler.nodes.language.narrow_types import KEY, VARIABLE, StatusName, queue_of
 from sar_compiler.nodes.language.py_trees_nodes import Keys, made_by, since_2_4
-from sar_compiler.nodes.outcome_sets import F, K, Number, R, S
+from sar_compiler.nodes.outcome_sets import K, R, S
 from sar_compiler.nodes.semantics import NO_HINT, WRITES, AccessKind, Counterpart, KeyRole, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role, Signature, Skipping, Skips
 from sar_compiler.nodes.values import CONDITION, MILLISECONDS, SECONDS, type_of
@@ -106,22 +106,11 @@ def for_each(
 _ALL = frozenset({"SUCCESS", "FAILURE", "RUNNING"})
 _NOUNS = {Status.SUCCESS: "success", Status.FAILURE: "failure", Status.RUNNING: "running"}
 _NAME = {"name": "The node's name."}
-_PASSING = Semantics(outcome_sets.passing, steady=True)
 
 
-def _again(
-    rounds: Number, end: int, rewrite: "rewrites.Rewrite | None" = None, *, built_in: bool = True
-) -> Semantics:
-    """Return the semantics of a decorator that ticks its child again after one end of it."""
-    counterpart = Counterpart(built_in, rewrite)
-    possible = outcome_sets.rounds(rounds, end)
-    return Semantics(possible, steady=True, changes=end, repeats=end, rounds=rounds, counterpart=counterpart)
-
-
-def _limit(limit_sec: Number) -> Semantics:
-    counterpart = Counterpart(built_in=True, rewrite=rewrites.timeout)
-    possible = outcome_sets.time_limit(limit_sec)
-    return Semantics(possible, steady=True, changes=R, limit_sec=limit_sec, counterpart=counterpart)
+def _rewritten(semantics: Semantics, rewrite: rewrites.Rewrite, *, built_in: bool = True) -> Semantics:
+    """Return semantics with what the node becomes in BehaviorTree.CPP."""
+    return replace(semantics, counterpart=Counterpart(built_in, rewrite))
 
 
 def _results_after(turns: Mapping[Status, Status]) -> frozenset[str]:
@@ -227,8 +216,16 @@ BEHAVIORTREE_CPP = [
         {Status.SUCCESS: Status.RUNNING, Status.INVALID: Status.RUNNING},
         repeats=S,
     ),
-    _own("Repeat", repetition.Repeat, _again(at_most("num_cycles"), S, rewrites.repeat)),
-    _own("RetryUntilSuccessful", repetition.RetryUntilSuccessful, _again(at_most("num_attempts"), F)),
+    _own(
+        "Repeat",
+        repetition.Repeat,
+        _rewritten(Semantics.repeating(Status.SUCCESS, "num_cycles"), rewrites.repeat),
+    ),
+    _own(
+        "RetryUntilSuccessful",
+        repetition.RetryUntilSuccessful,
+        Semantics.repeating(Status.FAILURE, "num_attempts"),
+    ),
     _own(
         "RunOnce",
         own.RunOnce,
@@ -242,7 +239,12 @@ BEHAVIORTREE_CPP = [
         Semantics(outcome_sets.adding(R), steady=True),
         signature=Signature(types={"delay_msec": MILLISECONDS}),
     ),
-    _own("Timeout", timers.Timeout, _limit(within), signature=Signature(types={"msec": MILLISECONDS})),
+    _own(
+        "Timeout",
+        timers.Timeout,
+        _rewritten(Semantics.limiting(within), rewrites.timeout),
+        signature=Signature(types={"msec": MILLISECONDS}),
+    ),
     _own(
         "Precondition",
         script_nodes.Precondition,
@@ -287,7 +289,7 @@ PY_TREES = [
         timers.StockTimeout,
         Kind.DECORATOR,
         _ALL,
-        semantics=_limit(duration),
+        semantics=_rewritten(Semantics.limiting("duration"), rewrites.timeout),
         signature=Signature(types={"duration": SECONDS}),
         skipping=Skipping(advice='msec="..."'),
         variant=True,
@@ -295,7 +297,7 @@ PY_TREES = [
     _stock(
         decorators.Retry,
         "Ticks its child again after a failure, until it has failed too often.",
-        _again(failures, F, rewrites.retry, built_in=False),
+        _rewritten(Semantics.repeating(Status.FAILURE, failures), rewrites.retry, built_in=False),
         instead="RetryUntilSuccessful",
         num_failures="With how many failures to fail; 1 or less: with the first one.",
     ),
@@ -303,7 +305,7 @@ PY_TREES = [
         _stock(
             decorators.Repeat,
             "Ticks its child again after a success, until it has succeeded often enough.",
-            _again(successes, S, rewrites.repeat),
+            _rewritten(Semantics.repeating(Status.SUCCESS, successes), rewrites.repeat),
             instead='num_cycles="..."',
             num_success="With how many successes to succeed; 0 or less: never.",
         ),
@@ -320,7 +322,7 @@ PY_TREES = [
     _stock(
         decorators.Count,
         "Answers what its child answers, and counts how often it was ticked and how it ended.",
-        _PASSING,
+        Semantics.passing(),
     ),
     made_by(
         "EternalGuard",
@@ -335,14 +337,14 @@ PY_TREES = [
         ),
         condition=CONDITION,
     ),
-    _stock(decorators.PassThrough, "Answers what its child answers.", _PASSING),
+    _stock(decorators.PassThrough, "Answers what its child answers.", Semantics.passing()),
     made_by(
         "StatusToBlackboard",
         status_to_blackboard,
         *_ALL,
         kind=Kind.DECORATOR,
         effects=WRITES,
-        semantics=replace(_PASSING, keys={"variable_name": _WRITTEN}),
+        semantics=replace(Semantics.passing(), keys={"variable_name": _WRITTEN}),
         variable_name=VARIABLE,
     ),
     made_by(
@@ -370,7 +372,7 @@ SUBTREE = NodeSpec(
     decorators.PassThrough,
     Kind.DECORATOR,
     _ALL,
-    semantics=replace(_PASSING, counterpart=Counterpart(built_in=True)),
+    semantics=replace(Semantics.passing(), counterpart=Counterpart(built_in=True)),
     skipping=Skipping(Skips.FROM_CHILD, own.SubTree),
     signature=Signature(
         doc="Another tree of the file. Its other attributes say which keys around it its keys stand for.",

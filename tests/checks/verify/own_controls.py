@@ -76,7 +76,7 @@ class OwnReactiveFallback(Own):
         yield self
 
 
-@register("OwnRecovery", kind=Kind.CONTROL)
+@register("OwnRecovery", kind=Kind.CONTROL, child_count=(2, 2))
 class OwnRecovery(Own):
     """Ticks its first child; when that has failed, the second one, and then the first one again.
 
@@ -165,6 +165,11 @@ class OwnTimeout(OwnInverter):
         if self.decorated.status == Status.RUNNING and self.clock.now() - self.started >= self.seconds:
             return Status.FAILURE
         return self.decorated.status
+
+
+@register("OwnLimit", kind=Kind.DECORATOR, semantics=Semantics.limiting("seconds"))
+class OwnLimit(OwnTimeout):
+    """The same, with its meaning."""
 
 
 @register("OwnDebounce", kind=Kind.DECORATOR)
