@@ -1,7 +1,7 @@
 """The state of a mission, folded from the entries of its journal: what a page, a report and a terminal show.
 
 The entries come one by one while the mission runs (`Journal.listen`), or all at once from a file (`JournalFile.stream`);
-the state is the same. Entries of other kinds, or without what belongs to their kind, change nothing.
+the state is the same. Entries of other kinds, or without what belongs to their kind, are kept as they are: they are the mission's own.
 """
 
 import math
@@ -67,6 +67,20 @@ class Told(NamedTuple):
     text: str
     by: str = ""
     level: int = 0
+
+
+class Noted(NamedTuple):
+    """An entry that means something to the mission alone.
+
+    Attributes:
+        at: When it was written.
+        kind: What it is, such as `photo_taken`.
+        data: What belongs to it, as JSON values.
+    """
+
+    at: Instant
+    kind: str
+    data: Mapping[str, Any]
 
 
 @dataclass
@@ -214,6 +228,7 @@ class MissionState:
         alarms: Reasons to cut the mission short.
         orders: What the operator has ordered.
         warnings: Warnings and errors of the log.
+        noted: What the mission has written of its own, in its order.
         goals: The goals that may be active: their actions, by id.
         tick: The number of the last tick in which anything has changed.
         now: The moment of the last entry.
@@ -236,6 +251,7 @@ class MissionState:
         self.alarms: list[Told] = []
         self.orders: list[Told] = []
         self.warnings: list[Told] = []
+        self.noted: list[Noted] = []
         self.goals: dict[str, str] = {}
         self.tick = 0
         self.now = Instant(1, 0.0, 0.0)
@@ -287,7 +303,10 @@ class MissionState:
             try:
                 happen(**entry.data)
             except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
-                return  # somebody else's entry of that kind
+                pass  # somebody else's entry of that kind
+            else:
+                return
+        self.noted.append(Noted(self.now, entry.kind, entry.data))
 
     @property
     def title(self) -> str:

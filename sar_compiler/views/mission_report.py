@@ -95,6 +95,7 @@ def report_data(state: MissionState) -> dict[str, Any]:
         "base_station": place.of(state.base),
         "alarms": _told(state.alarms),
         "orders": _told(state.orders),
+        "noted": [{**_at(each.at), "kind": each.kind, "data": dict(each.data)} for each in state.noted],
         "warnings": [{**_at(each.at), "text": each.text, "node": each.by} for each in state.warnings],
         "path": [{**_at(pose.at), **(place.of(Position(pose.x, pose.y)) or {})} for pose in state.trail],
         "parameters": dict(state.parameters),

@@ -1,14 +1,17 @@
 """A mission that is running, for a terminal: one screen of it, or a line for each change."""
 
 import itertools
+import json
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, RUN_BEGAN, RUN_ENDED, JournalEntry
-from sar_compiler.journal.mission_state import RUNNING, MissionState, NodeState, SurvivorState
+from sar_compiler.journal.mission_state import RUNNING, MissionState, NodeState, Noted, SurvivorState
 from sar_compiler.tree.showing import in_one_line, shortened
 from sar_compiler.views.journals import entry_words
 
+# So much of what a mission has written of its own has room in a line.
+_MOST_NOTED = 10
 _SIGNS = {RUNNING: "[*]", "SUCCESS": "[✓]", "FAILURE": "[✕]", "SKIPPED": "[>]"}
 
 # Facts that say nothing to people.
@@ -43,6 +46,15 @@ def clock_text(seconds: float) -> str:
     return f"{hours}:{minutes:02}:{whole % 60:02}" if hours else f"{minutes}:{whole % 60:02}"
 
 
+def noted_words(noted: Noted) -> tuple[str, str]:
+    """Return what a mission has written of its own in words: what it is, and what belongs to it (`photo: photo_1`)."""
+    values = (
+        f"{name}: {value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)}"
+        for name, value in noted.data.items()
+    )
+    return noted.kind.replace("_", " "), shortened(", ".join(values))
+
+
 def change_text(state: MissionState, entry: JournalEntry, before: str) -> str:
     """Return an entry as a line of a log, once the state has it; empty for what is no change to people.
 
@@ -71,7 +83,7 @@ def screen(state: MissionState, now: float, height: int) -> list[Line]:
         now: Seconds of the mission's clock since the run's beginning.
         height: The number of lines at most; 3 or more.
     """
-    head = [_headline(state, now), *_survivors(state)]
+    head = [_headline(state, now), *_found(state)]
     return [*head, *_tree(state, now, height - len(head))]
 
 
@@ -106,12 +118,16 @@ def _going_on(state: MissionState, root: str) -> str:
     return "held" if state.held else root
 
 
-def _survivors(state: MissionState) -> Iterator[Line]:
+def _found(state: MissionState) -> Iterator[Line]:
+    """Yield a line with the survivors; of a mission that looks for none, with the latest that it has written of its own."""
     told = [_survivor(each) for each in reversed(state.survivors)]
     if told:
         yield [Piece(in_one_line(f"survivors: {len(told)}; {'; '.join(told)}"))]
     elif state.zones:
         yield [Piece("survivors: none", "quiet")]
+    elif state.noted:
+        latest = (", ".join(filter(None, noted_words(each))) for each in state.noted[: -_MOST_NOTED - 1 : -1])
+        yield [Piece(in_one_line(f"noted: {len(state.noted)}; {'; '.join(latest)}"))]
 
 
 def _survivor(survivor: SurvivorState) -> str:

@@ -16,12 +16,12 @@ from sar_compiler.journal.mission_state import (
 )
 from sar_compiler.tree.showing import visible
 from sar_compiler.views.mission_report import georeference, outcome, to_visit
-from sar_compiler.views.mission_view import clock_text, sign
+from sar_compiler.views.mission_view import clock_text, noted_words, sign
 from sar_compiler.views.report_map import LEGEND, report_map
 
 _NONE = "-"
-# Of the log's warnings so many are told.
-_MOST_WARNINGS = 200
+# Of the log's warnings so many are told, of what the mission has written of its own so much.
+_MOST_WARNINGS, _MOST_NOTED = 200, 1000
 # As in rcl_interfaces/msg/Log.
 _ERROR = 40
 
@@ -86,6 +86,7 @@ def html_report(state: MissionState) -> str:
             *_zones(state),
             *_events(state, "Alarms of the failsafes", state.alarms),
             *_events(state, "Orders of the operator", state.orders),
+            *_noted(state),
             *_faults(state),
             *_annex(state),
         )
@@ -101,7 +102,8 @@ def _head(state: MissionState) -> Iterator[str]:
     word, reason = outcome(state)
     yield f"<header><h1>{_text(state.title)}</h1>"
     if state.about.get("simulated"):
-        yield '<p class="simulated">Simulated: nobody was searched for, nobody was found</p>'
+        nobody = ": nobody was searched for, nobody was found" if state.zones or state.survivors else ""
+        yield f'<p class="simulated">Simulated{nobody}</p>'
     yield f'<p class="outcome{"" if word == "complete" else " bad"}">{_text(word.capitalize())}'
     yield f"{_text(f': {reason}') if reason and word != 'complete' else ''}</p>"
     listed = to_visit(state)
@@ -201,16 +203,29 @@ def _events(state: MissionState, title: str, told: Sequence[Told]) -> Iterator[s
         yield _table(("when", "what"), rows, "")
 
 
+def _noted(state: MissionState) -> Iterator[str]:
+    if state.noted:
+        yield "<h2>Noted by the mission</h2>"
+        rows = (
+            ("", [_when(state, each.at), *(words or _NONE for words in noted_words(each))])
+            for each in state.noted[:_MOST_NOTED]
+        )
+        yield _table(("when", "what", "values"), rows, "")
+        yield _more(len(state.noted) - _MOST_NOTED)
+
+
 def _faults(state: MissionState) -> Iterator[str]:
     yield "<h2>Faults met</h2>"
-    shown = state.warnings[:_MOST_WARNINGS]
     rows = (
         ("", [_when(state, each.at), "error" if each.level >= _ERROR else "warning", each.by, each.text])
-        for each in shown
+        for each in state.warnings[:_MOST_WARNINGS]
     )
     yield _table(("when", "kind", "of", "what"), rows, "The log has no warnings and no errors.")
-    if len(state.warnings) > len(shown):
-        yield f"<p class='quiet'>{len(state.warnings) - len(shown)} more are in the journal.</p>"
+    yield _more(len(state.warnings) - _MOST_WARNINGS)
+
+
+def _more(count: int) -> str:
+    return f"<p class='quiet'>{count} more are in the journal.</p>" if count > 0 else ""
 
 
 def _annex(state: MissionState) -> Iterator[str]:

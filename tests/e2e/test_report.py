@@ -32,6 +32,7 @@ def test_a_flight_is_reported_with_its_map_its_way_and_who_was_found(start, tmp_
         "acknowledged",
     )
     assert (data["outcome"], data["simulated"], data["home"]) == ("complete", True, True)
+    assert data["noted"] == []
     assert len(data["path"]) > 3
     assert 'href="data:image/png;base64,' in out[0].read_text(encoding="utf-8")
     assert geojson.loads(out[2].read_text(encoding="utf-8")).is_valid

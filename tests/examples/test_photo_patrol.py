@@ -1,5 +1,6 @@
 """The example `photo_patrol`: a mission in a package of its own, installed and run."""
 
+import json
 import shutil
 import signal
 import subprocess
@@ -120,7 +121,13 @@ def test_a_patrol_that_dies_is_resumed_without_a_second_photo_of_any_point(start
     dead = start("python", "-c", KILLER, 5, "written", *patrol, env=installed)
     assert dead.end() == -signal.SIGKILL
     assert "Driving to depot..." in dead.log
-    run = start("sar-run", *patrol, "--resume", env=installed)
+    run = start("sar-run", *patrol, "--resume", "--report", tmp_path / "r.json", env=installed)
     assert run.end() == 0, run.output
     assert [line for line in run.log if line.startswith("Driving")] == ["Driving to yard..."]
     assert "Patrol: 3 of 3 photos" in run.output
+    noted = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))["noted"]
+    assert [each["data"] for each in noted if each["kind"] == "photo_taken"] == [
+        {"photo": f"photo_{number}"}
+        for number in (1, 2, 1)  # the camera has begun anew, too
+    ]
+    assert [each["kind"] for each in noted].count("point_left") == 3

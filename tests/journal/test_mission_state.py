@@ -214,11 +214,21 @@ def test_a_run_that_has_ended_says_how():
         ("run_ended", {"ending": "over", "status": 0, "reason": "", "more": 1}),
     ],
 )
-def test_what_is_not_of_this_form_changes_nothing(entry):
+def test_what_is_not_of_this_form_is_kept_as_it_is_and_changes_nothing(entry):
     state, before = after(entry), after()
+    assert [(each.kind, each.data) for each in state.noted] == [entry]
     assert (state.pose, state.trail, state.survivors) == (None, [], [])
     assert [node.status for node in state.nodes] == ["", "", ""]
     assert state.runs[-1].ending == before.runs[-1].ending
+
+
+def test_what_a_mission_has_written_of_its_own_is_kept_in_its_order():
+    photo = ("photo_taken", {"photo": "photo_1"})
+    state = after(photo, status(1, "RUNNING"), ("pose", {"x": 1.0, "y": 2.0, "yaw": 0.5}), ("point_left", {}))
+    assert [(each.at.time, each.kind, each.data) for each in state.noted] == [
+        (1.0, *photo),
+        (4.0, "point_left", {}),
+    ]
 
 
 def test_a_journal_without_a_mission_has_a_tree_and_no_zones():

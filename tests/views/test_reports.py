@@ -79,6 +79,7 @@ def mission_of(told):
 
 CONFIRMED = ("survivor_judged", {"survivor": "survivor_1", "standing": "confirmed", "same_as": None})
 REJECTED = ("survivor_judged", {"survivor": "survivor_1", "standing": "rejected", "same_as": None})
+PATROL = [("photo_taken", {"photo": "photo_1", "points": ["yard", 2]}), ("point_left", {})]
 NAMELESS = ("zone_searched", {"zone": "zone_b", "survivor": [9.0, 9.0]})
 
 
@@ -128,6 +129,14 @@ class TestJson:
         }
         assert (data["outcome"], data["reason"]) == ("incomplete", "zone_b was abandoned.")
         assert [pose["x"] for pose in data["path"]] == [0.0, 1.0]
+
+    def test_it_has_what_the_mission_has_written_of_its_own(self):
+        data = json.loads(report_text(mission(*PATROL), "r.json"))
+        assert [(each["time"], each["kind"], each["data"]) for each in data["noted"]] == [
+            (11.0, "photo_taken", {"photo": "photo_1", "points": ["yard", 2]}),
+            (12.0, "point_left", {}),
+        ]
+        assert report_data(mission())["noted"] == []
 
     def test_without_a_place_on_the_earth_positions_are_those_of_the_map(self):
         assert report_data(mission(parameters={}))["survivors"][0]["position"] == {"x": 100.0, "y": 0.0}
@@ -355,6 +364,22 @@ class TestThePage:
         for words in ("Goal aborted", "the battery is at 12 %", "recall"):
             assert words in read
 
+    def test_what_the_mission_has_written_of_its_own_is_told_in_words(self):
+        (table,) = re.findall("<h2>Noted by the mission</h2>(.*?)<h2>", html_report(mission(*PATROL)))
+        cells = re.findall(r'data-head="([^"]*)">([^<]*)</td>', table)
+        assert [(head, html.unescape(cell)) for head, cell in cells if head != "when"] == [
+            ("what", "photo taken"),
+            ("values", 'photo: photo_1, points: ["yard", 2]'),
+            ("what", "point left"),
+            ("values", "-"),
+        ]
+        assert "Noted" not in html_report(mission())
+
+    def test_of_very_much_the_page_says_how_much_more_there_is(self):
+        page = html_report(mission(*[("reading", {"at": each}) for each in range(1003)]))
+        assert page.count('<td class="text" data-head="what">reading</td>') == 1000
+        assert "3 more are in the journal." in page
+
     def test_the_way_of_the_robot_is_drawn_over_the_map(self):
         page = html_report(mission())
         assert f"data:image/png;base64,{PNG}" in page
@@ -374,6 +399,7 @@ class TestThePage:
     @pytest.mark.parametrize(
         "told",
         [
+            ("photo_taken", {"\ud800": math.nan, "photo": ["\ud800"], "more": {"a": None}}),
             ("map", {"x": 0, "y": 0, "resolution": 1, "width": math.inf, "height": 1, "png": PNG}),
             ("pose", {"x": 1e308, "y": 0.0, "yaw": 0.0}),
             ("survivor_judged", {"survivor": "survivor_1", "standing": "\ud800", "same_as": "\ud800"}),
@@ -398,6 +424,8 @@ class TestThePage:
 
     def test_a_simulation_says_that_nobody_was_found(self):
         assert "Simulated: nobody was searched for" in texts(html_report(mission(simulated=True)))
+        patrol = MissionState.of([JournalEntry(1, 1, 0.0, 0.0, "run_began", {"simulated": True, "run": {}})])
+        assert "\nSimulated\n" in texts(html_report(patrol))
 
     @pytest.mark.parametrize(
         "told",
@@ -408,6 +436,8 @@ class TestThePage:
             ("alarmed", {"reason": NASTY}),
             ("survivor_judged", {"survivor": "survivor_1", "standing": '"><script>', "same_as": NASTY}),
             ("status", {"node": 0, "tick": 1, "status": '"><script>', "message": NASTY}),
+            ("photo_taken", {"photo": NASTY}),
+            (NASTY, {NASTY: [NASTY, {NASTY: NASTY}]}),
             ("run_ended", {"ending": NASTY, "status": 1, "reason": NASTY}),
         ],
     )
