@@ -1,58 +1,34 @@
 """Three leaves that drive a robot by its odometry: a condition, an action and a recovery.
 
 They are examples of your own leaves: ordinary py_trees behaviours, whose constructors' parameters are the
-attributes in a tree file.
+attributes in a tree file. What they have of ROS they have from `TopicLeaf`.
 """
 
 import math
 from abc import abstractmethod
 from typing import Any
 
-from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler import Kind, Use, register
-
-# Odometry older than this is no longer acted on, seconds of the node's clock.
-_ODOMETRY_AGE_SEC = 0.5
+from sar_compiler import Kind, TopicLeaf, Use, register
 
 
-class _OdometryLeaf(Behaviour):
+class _OdometryLeaf(TopicLeaf):
     """The base of leaves that know the robot's pose, by its odometry."""
 
-    def __init__(self, name: str) -> None:
-        super().__init__(name)
-        self._node: Any = None
-        self._pose: tuple[float, float, float] | None = None
-        self._received_sec = -math.inf
+    topic_type = "nav_msgs/msg/Odometry"
+    topic_name = "odometry/filtered"
+    max_age_sec = 0.5
 
-    def setup(self, **kwargs: Any) -> None:
-        """Subscribe to `odometry/filtered`.
-
-        Args:
-            kwargs: `node` is the rclpy node.
-        """
-        from nav_msgs.msg import Odometry
-        from rclpy.qos import qos_profile_sensor_data
-
-        self._node = kwargs["node"]
-        self._node.create_subscription(
-            Odometry, "odometry/filtered", self._on_odometry, qos_profile_sensor_data
-        )
-
-    def pose(self) -> tuple[float, float, float] | None:
-        """Return x, y (m) and yaw (rad) in the odometry's frame; None while it is unknown."""
-        fresh = self._now_sec() - self._received_sec <= _ODOMETRY_AGE_SEC
-        return self._pose if fresh else None
-
-    def _on_odometry(self, message: Any) -> None:
+    def on_message(self, message: Any) -> Status:
+        """Return the status for the robot's pose, in the odometry's frame."""
         position, q = message.pose.pose.position, message.pose.pose.orientation
         yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
-        self._pose = (position.x, position.y, yaw)
-        self._received_sec = self._now_sec()
+        return self.on_pose(position.x, position.y, yaw)
 
-    def _now_sec(self) -> float:
-        return float(self._node.get_clock().now().nanoseconds) / 1e9
+    @abstractmethod
+    def on_pose(self, x: float, y: float, yaw: float) -> Status:
+        """Return the status for the robot's pose (m, m, rad)."""
 
 
 class _DrivingLeaf(_OdometryLeaf):
@@ -71,20 +47,18 @@ class _DrivingLeaf(_OdometryLeaf):
         from geometry_msgs.msg import TwistStamped
 
         super().setup(**kwargs)
-        self._commands = self._node.create_publisher(TwistStamped, "cmd_vel", 10)
+        self._commands = self.node.create_publisher(TwistStamped, "cmd_vel", 10)
 
-    def update(self) -> Status:
-        """Send the next command, or a stop while the robot's pose is unknown."""
-        pose = self.pose()
-        if pose is None:
-            self.feedback_message = "no odometry"
-            self.command(0.0, 0.0)
-            return Status.RUNNING
-        return self.steer(*pose)
+    def shutdown(self) -> None:
+        """Command nothing any more."""
+        self._commands = None
+        super().shutdown()
 
-    @abstractmethod
-    def steer(self, x: float, y: float, yaw: float) -> Status:
-        """Send the next command for the robot's pose (m, m, rad)."""
+    def on_silence(self) -> Status:
+        """Send a stop while the robot's pose is unknown."""
+        self.feedback_message = "no odometry"
+        self.command(0.0, 0.0)
+        return Status.RUNNING
 
     def terminate(self, new_status: Status) -> None:  # noqa: ARG002
         """Stop the robot, however the leaf has ended."""
@@ -96,7 +70,7 @@ class _DrivingLeaf(_OdometryLeaf):
         from geometry_msgs.msg import TwistStamped
 
         message = TwistStamped()
-        message.header.stamp = self._node.get_clock().now().to_msg()
+        message.header.stamp = self.node.get_clock().now().to_msg()
         message.header.frame_id = "base_link"
         message.twist.linear.x = linear
         message.twist.angular.z = angular
@@ -124,15 +98,16 @@ class GoalNotReached(_OdometryLeaf):
         self._goal = (goal_x, goal_y)
         self._tolerance = tolerance
 
-    def update(self) -> Status:
+    def on_pose(self, x: float, y: float, yaw: float) -> Status:  # noqa: ARG002 - the place is enough
         """Compare the distance with the tolerance."""
-        pose = self.pose()
-        if pose is None:
-            self.feedback_message = "no odometry"
-            return Status.SUCCESS
-        distance = math.dist(self._goal, pose[:2])
+        distance = math.dist(self._goal, (x, y))
         self.feedback_message = f"{distance:.2f} m to go"
         return Status.SUCCESS if distance > self._tolerance else Status.FAILURE
+
+    def on_silence(self) -> Status:
+        """Take the goal for not reached while the robot's pose is unknown."""
+        self.feedback_message = "no odometry"
+        return Status.SUCCESS
 
 
 @register(
@@ -161,7 +136,7 @@ class DriveForward(_DrivingLeaf):
         self._k_rho = k_rho
         self._k_alpha = k_alpha
 
-    def steer(self, x: float, y: float, yaw: float) -> Status:
+    def on_pose(self, x: float, y: float, yaw: float) -> Status:
         """Send the next command."""
         distance = math.dist(self._goal, (x, y))
         bearing = _wrapped(math.atan2(self._goal[1] - y, self._goal[0] - x) - yaw)
@@ -193,7 +168,7 @@ class SpinInPlace(_DrivingLeaf):
         self._k_yaw = k_yaw
         self._tolerance = tolerance
 
-    def steer(self, x: float, y: float, yaw: float) -> Status:  # noqa: ARG002 - a heading is enough
+    def on_pose(self, x: float, y: float, yaw: float) -> Status:  # noqa: ARG002 - a heading is enough
         """Send the next command."""
         error = _wrapped(self._goal_yaw - yaw)
         self.feedback_message = f"{math.degrees(error):.0f} degrees to turn"

@@ -72,8 +72,7 @@ class Stage:
 
         def told():
             self._odometry.publish(message)
-            poses = [leaf.pose() for leaf in self._leaves.values()]
-            return all(pose is not None and math.dist(pose[:2], (x, y)) < 1e-6 for pose in poses)
+            return all(leaf.message == message for leaf in self._leaves.values())
 
         self._until(told, "the odometry")
 

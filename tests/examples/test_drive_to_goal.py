@@ -116,6 +116,15 @@ class TestWithoutOdometry:
         stage.tick(leaf)
         assert stage.next_command() == (0.0, 0.0)
 
+    @pytest.mark.parametrize("leaf", ["DriveForward", "SpinInPlace"])
+    def test_when_the_clock_has_jumped_back(self, stage, leaf):
+        stage.tick(leaf)
+        stage.next_command()
+        stage.odometry(x=0.0, y=-3.0, yaw=-1.0)
+        stage.clock(-50.0)
+        stage.tick(leaf)
+        assert stage.next_command() == (0.0, 0.0)
+
     def test_a_leaf_that_is_left_tells_the_robot_to_stand(self, stage):
         stage.tick("DriveForward")
         stage.next_command()
