@@ -97,7 +97,7 @@ class TestAdvanceZone:
     def test_it_moves_on_notes_the_visit_and_wakes_the_tree(self) -> None:
         zones, record, wakes = one_zone(), MissionRecord(), []
         leaf = AdvanceZone("AdvanceZone", zones, record=record)
-        leaf.setup(wake=lambda: wakes.append("wake"))
+        leaf.setup(node=object(), wake=lambda: wakes.append("wake"))
         leaf.tick_once()
         assert leaf.status is Status.SUCCESS
         assert not zones.has_remaining()
@@ -107,7 +107,7 @@ class TestAdvanceZone:
     def test_past_the_last_zone_it_succeeds_and_wakes_nobody(self) -> None:
         wakes: list[str] = []
         leaf = AdvanceZone("AdvanceZone", ZoneManager([], BASE))
-        leaf.setup(node=None, wake=lambda: wakes.append("wake"))
+        leaf.setup(node=object(), wake=lambda: wakes.append("wake"))
         leaf.tick_once()
         assert leaf.status is Status.SUCCESS
         assert wakes == []
@@ -115,7 +115,7 @@ class TestAdvanceZone:
     def test_it_works_without_anything_to_wake(self) -> None:
         zones = one_zone()
         leaf = AdvanceZone("AdvanceZone", zones)
-        leaf.setup()
+        leaf.setup(node=object())
         leaf.tick_once()
         assert zones.current_index() == 1
 

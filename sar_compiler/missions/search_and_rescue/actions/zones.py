@@ -1,8 +1,7 @@
 """Going through the list of zones: visited, postponed, and finally abandoned."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
-from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
@@ -12,7 +11,6 @@ from sar_compiler.nodes.spec import Kind
 from sar_compiler.nodes.values import at_least
 from sar_compiler.ros.leaves.leaf import RosLeaf
 from sar_compiler.runtime.answers import Answer
-from sar_compiler.runtime.leaf_protocol import Wake, stay_asleep
 
 Attempts = Annotated[int, at_least(1)]
 
@@ -35,7 +33,7 @@ _ROUND_IS_OVER = "postponed_in_round >= zones_left"
     facts={"zones_left": 3},
     writes=["at"],
 )
-class AdvanceZone(Behaviour):
+class AdvanceZone(RosLeaf):
     """Mark the current zone as visited, so that the next one becomes the current zone.
 
     Args:
@@ -48,14 +46,9 @@ class AdvanceZone(Behaviour):
         super().__init__(name)
         self._zones = zone_manager
         self._record = record or MissionRecord()
-        self._wake: Wake = stay_asleep
-
-    def setup(self, **kwargs: Any) -> None:
-        """Take `wake`, if given, so that the next zone is started at once."""
-        self._wake = kwargs.get("wake", stay_asleep)
 
     def update(self) -> Status:
-        """Advance to the next zone; past the last one there is nothing to do, and no tick is requested."""
+        """Advance to the next zone, which is started at once; past the last one nothing is done, and no tick requested."""
         if self._zones.has_remaining():
             self._record.zone_visited(self._zones.current_zone()["id"])
             self._zones.advance()
