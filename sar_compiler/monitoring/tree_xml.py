@@ -8,7 +8,7 @@ from sar_compiler.monitoring.numbered_tree import NumberedNode, NumberedTree
 from sar_compiler.nodes.btcpp.notes import Notes
 from sar_compiler.nodes.btcpp.rewrites import Draft
 from sar_compiler.nodes.models.palette import describe, is_built_in
-from sar_compiler.nodes.registry import default_registry
+from sar_compiler.nodes.registry import language_variants
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, TREE_TAG
 from sar_compiler.tree.showing import in_one_line
@@ -107,7 +107,7 @@ class _NodeWriter:
             attributes = {
                 name: getattr(value, "name", str(value)) for name, value in node.made.wrapper.items()
             }
-            specs = default_registry().variants(tag)
+            specs = language_variants(tag)
         draft = Draft(synthetic_element(tag), tag, attributes, explicit=False)
         for spec in specs:
             if spec.semantics.counterpart.rewrite is not None:
@@ -115,7 +115,7 @@ class _NodeWriter:
         if not draft.children:
             tag, attributes = draft.tag, draft.attributes
         if tag != specs[0].tag:
-            specs = default_registry().variants(tag)
+            specs = language_variants(tag)
         self.specs[tag] = specs
         known = {*_known(specs)}
         return tag, {name: text for name, text in attributes.items() if name in known or name.startswith("_")}

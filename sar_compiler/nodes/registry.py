@@ -3,7 +3,7 @@
 import functools
 import importlib
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 
@@ -180,14 +180,19 @@ def language() -> list[NodeSpec | Record]:
 @functools.cache
 def subtree() -> NodeSpec:
     """Return the record of `SubTree`."""
-    found = next(each for each in language() if each.tag == SUBTREE_TAG)
-    return found.spec() if isinstance(found, Record) else found
+    return language_variants(SUBTREE_TAG)[0]
+
+
+@functools.cache
+def language_variants(tag: str) -> Sequence[NodeSpec]:
+    """Return all meanings that a tag has in the language, whatever is registered beside it."""
+    return [each.spec() if isinstance(each, Record) else each for each in language() if each.tag == tag]
 
 
 @functools.cache
 def is_own_word(tag: str) -> bool:
     """Return whether a tag is a word of the language here that BehaviorTree.CPP does not have, such as py_trees' nodes."""
-    specs = [each.spec() if isinstance(each, Record) else each for each in language() if each.tag == tag]
+    specs = language_variants(tag)
     return bool(specs) and not any(spec.semantics.counterpart.built_in for spec in specs)
 
 

@@ -21,6 +21,7 @@ import sar_compiler
 from sar_compiler import Groot2Publisher, Kind, ManualClock, SarError, register
 from sar_compiler.monitoring import groot2_publisher
 from sar_compiler.monitoring.groot2_protocol import snapshot
+from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.blackboard import Entry
 from tests.monitoring.groot2_client import Client, free_port, request
 from tests.trees import write
@@ -104,6 +105,15 @@ def test_nodes_have_the_names_and_attributes_that_behaviortree_cpp_knows(stage):
         "Queue",
         ["answers"],
     )
+
+
+def test_the_nodes_that_a_tree_is_shown_with_are_looked_up_in_no_registry(stage):
+    default_registry.cache_clear()
+    _, client = stage(
+        *main('<Selector memory="false"><Queue answers="S" oneshot="ON_COMPLETION"/></Selector>')
+    )
+    assert b"<RunOnce" in client.ask("T")[0]
+    assert default_registry.cache_info().misses == 0
 
 
 def test_what_makes_a_subtree_run_once_is_a_node_around_it_and_no_port(stage):
