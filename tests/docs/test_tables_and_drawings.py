@@ -1,5 +1,6 @@
 """What the documentation repeats of the project is what the project says."""
 
+import inspect
 import re
 from dataclasses import fields
 from itertools import takewhile
@@ -8,11 +9,13 @@ from pathlib import Path
 import pytest
 import yaml
 
+from sar_compiler import Clock, Journal, register
 from sar_compiler.checks import check
 from sar_compiler.cli import compile as sar_compile
 from sar_compiler.cli import run as sar_run
 from sar_compiler.cli import sim as sar_sim
 from sar_compiler.missions.mission import Mission, MissionRun
+from sar_compiler.missions.search_and_rescue.plugin import MISSION as SEARCH_AND_RESCUE
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.ros.run_parameters import RunParameters
@@ -24,6 +27,7 @@ from sar_compiler.views.text import unicode_tree
 from tests.docs.markdown import blocks, codes, tables
 
 README = Path("README.md")
+LEAVES = Path("docs/writing_a_leaf.md")
 MISSION = Path("docs/mission.md")
 TREE = Path("trees/search_and_rescue.xml")
 
@@ -98,6 +102,19 @@ def test_everything_that_a_mission_says_is_in_the_tables_of_missions():
         heading = f"of a `{described.__name__}`"
         listed = {codes(cells[0])[0].split("(")[0] for cells in rows_below(Path("docs/missions.md"), heading)}
         assert listed == names
+
+
+def test_everything_that_is_said_in_registering_is_in_the_table_of_arguments():
+    said = [name for cells in rows_below(LEAVES, "argument of `register`") for name in codes(cells[0])]
+    assert ["tag", *said] == list(inspect.signature(register).parameters)
+
+
+def test_every_object_that_leaves_are_handed_is_named():
+    (row,) = [
+        cells[0] for cells in rows_below(LEAVES, "constructor parameter") if "@mission_context" in cells[0]
+    ]
+    shared = {each.__name__ for each in (Clock, Journal, *SEARCH_AND_RESCUE.context_types)}
+    assert shared <= set(codes(row))
 
 
 def rows_below(page, head):
