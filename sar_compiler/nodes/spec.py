@@ -324,8 +324,8 @@ class NodeSpec:
 
     @property
     def is_only_described(self) -> bool:
-        """Whether no class is known, only a model of the node."""
-        return self.cls is None
+        """Whether only a model tells of it: it is foreign, and no palette knows more (`palettes.KnownSpec`)."""
+        return self.is_foreign
 
     @property
     def is_foreign(self) -> bool:
