@@ -17,7 +17,7 @@ from sar_compiler.journal.mission_state import (
 from sar_compiler.tree.showing import visible
 from sar_compiler.views.mission_report import georeference, outcome, to_visit
 from sar_compiler.views.mission_view import clock_text, noted_words, sign
-from sar_compiler.views.report_map import LEGEND, report_map
+from sar_compiler.views.report_map import legend_of, report_map
 
 _NONE = "-"
 # Of the log's warnings so many are told, of what the mission has written of its own so much.
@@ -171,7 +171,7 @@ def _map(state: MissionState) -> Iterator[str]:
     if drawing:
         legend = "".join(
             f'<li><svg class="key" viewBox="-2 -2 4 4" aria-hidden="true">{drawn}</svg>{_text(text)}</li>'
-            for drawn, text in LEGEND
+            for drawn, text in legend_of(drawing)
         )
         yield f'<h2>Map</h2>{drawing}<ul class="legend">{legend}</ul>'
 

@@ -29,7 +29,8 @@ _DIAMOND = '<polygon class="survivor {}" points="0,-1.6 1.6,0 0,1.6 -1.6,0"/>'
 LEGEND = (
     (_DIAMOND.format("confirmed"), "survivor, confirmed by the operator"),
     (_DIAMOND.format("candidate"), "survivor, not yet judged"),
-    (_DIAMOND.format("rejected"), "rejected, or merged with another"),
+    (_DIAMOND.format("rejected"), "survivor, rejected by the operator"),
+    (_DIAMOND.format("merged"), "survivor, merged with another"),
     (_ZONE.format("searched"), "zone searched"),
     (_ZONE.format("visited"), "zone visited, not searched"),
     (_ZONE.format("open"), "zone not searched"),
@@ -38,7 +39,14 @@ LEGEND = (
     ('<polyline class="path" points="-2,0 2,0"/>', "way of the robot"),
     ('<polyline class="fence" points="-2,0 2,0"/>', "geofence"),
 )
-"""What is on the map: each as SVG around the origin, drawn like the map in units of a symbol, and in words."""
+"""What may be on the map: each as SVG around the origin, drawn like the map in units of a symbol, and in words."""
+_CLASS = re.compile(r'class="[^"]+"')
+
+
+def legend_of(drawing: str) -> Iterable[tuple[str, str]]:
+    """Return the rows of the legend for what is on a map."""
+    drawn = set(_CLASS.findall(drawing))
+    return (row for row in LEGEND if drawn.intersection(_CLASS.findall(row[0])))
 
 
 def report_map(state: MissionState) -> str:

@@ -283,9 +283,7 @@ def test_a_meaning_in_other_words_than_semantics_is_refused():
 OWN = load_registry(["tests.checks.verify.own_controls"])
 
 
-@pytest.mark.parametrize(
-    ("children", "codes"), [(1, ["missing-child"]), (2, []), (3, ["too-many-children"])]
-)
+@pytest.mark.parametrize(("children", "codes"), [(1, ["missing-child"]), (2, []), (3, ["too-many-children"])])
 def test_a_control_of_ones_own_has_as_many_children_as_it_says(children, codes):
     body = f"<OwnRecovery>{'<Success/>' * children}</OwnRecovery>"
     assert [each.code for each in check(forest(body), OWN)] == codes
