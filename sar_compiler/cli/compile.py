@@ -60,12 +60,10 @@ def _parser(argv: Sequence[str] = ()) -> Parser:
     parser = Parser(PROG, "Check, show and describe behaviour trees, before a robot moves.")
     add_version(parser)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", prog=PROG)
-    shared = Parser(add_help=False)
-    add_nodes(shared)
     named = [name for name in argv[:1] if name in _COMMANDS]
     for name in named or _COMMANDS:
         text = _COMMANDS[name]
-        command = commands.add_parser(name, help=text, description=text, parents=[shared])
+        command = commands.add_parser(name, help=text, description=text)
         if argv and not named:
             continue
         if name in _ADDED_HERE:
@@ -111,6 +109,7 @@ def _add_schema(parser: argparse.ArgumentParser) -> None:
 
 def _add_vocabulary_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that extend a project's configuration where no tree is read, so that nothing is included."""
+    add_nodes(parser)
     add_models(parser)
     add_trust(parser)
     parser.set_defaults(include_path=[])

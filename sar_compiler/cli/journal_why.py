@@ -6,7 +6,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from sar_compiler.cli.loading import add_nodes, add_project_options, workspace
+from sar_compiler.cli.loading import add_project_options, workspace
 from sar_compiler.commands import print_text
 from sar_compiler.errors import SarError
 from sar_compiler.tree.showing import in_one_line
@@ -36,7 +36,6 @@ def add_why(parser: argparse.ArgumentParser) -> None:
         metavar="TREE",
         help="the tree's file, to look for what would have succeeded (default: where it was for that run)",
     )
-    add_nodes(parser)
     add_project_options(parser)
     parser.add_argument(
         "--format", choices=("text", "json"), default="text", help="for people, or for scripts"

@@ -18,7 +18,8 @@ FILE_HELP = "a tree file, or the name of a shipped tree"
 
 
 def add_project_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that extend a project's configuration, besides `--nodes`."""
+    """Add the options that extend a project's configuration."""
+    add_nodes(parser)
     add_models(parser)
     parser.add_argument(
         "--include-path",

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import Parser, add_version, pair_of_ports, port, seed, speed
-from sar_compiler.cli.loading import FILE_HELP, add_mission, add_nodes, add_project_options
+from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options
 from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import USAGE, print_error, run
 from sar_compiler.resources import find
@@ -335,7 +335,6 @@ def _parser() -> Parser:
         help="of a leaf that fails, show the calls that led there (the line of its own method is always named)",
     )
     add_version(parser)
-    add_nodes(parser)
     add_project_options(parser)
     return parser
 

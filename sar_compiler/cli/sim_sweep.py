@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import speed
-from sar_compiler.cli.loading import FILE_HELP, add_mission, add_nodes, add_project_options, additions
+from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options, additions
 from sar_compiler.cli.sweep_command import Written, add_sweep_options, swept, varied
 from sar_compiler.cli.writing import write_text
 from sar_compiler.ros.middleware import require_middleware
@@ -36,7 +36,6 @@ def add_sim_sweep(parser: argparse.ArgumentParser) -> None:
     add("--params", type=Path, metavar="FILE", help="a ROS 2 parameter file")
     text = f"simulated seconds per second, at most (default {_SPEED:g})"
     add("--speed", type=speed, default=_SPEED, metavar="N", help=text)
-    add_nodes(parser)
     add_project_options(parser)
     add_mission(parser)
     add_sweep_options(parser, runs=30, half_width=0.1)

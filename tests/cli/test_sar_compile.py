@@ -285,6 +285,14 @@ def test_leaves_of_a_user_are_known_to_every_command(capsys, tmp_path):
     assert '<xs:element name="Say"' in run(capsys, "schema", *leaves)[1]
 
 
+@pytest.mark.parametrize("command", ["format", "diff", "explain", "completion"])
+def test_a_command_that_asks_for_no_nodes_has_no_option_for_them(capsys, command):
+    with pytest.raises(SystemExit) as ended:
+        main([command, "--help"])
+    assert ended.value.code == 0
+    assert "--nodes" not in capsys.readouterr().out
+
+
 def test_a_module_that_cannot_be_loaded_has_status_2(capsys):
     status, _, err = run(capsys, "validate", "--nodes", "no.such.module", SHIPPED)
     assert status == 2

@@ -44,7 +44,7 @@ def test_every_key_of_a_step_is_shown():
 def test_every_option_is_in_the_table():
     command = argparse.ArgumentParser()
     add_simulate(command)
-    own = set(options_of(command)) - {"--model", "--include-path", "--trust", "--scenario"}
+    own = set(options_of(command)) - {"--nodes", "--model", "--include-path", "--trust", "--scenario"}
     assert {code.split()[0] for code in first_codes("The command") if code.startswith("--")} == own
 
 

@@ -38,7 +38,7 @@ def test_every_key_of_a_property_is_in_the_table():
 def test_every_option_is_in_the_table():
     command = argparse.ArgumentParser()
     add_verify(command)
-    own = set(options_of(command)) - {"--model", "--include-path", "--trust"}
+    own = set(options_of(command)) - {"--nodes", "--model", "--include-path", "--trust"}
     shown = {code.split()[0] for cell in cells("The command") for code in codes(cell)}
     assert {code for code in shown if code.startswith("--")} == own
 
