@@ -191,7 +191,7 @@ def _require_navigation(tree: CompiledTree, world: "World") -> None:
     """
     if world.map_path is None and not {Use.nav2(), Use.action(NAVIGATION)}.isdisjoint(tree.uses()):
         line = f"Nav2: the world '{world.name}' has no map, and without one nothing navigates in it"
-        raise NotReadyError([line], 0.0)
+        raise NotReadyError([line], None)
 
 
 def _sections_elsewhere(options: "Options", node: Node) -> str:

@@ -30,18 +30,19 @@ _TURN_SEC = 0.05
 
 
 class NotReadyError(SarError):
-    """A resource that the mission needs did not become available in time.
+    """A resource that the mission needs did not become available in time, or never can.
 
     Attributes:
         missing: The missing resources, in one line each.
-        waited_sec: The time waited, in seconds.
+        waited_sec: The time waited, in seconds; None if waiting could not help.
     """
 
-    def __init__(self, missing: Iterable[str], waited_sec: float) -> None:
+    def __init__(self, missing: Iterable[str], waited_sec: float | None) -> None:
         self.missing = list(missing)
         self.waited_sec = waited_sec
         lines = "".join(f"\n  {line}" for line in self.missing)
-        super().__init__(f"not ready after {waited_sec:.1f} s:{lines}")
+        problem = "the mission cannot start" if waited_sec is None else f"not ready after {waited_sec:.1f} s"
+        super().__init__(f"{problem}:{lines}")
 
 
 class Readiness:

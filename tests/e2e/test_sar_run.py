@@ -128,7 +128,7 @@ def test_a_world_in_which_nothing_navigates_is_named_at_once(start, tmp_path, us
     path = {"PYTHONPATH": str(tmp_path)}
     run = start("sar-run", tree, "--nodes", "drives", "--sim", "empty", env=path)
     assert run.end() == 3
-    assert "Nav2: the world 'empty' has no map, and without one nothing navigates in it" in run.output
+    assert "sar-run: the mission cannot start:\n  Nav2: the world 'empty' has no map, and" in run.output
     assert "Waiting for" not in run.output
 
 
