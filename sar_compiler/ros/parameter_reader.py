@@ -236,13 +236,13 @@ class ParameterReader:
         if self.problems:
             raise ParameterError(self.problems)
 
-    def duration(self, key: str, default: float) -> float:
-        """Return a number above 0, such as a time span in seconds."""
+    def positive(self, key: str, default: float) -> float:
+        """Return a number above 0, such as a time span or a radius, in the unit that the key names."""
         before = len(self.problems)
-        seconds = self.number(key, default)
-        if seconds <= 0 and key in self.parameters and len(self.problems) == before:
-            self.report(key, f"must be above 0, is {seconds:g}")
-        return seconds
+        value = self.number(key, default)
+        if value <= 0 and key in self.parameters and len(self.problems) == before:
+            self.report(key, f"must be above 0, is {value:g}")
+        return value
 
     def switch(self, key: str, *, default: bool) -> bool:
         """Return a Boolean."""

@@ -50,11 +50,11 @@ def read_run(reader: ParameterReader) -> RunParameters:
         tick_rate_hz=_rate(reader, "tick_rate_hz", RunParameters.tick_rate_hz),
         set_initial_pose=reader.switch("set_initial_pose", default=RunParameters.set_initial_pose),
         initial_pose=(start["x"], start["y"], start["yaw"]),
-        startup_timeout_sec=reader.duration("startup_timeout_sec", RunParameters.startup_timeout_sec),
-        time_limit_sec=reader.duration(limit, 0.0) if limit in reader.parameters else None,
-        robot_radius_m=reader.duration("robot_radius_m", RunParameters.robot_radius_m),
-        cruise_speed_mps=reader.duration("cruise_speed_mps", RunParameters.cruise_speed_mps),
-        settle_timeout_sec=reader.duration("settle_timeout_sec", RunParameters.settle_timeout_sec),
+        startup_timeout_sec=reader.positive("startup_timeout_sec", RunParameters.startup_timeout_sec),
+        time_limit_sec=reader.positive(limit, 0.0) if limit in reader.parameters else None,
+        robot_radius_m=reader.positive("robot_radius_m", RunParameters.robot_radius_m),
+        cruise_speed_mps=reader.positive("cruise_speed_mps", RunParameters.cruise_speed_mps),
+        settle_timeout_sec=reader.positive("settle_timeout_sec", RunParameters.settle_timeout_sec),
         georeference=_georeference(reader),
     )
 
@@ -79,7 +79,7 @@ def _georeference(reader: ParameterReader) -> Georeference | None:
 
 def _rate(reader: ParameterReader, key: str, default: float) -> float:
     before = len(reader.problems)
-    rate = reader.duration(key, default)
+    rate = reader.positive(key, default)
     if len(reader.problems) == before and not _SLOWEST_TICK_HZ <= rate <= _FASTEST_TICK_HZ:
         reader.report(key, f"must be between {_SLOWEST_TICK_HZ:g} and {_FASTEST_TICK_HZ:g}, is {rate:g}")
     return rate

@@ -59,7 +59,7 @@ class SearchAndRescue(Mission):
     def begin(self, reader: ParameterReader) -> "Search":
         """Begin a run with no zone visited."""
         zones, base = reader.places("zone"), reader.pose("base_station")
-        radius = reader.duration("duplicate_radius_m", DUPLICATE_RADIUS_M)
+        radius = reader.positive("duplicate_radius_m", DUPLICATE_RADIUS_M)
         return Search(zones, base, fence=read_fence(reader), duplicate_radius_m=radius)
 
 
