@@ -24,18 +24,18 @@ if TYPE_CHECKING:
 
 PROG = "sar-compile"
 _COMMANDS = {
-    "validate": "Say everything that is wrong with tree files.",
+    "validate": "Report all mistakes in tree files.",
     "show": "Show the compiled tree.",
-    "convert": "Write a tree file in another form; says what that cannot have.",
+    "convert": "Write a tree file in another form, and report what is lost.",
     "format": "Write tree files in their canonical form; comments stay.",
-    "diff": "Say what is different between two trees, whatever their form.",
-    "simulate": "Tick the tree without ROS: scripted runs, and whether they went as expected.",
-    "sweep": "Tick the tree without ROS many times, by chance: how often it succeeds, and what fails.",
-    "verify": "Go through all possible runs of a tree; prove what holds in every one.",
-    "explain": "Say what a finding means, with an example.",
-    "nodes": "Say what can be written in a tree file.",
+    "diff": "Show the differences between two trees, whatever their form.",
+    "simulate": "Tick the tree without ROS by a script, and check that it does what is expected.",
+    "sweep": "Tick the tree without ROS many times with random answers: how often it succeeds, and what fails.",
+    "verify": "Explore all possible runs of a tree, and prove what holds in every one.",
+    "explain": "Explain a finding, with an example.",
+    "nodes": "List the nodes of tree files, or describe one with its attributes.",
     "schema": "Print the schema of tree files, for editors and other tools.",
-    "completion": "Print what makes a shell complete these commands with the Tab key.",
+    "completion": "Print the code that makes a shell complete these commands with the Tab key.",
 }
 # Each is a function of a module of `views` that has its name.
 _PICTURES = ("svg", "mermaid", "dot")
@@ -88,7 +88,9 @@ def _add_show(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_nodes(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("tag", nargs="?", metavar="TAG", help="describe this one with its attributes")
+    parser.add_argument(
+        "tag", nargs="?", metavar="TAG", help="describe this node with its attributes (default: list all)"
+    )
     parser.add_argument(
         "--format",
         choices=("text", "json", "groot2"),

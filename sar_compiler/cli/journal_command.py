@@ -33,7 +33,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = Parser("sar-journal", "What a mission has left behind in its journal.")
     add_version(parser)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    text = "Tell the facts of a mission: its runs, zones, survivors, reports, goals."
+    text = "List the facts of a mission: its runs, zones, survivors, reports, goals."
     show = commands.add_parser("show", help=text, description=text)
     show.add_argument(
         "journal", type=Path, metavar="FILE", help="the journal; a mission may be writing to it"
@@ -55,11 +55,14 @@ def _parser() -> argparse.ArgumentParser:
         metavar="OUT",
         help="the files, each in the form of its ending: .html, .json, .geojson, .cot, .cap",
     )
-    text = "Tell why a mission has failed: from the root down to the answers that caused it, and what would have succeeded."
+    text = "Explain why a mission has failed: from the root down to the answers that caused it, and what would have succeeded."
     add_why(commands.add_parser("why", help=text, description=text))
     for name, text in (
         ("replay", "Serve a page on this machine that shows missions again, back and forth through time."),
-        ("watch", "Serve a page on this machine of missions that are running, by what they write."),
+        (
+            "watch",
+            "Serve a page on this machine that shows missions while they run, from the journals they write.",
+        ),
     ):
         page = commands.add_parser(name, help=text, description=text)
         page.add_argument("journals", type=Path, nargs="+", metavar="FILE", help="a journal for each robot")

@@ -28,7 +28,7 @@ def add_why(parser: argparse.ArgumentParser) -> None:
         "--against",
         type=Path,
         metavar="OTHER",
-        help="the journal of another run: say what was different first",
+        help="the journal of another run: show the first difference",
     )
     parser.add_argument(
         "--tree-file",

@@ -43,7 +43,7 @@ class Options:
         web_port: The port of the page; None for the usual one.
         groot2: The port on which Groot2 is answered; None for none.
         groot2_hooks: Whether Groot2 may hold the tree, and replace outcomes.
-        publish: Whether to publish what becomes of the mission.
+        publish: Whether to publish the tree's states and the mission's.
         record: The file in which to record the mission; None for none.
         summary: How to sum up: `text` or `json`.
         check: Whether to stop before the robot moves.
@@ -269,7 +269,7 @@ def _parser() -> Parser:
     parser.add_argument(
         "--groot2-hooks",
         action="store_true",
-        help="let Groot2 hold the tree at breakpoints, and put other outcomes in the place of nodes'",
+        help="let Groot2 hold the tree at breakpoints, and override outcomes",
     )
     parser.add_argument(
         "--publish",
@@ -286,7 +286,7 @@ def _parser() -> Parser:
         "--summary", choices=("text", "json"), default="text", help="sum up for people, or for scripts"
     )
     parser.add_argument(
-        "--check", action="store_true", help="see that everything the mission needs is there, then end"
+        "--check", action="store_true", help="check that everything the mission needs is there, then end"
     )
     parser.add_argument(
         "--guardian",
@@ -304,7 +304,7 @@ def _parser() -> Parser:
         "--journal",
         type=Path,
         metavar="FILE",
-        help="write the mission's journal there (default without --sim, for a mission that can be resumed: a file of the "
+        help="write the mission's journal to this file (default without --sim, for a mission that can be resumed: a file of the "
         "node's name in ~/.local/state/sar_compiler)",
     )
     parser.add_argument(
@@ -316,7 +316,7 @@ def _parser() -> Parser:
         help="write a report when the run has ended, in the form of the file's ending: .html, .json, .geojson, .cot, .cap; "
         "may be repeated",
     )
-    parser.add_argument("--no-journal", action="store_true", help="write none")
+    parser.add_argument("--no-journal", action="store_true", help="write no journal")
     begun = parser.add_mutually_exclusive_group()
     begun.add_argument("--resume", action="store_true", help="go on with the mission in the journal")
     begun.add_argument(
@@ -332,7 +332,7 @@ def _parser() -> Parser:
     parser.add_argument(
         "--traceback",
         action="store_true",
-        help="of a leaf that fails, show the calls that led there (the line of its own method is always named)",
+        help="show the traceback of a leaf that fails (the line of its own method is always named)",
     )
     add_version(parser)
     add_project_options(parser)

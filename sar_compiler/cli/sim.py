@@ -87,7 +87,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FILE",
         help="keep the robots' places in FILE, and start where they stood when it was written last, also after a kill",
     )
-    text = "Drive through a world with a lidar and write the map that comes of it."
+    text = "Drive through a world with a lidar, and write the map made on the way."
     survey = commands.add_parser("map", help=text, description=text)
     survey.add_argument(
         "-o",

@@ -35,12 +35,10 @@ def add_simulate(parser: argparse.ArgumentParser) -> None:
         default=[],
         type=Path,
         metavar="S.yaml",
-        help="a scripted run, or a folder of them; may be repeated (default: every leaf answers what is usual)",
+        help="a scripted run, or a folder of them; may be repeated (default: every leaf gives its usual answer)",
     )
     parser.add_argument("--tree", metavar="ID", help="the tree to tick (default: the one the file executes)")
-    parser.add_argument(
-        "--ticks", type=count, metavar="N", help="break off after so many ticks; that is no failure then"
-    )
+    parser.add_argument("--ticks", type=count, metavar="N", help="stop after N ticks, without failing for it")
     parser.add_argument(
         "--until",
         type=script,
@@ -48,10 +46,16 @@ def add_simulate(parser: argparse.ArgumentParser) -> None:
         help="end when this is true of facts, keys, 'root', 'tick' and 'time' (default: when the root has succeeded or failed)",
     )
     parser.add_argument(
-        "--seed", type=seed, default=0, metavar="N", help="of what a scenario leaves to chance (default 0)"
+        "--seed",
+        type=seed,
+        default=0,
+        metavar="N",
+        help="the seed of a scenario's random choices (default 0)",
     )
     parser.add_argument(
-        "--coverage", action="store_true", help="say which nodes and outcomes the scenarios have not shown"
+        "--coverage",
+        action="store_true",
+        help="list the nodes and outcomes that the scenarios have not shown",
     )
     add_params(parser)
     add_project_options(parser)

@@ -30,17 +30,17 @@ def add_sweep(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `sweep`."""
     add = parser.add_argument
     add("file", metavar="FILE", help=FILE_HELP)
-    text = "what leaves answer, with the chance of each; or a folder of such files; may be repeated"
+    text = "the leaves' answers, each with its chance; or a folder of such files; may be repeated"
     add("--scenario", action="append", default=[], type=Path, metavar="S.yaml", help=text)
-    text = "the chance that a leaf of which the scenario says nothing answers what is not usual (default 0)"
+    text = "the chance of an unusual answer from a leaf that the scenario does not mention (default 0)"
     add("--unusual", type=probabilities, default=(0.0,), metavar="P,P", help=text)
     add("--param", action="append", default=[], type=varied, metavar="NAME=A,B", help="vary a parameter")
-    text = "vary what a fact is at the start"
+    text = "vary the initial value of a fact"
     add("--set", action="append", default=[], type=varied, metavar="FACT=A,B", help=text)
     text = "count an event, such as 'NavigateToZone halted'; may be repeated"
     add("--count", action="append", default=[], metavar="EVENT", help=text)
     add("--tree", metavar="ID", help="the tree to tick (default: the one the file executes)")
-    add("--ticks", type=count, metavar="N", help="break a run off after so many ticks")
+    add("--ticks", type=count, metavar="N", help="stop a run after N ticks")
     text = "end when this is true (default: when the root has succeeded or failed)"
     add("--until", type=script, metavar="SCRIPT", help=text)
     add_project_options(parser)

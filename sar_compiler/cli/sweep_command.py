@@ -27,9 +27,9 @@ Written = tuple[Path, str]
 def add_sweep_options(parser: argparse.ArgumentParser, *, runs: int, half_width: float) -> None:
     """Add the options that both commands have; *runs* and *half_width* are the defaults of two."""
     add = parser.add_argument
-    text = f"play each combination so often at most (default {runs})"
+    text = f"play each combination at most N times (default {runs})"
     add("--runs", type=count, default=runs, metavar="N", help=text)
-    text = f"end a row once half its interval's width is no more than this (default {half_width:g}; 0: never)"
+    text = f"end a row once half the width of its interval is at most W (default {half_width:g}; 0: never)"
     add("--half-width", type=_probability, default=half_width, metavar="W", help=text)
     text = "the confidence of the intervals, which are Wilson's (default 0.95)"
     add("--confidence", type=_confidence, default=0.95, metavar="C", help=text)
@@ -39,7 +39,7 @@ def add_sweep_options(parser: argparse.ArgumentParser, *, runs: int, half_width:
     add("--seed", type=seed, default=0, metavar="N", help=text)
     text = "how many runs to play at the same time (default: as many as there are cores)"
     add("--jobs", type=count, default=os.cpu_count() or 1, metavar="N", help=text)
-    text = "play on a Dask cluster instead: its scheduler, such as tcp://host:8786"
+    text = "play on a Dask cluster instead: the address of its scheduler, such as tcp://host:8786"
     add("--dask", metavar="ADDRESS", help=text)
     text = "where to write the smallest scenario that fails, if any does"
     add("-o", "--output", type=Path, metavar="FAILING", help=text)

@@ -32,9 +32,7 @@ def add_validate(parser: argparse.ArgumentParser) -> None:
     add_project_options(parser)
     add_mission(parser)
     parser.add_argument("--strict", action="store_true", help="count warnings as errors")
-    parser.add_argument(
-        "--fix", action="store_true", help="first mend, in the files, what can be nothing but a slip"
-    )
+    parser.add_argument("--fix", action="store_true", help="fix obvious slips first, in the files")
     parser.add_argument(
         "--format",
         choices=FORMATS,

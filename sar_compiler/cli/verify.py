@@ -28,7 +28,7 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--against",
         metavar="OTHER",
-        help="a tree file from before a change, or a shipped tree: say which answers are other than for it",
+        help="a tree file from before a change, or a shipped tree: report which verdicts differ from those for it",
     )
     parser.add_argument(
         "--properties",
@@ -44,14 +44,14 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
         default=[],
         type=_assignment,
         metavar="FACT=VALUE",
-        help="what a fact is at the start, such as zones_left=4; may be repeated",
+        help="the initial value of a fact, such as zones_left=4; may be repeated",
     )
     parser.add_argument(
         "--export",
         type=Path,
         metavar="PREFIX",
         help="write the states and ticks for other tools, as PRISM's explicit files PREFIX.sta, .tra and .lab; in a "
-        "folder, they are called as the tree is",
+        "folder, they are named after the tree",
     )
     add_params(parser)
     parser.add_argument(
@@ -59,14 +59,14 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
         type=count,
         default=_MAX_STATES,
         metavar="N",
-        help=f"go through so many states at most (default {_MAX_STATES})",
+        help=f"explore at most N states (default {_MAX_STATES})",
     )
     parser.add_argument(
         "--jobs",
         type=count,
         default=len(os.sched_getaffinity(0)),
         metavar="N",
-        help="search with so many processes (default: the number of processors)",
+        help="search with N processes (default: the number of processors)",
     )
     add_project_options(parser)
     add_mission(parser)
@@ -140,7 +140,7 @@ def _verify_into(done: "list[Verification]", files: "list[str]", arguments: argp
 
 
 def _export(verification: "Verification", prefix: Path, name: str) -> None:
-    """Write the states of a tree as PRISM's files, and say what the numbers in them stand for."""
+    """Write the states of a tree as PRISM's files, and print what the numbers in them mean."""
     from sar_compiler.cli.writing import write_lines
     from sar_compiler.views.prism import PrismModel
 

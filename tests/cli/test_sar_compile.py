@@ -131,7 +131,7 @@ def test_a_misspelt_word_of_the_command_line_is_told_what_was_meant(capsys, argu
 def test_without_a_command_all_are_listed(capsys):
     with pytest.raises(SystemExit):
         main([])
-    assert "Say everything that is wrong with tree files." in capsys.readouterr().err
+    assert "Report all mistakes in tree files." in capsys.readouterr().err
 
 
 def test_show_draws_the_compiled_tree(capsys):
