@@ -58,7 +58,7 @@ def _stand_in(
     faults = [_misfit(spec, nodes) for spec in variants]
     if "" in faults:
         return variants[faults.index("")]
-    message = f"<{tag}> cannot stand for <{wanted}>: {faults[0]}"
+    message = f"<{tag}> cannot replace <{wanted}>: {faults[0]}"
     document.report(value, "wrong-value", message, hint="sar-compile nodes TAG says what a node needs")
     return None
 

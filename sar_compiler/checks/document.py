@@ -66,9 +66,9 @@ def _frame(tree_file: TreeFile, guesses: Guesses) -> Iterator[Diagnostic]:
     yield from _format(root)
     for child in root.children:
         if child.tag not in SECTIONS:
-            message = f"<{child.tag}> cannot stand directly in <{ROOT_TAG}>"
+            message = f"<{child.tag}> is not allowed directly in <{ROOT_TAG}>"
             near = nearest(child.tag, SECTIONS)
-            hint = f"nodes stand in a <{TREE_TAG}>; BehaviorTree.CPP passes over what stands here"
+            hint = f"nodes belong in a <{TREE_TAG}>; BehaviorTree.CPP ignores what is here"
             severity = Severity.ERROR if near else Severity.WARNING  # a slip, or what somebody keeps there
             yield _finding(child, "unknown-element", message, suggestion=near, hint=hint, severity=severity)
         elif child.tag == INCLUDE_TAG and "path" in child.attributes:  # the forest speaks of one without

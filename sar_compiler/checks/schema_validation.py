@@ -147,7 +147,7 @@ def _stray_text(tree_file: TreeFile) -> Iterator[Diagnostic]:
     """Yield the text between elements at its places, which libxml2 does not know."""
     from sar_compiler.tree.xml_rest import rest_of
 
-    message = "this text stands between elements, where it means nothing"
+    message = "this text is between elements, where it means nothing"
     for finding in rest_of(tree_file):
         if finding.code == "stray-text":
             yield dataclasses.replace(finding, message=message, severity=Severity.WARNING)

@@ -29,7 +29,7 @@ def _finding(bound: BoundNode) -> Diagnostic:
     known = f", or the palette that knows it (--model {palettes})" if palettes else ""
     hint = (
         f"load the module that has it (--nodes PKG.MOD){known}; or say in the scenario or the file of properties which node "
-        f"stands for it: controls: {{{tag}: ...}}"
+        f"replaces it: controls: {{{tag}: ...}}"
     )
     return Diagnostic("only-described", message, element.source, element.tag_span(), hint=hint)
 

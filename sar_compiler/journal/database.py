@@ -433,7 +433,7 @@ def _lock(descriptor: int) -> None:
 def _mapping(text: str) -> dict[str, Any]:
     data = json.loads(text)
     if not isinstance(data, dict):
-        message = f"{text} stands where names with values belong"
+        message = f"{text} is where names with values belong"
         raise TypeError(message)
     return data
 

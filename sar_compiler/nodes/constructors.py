@@ -133,7 +133,7 @@ def _complain_of_placeholders(spec: NodeSpec, text: str, known: Sequence[str]) -
     for placeholder in placeholders(text):
         if placeholder not in known:
             braced = ", ".join(f"{{{name}}}" for name in known)
-            message = f"<{spec.tag}>: '{text}': nothing stands for {{{placeholder}}}; there is {braced}"
+            message = f"<{spec.tag}>: '{text}': nothing is called {{{placeholder}}}; there is {braced}"
             raise RegistrationError(message)
 
 

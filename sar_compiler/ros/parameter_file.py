@@ -268,7 +268,7 @@ class _Walk:
                         yield _at(key, f"'{key.value}' {text}")
                     yield from self.nodes(value, key.value)
                 else:
-                    yield _at(key, f"'{key.value}' stands outside of {_SECTION}: move it below, or indent it")
+                    yield _at(key, f"'{key.value}' is outside of {_SECTION}: move it below, or indent it")
             elif not name:
                 yield _at(key, f"there is no node's name (or /**) above {_SECTION}")
             elif isinstance(value, yaml.MappingNode):

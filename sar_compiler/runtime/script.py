@@ -317,8 +317,8 @@ def _misplaced(token: Token) -> ScriptError:
         hint = "write 'condition ? value : other value'"
         return ScriptError("this ':' has no '?'", token.start, token.end, hint=hint)
     if token.text in _ASSIGNMENTS:
-        message = f"only a variable can be given a value, and none stands before '{token.text}'"
-        hint = "an assignment within another expression stands in brackets"
+        message = f"only a variable can be given a value, and there is none before '{token.text}'"
+        hint = "put an assignment within another expression in brackets"
         return ScriptError(message, token.start, token.end, hint=hint)
     advice = "a number has no '+' before it" if token.text == "+" else None
     return ScriptError(f"a value is missing before '{token.text}'", token.start, token.end, hint=advice)

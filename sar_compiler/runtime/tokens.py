@@ -204,13 +204,13 @@ def _no_token(text: str, position: int) -> ScriptError:
     if character == "{":
         return _braces(text, position)
     if character.isalpha():
-        message = f"'{character}' cannot stand in a name"
+        message = f"'{character}' is not allowed in a name"
         hint = (
             "names have the letters a to z and A to Z, digits and _; @ before one means the root blackboard"
         )
         return ScriptError(message, position, position + 1, hint=hint)
     shown = character if character.isprintable() and character != " " else f"U+{ord(character):04X}"
-    message = f"'{shown}' cannot stand in a script"
+    message = f"'{shown}' is not allowed in a script"
     advice = "write an ordinary space" if character.isspace() else _HINTS.get(character)
     if (
         character == ","
@@ -225,7 +225,7 @@ def _wrong_quotes(text: str, start: int) -> ScriptError:
     close = text.find(_OTHER_QUOTES[text[start]], start + 1)
     end = close + 1 if close > 0 else len(text)
     inside = text[start + 1 : close] if close > 0 else "'"
-    message = f"a text stands in single quotation marks, not in {text[start]}"
+    message = f"a text is written in single quotation marks, not in {text[start]}"
     suggestion = None if "'" in inside else f"'{inside}'"
     hint = "write '...'; the text itself cannot contain a single quotation mark" if not suggestion else None
     return ScriptError(message, start, end, suggestion, hint)
@@ -243,7 +243,7 @@ def _wrong_dot(text: str, position: int) -> ScriptError:
     if text[position + 1 : end].isdecimal():
         message = f"'{excerpt(text[position:end])}' is not a number: a digit is missing before the point"
         return ScriptError(message, position, end, suggestion="0" + text[position:end])
-    message = "'.' cannot stand here"
+    message = "'.' is not allowed here"
     return ScriptError(message, position, position + 1, hint="'..' joins texts, and numbers are written 0.5")
 
 

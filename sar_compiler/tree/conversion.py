@@ -64,7 +64,7 @@ def _losses(tree_file: TreeFile, form: Form) -> Iterator[Diagnostic]:
                 f"the comment '{_EDITOR_COMMENT}' tells an editor about YAML and is left out",
             )
         elif comment.attribute is not None:
-            what = f"the comment beside '{comment.attribute}' stands before the element in {other}"
+            what = f"the comment beside '{comment.attribute}' is before the element in {other}"
             code, message = "moved", f"{what}: '{_shortened(comment.text)}'"
         elif kept != comment.text:
             code, message = (

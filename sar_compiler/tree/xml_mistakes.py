@@ -53,7 +53,7 @@ def mistake_at(text: str, place: int, words: str) -> XmlMistake | None:
 
 def _invalid(text: str, place: int) -> XmlMistake | None:
     if place < len(text) and text[place] < " " and not text[place].isspace():
-        message = f"the character U+{ord(text[place]):04X} cannot stand in XML"
+        message = f"the character U+{ord(text[place]):04X} is not allowed in XML"
         return XmlMistake(message, place, place + 1, hint="delete it")
     if text.rfind("<!--", 0, place) > text.rfind("-->", 0, place):
         return _in_comment(text, place)
@@ -62,7 +62,7 @@ def _invalid(text: str, place: int) -> XmlMistake | None:
 
 def _in_comment(text: str, place: int) -> XmlMistake:
     start = text.rfind("--", 0, place)
-    return XmlMistake("-- cannot stand in a comment of XML", start, start + len("--"), "- -")
+    return XmlMistake("-- is not allowed in a comment of XML", start, start + len("--"), "- -")
 
 
 def _in_tag(text: str, place: int) -> XmlMistake | None:
@@ -79,10 +79,10 @@ def _in_tag(text: str, place: int) -> XmlMistake | None:
     if text[place : place + 1] == "<" and value is not None:
         return _in_value(text, place, tag + value.start(1))
     if before.rstrip().endswith("="):
-        return XmlMistake("the value of an attribute must stand in quotes", place, place + 1)
+        return XmlMistake("the value of an attribute must be in quotes", place, place + 1)
     if text.startswith("<!--", place):
         hint = "put it before or behind the tag"
-        return XmlMistake("a comment cannot stand in a tag", place, place + len("<!--"), hint=hint)
+        return XmlMistake("a comment is not allowed in a tag", place, place + len("<!--"), hint=hint)
     return _in_attributes(text, tag, place)
 
 
@@ -90,7 +90,7 @@ def _in_attributes(text: str, tag: int, place: int) -> XmlMistake | None:
     """Return the mistake behind the last attribute that is complete."""
     name = NAME.match(text, tag)
     if name is None:
-        message = "a tag's name stands directly behind its <, and a < in a text is written &lt;"
+        message = "a tag's name follows its < directly, and a < in a text is written &lt;"
         return XmlMistake(message, tag, place + 1) if text.startswith("<", tag) else None
     end = name.end()
     while match := ATTRIBUTE.match(text, end, place):
@@ -102,7 +102,7 @@ def _in_attributes(text: str, tag: int, place: int) -> XmlMistake | None:
     if text.startswith("<", place):
         return XmlMistake("the tag that begins here has no >", tag, name.end())
     if end == place and text[place - 1] in "\"'":
-        message = "a blank is missing before this, or a quotation mark too many stands before it"
+        message = "a blank is missing before this, or there is a quotation mark too many before it"
         return XmlMistake(message, place, place + 1)
     return None
 
@@ -111,7 +111,7 @@ def _twice(text: str, place: int) -> XmlMistake | None:
     name = _ATTRIBUTE_NAME.match(text, place)
     if name is None:
         return None
-    message = f"the attribute '{name[0]}' stands twice in this tag"
+    message = f"the attribute '{name[0]}' is given twice in this tag"
     return XmlMistake(message, *name.span(), hint="delete one of the two")
 
 

@@ -159,7 +159,7 @@ def _values(text: str, tag: int, values: list[tuple[int, int, bool]]) -> int:
 
 
 def _late_declaration(source: Source, start: int, end: int) -> Diagnostic:
-    message = f"an XML declaration stands at the very beginning of a file: {_TOLD}"
+    message = f"an XML declaration must be at the very beginning of a file: {_TOLD}"
     hint, span = "delete the blanks and lines before it", source.span(start, end)
     return Diagnostic("loose-xml", message, source, span, hint=hint, severity=Severity.WARNING)
 
@@ -168,7 +168,7 @@ def _finding(source: Source, start: int, end: int) -> Diagnostic:
     raw, named = source.text[start:end], _NAMED.match(source.text, start)
     suggestion, hint = None, None
     if "-" in raw:
-        message = f"-- cannot stand in a comment of XML: {_TOLD}"
+        message = f"-- is not allowed in a comment of XML: {_TOLD}"
         suggestion = " ".join(raw) if len(raw) > 1 else "- "
         if source.text.startswith("<!--", start - 2):
             start, suggestion = start - 2, None

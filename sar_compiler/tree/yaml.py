@@ -120,11 +120,11 @@ class _YamlReader:
         if not isinstance(first, yaml.MappingStartEvent):
             end = events.skip()
             if isinstance(first, yaml.SequenceStartEvent):
-                what = f"'{ROOT_TAG}:' begins a tree file" if not self._depth else "a node stands here"
+                what = f"'{ROOT_TAG}:' begins a tree file" if not self._depth else "a node belongs here"
                 hint = (
-                    f"write the node's tag; a list of nodes stands under its '{CHILDREN_KEY}:'"
+                    f"write the node's tag; put a list of nodes under its '{CHILDREN_KEY}:'"
                     if self._depth
-                    else f"delete the '- ' before '{ROOT_TAG}:'; a list stands under its '{CHILDREN_KEY}:'"
+                    else f"delete the '- ' before '{ROOT_TAG}:'; put a list under its '{CHILDREN_KEY}:'"
                 )
                 self._report("wrong-shape", f"{what}, and this is a list", _place(first)[0], end, hint=hint)
             return None
@@ -147,7 +147,7 @@ class _YamlReader:
     def _rootless(self) -> Element | None:
         """Read the contents of a root that is not named itself."""
         first, parts = self._events.next, _Parts()
-        message = f"a tree file begins with '{ROOT_TAG}:'; '{first.value}' stands below it"
+        message = f"a tree file begins with '{ROOT_TAG}:'; '{first.value}' belongs below it"
         hint = f"write '{ROOT_TAG}:' above, and indent all that follows"
         self._report("wrong-root", message, *_place(first), hint=hint)
         number = self._spans.begin(*_place(first))
@@ -195,11 +195,11 @@ class _YamlReader:
             parts.comments += [_comment(one, 0) for one in events.comments(column + 1)]
         else:
             end = events.skip()
-            message = f"below '{tag.value}' stand its attributes, as name: value, and its '{CHILDREN_KEY}'"
+            message = f"below '{tag.value}' come its attributes, as name: value, and its '{CHILDREN_KEY}'"
             hint = f"put a list of nodes under '{CHILDREN_KEY}:'"
             if isinstance(content, yaml.ScalarEvent):
                 what = f"- {content.value}" if is_name(content.value) else "- "
-                hint = f"a node in it stands below '{CHILDREN_KEY}:', as '{what}'"
+                hint = f"a node in it belongs below '{CHILDREN_KEY}:', as '{what}'"
             if not isinstance(content, yaml.AliasEvent):  # of which its own finding has told
                 self._report("wrong-shape", message, _place(content)[0], end, hint=hint)
         if len(events.findings) > wrong or events.is_cut or isinstance(content, yaml.AliasEvent):
@@ -275,7 +275,7 @@ class _YamlReader:
         elif self._models:
             parts.text = value.value.strip()
         else:
-            message = f"'{TEXT_KEY}' stands only in the ports of a {MODEL_TAG}"
+            message = f"'{TEXT_KEY}' is allowed only in the ports of a {MODEL_TAG}"
             self._report("wrong-shape", message, *_place(key), hint="write a comment instead")
 
     def _look_for_cut(self, key: Any, value: Any) -> None:
@@ -286,7 +286,7 @@ class _YamlReader:
             return
         written = self._source.text[start : cut.end()].rstrip()
         message = f"{key.value}: a # behind a blank begins a comment, so the text is '{value.value}'"
-        hint = f"write '{written}' in quotes; a comment stands behind '# '"
+        hint = f"write '{written}' in quotes; a comment begins with '# '"
         span = self._source.span(end + 1, cut.end())
         self._doubts.append(
             Diagnostic("cut-text", message, self._source, span, hint=hint, severity=Severity.WARNING)
@@ -300,12 +300,14 @@ class _YamlReader:
             return
         written = self._source.text[start:end]
         if value.flow_style and _REFERENCE.fullmatch(written):
-            message = f"{key.value}: braces are a mapping in YAML, so a reference stands in quotes"
+            message = f"{key.value}: braces are a mapping in YAML, so put a reference in quotes"
             self._report("wrong-shape", message, start, end, suggestion=f"'{written}'")
             return
         what = "a list" if isinstance(value, yaml.SequenceStartEvent) else "a mapping"
         message = f"'{key.value}' is an attribute, and its value is {what}, not a text"
-        hint = f"a node begins with '- ' under '{CHILDREN_KEY}'; a text that begins with {{ or [ stands in quotes"
+        hint = (
+            f"a node begins with '- ' under '{CHILDREN_KEY}'; put a text that begins with {{ or [ in quotes"
+        )
         block = isinstance(value, yaml.SequenceStartEvent) and not value.flow_style
         meant = CHILDREN_KEY if block and CHILDREN_KEY not in parts.seen else None
         self._report("wrong-shape", message, *_place(key), suggestion=meant, hint=hint)
@@ -340,7 +342,7 @@ class _YamlReader:
             return self._events.take()
         end = self._events.skip()
         if not isinstance(key, yaml.AliasEvent):
-            hint = "a name that begins with { or [ stands in quotes"
+            hint = "put a name that begins with { or [ in quotes"
             self._report("wrong-shape", "a key is a name", _place(key)[0], end, hint=hint)
         return None
 
@@ -348,13 +350,11 @@ class _YamlReader:
         name = key.value
         if name in parts.seen:
             line = self._source.place(parts.seen[name])[0]
-            message = f"'{name}' is given twice; the first stands in line {line}"
+            message = f"'{name}' is given twice; the first is in line {line}"
             self._report("duplicate-key", message, *_place(key), hint="delete one of them")
             return True
         if name == "<<" and not key.style:
-            message = (
-                "'<<' would merge another mapping into this one; a tree file says everything where it stands"
-            )
+            message = "'<<' would merge another mapping into this one; in a tree file, write everything where it belongs"
             self._report("yaml-merge", message, *_place(key), hint="write the attributes out")
             return True
         if name != TEXT_KEY and not is_name(name):
@@ -377,9 +377,9 @@ class _YamlReader:
         if key is None or tag is None:
             return
         if not self._depth:
-            message = f"a tree file has one key at its top; '{key.value}' stands beside '{tag.value}'"
+            message = f"a tree file has one key at its top; '{key.value}' is beside '{tag.value}'"
         else:
-            message = f"'{key.value}' stands beside '{tag.value}', not below it"
+            message = f"'{key.value}' is beside '{tag.value}', not below it"
         self._report(
             "wrong-shape", message, *_place(key), hint="indent it further, or begin a node with '- '"
         )

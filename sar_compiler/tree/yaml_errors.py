@@ -20,26 +20,26 @@ _WORDS = [
     _Rewording(re.compile(pattern), message, hint)
     for pattern, message, hint in [
         (r"tab", "there is a tab", "indent with spaces"),
-        (r"node content", "something is missing here", "write it; a text of punctuation stands in quotes"),
+        (r"node content", "something is missing here", "write it; put punctuation in quotes"),
         (
             r"line break|expected ' '|\btag\b",
             "'|', '>' and '!' begin something special in YAML, and this is not it",
-            "a text that begins with one of them stands in quotes",
+            "put a text that begins with one of them in quotes",
         ),
         (
             r"alphabetic or numeric",
             "'&' and '*' begin an anchor or an alias, which is not allowed here",
-            "a text that begins with one of them stands in quotes",
+            "put a text that begins with one of them in quotes",
         ),
         (
             r"mapping values are not allowed",
             "a ':' with a space behind it has no place here",
-            "check the indentation; a text with ': ' in it stands in quotes",
+            "check the indentation; put a text with ': ' in it in quotes",
         ),
         (
             r"sequence entries are not allowed",
             "a '-' with a space behind it has no place here",
-            "begin a new line; a text that begins with '- ' stands in quotes",
+            "begin a new line; put a text that begins with '- ' in quotes",
         ),
         (r"end of stream|stream end|document (indicator|separator)", "what begins here has no end", None),
         (
@@ -55,12 +55,12 @@ _WORDS = [
         (
             r"',' or|\[|\{|flow",
             "the list or mapping in brackets that begins here goes wrong further on",
-            "separate its parts by commas and close its bracket; a text that begins with { or [ stands in quotes",
+            "separate its parts by commas and close its bracket; put a text that begins with { or [ in quotes",
         ),
         (
             r"expected key|block end|expected '-' indicator|<scalar>",
             "this does not belong to the lines above it",
-            "indent it as the line it belongs to; a text stands in quotes as a whole or not at all",
+            "indent it as the line it belongs to; put a text in quotes as a whole or not at all",
         ),
         (r"document start", "the file continues after the end of its document", "delete the lines of '...'"),
         (r"directive|%", "directives of YAML are not allowed here", "delete the line"),

@@ -79,7 +79,7 @@ class Events:
         unreadable = _UNREADABLE.search(source.text)
         if unreadable:
             code = ord(unreadable.group())
-            message = f"the character U+{code:04X} cannot stand in YAML as it is"
+            message = f"the character U+{code:04X} is not allowed in YAML as it is"
             hint = f'delete it, or write "\\u{code:04x}" in double quotes'
             self.report("wrong-character", message, *unreadable.span(), hint=hint)
             raise TreeError(self.findings)
@@ -216,10 +216,10 @@ class Events:
             message = (
                 f"'{written}' is {what} of YAML, which is not allowed here: write everything where it belongs"
             )
-            hint = f"write it out; a text that begins with {mark} stands in quotes"
+            hint = f"write it out; put a text that begins with {mark} in quotes"
             self.report("yaml-anchor", message, start, start + len(written), hint=hint)
         else:
             end = start + len(self._source.text[start : start + 80].split(maxsplit=1)[0])
             message = f"'{self._source.text[start:end]}' is a tag of YAML, which is not allowed here"
-            hint = "delete it; a text that begins with ! stands in quotes"
+            hint = "delete it; put a text that begins with ! in quotes"
             self.report("yaml-tag", message, start, end, hint=hint)

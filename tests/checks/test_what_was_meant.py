@@ -222,7 +222,7 @@ MALFORMED = {
     "an ampersand before a word": ('<A name="a &b"/>', 2, 12, "&amp;", "&amp;"),
     "a comparison in a script": ('<A code="a > 1; a < 3"/>', 2, 19, "&lt;", "&lt;"),
     "a value without an end": ('<A name="x>\n<B/></A>', 2, 9, None, "no closing quotation mark"),
-    "a value without quotes": ("<A name=x/>", 2, 9, None, "must stand in quotes"),
+    "a value without quotes": ("<A name=x/>", 2, 9, None, "must be in quotes"),
     "an entity of HTML": ('<A code="a &lt; b" name="a&nbsp;b"/>', 2, 27, None, "'&nbsp;'"),
     "two hyphens in a comment": ("<!-- a -- b -->", 2, 8, "- -", "comment"),
 }

@@ -149,7 +149,7 @@ MISTAKES = {
     "a key without its closing brace": (
         '<Say text="{greeting"/>',
         ("unclosed-key", 3, 12, "{greeting}"),
-        "stands between two braces",
+        "is written between two braces",
     ),
     "a key without its opening brace": (
         '<Say text="greeting}"/>',
@@ -159,7 +159,7 @@ MISTAKES = {
     "a number's key without its closing brace": (
         '<Delay delay_msec="{wait"><Say text="hi"/></Delay>',
         ("wrong-value", 3, 20, "{wait}"),
-        "a key stands between two braces",
+        "a key is written between two braces",
     ),
 }
 

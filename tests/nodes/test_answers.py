@@ -95,7 +95,7 @@ def test_a_script_that_cannot_be_read_is_refused_when_the_tag_is_first_used():
     "said", [{"answers": [Answer("SUCCESS", when="by_{name}")]}, {"facts": {"by_{name}": 1}}]
 )
 def test_a_placeholder_stands_for_the_node_itself_or_for_a_reference(said):
-    with pytest.raises(RegistrationError, match=r"nothing stands for \{name\}; there is \{self\}, \{say\}"):
+    with pytest.raises(RegistrationError, match=r"nothing is called \{name\}; there is \{self\}, \{say\}"):
         registered(**said)
     assert registered(facts={"by_{self}": 1, "by_{say}": 2}).facts
 
@@ -123,7 +123,7 @@ def trying(**said):
 def test_in_scripts_a_placeholder_stands_for_the_value_of_a_whole_number():
     answers = [Answer("SUCCESS", when="tried < {tries}"), Answer("FAILURE"), Answer("RUNNING")]
     assert trying(answers=answers, facts={"tried": 0}).answers == tuple(answers)
-    with pytest.raises(RegistrationError, match=r"nothing stands for \{tries\}; there is \{self\}"):
+    with pytest.raises(RegistrationError, match=r"nothing is called \{tries\}; there is \{self\}"):
         trying(facts={"after_{tries}": 0})
     with pytest.raises(RegistrationError, match=r"answer 'SUCCESS': then '\{tries\} = 1'"):
         trying(answers=[Answer("SUCCESS", then="{tries} = 1"), *answers[1:]])
@@ -180,5 +180,5 @@ def test_a_port_that_has_another_value_in_every_tick_stands_for_nothing():
     cls = register(
         "Watching", kind=Kind.ACTION, outcomes=ANY, answers=[Answer("SUCCESS", when="{tries} > 1")]
     )
-    with pytest.raises(RegistrationError, match=r"nothing stands for \{tries\}; there is \{self\}"):
+    with pytest.raises(RegistrationError, match=r"nothing is called \{tries\}; there is \{self\}"):
         used(cls(Watching))

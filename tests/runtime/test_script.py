@@ -188,7 +188,7 @@ def test_what_can_be_mended_is_shown_with_what_to_write_instead(text, mark, sugg
 @pytest.mark.parametrize(
     ("text", "mark", "said"),
     [
-        ("a % 2", "%", "'%' cannot stand in a script"),
+        ("a % 2", "%", "'%' is not allowed in a script"),
         ("a, b", ",", "';'"),
         ("x[0]", "[", "no lists"),
         ("# why", "#", "no comments"),
@@ -201,7 +201,7 @@ def test_what_can_be_mended_is_shown_with_what_to_write_instead(text, mark, sugg
         ("a . b", ".", "'..' joins texts"),
         ("f(x)", "f(", "cannot call 'f'"),
         ("a\xa0b", "\xa0", "ordinary space"),
-        ("größe", "ö", "cannot stand in a name"),
+        ("größe", "ö", "is not allowed in a name"),
         ("{}", "{}", "without braces"),
         ("x == 'abc", "'abc", "no closing quotation mark"),
         ("'it\\'s'", "'", "cannot contain one"),
@@ -235,7 +235,7 @@ def test_what_can_be_mended_is_shown_with_what_to_write_instead(text, mark, sugg
         ("a && b = 1", "a && b =", "'==' compares"),
         ("(a + b) := 1", "(a + b) :=", "only a variable"),
         ("-x += 1", "-x +=", "only a variable"),
-        ("a ? b : c := 1", ":=", "stands in brackets"),
+        ("a ? b : c := 1", ":=", "another expression in brackets"),
         (":= 1", ":=", "only a variable"),
     ],
 )

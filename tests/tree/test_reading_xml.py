@@ -110,7 +110,7 @@ def test_a_missing_end_tag_is_named_with_the_line_that_opened_it():
 
 
 def test_an_unquoted_value_is_called_what_it_is():
-    with pytest.raises(TreeError, match="must stand in quotes"):
+    with pytest.raises(TreeError, match="must be in quotes"):
         parse_xml("<root a=1/>")
 
 

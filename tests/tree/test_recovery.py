@@ -171,7 +171,7 @@ WORDS = {
     "a comment in a tag": (
         "<B <!-- c --> d='1'/>",
         4,
-        "a comment cannot stand in a tag",
+        "a comment is not allowed in a tag",
         "put it before or behind",
     ),
     "a comment without an end": (
@@ -183,10 +183,15 @@ WORDS = {
     "an attribute that stands twice": (
         "<B c='1' d='2' c='3'/>",
         16,
-        "the attribute 'c' stands twice in this tag",
+        "the attribute 'c' is given twice in this tag",
         "delete one of the two",
     ),
-    "a character of terminals": ("<B c='\x1b'/>", 7, "the character U+001B cannot stand in XML", "delete it"),
+    "a character of terminals": (
+        "<B c='\x1b'/>",
+        7,
+        "the character U+001B is not allowed in XML",
+        "delete it",
+    ),
     "a tag without an end": ("<B c='1'", 1, "the tag that begins here has no >", ""),
     "a tag in a tag": ("<B c='1' <C/>", 1, "the tag that begins here has no >", ""),
     "a value without an end": ("<B c='1", 6, "the value that begins here has no closing quotation mark", ""),
@@ -197,7 +202,7 @@ WORDS = {
         "",
     ),
     "attributes without a blank between": ("<B c='1'd='2'/>", 9, "a blank is missing before this", ""),
-    "a blank behind the sign": ("< B/>", 1, "a tag's name stands directly behind its <", ""),
+    "a blank behind the sign": ("< B/>", 1, "a tag's name follows its < directly", ""),
 }
 
 

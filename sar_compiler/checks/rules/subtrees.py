@@ -42,7 +42,9 @@ def _unused_trees(context: CheckContext) -> Iterator[Diagnostic]:
             and context.forest.trees.get(tree.name) is element
             and not context.forest.is_used_elsewhere(tree.name)
         ):
-            message = f"the tree '{tree.name}' is never ticked: it stands neither in '{mains[0].name}' nor in any other"
+            message = (
+                f"the tree '{tree.name}' is never ticked: it is neither in '{mains[0].name}' nor in any other"
+            )
             hint = f'put it somewhere, <SubTree ID="{tree.name}"/>, or delete it'
             span = element.value_span("ID")
             yield Diagnostic(

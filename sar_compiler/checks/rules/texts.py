@@ -34,6 +34,6 @@ def _unclosed(bound: BoundNode, names: list[str]) -> Iterator[Diagnostic]:
     for name in names:
         suggestion = closed(element.attributes.get(name, ""))
         if suggestion is not None:
-            message = f"{name}: '{element.attributes[name]}' is a text; a key of the blackboard stands between two braces"
+            message = f"{name}: '{element.attributes[name]}' is a text; a key of the blackboard is written between two braces"
             span = element.value_span(name)
             yield warning("unclosed-key", message, bound, span, suggestion)

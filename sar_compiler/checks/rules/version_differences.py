@@ -71,7 +71,7 @@ def _report_quotes(bound: BoundNode, attribute: str, script: Script, collector: 
     for literal in _parts(script):
         if isinstance(literal, Literal) and script.text[literal.start] == '"':
             inside = script.text[literal.start + 1 : literal.end - 1]
-            message = f"{attribute}: a text stands in double quotation marks"
+            message = f"{attribute}: a text is written in double quotation marks"
             hint = "write '...'; the text itself cannot contain a single quotation mark"
             span = bound.element.within_value(attribute, literal.start, literal.end)
             suggestion = None if "'" in inside else f"'{inside}'"

@@ -124,7 +124,7 @@ class AttributeBinder:
         """Report a key with only one of its braces where no text can be meant; return whether it is one."""
         suggestion = closed(element.attributes[name])
         if suggestion is not None:
-            message = f"{name}: a key stands between two braces, and '{element.attributes[name]}' has one"
+            message = f"{name}: a key is written between two braces, and '{element.attributes[name]}' has one"
             self._collector.value(element, name, "wrong-value", message, suggestion=suggestion)
         return suggestion is not None
 

@@ -307,10 +307,10 @@ class Binder:
         if near == tag:  # py_trees' decorator, by its tag; not what the explicit form of a condition names
             near = None
         if element.tag == TREE_TAG:
-            self._collector.tag(element, "unknown-node", f"a <{TREE_TAG}> cannot stand inside another")
+            self._collector.tag(element, "unknown-node", f"a <{TREE_TAG}> is not allowed inside another")
         elif element.tag in (INCLUDE_TAG, MODEL_TAG):
             hint = f"put it directly in <{ROOT_TAG}>"
-            message = f"<{element.tag}> cannot stand in a tree"
+            message = f"<{element.tag}> is not allowed in a tree"
             self._collector.tag(element, "unknown-node", message, hint=hint)
             return None
         elif element.tag in KIND_TAGS and not element.attributes.get("ID"):
@@ -340,7 +340,7 @@ class Binder:
         """Report an element without its required ID; `id` in another case does not count."""
         written = [name for name in element.attributes if name.upper() == "ID"]
         if written and written != ["ID"]:
-            message = f"<{element.tag}> has no attribute '{written[0]}'; {what} stands in its ID"
+            message = f"<{element.tag}> has no attribute '{written[0]}'; {what} belongs in its ID"
             self._collector.name(element, written[0], "unknown-attribute", message, suggestion="ID")
             return
         span = element.value_span("ID") if written else element.tag_span()
@@ -415,7 +415,7 @@ class Binder:
         self._current.nodes.append(bound)
         self._current.uses.append(bound)
         for child in element.children:
-            message = f"<{SUBTREE_TAG}> names a tree; its nodes stand in that <{TREE_TAG}>"
+            message = f"<{SUBTREE_TAG}> names a tree; its nodes belong in that <{TREE_TAG}>"
             self._collector.tag(child, "child-of-leaf", message)
         if not tree_id:
             self._without_id(element, f"this <{SUBTREE_TAG}> names no tree", "the tree's name")

@@ -156,7 +156,7 @@ def _model(element: Element, collector: Collector) -> Model | None:
     kind = _KINDS.get(element.tag)
     if kind is None and element.tag != SUBTREE_TAG:
         known = [*_KINDS, SUBTREE_TAG]
-        message = f"<{element.tag}> cannot stand in a <{MODEL_TAG}>; it has {', '.join(known)}"
+        message = f"<{element.tag}> is not allowed in a <{MODEL_TAG}>; it has {', '.join(known)}"
         collector.slip_in_model(
             element, None, message, suggestion=collector.guesses.nearest(element.tag, known)
         )

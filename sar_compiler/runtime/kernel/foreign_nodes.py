@@ -241,7 +241,7 @@ class ForeignObjects:
         for behaviour, children in self._children:
             if behaviour.children != children:
                 message = (
-                    f"'{behaviour.name}' has other children than it had when it was made: what stands in a tree must remain "
+                    f"'{behaviour.name}' has other children than it had when it was made: what is in a tree must remain "
                     "there, or its runs cannot be gone through"
                 )
                 raise UnsteadyError(message)
