@@ -202,7 +202,7 @@ class CommandParser(argparse.ArgumentParser):
         return super().parse_args(args, namespace)
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong with a command line, and what was probably meant, and exit."""
+        """Report what is wrong with a command line, and what was probably meant, and exit."""
         if message.endswith("are required: COMMAND"):
             self.print_help(sys.stderr)
         else:

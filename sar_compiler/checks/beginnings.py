@@ -1,4 +1,4 @@
-"""Checking of what stands before the place where a file goes wrong.
+"""Checking of the part of a file before the place where it goes wrong.
 
 Whatever the rest of the file may say, these findings stay: they are about start tags, and about elements that have ended.
 """

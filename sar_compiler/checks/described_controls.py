@@ -1,4 +1,4 @@
-"""Reading of `controls:`, which says in a file beside a tree what stands for nodes that only a model describes."""
+"""Reading of `controls:`, which names, in a file beside a tree, the stand-ins for nodes that only a model describes."""
 
 from collections.abc import Iterable, Sequence
 
@@ -15,7 +15,7 @@ from sar_compiler.tree.model import TreeFile
 def take_controls(
     document: Document, controls: Value, binding: Binding, registry: Registry, files: Iterable[TreeFile]
 ) -> None:
-    """Have nodes stand for those that only a model describes, as a file says; what is wrong with it becomes findings.
+    """Put stand-ins in the place of nodes that only a model describes, as a file says; its mistakes become findings.
 
     Args:
         document: The file.
@@ -46,7 +46,7 @@ def take_controls(
 def _stand_in(
     document: Document, value: Value, wanted: str, nodes: Sequence[BoundNode], registry: Registry
 ) -> NodeSpec | None:
-    """Return what stands for some nodes; reports what cannot."""
+    """Return the stand-in for some nodes; reports one that cannot be it."""
     tag = value.text or ""
     variants = registry.variants(tag)
     if not variants:
@@ -64,7 +64,7 @@ def _stand_in(
 
 
 def _misfit(spec: NodeSpec, nodes: Sequence[BoundNode]) -> str:
-    """Return why a node cannot stand for some; empty if it can."""
+    """Return why a node cannot replace some others; empty if it can."""
     if spec.kind.is_leaf:
         return "it is a leaf"
     needed = [each.name for each in (*spec.required, *spec.references) if each.required]

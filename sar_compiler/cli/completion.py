@@ -40,7 +40,7 @@ def print_code(arguments: argparse.Namespace) -> int:
 
 
 def add_completers(parser: argparse.ArgumentParser) -> None:
-    """Say of every argument of a parser, and of those of its subcommands, what its values can be."""
+    """Give every argument of a parser, and of its subcommands, the completer of its values."""
     for action in parser._actions:  # noqa: SLF001 - argparse has no other way to them
         if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001
             for command in action.choices.values():

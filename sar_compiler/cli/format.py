@@ -28,7 +28,7 @@ def format_files(arguments: argparse.Namespace) -> int:
 
 
 def _status(name: str, *, check: bool) -> int:
-    """Rewrite a file, or say whether it would change; return the exit status."""
+    """Rewrite a file, or report whether it would change; return the exit status."""
     from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
 
     try:

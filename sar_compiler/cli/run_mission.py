@@ -517,7 +517,7 @@ class _Run:
         return self._failed("ROS was shut down")
 
     def _failed(self, said: str, reason: str = "") -> int:
-        """Say why the run has failed.
+        """Report why the run has failed, and return the exit status.
 
         Args:
             said: The last line on the terminal, below what was said of it before.

@@ -91,7 +91,7 @@ class RouteCheck:
             node.create_subscription(OccupancyGrid, _MAP, self._take, latched)
 
     def tell(self, executor: Executor, say: Callable[[str], object]) -> int:
-        """Tell the way, and on standard error what is wrong with it; return the number of problems.
+        """Print the way, and on standard error what is wrong with it; return the number of problems.
 
         Args:
             executor: The executor of the node.

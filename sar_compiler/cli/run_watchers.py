@@ -91,7 +91,7 @@ class RunWatchers:
             self._publisher.take(entry)
 
     def _told(self) -> "Iterator[MissionPublisher | MissionRecording]":
-        """Yield those who are told of the journal."""
+        """Yield those who follow the journal."""
         yield from filter(None, (self._recording, self._publisher))
 
     def show(self, tree: CompiledTree, mission: MissionRun) -> None:
@@ -148,7 +148,7 @@ class RunWatchers:
             self._try(self._view.close, "The view could not be closed")
 
     def end(self) -> None:
-        """Say how it has ended, after the end of the journal."""
+        """Report how the run has ended, after the end of the journal."""
         for each in self._told():
             self._try(each.end, "One who watches the mission could not say how it has ended")
         if self._report is not None:

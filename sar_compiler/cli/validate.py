@@ -91,7 +91,7 @@ class _Validation:
         self._workspace = self._new_workspace()
 
     def _named(self, name: str) -> Iterator[Path]:
-        """Yield the files that an argument stands for."""
+        """Yield the files that an argument names."""
         from sar_compiler.tree.diagnostic import UnreadableFileError
         from sar_compiler.tree.gathering import tree_files_in
         from sar_compiler.tree.shipped import find_tree
@@ -197,7 +197,7 @@ class _Validation:
             self._fixable += len(fixes(tree.source, tree.tree_file, tree.findings))
 
     def _sum_up(self) -> None:
-        """Say on standard error how much was found; of one file without findings, that is said already."""
+        """Print on standard error how much was found, unless there was only one file without findings."""
         if not self.findings and self._checked <= 1:
             return
         counts = Counter(
@@ -242,7 +242,7 @@ class _Validation:
 
 
 def _standard_input() -> bytes:
-    """Return what stands on standard input, at most one byte more than a tree file may have.
+    """Return the content of standard input, at most one byte more than a tree file may have.
 
     Raises:
         UnreadableFileError: If it is closed.

@@ -162,7 +162,7 @@ class SimulationArguments(Arguments):
     parameter_advice = "give it a value: --params FILE, or parameters: {{{name}: ...}} in the scenario or the file of properties"
 
     def of(self, instance: Instance, bound: BoundNode) -> dict[str, Any]:
-        """Return the arguments of a node, by its parameters' names; what stands for a leaf that answers has its ports."""
+        """Return the arguments of a node, by its parameters' names; the stand-in for a leaf that answers has its ports."""
         if bound.spec.stand_in is not None:
             return {"name": bound.name}
         if not is_answered(bound.spec):

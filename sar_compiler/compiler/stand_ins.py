@@ -1,4 +1,4 @@
-"""What stands in runs without a robot for controls and decorators that only a model describes."""
+"""Stand-ins, in runs without a robot, for controls and decorators that only a model describes."""
 
 from collections.abc import Mapping
 
@@ -11,7 +11,7 @@ from sar_compiler.tree.diagnostic import Diagnostic
 
 
 class OnlyDescribedError(UndecidableError):
-    """A tree has controls or decorators that only a model describes, and nothing stands for them.
+    """A tree has controls or decorators that only a model describes, and they have no stand-ins.
 
     Attributes:
         findings: Where they are.
@@ -40,11 +40,11 @@ def described(binding: Binding) -> list[BoundNode]:
 
 
 def put_in_place(binding: Binding, controls: Mapping[str, NodeSpec]) -> None:
-    """Have other nodes stand for those that are only described, with the defaults of their attributes.
+    """Put other nodes in the place of those that are only described, with the defaults of their attributes.
 
     Args:
         binding: The tree, which is changed.
-        controls: What stands for which tag; it can have the children of all nodes with that tag.
+        controls: The stand-in for each tag; it can have the children of all nodes with that tag.
     """
     for tree in binding.trees():
         for node in tree.nodes:

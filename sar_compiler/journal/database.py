@@ -303,7 +303,7 @@ class JournalFile:
         return int(added.lastrowid or 0)
 
     def end_run(self, number: int, wall: float, ending: Ending, status: int, reason: str) -> None:
-        """Say how a run has ended."""
+        """Record how a run has ended."""
         with self._transaction():
             self._connection.execute(
                 "UPDATE run SET ended = ?, ending = ?, status = ?, reason = ? WHERE number = ?",

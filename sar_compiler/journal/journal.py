@@ -214,7 +214,7 @@ class Journal:
             self._write()
 
     def end(self, ending: Ending, status: int, reason: str = "") -> None:
-        """Say how the run has ended.
+        """Record how the run has ended.
 
         Args:
             ending: How.

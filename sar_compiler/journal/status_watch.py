@@ -1,4 +1,4 @@
-"""What the nodes of a tree come to, tick by tick, in the journal."""
+"""The statuses of a tree's nodes, tick by tick, in the journal."""
 
 from collections.abc import Iterator
 

@@ -59,7 +59,7 @@ class Hook:
 
     @property
     def holds(self) -> bool:
-        """Whether a tick that has come to it has to wait."""
+        """Whether a tick that has reached it has to wait."""
         return self.mode is HookMode.BREAKPOINT and self.enabled and not self.ready
 
     def as_json(self) -> dict[str, object]:
@@ -104,11 +104,11 @@ class Groot2Hooks:
         self._is_alone = False
 
     def before(self, behaviour: Behaviour) -> Generator[None, None, int]:
-        """Yield as long as a tick has to wait before a node; return what it is made to come to, SKIPPED for nothing."""
+        """Yield as long as a tick has to wait before a node; return the outcome to override, SKIPPED for none."""
         return (yield from self._pass(HookPosition.BEFORE, self._tree.uid_of_inner(behaviour)))
 
     def after(self, behaviour: Behaviour) -> Generator[None, None, int]:
-        """Yield as long as a tick has to wait after a node; return what it is made to come to, SKIPPED for nothing."""
+        """Yield as long as a tick has to wait after a node; return the outcome to override, SKIPPED for none."""
         return (yield from self._pass(HookPosition.AFTER, self._tree.uid(behaviour)))
 
     def _pass(self, position: HookPosition, uid: int) -> Generator[None, None, int]:
@@ -127,7 +127,7 @@ class Groot2Hooks:
         return self._left(hook, name)
 
     def _left(self, hook: Hook, name: str) -> int:
-        """Leave a hook; return what the tick is made to come to."""
+        """Leave a hook; return its overriding outcome, SKIPPED for none."""
         key = hook.position, hook.uid
         with self._lock:
             hook.ready = False
@@ -139,7 +139,7 @@ class Groot2Hooks:
             return SKIPPED
         if hook.mode is HookMode.BREAKPOINT or hook.told != hook.outcome:
             hook.told = hook.outcome
-            self._tell(f"Groot2 puts {WORDS[hook.outcome]} in the place of what '{name}' comes to")
+            self._tell(f"Groot2 overrides the outcome of '{name}' with {WORDS[hook.outcome]}")
         return hook.outcome
 
     def heard(self) -> None:

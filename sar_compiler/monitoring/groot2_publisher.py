@@ -1,4 +1,4 @@
-"""A tree for Groot2: what it is, how it stands, what it holds, over ZeroMQ."""
+"""A tree for Groot2: its nodes, their statuses and its blackboards, over ZeroMQ."""
 
 import time
 import uuid
@@ -164,7 +164,7 @@ class Groot2Publisher:
                 self._transitions.append(transition(now, change.uid, change.status))
 
     def _tell_of(self, hook: Hook) -> None:
-        """Tell of a hook that the tick has come to; all others who use this socket have ended, or not begun."""
+        """Report a hook that the tick has reached; all others who use this socket have ended, or not begun."""
         self._changes.run_around(hook.uid)
         number = uuid.uuid4().int & 0xFFFFFFFF
         with suppress(zmq.ZMQError):

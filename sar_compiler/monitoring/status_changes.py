@@ -1,4 +1,4 @@
-"""What becomes of the nodes of a tree, as BehaviorTree.CPP tells it."""
+"""The changes of the statuses of a tree's nodes, as BehaviorTree.CPP reports them."""
 
 from collections.abc import Callable
 from typing import NamedTuple

@@ -76,7 +76,7 @@ def ignored_entry_points(group: str, checkout: Path | None = None) -> list[tuple
 
 
 def pass_over(entries: Iterable[str]) -> None:
-    """Say which entries were taken off `sys.path`, because they are there by the working directory.
+    """Take over the entries that were taken off `sys.path`, because they are there by the working directory.
 
     Those where something is installed are put back; the others are looked at again for what the user names.
     """

@@ -146,7 +146,7 @@ def _folder(package: str) -> Path:
 
 
 def decoded(value: Any) -> Any:
-    """Return what a part of the data stands for: a list is a tuple, the first key of a mapping names another kind."""
+    """Return the value of a part of the data: a list is a tuple, the first key of a mapping names another kind."""
     if isinstance(value, list):
         return tuple(map(decoded, value))
     if not isinstance(value, dict):

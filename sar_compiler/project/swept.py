@@ -1,4 +1,4 @@
-"""The runs of a scenario by chance, which can be played in other processes, and the smallest scenario that fails."""
+"""The random runs of a scenario, which can be played in other processes, and the smallest scenario that fails."""
 
 import functools
 import hashlib

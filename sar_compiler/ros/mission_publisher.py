@@ -36,7 +36,7 @@ _FORMS = {"zone": (Marker.CYLINDER, 1.0), "survivor": (Marker.SPHERE, 0.5), "bas
 
 
 class MissionPublisher:
-    """Publishes what becomes of a mission, in the thread that ticks it.
+    """Publishes the progress of a mission, in the thread that ticks it.
 
     - `behavior_tree_log` (`nav2_msgs/msg/BehaviorTreeLog`): the changes of each tick, with the numbers that Groot2 has
     - `~/tree` (`std_msgs/msg/String`, latched): the tree in XML, with these numbers

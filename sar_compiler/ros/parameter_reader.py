@@ -189,7 +189,7 @@ class ParameterReader:
         return {name: self.number(key, 0.0) for name, key in keys.items()}
 
     def only(self, prefix: str, names: tuple[str, ...]) -> None:
-        """Note as a mistake what stands below a prefix besides some names."""
+        """Note as mistakes the parameters below a prefix that are not among some names."""
         listed = f"{', '.join(names[:-1])} and {names[-1]}"
         for key in self.parameters:
             if key == prefix:

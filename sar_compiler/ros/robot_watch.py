@@ -76,7 +76,7 @@ class RobotWatch:
         self._tell(kind)
 
     def _look(self) -> None:
-        """Tell what came last and was not due: where the robot stands still it is the only thing that is true."""
+        """Tell what came last and was not due: where the robot stands still, nothing else is up to date."""
         for kind in tuple(self._newest):
             self._tell(kind)
         left_out, self._others = self._others - _OTHERS, 0

@@ -120,12 +120,12 @@ class SoleMission(Requirement):
         return "looking for another mission on this robot" if looks else None
 
     def run(self) -> None:
-        """Say that the tree is ticked from now on."""
+        """Announce that the tree is ticked from now on."""
         self._mine = self._mine._replace(runs=True)
         self._publish()
 
     def trouble(self) -> str:
-        """Return why this mission has to give way, while it runs; empty if it need not. Says who else has come."""
+        """Return why this mission has to give way, while it runs; empty if it need not. Reports who else has come."""
         for key in self._others.keys() - self._told:
             self._told.add(key)
             self._node.get_logger().warning(

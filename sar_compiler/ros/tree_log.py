@@ -1,4 +1,4 @@
-"""What becomes of a tree's nodes, in the messages of Nav2's log."""
+"""The changes of a tree's statuses, in the messages of Nav2's log."""
 
 import time
 from collections.abc import Callable
@@ -17,7 +17,7 @@ TOPIC = "behavior_tree_log"
 
 
 class TreeLog:
-    """Tells of the changes of each tick.
+    """Publishes the changes of each tick.
 
     Args:
         node: The node whose time the messages have.
@@ -40,7 +40,7 @@ class TreeLog:
         engine.add_post_tick_handler(self._after_tick)
 
     def end(self) -> None:
-        """Tell how it has ended; nothing is ticked any more."""
+        """Report how it has ended; nothing is ticked any more."""
         self._changes.finalise()
         self._tell_events()
 

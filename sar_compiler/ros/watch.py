@@ -34,7 +34,7 @@ _FROM_MAP = b"\x04\x00\x00\x00map\x00"
 
 
 class Watch:
-    """Watches servers, the localisation and transforms of a running mission, and says what has become of them.
+    """Watches servers, the localisation and transforms of a running mission, and reports what has happened to them.
 
     All is said in the node's log, once for each event.
 

@@ -1,4 +1,4 @@
-"""Values that can be compared and kept: what an entry of the blackboard holds, whatever becomes of it afterwards."""
+"""Values that can be compared and kept: what an entry of the blackboard holds, whatever happens to it afterwards."""
 
 import math
 from collections import deque

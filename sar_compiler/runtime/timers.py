@@ -85,7 +85,7 @@ class Sleep(Built):
         return seconds_of(self.name, "msec", self._msec.get())
 
     def tell(self, left: str) -> None:
-        """Tell what time is left; empty at the end."""
+        """Set the feedback message to the time that is left; empty at the end."""
         self.feedback_message = left
 
 
@@ -122,7 +122,7 @@ class Timer(Built, stock.Timer):
         return float(self.duration)
 
     def tell(self, left: str) -> None:
-        """Tell whether time is left, as py_trees' own does."""
+        """Set the feedback message as py_trees' own timer does."""
         self.feedback_message = "still running" if left else f"timer ran out [{self.duration}]"
 
 

@@ -37,7 +37,7 @@ def tree_files_in(folder: Path) -> list[Path]:
 
 
 def files_meant(folder: Path, pattern: str) -> list[Path]:
-    """Return the files that a path, a folder or a glob pattern stands for.
+    """Return the files that a path, a folder or a glob pattern names.
 
     Of folders and patterns these are the tree files; a plain path is returned whatever is there.
 

@@ -15,7 +15,7 @@ from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.source import Source
 
 REFERENCE = r"&(?:amp|lt|gt|apos|quot|#[0-9]+|#x[0-9a-fA-F]+);"
-"""A regular expression of what stands for another character."""
+"""A regular expression of what is read as another character."""
 NAME = re.compile(r"<[^\s/>]+")
 """That of the beginning of a tag."""
 ATTRIBUTE = re.compile(r"""\s*([^\s=/>]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)

@@ -22,14 +22,14 @@ class ReportError(SarError):
 
 
 class MissionOutcome(NamedTuple):
-    """What a mission has come to: in a word, and why."""
+    """The outcome of a mission: a word, and the reason."""
 
     word: str
     reason: str
 
 
 def outcome(state: MissionState) -> MissionOutcome:
-    """Return what a mission has come to with its last run."""
+    """Return the outcome of a mission as of its last run."""
     run = state.runs[-1] if state.runs else None
     if run is None or not run.ending:
         return MissionOutcome("unfinished", "it still runs, or it has broken off")

@@ -36,7 +36,7 @@ class Variable(NamedTuple):
     codes: Mapping[str, int]
 
     def shown(self, value: str) -> str:
-        """Return what stands for a value."""
+        """Return the number or text that encodes a value."""
         return str(self.codes[value]) if self.codes else value
 
 

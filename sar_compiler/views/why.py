@@ -18,8 +18,8 @@ _MOST = 12
 _START = Instant(1, 0.0, 0.0)
 
 
-class CameTo(NamedTuple):
-    """What a node has come to.
+class NodeStatus(NamedTuple):
+    """The status of a node.
 
     Attributes:
         node: Its number.
@@ -28,7 +28,7 @@ class CameTo(NamedTuple):
         depth: How far it is below the first of its chain.
         status: The status.
         message: What it has said.
-        since: When it came to that.
+        since: When it got that status.
     """
 
     node: int
@@ -51,7 +51,7 @@ class FormerFailure(NamedTuple):
         last: When the last one was.
     """
 
-    first: CameTo
+    first: NodeStatus
     zone: str
     has_recovered: bool
     times: int
@@ -71,8 +71,8 @@ class Why(NamedTuple):
         went_on: Whether the root has come to something else since.
     """
 
-    chain: tuple[CameTo, ...]
-    answers: tuple[CameTo, ...]
+    chain: tuple[NodeStatus, ...]
+    answers: tuple[NodeStatus, ...]
     before: tuple[FormerFailure, ...]
     outcome: str
     reason: str
@@ -80,7 +80,7 @@ class Why(NamedTuple):
     went_on: bool = False
 
     @property
-    def first(self) -> CameTo | None:
+    def first(self) -> NodeStatus | None:
         """The likeliest cause; None if nothing has failed."""
         return self.answers[0] if self.answers else None
 
@@ -102,10 +102,10 @@ def why(stream: Sequence[JournalEntry]) -> Why:
     chain = explained.chain
     history = _History(entries[: explained.count])
 
-    def is_look(answer: CameTo) -> bool:
+    def is_look(answer: NodeStatus) -> bool:
         return answer.node in looks
 
-    def blame(answer: CameTo) -> tuple[object, ...]:
+    def blame(answer: NodeStatus) -> tuple[object, ...]:
         # Where there were several ways, those before were passed over, and the last one was what was left.
         since = answer.since.time if answer.since else 0.0
         tolerated, worked = history.was_tolerated(answer.node), history.has_worked(answer.node)
@@ -163,11 +163,11 @@ class _Explained:
     """
 
     def __init__(self, entries: Sequence[JournalEntry]) -> None:
-        self.chain: tuple[CameTo, ...] = ()
-        self.answers: tuple[CameTo, ...] = ()
+        self.chain: tuple[NodeStatus, ...] = ()
+        self.answers: tuple[NodeStatus, ...] = ()
         self.count = len(entries)
         self._state = MissionState()
-        self._ends: dict[int, CameTo] = {}
+        self._ends: dict[int, NodeStatus] = {}
         self._causes: dict[int, list[int]] = {}
         self._came: dict[int, str] = {}
         self._began: dict[int, int] = {}
@@ -250,9 +250,9 @@ def _tick() -> Callable[[JournalEntry], int]:
     return tick
 
 
-def _answer(node: NodeState, depth: int) -> CameTo:
+def _answer(node: NodeState, depth: int) -> NodeStatus:
     place = f"{node.file}:{node.line}" if node.file else ""
-    return CameTo(node.number, node.name, place, depth, node.status, node.message, node.since)
+    return NodeStatus(node.number, node.name, place, depth, node.status, node.message, node.since)
 
 
 class _History:
@@ -263,7 +263,7 @@ class _History:
     """
 
     def __init__(self, entries: Iterable[JournalEntry]) -> None:
-        self._failures: dict[int, list[CameTo]] = {}
+        self._failures: dict[int, list[NodeStatus]] = {}
         self._zones: dict[int, str] = {}
         self._recovered: set[int] = set()
         self._worked: set[int] = set()
@@ -328,8 +328,8 @@ class RunDifference(NamedTuple):
     """
 
     step: int
-    here: CameTo | None
-    there: CameTo | None
+    here: NodeStatus | None
+    there: NodeStatus | None
 
 
 def first_difference(stream: Sequence[JournalEntry], other: Sequence[JournalEntry]) -> RunDifference | None:
@@ -347,7 +347,7 @@ def first_difference(stream: Sequence[JournalEntry], other: Sequence[JournalEntr
     return None
 
 
-def _changes(stream: Sequence[JournalEntry]) -> Iterator[CameTo]:
+def _changes(stream: Sequence[JournalEntry]) -> Iterator[NodeStatus]:
     state = MissionState()
     for entry in _last_run(stream):
         number = entry.data.get("node") if entry.kind == "status" else None
@@ -443,7 +443,7 @@ def _often(failure: FormerFailure) -> str:
     return f"; {failure.times} times, until {failure.last.time:.1f} s" if failure.times > 1 else ""
 
 
-def _told(answer: CameTo) -> str:
+def _told(answer: NodeStatus) -> str:
     at = f"{answer.since.time:.1f} s  " if answer.since is not None else ""
     said = f", {shortened(answer.message)}" if answer.message else ""
     place = f"  ({answer.place})" if answer.place else ""
@@ -453,7 +453,7 @@ def _told(answer: CameTo) -> str:
 def difference_text(difference: RunDifference | None, names: tuple[str, str]) -> str:
     """Return the first difference of two runs in words; the names are those of their journals."""
     if difference is None:
-        return "In both runs all nodes came to the same, in the same order."
+        return "In both runs all nodes had the same statuses, in the same order."
     lines = [f"The runs are alike in {difference.step} changes of status. Then:"]
     for name, answer in zip(names, (difference.here, difference.there), strict=True):
         lines.append(
@@ -486,7 +486,7 @@ def difference_data(difference: RunDifference | None) -> dict[str, Any] | None:
     return {"alike": difference.step, **{name: each and answer_data(each) for name, each in sides}}
 
 
-def answer_data(answer: CameTo) -> dict[str, Any]:
+def answer_data(answer: NodeStatus) -> dict[str, Any]:
     """Return what a node has come to as JSON values."""
     return {**answer._asdict(), "since": answer.since and _instant(answer.since)}
 

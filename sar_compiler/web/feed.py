@@ -58,7 +58,7 @@ class RecordedFeed:
 
 
 class _Listener:
-    """A browser that is told of a run; made in the task that sends to it."""
+    """A browser that follows a run; made in the task that sends to it."""
 
     def __init__(self) -> None:
         self._waiting: asyncio.Queue[str] = asyncio.Queue()

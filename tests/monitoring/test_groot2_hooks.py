@@ -103,7 +103,7 @@ def test_another_outcome_is_put_in_the_place_of_a_node_that_is_not_ticked(status
     runner.tick()
     assert client.heard() == ("N", "2")
     assert client.statuses() == {1: WAS + outcome, 2: WAS + outcome}
-    assert told == [f"Groot2 puts {status} in the place of what 'one' comes to"]
+    assert told == [f"Groot2 overrides the outcome of 'one' with {status}"]
     runner.tick()
     assert client.heard() == ("N", "2")
 
@@ -115,7 +115,7 @@ def test_what_is_put_in_a_place_in_every_tick_is_said_once_for_each_outcome(stag
         runner.tick()
         runner.tick()
     assert told == [
-        f"Groot2 puts {status} in the place of what 'one' comes to" for status in ("SUCCESS", "FAILURE")
+        f"Groot2 overrides the outcome of 'one' with {status}" for status in ("SUCCESS", "FAILURE")
     ]
 
 

@@ -217,7 +217,7 @@ class TestTheFirstDifference:
             flown(Sequence("root", memory=True, children=[leaf("one", R, S)]), ticks) for ticks in (2, 2)
         )
         assert first_difference(one, two) is None
-        assert "came to the same" in difference_text(None, ("a", "b"))
+        assert "had the same statuses" in difference_text(None, ("a", "b"))
 
     def test_it_is_where_a_node_came_to_something_else(self):
         good, bad = (

@@ -1,1 +1,1 @@
-"""Many runs by chance: how often a mission succeeds, for each combination of what is varied."""
+"""Many random runs: how often a mission succeeds, for each combination of what is varied."""

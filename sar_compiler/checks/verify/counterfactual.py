@@ -27,13 +27,13 @@ _NEVER = 1 << 30
 
 
 class RecordedTick(NamedTuple):
-    """What nodes have come to in a tick.
+    """The statuses of nodes in a tick.
 
     Attributes:
         number: Which tick it was, from 1.
         time_sec: When it was, seconds since the run began.
-        statuses: What nodes have come to when they were ticked, by their numbers, from 0 in pre-order; one that has come to the
-            same as the last time may be left out.
+        statuses: The statuses of the nodes that were ticked, by their numbers, from 0 in pre-order; one that is the same as
+            the last time may be left out.
         gone: The numbers of those that were stopped or reset by its end.
     """
 

@@ -43,7 +43,7 @@ class Prepared:
 
 
 class StateValues:
-    """Tells what is in the states of a tree.
+    """Describes the states of a tree.
 
     Args:
         simulated: The tree.

@@ -25,7 +25,7 @@ _YES_OR_NO = {Status.SUCCESS, Status.FAILURE}
 
 
 class _Alarm:
-    """Says once what is wrong, until all is well again.
+    """Reports a problem once, until all is well again.
 
     Args:
         leaf: The condition.

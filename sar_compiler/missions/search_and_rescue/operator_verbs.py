@@ -47,7 +47,7 @@ VERBS = (
     Verb(
         "judge_survivor",
         "Judge a find",
-        "Say whether a find is a survivor.",
+        "Judge whether a find is a survivor.",
         "sar_interfaces/srv/JudgeSurvivor",
         (
             VerbField("survivor", "Find", "survivor"),

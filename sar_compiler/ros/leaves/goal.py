@@ -196,7 +196,7 @@ class ActionGoal(Exchange):
         return self._port.server_is_ready
 
     def chase(self) -> None:
-        """Ask again, now and then, what has become of a goal that was given up; where no cancel was granted, cancel it."""
+        """Ask again, now and then, for the status of a goal that was given up; where no cancel was granted, cancel it."""
         if self.has_ended:
             self._drop_questions()
         if self.has_ended or not self._abandoned or not (self._chased is None or self._chased.passed):

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 class GoalNews(NamedTuple):
-    """What has become of a goal.
+    """The fate of a goal.
 
     Attributes:
         goal_id: Its id, 32 hexadecimal digits.
@@ -35,7 +35,7 @@ class GoalNews(NamedTuple):
 
 
 class GoalsUnderWay:
-    """Tells whoever wants to know of the goals that one node sends; see `goals_under_way`."""
+    """Tells listeners of the goals that one node sends; see `goals_under_way`."""
 
     def __init__(self) -> None:
         self._active: dict[str, str] = {}

@@ -285,7 +285,7 @@ class ForeignObjects:
             SKIPPED if getattr(before.behaviour, "skipped", False) else number_of(before.behaviour.status)
         )
         if outcome not in (claim.goes_on, SKIPPED, INVALID):
-            what = f"ticked '{node.behaviour.name}' although '{before.behaviour.name}' had come to {WORDS[outcome]}"
+            what = f"ticked '{node.behaviour.name}' although '{before.behaviour.name}' had returned {WORDS[outcome]}"
             self._deny(f"{what}; its record has it go on only after {WORDS[claim.goes_on]}")
 
     def check_outcome(self, outcome: int) -> None:
@@ -293,7 +293,7 @@ class ForeignObjects:
         claim = self._claims.get(self._nodes[self._opened[-1]].behaviour)
         if claim is not None and not claim.outcomes >> outcome & 1:
             listed = ", ".join([word for number, word in enumerate(WORDS) if claim.outcomes >> number & 1])
-            self._deny(f"came to {WORDS[outcome]}; by its record it comes to {listed or 'nothing'} here")
+            self._deny(f"returned {WORDS[outcome]}; by its record it returns {listed or 'nothing'} here")
 
     def _deny(self, what: str) -> None:
         """Note that the behaviour in hand did what its record excludes."""

@@ -95,7 +95,7 @@ class ForkingTicker(Ticker):
         self._seen: set[tuple[Any, ...]] = set()
 
     def forget(self, forgotten: list[bool]) -> None:
-        """Say for each node whether it makes no difference, while it does not run, if and how it has ended.
+        """Take for each node whether it makes no difference, while it does not run, if and how it has ended.
 
         In the middle of a tick it makes one for the children of the nodes that are ticked: those may be about to look.
         """

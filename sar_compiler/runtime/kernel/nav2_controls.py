@@ -151,7 +151,7 @@ class PipelineNode(ControlNode):
 
 
 class RoundRobinNode(ControlNode):
-    """Ticks one child after another until one succeeds, and goes on behind that one when it is started again.
+    """Ticks one child after another until one succeeds, and continues with the next one when it is started again.
 
     Where it does not wrap around, any end of the last child ends it without a success.
 

@@ -114,7 +114,7 @@ class SingleTriggerNode(DecoratorNode):
 
 
 class AskingNode(OwnNode):
-    """A decorator that asks, before it ticks its child, a leaf that stands for the world.
+    """A decorator that asks, before it ticks its child, a leaf that represents the world.
 
     Attributes:
         asked: The leaf.
@@ -130,13 +130,13 @@ class AskingNode(OwnNode):
         self.waits = False
 
     def ask(self, ticker: Ticker) -> int:
-        """Tick the leaf; return what becomes of its answer, or CALLED."""
+        """Tick the leaf; return the decorator's outcome, or CALLED."""
         ticker.cells[self.asking] = 1
         outcome = self.asked.tick(ticker)
         return CALLED if outcome == CALLED else self.resume(ticker, outcome)
 
     def tick_child(self, ticker: Ticker) -> int:
-        """Tick the child; return what becomes of its outcome, or CALLED."""
+        """Tick the child; return the decorator's outcome, or CALLED."""
         outcome = self.child.tick(ticker)
         return CALLED if outcome == CALLED else self.resume(ticker, outcome)
 

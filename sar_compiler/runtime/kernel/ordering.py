@@ -30,7 +30,7 @@ class OrderedNode(ControlNode):
         self.point_at(ticker.cells[self.position])
 
     def tell(self, ticker: Ticker, index: int, outcome: int) -> None:
-        """Say which child has decided."""
+        """Report which child has decided, as the feedback message."""
         if not ticker.tells:
             return
         how = "failed" if outcome == FAILURE else "succeeded"

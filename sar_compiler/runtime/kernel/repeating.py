@@ -69,7 +69,7 @@ class AgainNode(DecoratorNode):
         return self.go_on(ticker, wanted)
 
     def tell(self, ticker: Ticker, wanted: int) -> None:
-        """Tell how often the child has been ticked."""
+        """Report how often the child has been ticked, as the feedback message."""
         if not ticker.tells:
             return
         number = (self.told if self.endless else ticker.cells[self.done]) + 1

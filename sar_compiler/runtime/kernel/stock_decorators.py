@@ -219,7 +219,7 @@ class StockOneShotNode(StockDecoratorNode):
 
 
 class StockForEachNode(StockDecoratorNode):
-    """A ForEach; it takes the items of its list when it starts, whatever becomes of that list.
+    """A ForEach; it takes the items of its list when it starts, whatever happens to that list.
 
     Attributes:
         waiting: The cell with the items that are left.

@@ -42,7 +42,7 @@ class Countdown:
         return 2 if ticker.cells[self.state] == COUNTING else 1
 
     def left(self, ticker: Ticker) -> str:
-        """Return what is told of the time that is left."""
+        """Return the feedback message about the time that is left."""
         if not ticker.tells:
             return ""
         return time_left(ticker.times.remaining(self.index, ticker.values[self.token]))
@@ -54,7 +54,7 @@ class Countdown:
 
 
 def time_left(seconds: float) -> str:
-    """Return what a node tells of the time that is left, in seconds."""
+    """Return the feedback message about the time that is left, in seconds."""
     return f"remaining: {seconds:.1f}s"
 
 

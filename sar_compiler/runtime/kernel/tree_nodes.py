@@ -71,7 +71,7 @@ class Part:
         return len(values) - 1
 
     def watch(self, entry: Any, cell: int) -> None:
-        """Say that a cell holds how often an entry had been written when the node looked at it last."""
+        """Register a cell that holds how often an entry had been written when the node looked at it last."""
         self.layout.watched.append((entry, cell))
 
 
@@ -348,7 +348,7 @@ class DecoratorNode(OwnNode):
         self.child = part.children[0]
 
     def tick_child(self, ticker: Ticker) -> int:
-        """Tick the child; return what becomes of it, or CALLED."""
+        """Tick the child; return its outcome, or CALLED."""
         outcome = self.child.tick(ticker)
         return CALLED if outcome == CALLED else self.resume(ticker, outcome)
 

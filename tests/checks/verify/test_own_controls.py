@@ -256,14 +256,14 @@ def test_a_verification_is_shown_in_one_line():
         (
             "<OwnLiar><A/><B/></OwnLiar>",
             (
-                "'OwnLiar' (tests.checks.verify.own_controls.OwnLiar) ticked 'B' although 'A' had come to FAILURE; its record "
+                "'OwnLiar' (tests.checks.verify.own_controls.OwnLiar) ticked 'B' although 'A' had returned FAILURE; its record "
                 "has it go on only after SUCCESS: mend its outcomes or semantics"
             ),
             1,
         ),
         (
             "<Sequence><A/><OwnBoast><P/></OwnBoast></Sequence>",
-            "'OwnBoast' (tests.checks.verify.own_controls.OwnBoast) came to FAILURE; by its record it comes to SUCCESS here",
+            "'OwnBoast' (tests.checks.verify.own_controls.OwnBoast) returned FAILURE; by its record it returns SUCCESS here",
             1,
         ),
     ],
