@@ -227,10 +227,10 @@ class CommandParser(argparse.ArgumentParser):
 def add_version(parser: argparse.ArgumentParser) -> None:
     """Add `--version`, which every command has."""
     shown = "show the version and what it runs on, and exit"
-    parser.add_argument("--version", action=_Version, default=argparse.SUPPRESS, help=shown)
+    parser.add_argument("--version", action=_VersionAction, default=argparse.SUPPRESS, help=shown)
 
 
-class _Version(argparse.Action):
+class _VersionAction(argparse.Action):
     """Shows the version; what that takes is imported only now."""
 
     def __init__(self, **settings: Any) -> None:

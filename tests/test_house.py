@@ -94,7 +94,9 @@ def shared(pairs):
 
 
 def test_no_two_classes_have_one_name():
-    assert shared((name, f"{path}:{line}") for path in FILES for name, line in names_given_by(path)) == {}
+    # An underscore in front makes no other name of it: both are spoken alike.
+    given = ((name.lstrip("_"), f"{path}:{line}") for path in FILES for name, line in names_given_by(path))
+    assert shared(given) == {}
 
 
 # A module may have the name of what it mirrors.

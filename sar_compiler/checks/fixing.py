@@ -168,7 +168,7 @@ def _offsets(finding: Diagnostic) -> tuple[int, int]:
 
 
 @dataclass(frozen=True)
-class _Value:
+class _AttributeSpan:
     """The value of an attribute in the text.
 
     Attributes:
@@ -186,9 +186,9 @@ class _Values:
     def __init__(self, elements: Sequence[Element]) -> None:
         self._elements = elements
         # Those of the element that was asked for last: findings are in the order of the file.
-        self._last: tuple[Element, Sequence[_Value]] | None = None
+        self._last: tuple[Element, Sequence[_AttributeSpan]] | None = None
 
-    def around(self, finding: Diagnostic) -> _Value | None:
+    def around(self, finding: Diagnostic) -> _AttributeSpan | None:
         """Return the value that contains a finding; None if there is none."""
         place = (finding.span.line, finding.span.column)
         index = bisect.bisect_right(self._elements, place, key=lambda each: (each.line, each.column))
@@ -200,17 +200,17 @@ class _Values:
         value = values[following - 1] if following else None
         return value if value is not None and end <= value.end and value.start < value.end else None
 
-    def _of(self, element: Element) -> Sequence[_Value]:
+    def _of(self, element: Element) -> Sequence[_AttributeSpan]:
         if self._last is None or self._last[0] is not element:
             values = [_value_of(element, name) for name in element.attributes]
             self._last = element, sorted(values, key=lambda each: each.start)
         return self._last[1]
 
 
-def _value_of(element: Element, attribute: str) -> _Value:
+def _value_of(element: Element, attribute: str) -> _AttributeSpan:
     source, span, name = element.source, element.value_span(attribute), element.name_span(attribute)
     start, end = source.offset(span.line, span.column), source.offset(span.end_line, span.end_column)
-    return _Value(start, end, source.offset(name.line, name.column))
+    return _AttributeSpan(start, end, source.offset(name.line, name.column))
 
 
 def _fix(finding: Diagnostic, values: _Values) -> Fix | None:
@@ -229,7 +229,7 @@ def _fix(finding: Diagnostic, values: _Values) -> Fix | None:
     return None if "\n" in whole or "\r" in whole else Fix(finding, value.start, value.end, scalar(whole))
 
 
-def _escapes_in(source: Source, value: _Value) -> Mapping[str, str] | None:
+def _escapes_in(source: Source, value: _AttributeSpan) -> Mapping[str, str] | None:
     """Return how characters are written in a value; None for a plain text of YAML."""
     quote = source.text[value.start - 1]
     if source.form is Form.XML:

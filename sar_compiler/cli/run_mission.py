@@ -119,7 +119,7 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
         if _wants_guardian(options, journal):
             guardian = stack.enter_context(closing(_guardian(options, node)))
             goals_under_way(node).listen(guardian.note)
-        run = _Run(
+        run = _TreeRun(
             options,
             signals,
             node,
@@ -259,7 +259,7 @@ def _simulation(
 
 
 @dataclass
-class _Run:
+class _TreeRun:
     """A tree on its node, from the wait for its requirements to the summary.
 
     Attributes:

@@ -23,8 +23,8 @@ _BARE_KEY = re.compile(r"[\w-]+")
 # At least one character, so that a scan always ends.
 _BARE_VALUE = re.compile(r"[^,\]}#\r\n]*[^,\]}#\s]|.", re.DOTALL)
 
-_Path = tuple[int | str, ...]
-_Place = tuple[int, int]
+_KeyPath = tuple[int | str, ...]
+_Offsets = tuple[int, int]
 
 
 def read_toml(path: Path, shown: str) -> Document:
@@ -41,7 +41,7 @@ def read_toml(path: Path, shown: str) -> Document:
     document = Document(source)
     try:
         content = tomllib.loads(source.text)
-        document.root = _value(content, (), _Places(source.text), (0, len(source.text)))
+        document.root = _value(content, (), _TomlPlaces(source.text), (0, len(source.text)))
     except RecursionError:
         message = "lists and tables are nested too deep"
         raise TreeError([Diagnostic("too-deep", message, source, source.span(0, 1))]) from None
@@ -54,7 +54,7 @@ def read_toml(path: Path, shown: str) -> Document:
     return document
 
 
-def _value(data: Any, path: _Path, places: "_Places", around: _Place) -> Value:
+def _value(data: Any, path: _KeyPath, places: "_TomlPlaces", around: _Offsets) -> Value:
     """Return the value at a path; one of unknown place has the place of the enclosing one."""
     start, end = place = places.values.get(path, around)
     if isinstance(data, dict):
@@ -75,15 +75,15 @@ def _value(data: Any, path: _Path, places: "_Places", around: _Place) -> Value:
     return Value(start, end, plain, text=str(data).lower() if isinstance(data, bool) else str(data))
 
 
-class _Places:
+class _TomlPlaces:
     """The places of keys and values, by their paths; tables in a list of tables have none."""
 
     def __init__(self, text: str) -> None:
-        self.keys: dict[_Path, _Place] = {}
-        self.values: dict[_Path, _Place] = {}
+        self.keys: dict[_KeyPath, _Offsets] = {}
+        self.values: dict[_KeyPath, _Offsets] = {}
         self._text = text
         self._at = 0
-        table: _Path = ()
+        table: _KeyPath = ()
         while self._skip() < len(text):
             if self._take("["):
                 listed = self._take("[")
@@ -109,7 +109,7 @@ class _Places:
         self._at += len(sign) if taken else 0
         return taken
 
-    def _key(self, path: _Path) -> _Path:
+    def _key(self, path: _KeyPath) -> _KeyPath:
         """Skip a key with all its parts, below a path; returns its path."""
         while True:
             start = self._skip()
@@ -120,12 +120,12 @@ class _Places:
             if not self._take("."):
                 return path
 
-    def _pair(self, table: _Path) -> None:
+    def _pair(self, table: _KeyPath) -> None:
         path = self._key(table)
         self._take("=")
         self._item(path)
 
-    def _item(self, path: _Path) -> None:
+    def _item(self, path: _KeyPath) -> None:
         start = self._skip()
         if self._take("["):
             count = 0

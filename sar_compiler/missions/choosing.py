@@ -20,7 +20,7 @@ class MissionError(SarError):
     """A mission cannot be loaded, has raised an exception, or there is none of the requested name."""
 
 
-class _Guarded:
+class _GuardedMission:
     """A mission or a run of one, whose exceptions say that they are its own."""
 
     def __init__(self, guarded: Mission | MissionRun, name: str) -> None:
@@ -46,7 +46,7 @@ class _Guarded:
         if not isinstance(result, MissionRun):
             message = f"{failed}: it returned {result!r} in place of a MissionRun"
             raise MissionError(message)
-        return _Guarded(result, self._name)
+        return _GuardedMission(result, self._name)
 
 
 def load_missions(checkout: Path | None = None) -> dict[str, Mission]:
@@ -140,4 +140,4 @@ def choose_mission(binding: Binding, name: str | None = None, checkout: Path | N
 
 
 def _guarded(mission: Mission) -> Mission:
-    return cast("Mission", _Guarded(mission, mission.name))
+    return cast("Mission", _GuardedMission(mission, mission.name))

@@ -95,14 +95,14 @@ def parse(text: str, *, allow_empty: bool = False) -> Script:
     Raises:
         ScriptError: At the first mistake.
     """
-    script = _Parser(text).script()
+    script = _ScriptParser(text).script()
     if not script.statements and not allow_empty:
         message = "this script is empty"
         raise ScriptError(message, 0, len(text), hint="write an expression, such as x == 1")
     return script
 
 
-class _Parser:
+class _ScriptParser:
     """Reads one text, once."""
 
     def __init__(self, text: str) -> None:

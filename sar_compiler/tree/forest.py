@@ -122,7 +122,7 @@ def load_forest(
     main = read(path)
     loader.included(place, main, ())
     forest = Forest(main, tuple(loader.files), tuple(loader.findings), tree_set=tree_set)
-    return forest if tree_set is None else _Search(forest, tree_set).done()
+    return forest if tree_set is None else _SetSearch(forest, tree_set).done()
 
 
 class TreeSet:
@@ -211,7 +211,7 @@ def _references(tree: Element) -> tuple[Element, ...]:
     return tuple(each for each in tree.iterate() if each.tag == SUBTREE_TAG and each.attributes.get("ID"))
 
 
-class _Search:
+class _SetSearch:
     """The search for the trees that a forest lacks, and for those that these lack, in the files of a set."""
 
     def __init__(self, forest: Forest, tree_set: TreeSet) -> None:

@@ -57,7 +57,7 @@ class RecordedFeed:
         self._ended = True
 
 
-class _Listener:
+class _Browser:
     """A browser that follows a run; made in the task that sends to it."""
 
     def __init__(self) -> None:
@@ -100,7 +100,7 @@ class LiveFeed:
         self._hello, self._beat = hello, beat
         self._news: deque[tuple[int, JournalEntry]] = deque()
         self._kept = [KeptEntries(robot) for robot in range(robots)]
-        self._listeners: set[_Listener] = set()
+        self._listeners: set[_Browser] = set()
         self._ended = self._has_told_all = False
 
     def take(self, entry: JournalEntry, robot: int = 0) -> None:
@@ -109,7 +109,7 @@ class LiveFeed:
 
     async def stream(self) -> AsyncIterator[str]:
         """Yield the server-sent events for a browser, until the run has ended; cancelled if the browser is too slow."""
-        listener = _Listener()
+        listener = _Browser()
         # Between these lines nobody else has a turn: what is kept, and what comes next, are all there is.
         self._listeners.add(listener)
         texts = [text for kept in self._kept for text in kept.texts()]

@@ -105,7 +105,7 @@ def test_a_recording_that_fails_takes_nothing_from_who_publishes(monkeypatch: py
 def test_goals_are_cancelled_before_the_view_is_closed_when_a_run_ends_at_once(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    from sar_compiler.cli.run_mission import ADRIFT, _Run
+    from sar_compiler.cli.run_mission import ADRIFT, _TreeRun
     from sar_compiler.ros.leaves.goals_under_way import goals_under_way
 
     stage = Stage(view=True)
@@ -115,6 +115,6 @@ def test_goals_are_cancelled_before_the_view_is_closed_when_a_run_ends_at_once(
     leaf.terminate = lambda _: stage.done.append("cancelled")
     run: Any = SimpleNamespace(node=stage.node, watchers=stage.watchers)
     tree: Any = SimpleNamespace(root=leaf)
-    assert _Run._leave_at_once(run, tree) == ADRIFT
+    assert _TreeRun._leave_at_once(run, tree) == ADRIFT
     assert stage.done == ["cancelled", "closed"]
     assert "what is under way was told to stop" in capsys.readouterr().err

@@ -160,7 +160,7 @@ class _Way(NamedTuple):
         )
 
 
-class _Change(NamedTuple):
+class _OtherAnswer(NamedTuple):
     """An answer that can have been another one.
 
     Attributes:
@@ -184,7 +184,7 @@ class _Change(NamedTuple):
         return sum(self.way.unusual[self.place :])
 
 
-class _Moment(NamedTuple):
+class _FoundTick(NamedTuple):
     """A tick of the record, found again.
 
     Attributes:
@@ -197,7 +197,7 @@ class _Moment(NamedTuple):
     time_sec: float
     ways: Sequence[tuple[bytes, _Way]]
 
-    def changes(self, runs: "_Runs") -> list[_Change]:
+    def changes(self, runs: "_Runs") -> list[_OtherAnswer]:
         """Return what can have been otherwise in it, the last answer first."""
         changes = []
         for state, was in self.ways:
@@ -206,7 +206,7 @@ class _Moment(NamedTuple):
                 place, other = next(((place, pair) for place, pair in pairs if pair[0] != pair[1]), (0, None))
                 # Another leaf's turn is a timer's doing.
                 if other is not None and other[0].node == other[1].node:
-                    changes.append(_Change(way, place, other[0]))
+                    changes.append(_OtherAnswer(way, place, other[0]))
         return sorted(changes, key=lambda change: -change.place)
 
 
@@ -317,14 +317,14 @@ def _back(
     return found[::-1]
 
 
-def _replayed(runs: _Runs, record: Sequence[RecordedTick]) -> list[_Moment]:
+def _replayed(runs: _Runs, record: Sequence[RecordedTick]) -> list[_FoundTick]:
     """Return the ticks of a run, found again.
 
     Raises:
         NotReplayedError: If the run is none of the tree's.
     """
     told: dict[int, str] = {}
-    moments: list[_Moment] = []
+    moments: list[_FoundTick] = []
     now = {runs.start}
     for tick in _filled(record):
         told.update(tick.statuses)
@@ -339,7 +339,7 @@ def _replayed(runs: _Runs, record: Sequence[RecordedTick]) -> list[_Moment]:
                 "no leaf is known to answer like that there"
             )
             raise NotReplayedError(message)
-        moments.append(_Moment(tick.number, tick.time_sec, ways))
+        moments.append(_FoundTick(tick.number, tick.time_sec, ways))
         now = {way.state for _, way in ways}
         told.update(dict.fromkeys(tick.gone, ""))
     for index in range(len(moments) - 1, -1, -1):  # what leads nowhere was not so

@@ -97,7 +97,7 @@ def properties_of(file: PropertyFile, prepared: Prepared, tags: Collection[str])
 
 
 @dataclass
-class _Events:
+class _MeantEvents:
     """The events that some texts of a property mean.
 
     Attributes:
@@ -157,8 +157,8 @@ class _Reading:
         script = self._words.condition(self._document, value, own, later)
         return None if script is None else Condition(script, self._surroundings, owner)
 
-    def _events(self, values: Sequence[Value]) -> _Events:
-        events = _Events()
+    def _events(self, values: Sequence[Value]) -> _MeantEvents:
+        events = _MeantEvents()
         for value in values:
             absent = self._absent(value.text or "")
             if absent is not None:
