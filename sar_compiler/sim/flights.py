@@ -29,6 +29,8 @@ _COMPANY = "must not mix with another one"
 
 _flying: "set[subprocess.Popen[str]]" = set()
 _over = threading.Event()
+# As the script does: nothing is imported from the current folder.
+_SAR_RUN = "import sys; del sys.path[0]; from sar_compiler.cli.console import sar_run; sys.exit(sar_run())"
 
 
 class FlightError(SarError):
@@ -85,7 +87,7 @@ def _flown(arguments: Sequence[str]) -> tuple[int, str, str]:
     """Fly a mission; return its status, what it has printed, and its last words on standard error."""
     with _free_domain() as (domain, lock):
         process = subprocess.Popen(  # noqa: S603 - the project's own command
-            [sys.executable, "-m", "sar_compiler.cli.run", *arguments],
+            [sys.executable, "-c", _SAR_RUN, *arguments],
             env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,

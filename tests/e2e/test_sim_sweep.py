@@ -22,7 +22,7 @@ def flights_of(pid):
     """Return the processes that fly missions for a sweep."""
     listed = Path(f"/proc/{pid}/task").glob("*/children")
     found = [int(child) for path in listed for child in path.read_text(encoding="ascii").split()]
-    return [each for each in found if b"sar_compiler.cli.run" in Path(f"/proc/{each}/cmdline").read_bytes()]
+    return [each for each in found if b"sar_run" in Path(f"/proc/{each}/cmdline").read_bytes()]
 
 
 def kill_the_first_flight(sweep):
