@@ -168,6 +168,10 @@ MISTAKES = {
         "<Sequence>\n<Drive/>\n</Sequence>",
         ("needless-node", 3, 1, "there is only 'Drive' in it"),
     ),
+    "a parallel of one": (
+        "<ParallelAll>\n<Drive/>\n</ParallelAll>",
+        ("needless-node", 3, 1, "there is only 'Drive' in it"),
+    ),
     "a single attempt": (
         '<Retry num_failures="1">\n<Drive/>\n</Retry>',
         ("needless-node", 3, 1, "a single time"),
