@@ -7,9 +7,6 @@ from sar_compiler.runtime.kernel.repeating import AgainNode
 from sar_compiler.runtime.parents import Wrapper, Yielding
 from sar_compiler.runtime.ports import Input
 
-ENDLESS = -1
-"""A number of times without an end."""
-
 
 class _Again(Yielding, Wrapper):
     """Ticks its child again after one outcome, up to a number of times; the other outcome ends it.

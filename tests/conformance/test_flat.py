@@ -16,6 +16,7 @@ from sar_compiler.runtime.kernel.times import ClockTimes
 from sar_compiler.runtime.kernel.tree import FlatTree
 from sar_compiler.runtime.kernel.tree_nodes import Ticker
 from tests.conformance.replay import Compiled, Seen, _runs, _ticks, compile_case
+from tests.runtime.kernel.flat import put_to_rest, stop, tick
 
 FILES = sorted(Path(__file__).parent.glob("btcpp_*.json"))
 
@@ -43,7 +44,7 @@ class FlatNode:
     @status.setter
     def status(self, status: Status) -> None:
         assert status == Status.INVALID
-        self.flat.put_to_rest(self.ticker, self.index)
+        put_to_rest(self.flat, self.ticker, self.index)
 
     def iterate(self) -> Iterator["FlatNode"]:
         index_of = {node.behaviour.id: node.index for node in self.flat.nodes}
@@ -51,11 +52,11 @@ class FlatNode:
             yield FlatNode(self.flat, self.ticker, index_of[behaviour.id])
 
     def tick_once(self) -> None:
-        self.skipped = self.flat.tick(self.ticker) == SKIPPED
+        self.skipped = tick(self.flat, self.ticker) == SKIPPED
 
     def stop(self, status: Status) -> None:
         assert status == Status.INVALID
-        self.flat.stop(self.ticker, self.index)
+        stop(self.flat, self.ticker, self.index)
 
 
 def by_py_trees(compiled: Compiled, clock: ManualClock) -> Compiled:

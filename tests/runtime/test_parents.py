@@ -19,6 +19,7 @@ from sar_compiler.runtime.parallel import Parallel
 from sar_compiler.runtime.parents import Control
 from sar_compiler.runtime.ports import Input
 from tests.conformance.leaves import ScriptedError
+from tests.runtime.kernel.flat import cells_of, tick
 from tests.runtime.stage import Stage
 
 
@@ -176,9 +177,9 @@ def test_a_node_ticked_by_itself_and_in_a_flat_tree_remembers_each_for_itself():
     flat, times = flatten(root), ClockTimes(ManualClock())
     ticker = flat.ticker(times)
     assert stage.ticks(root, 2) == ["R: a=S", "R: b=R"]
-    before = ticker.state()
-    assert flat.tick(ticker) == RUNNING
-    assert (stage.told(), before) == ("a=S", flat.ticker(times).state())
+    before = cells_of(ticker)
+    assert tick(flat, ticker) == RUNNING
+    assert (stage.told(), before) == ("a=S", cells_of(flat.ticker(times)))
     assert stage.tick(root) == "R: b=R"
 
 

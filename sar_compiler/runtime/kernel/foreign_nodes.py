@@ -12,7 +12,7 @@ from sar_compiler.runtime.kernel.cells import INVALID, SKIPPED, STATUSES, WORDS,
 from sar_compiler.runtime.kernel.choices import Choices, UnsteadyError
 from sar_compiler.runtime.kernel.leaf_nodes import StrictUpdate
 from sar_compiler.runtime.kernel.trail import Trail
-from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
+from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode, show_statuses
 from sar_compiler.runtime.pausing import PAUSE, Called
 
 _INVALID: Final[Any] = Status.INVALID
@@ -267,11 +267,7 @@ class ForeignObjects:
     def show(self) -> None:
         """Give the behaviours the statuses that the cells say."""
         assert self._ticker is not None  # noqa: S101 - one of them was opened
-        cells = self._ticker.cells
-        for node in self._nodes:
-            status: Any = STATUSES[cells[node.at]]
-            if node.behaviour.status is not status:
-                node.behaviour.status = status
+        show_statuses(self._nodes, self._ticker.cells)
 
     def check_order(self, node: TreeNode) -> None:
         """See whether the behaviour in hand may tick a child now."""

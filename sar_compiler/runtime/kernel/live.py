@@ -8,7 +8,7 @@ from sar_compiler.runtime.kernel.leaf_nodes import ForeignNode, LeafNode
 from sar_compiler.runtime.kernel.table import NotFlatError, node_class_of
 from sar_compiler.runtime.kernel.times import ClockTimes, Times
 from sar_compiler.runtime.kernel.tree import children_of, flat_tree
-from sar_compiler.runtime.kernel.tree_nodes import Part, TreeNode, Visit
+from sar_compiler.runtime.kernel.tree_nodes import Part, TreeNode, Visit, show_statuses
 from sar_compiler.runtime.parents import Built
 
 
@@ -135,11 +135,7 @@ class LiveTree:
 
     def _show(self) -> None:
         """Give the behaviours the statuses that the cells say."""
-        cells = self._ticker.cells
-        for node in self._inner:
-            status: Any = STATUSES[cells[node.at]]
-            if node.behaviour.status is not status:
-                node.behaviour.status = status
+        show_statuses(self._inner, self._ticker.cells)
 
 
 def _node_of(part: Part) -> TreeNode:

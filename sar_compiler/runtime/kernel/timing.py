@@ -58,8 +58,8 @@ def time_left(seconds: float) -> str:
     return f"remaining: {seconds:.1f}s"
 
 
-class DelayNode(DecoratorNode):
-    """Waits before it ticks its child for the first time."""
+class TimedNode(DecoratorNode):
+    """A decorator with a timer, which counts while the node runs."""
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
@@ -68,6 +68,14 @@ class DelayNode(DecoratorNode):
     def ways(self, ticker: Ticker) -> int:
         """Return whether the time may be over, or not."""
         return self.timer.ways(ticker)
+
+    def forget(self, ticker: Ticker) -> None:
+        """Stop the timer."""
+        self.timer.stop(ticker)
+
+
+class DelayNode(TimedNode):
+    """Waits before it ticks its child for the first time."""
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the child if the time is over."""
@@ -92,21 +100,9 @@ class DelayNode(DecoratorNode):
             self.timer.stop(ticker)
         return self.pass_on(ticker, outcome)
 
-    def forget(self, ticker: Ticker) -> None:
-        """Stop the timer."""
-        self.timer.stop(ticker)
 
-
-class TimeoutNode(DecoratorNode):
+class TimeoutNode(TimedNode):
     """Fails if its child is still running after a time; the child is halted without another tick."""
-
-    def __init__(self, part: Part) -> None:
-        super().__init__(part)
-        self.timer = Countdown(part)
-
-    def ways(self, ticker: Ticker) -> int:
-        """Return whether the time may be over, or not."""
-        return self.timer.ways(ticker)
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the child, unless it runs and its time is over."""
@@ -144,10 +140,6 @@ class TimeoutNode(DecoratorNode):
             self.timer.stop(ticker)
             self.behaviour.feedback_message = ""
         return self.pass_on(ticker, outcome)
-
-    def forget(self, ticker: Ticker) -> None:
-        """Stop the timer."""
-        self.timer.stop(ticker)
 
 
 class WaitingNode(TreeNode):

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import Any, Final
 
-from sar_compiler.runtime.kernel.cells import INVALID, STATUSES
 from sar_compiler.runtime.kernel.times import Times
 from sar_compiler.runtime.kernel.tree_nodes import Layout, Part, Ticker, TreeNode
 
@@ -37,48 +36,6 @@ class FlatTree:
     def ticker(self, times: Times) -> Ticker:
         """Return what ticks the tree, which was never ticked."""
         return Ticker(list(self._layout.cells), list(self._layout.values), times)
-
-    def tick(self, ticker: Ticker) -> int:
-        """Tick the root once; what a leaf raises is raised here.
-
-        Args:
-            ticker: What ticks the tree.
-
-        Returns:
-            RUNNING, SUCCESS, FAILURE or SKIPPED, as numbers of `kernel.cells`.
-        """
-        try:
-            return ticker.run(self.nodes[0])
-        finally:
-            self.share(ticker)
-
-    def stop(self, ticker: Ticker, index: int = 0) -> None:
-        """Stop a node as `Behaviour.stop(Status.INVALID)` does, whatever its status is.
-
-        Args:
-            ticker: What ticks the tree.
-            index: The node; by default the root.
-        """
-        try:
-            self.nodes[index].stop(ticker)
-        finally:
-            self.share(ticker)
-
-    def put_to_rest(self, ticker: Ticker, index: int = 0) -> None:
-        """Forget how a node has ended, as `nodes.reset` does with one that is not running.
-
-        Args:
-            ticker: What ticks the tree.
-            index: The node; by default the root.
-        """
-        ticker.cells[self.nodes[index].at] = INVALID
-        self.share(ticker)
-
-    def show(self, ticker: Ticker) -> None:
-        """Write the statuses back to the behaviours, for the views that look at these."""
-        cells = ticker.cells
-        for node in self.nodes:
-            node.behaviour.status = STATUSES[cells[node.at]]
 
     def renumber(self, ticker: Ticker) -> None:
         """Keep the counts of writes to entries small, so that equal states compare equal.

@@ -15,6 +15,7 @@ from sar_compiler.runtime.kernel.cells import (
     INVALID,
     RUNNING,
     SKIPPED,
+    STATUSES,
     number_of,
 )
 from sar_compiler.runtime.kernel.times import Times
@@ -196,14 +197,6 @@ class Ticker:
         self.tells = True
         self.visits: list[Visit] | None = None
 
-    def state(self) -> tuple[tuple[int, ...], tuple[Any, ...]]:
-        """Return what is in the cells."""
-        return tuple(self.cells), tuple(self.values)
-
-    def restore(self, state: tuple[tuple[int, ...], tuple[Any, ...]]) -> None:
-        """Make the cells what they were."""
-        self.cells[:], self.values[:] = state
-
     def run(self, node: TreeNode) -> int:
         """Tick a node, and return the outcome: RUNNING, SUCCESS, FAILURE or SKIPPED.
 
@@ -276,6 +269,14 @@ class Ticker:
             behaviour.skipped = outcome == SKIPPED
         if visits is not None:
             visits.append(Visit(behaviour, outcome, self.cells[node.at]))
+
+
+def show_statuses(nodes: list[TreeNode], cells: list[int]) -> None:
+    """Give the behaviours of nodes the statuses that the cells say."""
+    for node in nodes:
+        status: Any = STATUSES[cells[node.at]]
+        if node.behaviour.status is not status:
+            node.behaviour.status = status
 
 
 def reset(child: TreeNode, ticker: Ticker) -> None:

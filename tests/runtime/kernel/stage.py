@@ -23,13 +23,14 @@ from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.kernel.table import flatten
 from sar_compiler.runtime.kernel.times import ClockTimes
-from sar_compiler.runtime.kernel.tree_nodes import Visit
+from sar_compiler.runtime.kernel.tree_nodes import Visit, show_statuses
 from sar_compiler.runtime.numbered_board import NumberedBoard
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
 from tests.runtime.kernel import probes
+from tests.runtime.kernel.flat import cells_of, stop, tick
 from tests.runtime.kernel.probes import Script
 from tests.runtime.kernel.random_trees import RandomTree
 
@@ -239,11 +240,11 @@ class FlatStage(Stage):
         self.entries: EntryCells | None = None
 
     def tick(self) -> str:
-        outcome = self.flat.tick(self.ticker)
+        outcome = tick(self.flat, self.ticker)
         return "SKIPPED" if outcome == SKIPPED else STATUSES[outcome].name
 
     def stop(self) -> None:
-        self.flat.stop(self.ticker)
+        stop(self.flat, self.ticker)
 
     def save(self) -> Saved:
         """Return the state of the tree: its cells and its blackboard."""
@@ -252,18 +253,18 @@ class FlatStage(Stage):
             NumberedBoard.of(self.tree.board, self.entries)
         self.flat.renumber(self.ticker)
         self.entries.settle()
-        return Saved(self.ticker.state(), self.entries.now[:], self.clock.now())
+        return Saved(cells_of(self.ticker), self.entries.now[:], self.clock.now())
 
     def restore(self, saved: Saved) -> None:
         """Go back to a state."""
         assert self.entries is not None, "nothing was saved"
-        self.ticker.restore(saved.cells)
+        self.ticker.cells[:], self.ticker.values[:] = saved.cells
         self.entries.restore(saved.entries)
         self.clock.advance(saved.time - self.clock.now())
         self.ticker.times = ClockTimes(self.clock)
 
     def seen(self, outcome: str) -> Seen:
-        self.flat.show(self.ticker)
+        show_statuses(self.flat.nodes, self.ticker.cells)
         return super().seen(outcome)
 
 

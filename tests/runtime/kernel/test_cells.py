@@ -4,6 +4,7 @@ import random
 
 import pytest
 
+from tests.runtime.kernel.flat import cells_of
 from tests.runtime.kernel.random_trees import HAS_FOR_EACH
 from tests.runtime.kernel.stage import Beat, FlatStage, Saved, Seen, bound, random_beats, random_bindings
 
@@ -112,9 +113,9 @@ def test_a_tree_that_is_halted_in_the_middle_is_as_it_was_at_first(body):
     stage = FlatStage(bound(body), seed=1)
     for number in range(3):
         assert stage.play(Beat(number, 0.0, halt=False)).outcome == "RUNNING"
-    assert stage.ticker.state() != stage.flat.ticker(stage.times).state()
+    assert cells_of(stage.ticker) != cells_of(stage.flat.ticker(stage.times))
     stage.stop()
-    assert stage.ticker.state() == stage.flat.ticker(stage.times).state()
+    assert cells_of(stage.ticker) == cells_of(stage.flat.ticker(stage.times))
 
 
 @pytest.mark.parametrize(
@@ -132,6 +133,6 @@ def test_a_time_that_is_over_leaves_nothing_but_how_it_ended(body):
     assert stage.play(Beat(0, 0.0, halt=False)).outcome == "RUNNING"
     assert stage.play(Beat(1, 0.25, halt=False)).outcome in {"SUCCESS", "FAILURE"}
     nodes = len(stage.flat.nodes)
-    cells, values = stage.ticker.state()
-    first_cells, first_values = stage.flat.ticker(stage.times).state()
+    cells, values = cells_of(stage.ticker)
+    first_cells, first_values = cells_of(stage.flat.ticker(stage.times))
     assert (cells[nodes:], values) == (first_cells[nodes:], first_values)

@@ -14,11 +14,12 @@ from sar_compiler.runtime.controls import AsyncSequence
 from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
 from sar_compiler.runtime.kernel.table import NotFlatError, flatten, known_node
 from sar_compiler.runtime.kernel.times import ClockTimes, Times
-from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
+from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode, show_statuses
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.timers import Delay
 from sar_compiler.runtime.timers import Timeout as OwnTimeout
 from tests.kernels import python_only
+from tests.runtime.kernel.flat import put_to_rest, stop, tick
 from tests.runtime.stage import Stage
 
 TIMES = ClockTimes(ManualClock())
@@ -43,7 +44,7 @@ class TestShape:
         )
         ticker = flat.ticker(TIMES)
         assert ticker.cells[:4] == [INVALID] * 4
-        assert flat.tick(ticker) == RUNNING
+        assert tick(flat, ticker) == RUNNING
         assert ticker.cells[:4] == [RUNNING, SUCCESS, RUNNING, INVALID]
 
     def test_a_tree_as_deep_as_py_trees_can_tick_has_a_flat_form(self):
@@ -51,7 +52,7 @@ class TestShape:
         for number in range(900):
             root = decorators.Inverter(f"inverter {number}", root)
         flat = flatten(root)
-        assert flat.tick(flat.ticker(TIMES)) == SUCCESS
+        assert tick(flat, flat.ticker(TIMES)) == SUCCESS
 
 
 class Halves(composites.Composite):
@@ -141,8 +142,8 @@ class TestLeaves:
         leaf = Ticking("leaf", Status.SUCCESS, Status.RUNNING)
         flat = flatten(leaf)
         ticker = flat.ticker(TIMES)
-        assert [flat.tick(ticker), flat.tick(ticker)] == [SUCCESS, RUNNING]
-        flat.stop(ticker)
+        assert [tick(flat, ticker), tick(flat, ticker)] == [SUCCESS, RUNNING]
+        stop(flat, ticker)
         assert leaf.stops == [(Status.RUNNING, Status.INVALID)]
         assert ticker.cells[0] == INVALID
 
@@ -151,7 +152,7 @@ class TestLeaves:
         leaf = Answering("leaf", answer)
         flat = flatten(leaf)
         ticker = flat.ticker(TIMES)
-        assert flat.tick(ticker) == SKIPPED
+        assert tick(flat, ticker) == SKIPPED
         assert (ticker.cells[0], leaf.status, leaf.ends) == (INVALID, Status.INVALID, [Status.INVALID])
 
     def test_what_a_leaf_raises_comes_out_and_what_ran_goes_on_running(self):
@@ -164,7 +165,7 @@ class TestLeaves:
         )
         ticker = flat.ticker(TIMES)
         with pytest.raises(RuntimeError, match="out of battery"):
-            flat.tick(ticker)
+            tick(flat, ticker)
         assert ticker.cells[:3] == [INVALID, RUNNING, INVALID]
 
     def test_an_answer_that_is_no_status_is_logged(self, monkeypatch):
@@ -172,7 +173,7 @@ class TestLeaves:
         said: list[str] = []
         monkeypatch.setattr(leaf.logger, "error", said.append)
         flat = flatten(leaf)
-        flat.tick(flat.ticker(TIMES))
+        tick(flat, flat.ticker(TIMES))
         assert said == ["A behaviour returned an invalid status, setting to INVALID [SUCCESS][leaf]"]
 
     def test_a_leaf_that_resets_itself_logs_nothing(self, monkeypatch):
@@ -180,7 +181,7 @@ class TestLeaves:
         said: list[str] = []
         monkeypatch.setattr(leaf.logger, "error", said.append)
         flat = flatten(leaf)
-        flat.tick(flat.ticker(TIMES))
+        tick(flat, flat.ticker(TIMES))
         assert said == []
 
     @python_only
@@ -198,7 +199,7 @@ class TestLeaves:
 
         root = composites.Sequence("root", memory=True, children=[Running("a"), Running("b")])
         flat = flatten(root, node_of)
-        assert flat.tick(flat.ticker(TIMES)) == SUCCESS
+        assert tick(flat, flat.ticker(TIMES)) == SUCCESS
         assert ticked == ["a", "b"]
 
 
@@ -206,23 +207,23 @@ class TestState:
     def test_two_states_of_one_tree_do_not_know_of_each_other(self):
         flat = flatten(composites.Sequence("root", memory=True, children=[Success("a"), Running("b")]))
         one, other = flat.ticker(TIMES), flat.ticker(TIMES)
-        flat.tick(one)
+        tick(flat, one)
         assert (one.cells[0], other.cells[0]) == (RUNNING, INVALID)
 
     def test_how_a_oneshot_has_ended_is_never_forgotten(self):
         child = StatusQueue("child", [Status.FAILURE, Status.SUCCESS], None)
         flat = flatten(decorators.OneShot("once", child, OneShotPolicy.ON_COMPLETION))
         ticker = flat.ticker(TIMES)
-        flat.tick(ticker)
-        flat.stop(ticker)
-        assert [flat.tick(ticker), flat.tick(ticker)] == [FAILURE, FAILURE]
+        tick(flat, ticker)
+        stop(flat, ticker)
+        assert [tick(flat, ticker), tick(flat, ticker)] == [FAILURE, FAILURE]
 
     def test_a_oneshot_that_has_ended_before_has_ended_in_flat_form(self, monkeypatch):
         root = decorators.OneShot("once", Success("child"), OneShotPolicy.ON_COMPLETION)
         root.tick_once()
         monkeypatch.setattr(root.decorated, "update", Broken("never").update)
         flat = flatten(root)
-        assert flat.tick(flat.ticker(TIMES)) == SUCCESS
+        assert tick(flat, flat.ticker(TIMES)) == SUCCESS
 
     def test_what_a_count_counts_can_be_read_from_it(self):
         count = decorators.Count(
@@ -231,8 +232,8 @@ class TestState:
         flat = flatten(count)
         ticker = flat.ticker(TIMES)
         for _ in range(3):
-            flat.tick(ticker)
-        flat.stop(ticker)
+            tick(flat, ticker)
+        stop(flat, ticker)
         assert (count.total_tick_count, count.running_count, count.success_count) == (3, 2, 1)
         assert (count.failure_count, count.interrupt_count) == (0, 1)
 
@@ -240,20 +241,20 @@ class TestState:
         ended = Answering("leaf", Status.RUNNING)
         flat = flatten(composites.Sequence("root", memory=True, children=[Success("a"), ended]))
         ticker = flat.ticker(TIMES)
-        flat.tick(ticker)
-        flat.stop(ticker, 2)
-        flat.put_to_rest(ticker, 1)
+        tick(flat, ticker)
+        stop(flat, ticker, 2)
+        put_to_rest(flat, ticker, 1)
         assert (ticker.cells[:3], ended.ends) == ([RUNNING, INVALID, INVALID], [Status.INVALID])
 
     def test_a_guard_that_answers_with_neither_a_bool_nor_a_status_raises_as_in_py_trees(self):
         flat = flatten(decorators.EternalGuard("guard", Success("child"), lambda: 1))
         with pytest.raises(RuntimeError, match="'guard': its condition"):
-            flat.tick(flat.ticker(TIMES))
+            tick(flat, flat.ticker(TIMES))
 
     @pytest.mark.parametrize(("answer", "outcome"), [(Status.FAILURE, FAILURE), (Status.RUNNING, SUCCESS)])
     def test_a_guard_may_answer_with_a_status(self, answer, outcome):
         flat = flatten(decorators.EternalGuard("guard", Success("child"), lambda: answer))
-        assert flat.tick(flat.ticker(TIMES)) == outcome
+        assert tick(flat, flat.ticker(TIMES)) == outcome
 
 
 class TestViews:
@@ -269,12 +270,12 @@ class TestViews:
             ticker = flat.ticker(ClockTimes(clock))
             for _ in range(3):
                 if form == "flat":
-                    flat.tick(ticker)
+                    tick(flat, ticker)
                 else:
                     root.tick_once()
                 clock.advance(1.0)
             if form == "flat":
-                flat.show(ticker)
+                show_statuses(flat.nodes, ticker.cells)
             drawings.append(unicode_tree(root, show_status=True))
         assert drawings[0] == drawings[1]
         assert "remaining: 2.0s" in drawings[0]
@@ -283,7 +284,7 @@ class TestViews:
         stage = Stage()
         root = stage.ready(AsyncSequence("pausing", [Success("a"), Success("b")]))
         flat = flatten(root)
-        assert flat.tick(flat.ticker(TIMES)) == RUNNING
+        assert tick(flat, flat.ticker(TIMES)) == RUNNING
         assert stage.woken == 1
 
 
@@ -312,7 +313,7 @@ class TestTimers:
         flat = flatten(OwnTimeout("t", Running("child"), Input(700), ManualClock()))
         times = Asked([False, True])
         ticker = flat.ticker(times)
-        assert [flat.tick(ticker) for _ in range(3)] == [RUNNING, RUNNING, FAILURE]
+        assert [tick(flat, ticker) for _ in range(3)] == [RUNNING, RUNNING, FAILURE]
         assert times.started == [(0, 0.7)]
 
     @python_only
@@ -320,14 +321,14 @@ class TestTimers:
         flat = flatten(Delay("d", Running("child"), Input(100), ManualClock()))
         times = Asked([False, True])
         ticker = flat.ticker(times)
-        assert [flat.tick(ticker) for _ in range(5)] == [RUNNING] * 5
+        assert [tick(flat, ticker) for _ in range(5)] == [RUNNING] * 5
 
     @python_only
     def test_a_timeout_without_a_limit_starts_no_timer(self):
         flat = flatten(OwnTimeout("t", Running("child"), Input(0), ManualClock()))
         times = Asked()
         ticker = flat.ticker(times)
-        assert [flat.tick(ticker) for _ in range(3)] == [RUNNING] * 3
+        assert [tick(flat, ticker) for _ in range(3)] == [RUNNING] * 3
         assert times.started == []
 
     def test_a_clock_that_goes_back_counts_as_one_that_stands_still(self):

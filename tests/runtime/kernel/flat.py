@@ -1,0 +1,34 @@
+"""What is done with a tree in flat form outside a search: its ticks as a whole, and its cells."""
+
+from typing import Any
+
+from sar_compiler.runtime.kernel.cells import INVALID
+from sar_compiler.runtime.kernel.tree import FlatTree
+from sar_compiler.runtime.kernel.tree_nodes import Ticker
+
+Cells = tuple[tuple[int, ...], tuple[Any, ...]]
+
+
+def tick(flat: FlatTree, ticker: Ticker) -> int:
+    """Tick the root once; return the number of its outcome."""
+    try:
+        return ticker.run(flat.nodes[0])
+    finally:
+        flat.share(ticker)
+
+
+def stop(flat: FlatTree, ticker: Ticker, index: int = 0) -> None:
+    """Stop a node as `Behaviour.stop(Status.INVALID)` does; by default the root."""
+    flat.nodes[index].stop(ticker)
+    flat.share(ticker)
+
+
+def put_to_rest(flat: FlatTree, ticker: Ticker, index: int) -> None:
+    """Forget how a node has ended that is not running."""
+    ticker.cells[flat.nodes[index].at] = INVALID
+    flat.share(ticker)
+
+
+def cells_of(ticker: Ticker) -> Cells:
+    """Return what is in the cells."""
+    return tuple(ticker.cells), tuple(ticker.values)
