@@ -330,15 +330,6 @@ class MissionState:
         except (ArithmeticError, TypeError, ValueError):
             return []
 
-    def running(self) -> list[NodeState]:
-        """Return the nodes that are running and have no child that is."""
-        return [
-            node
-            for node in self.nodes
-            if node.status == RUNNING
-            and not any(self.nodes[child].status == RUNNING for child in node.children)
-        ]
-
     def survivor(self, name: str) -> SurvivorState | None:
         """Return a survivor by the name; None if nobody has it."""
         return next((each for each in self.survivors if each.name == name), None)

@@ -48,11 +48,6 @@ class NodeTime:
         self._now = self._ros
         self._stands_still = False
 
-    @property
-    def stands_still(self) -> bool:
-        """Whether the machine's time counts at present, because simulated time stands still."""
-        return self._stands_still
-
     def now(self) -> float:
         """Return the time in seconds; only differences mean anything."""
         steady, ros = time.monotonic(), self._read()

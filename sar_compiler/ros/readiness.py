@@ -9,6 +9,7 @@ from rclpy.node import Node
 
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.spec import Use
+from sar_compiler.ros.leaves.lifecycle import NAV2_NODES
 from sar_compiler.ros.requirements import (
     ClockRuns,
     InitialPose,
@@ -56,8 +57,6 @@ class Readiness:
         initial_pose: The initial pose for the localisation, if Nav2 is used: x, y (m), yaw (rad) in the
             frame `map`; None to send none and not to wait for it.
         types: The types that actions, services and topics must have; those without one may have any.
-        localizer: The lifecycle node that localises, by its relative name.
-        navigator: The lifecycle node that navigates, by its relative name.
         first: Requirements of the caller, who also closes them, to look at before all others.
     """
 
@@ -68,8 +67,6 @@ class Readiness:
         *,
         initial_pose: InitialPose | None,
         types: Mapping[Use, str] | None = None,
-        localizer: str = "amcl",
-        navigator: str = "bt_navigator",
         first: Iterable[Requirement] = (),
     ) -> None:
         self.node = node
@@ -81,6 +78,7 @@ class Readiness:
         if self.uses_nav2:
             if initial_pose is not None:
                 self._requirements.append(Localised(node, initial_pose))
+            localizer, navigator = NAV2_NODES
             self._requirements += [NodeActive(node, localizer), NavigatorActive(node, navigator)]
         for use in self._uses:
             type_name = (types or {}).get(use)

@@ -16,6 +16,7 @@ from tf2_msgs.msg import TFMessage
 
 from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.leaves.leaf import alive
+from sar_compiler.ros.leaves.lifecycle import NAV2_NODES
 from sar_compiler.ros.readiness import SHADOW_SEC
 from sar_compiler.ros.requirements import NodeActive, OneServer, with_full_name
 from sar_compiler.ros.sole_mission import SoleMission
@@ -49,8 +50,6 @@ class Watch:
     Args:
         node: The node that the tree runs on.
         uses: What the tree's leaves use, with resolved names.
-        localizer: The lifecycle node that localises, by its relative name.
-        navigator: The lifecycle node that navigates, by its relative name; both are active.
         sole: The claim of the mission to its robot.
 
     Attributes:
@@ -62,8 +61,6 @@ class Watch:
         node: Node,
         uses: Iterable[Use],
         *,
-        localizer: str = "amcl",
-        navigator: str = "bt_navigator",
         sole: SoleMission | None = None,
     ) -> None:
         uses = list(dict.fromkeys(uses))
@@ -74,9 +71,7 @@ class Watch:
             OneServer(node, use.kind, use.name) for use in uses if use.kind in ("action", "service")
         ]
         self._contested: dict[OneServer, float] = {}
-        self._localisation = (
-            _Localisation(node, localizer, navigator) if any(use.kind == "nav2" for use in uses) else None
-        )
+        self._localisation = _Localisation(node) if any(use.kind == "nav2" for use in uses) else None
         # Steady: what has stopped may be the node's clock.
         self._timer = node.create_timer(_PERIOD_SEC, self.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -118,9 +113,9 @@ class Watch:
 class _Localisation:
     """What is known of the localisation, and of the place where the robot was when it was lost."""
 
-    def __init__(self, node: Node, localizer: str, navigator: str) -> None:
+    def __init__(self, node: Node) -> None:
         self._node = node
-        self._nodes = [NodeActive(node, localizer), NodeActive(node, navigator)]
+        self._nodes = [NodeActive(node, name) for name in NAV2_NODES]
         self._lost_since: float | None = None
         self._is_lost = False
         self._known: set[bytes] = set()

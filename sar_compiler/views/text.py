@@ -1,26 +1,19 @@
 """A tree as text, in the notation that py_trees users know."""
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
-from uuid import UUID
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import py_trees
 from py_trees.behaviour import Behaviour
-from py_trees.common import Status
 from py_trees.composites import Composite
 
 if TYPE_CHECKING:
     from sar_compiler.compiler import CompiledTree
 
 
-def unicode_tree(root: Behaviour, *, statuses: bool = False) -> str:
-    """Draw a tree.
-
-    Args:
-        root: Its root.
-        statuses: Whether to show each node's current status and feedback message.
-    """
-    return _drawn(py_trees.display.unicode_tree, root, statuses=statuses)
+def unicode_tree(root: Behaviour) -> str:
+    """Draw a tree."""
+    return _drawn(py_trees.display.unicode_tree, root)
 
 
 def ascii_tree(root: Behaviour) -> str:
@@ -51,9 +44,5 @@ def _tag(behaviour: Behaviour, tree: "CompiledTree") -> str:
     return f"  <{tag}>" if called == behaviour.name else f'  <{tag} ID="{called}">'
 
 
-def _drawn(draw: Callable[..., str], root: Behaviour, *, statuses: bool = False) -> str:
-    visited: Mapping[UUID, Status] = {}
-    if statuses:
-        visited = {behaviour.id: behaviour.status for behaviour in root.iterate()}
-    arguments: dict[str, Any] = {"show_status": statuses, "visited": visited, "previously_visited": {}}
-    return draw(root, **arguments).rstrip("\n") + "\n"
+def _drawn(draw: Callable[[Behaviour], str], root: Behaviour) -> str:
+    return draw(root).rstrip("\n") + "\n"

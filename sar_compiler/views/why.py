@@ -213,7 +213,7 @@ class _Explained:
         self._gone.pop(number, None)
         self._came[number] = node.status
         if node.status in _OTHER:
-            self._ends[number] = _answer(node, 0)
+            self._ends[number] = _answer(node)
 
     def _found(self, node: NodeState) -> Iterator[int]:
         """Yield the children that explain the end of a node."""
@@ -250,9 +250,9 @@ def _tick() -> Callable[[JournalEntry], int]:
     return tick
 
 
-def _answer(node: NodeState, depth: int) -> NodeStatus:
+def _answer(node: NodeState) -> NodeStatus:
     place = f"{node.file}:{node.line}" if node.file else ""
-    return NodeStatus(node.number, node.name, place, depth, node.status, node.message, node.since)
+    return NodeStatus(node.number, node.name, place, 0, node.status, node.message, node.since)
 
 
 class _History:
@@ -280,7 +280,7 @@ class _History:
             if node.status == FAILURE:
                 pending.add(node.number)
                 if not node.children:
-                    self._failures.setdefault(node.number, []).append(_answer(node, 0))
+                    self._failures.setdefault(node.number, []).append(_answer(node))
                     self._zones[node.number] = zone
                     self._recovered.discard(node.number)
             elif node.status in (SUCCESS, "RUNNING"):
@@ -354,7 +354,7 @@ def _changes(stream: Sequence[JournalEntry]) -> Iterator[NodeStatus]:
         before = state.nodes[number].status if isinstance(number, int) and number < len(state.nodes) else ""
         state.take(entry)
         if isinstance(number, int) and number < len(state.nodes) and state.nodes[number].status != before:
-            yield _answer(state.nodes[number], 0)
+            yield _answer(state.nodes[number])
 
 
 def recorded(stream: Sequence[JournalEntry]) -> list[RecordedTick]:

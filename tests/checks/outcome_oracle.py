@@ -95,7 +95,7 @@ def answers_of(body: str) -> Answers | None:
     graph = explore(stepper.steps, MOST_STATES)
     if graph.error is not None:
         return None
-    seen = frozenset(WORDS[stepper.states.outcome_in(key)] for key in graph.states) - {""}
+    seen = frozenset(WORDS[stepper.steps.restore(key)[0]] for key in graph.states) - {""}
     return Answers(
         seen,
         _words(context.outcomes.may_return(root)),

@@ -158,12 +158,12 @@ class TestFindsThatMayBeTheSame:
         record.survivor_acknowledged("survivor_1")
         record.survivor_acknowledged("survivor_3")
         record.survivor_judged("survivor_2", standing)
-        assert record.complete(zones)
+        assert record.shortfalls(zones) == []
 
     def test_who_is_confirmed_must_be_acknowledged_all_the_same(self, record: MissionRecord) -> None:
         record.survivor_judged("survivor_3", Standing.CONFIRMED)
         assert str(record.survivors[2]) == "survivor_3 in zone_c at (9.00, 0.00), confirmed"
-        assert not record.complete(ZoneManager([], {"x": 0, "y": 0, "yaw": 0}))
+        assert record.shortfalls(ZoneManager([], {"x": 0, "y": 0, "yaw": 0})) != []
 
     def test_nobody_is_like_a_find_that_was_rejected(self, record: MissionRecord) -> None:
         record.survivor_judged("survivor_3", Standing.REJECTED)

@@ -82,11 +82,6 @@ def test_a_node_that_has_no_part_any_more_says_nothing(end):
     assert (state.nodes[1].has_part, state.nodes[1].message) == (False, "")
 
 
-def test_the_running_nodes_are_those_at_the_ends_of_the_way():
-    state = after(status(0, "RUNNING"), status(1, "RUNNING"))
-    assert [node.name for node in state.running()] == ["Drive"]
-
-
 def test_a_zone_goes_from_open_to_visited():
     told = [("zone_started", {"zone": "zone_a"}), ("zone_searched", {"zone": "zone_a", "survivor": None})]
     assert after(told[0]).zones["zone_a"].state == "under way"

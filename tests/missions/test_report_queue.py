@@ -49,7 +49,7 @@ class TestKeepReport:
         stage.record.survivor_named("survivor_1", -2.5, 3.2)
         assert stage.run(keep(stage, kept, (-2.5, 3.2), "survivor_1")) is Status.SUCCESS
         assert list(kept) == [FIRST]
-        assert stage.record.reports_kept == ("survivor_1",)
+        assert [known.kept for known in stage.record.survivors] == [True]
         assert stage.lines == ["The report of survivor_1 is kept until base acknowledges it."]
         assert stage.warnings == []
 

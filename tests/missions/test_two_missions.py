@@ -121,7 +121,7 @@ def test_a_mission_runs_to_its_end_and_says_what_it_does(stage: "Stage") -> None
     run(mission)
     assert mission.said == NOMINAL.splitlines()
     assert stage.warnings == []
-    assert stage.record.complete(stage.zones)
+    assert stage.record.shortfalls(stage.zones) == []
     assert stage.record.zones_visited == ("zone_a", "zone_b")
     for _ in range(5):
         mission.tick()
@@ -142,7 +142,7 @@ def test_two_missions_in_one_process_do_not_mix(make_stage: Callable[[], "Stage"
         listener = mission.stage.static_frames()
         mission.stage.until(lambda: listener.frames, "the frames")  # noqa: B023 - used at once
         assert list(listener.frames) == [frame]
-        assert mission.stage.record.complete(mission.stage.zones)
+        assert mission.stage.record.shortfalls(mission.stage.zones) == []
 
 
 def test_a_refused_report_leaves_the_mission_short_of_one_acknowledgement(stage: "Stage") -> None:

@@ -450,17 +450,6 @@ class TestNav2:
         wait(ros, readiness(ros.node(), Use.nav2(), initial_pose=None))
         assert nav2.poses == []
 
-    def test_asks_the_nodes_it_is_told_to(self, ros: Ros) -> None:
-        from sar_compiler.ros.readiness import Readiness
-
-        ready = Readiness(
-            ros.node(), [Use.nav2()], initial_pose=None, localizer="slam_toolbox", navigator="my_navigator"
-        )
-        assert [line.split(":")[0] for line in missing(ros, ready)] == [
-            "node slam_toolbox",
-            "node my_navigator",
-        ]
-
     def test_leaves_nothing_behind_on_the_node(self, ros: Ros) -> None:
         FakeNav2(ros.node("nav2"))
         node = ros.node()

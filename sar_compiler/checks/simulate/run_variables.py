@@ -12,7 +12,7 @@ OWN = ("root", "tick", "time")
 """The names of values of the run itself."""
 
 
-class RunVariables:
+class RunVariables(FactVariables):
     """The variables of a scenario's conditions, which only read.
 
     Attributes:
@@ -20,29 +20,18 @@ class RunVariables:
     """
 
     def __init__(self, simulated: SimulatedTree) -> None:
+        super().__init__(simulated.facts, simulated.compiled.instance.scope, Enums())
         self.now: Mapping[str, ScriptValue] = {}
         self._simulated = simulated
-        self._others = FactVariables(simulated.facts, simulated.compiled.instance.scope, Enums())
 
     def read(self, name: str) -> ScriptValue:
         """Return a value; raises as `Variables` says, with the name that was probably meant."""
         if name in self.now:
             return self.now[name]
         try:
-            return self._others.read(name)
+            return super().read(name)
         except UnknownVariableError as error:
             near = nearest(name, [*OWN, *self._simulated.fact_values()])
             advice = f"; did you mean '{near}'?" if near else ""
             message = f"{error}{advice}"
             raise VariableError(message) from error
-
-    def create(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Refuse to write."""
-        return self.assign(name, value)
-
-    def assign(self, name: str, value: ScriptValue) -> ScriptValue:  # noqa: ARG002 - as the protocol has it
-        """Refuse to write."""
-        message = (
-            f"a condition of a scenario changes nothing, and this gives '{name}' a value; write == to compare"
-        )
-        raise VariableError(message)

@@ -58,10 +58,6 @@ class StateValues:
         self._steps = steps
         self._own = own
 
-    def outcome_in(self, state: bytes) -> int:
-        """Return the outcome of the last tick before a state."""
-        return self._steps.restore(state)[0]
-
     def values(self) -> dict[str, object]:
         """Return the keys of the tree and then the facts as they are now, each by their names."""
         board = self._simulated.compiled.board

@@ -105,11 +105,6 @@ class MissionRecord:
         return tuple(self._abandoned)
 
     @property
-    def reports_kept(self) -> tuple[str, ...]:
-        """The names of the survivors whose reports are kept, in the order in which they were found."""
-        return tuple(known.survivor_id for known in self._survivors if known.kept and known.survivor_id)
-
-    @property
     def survivors(self) -> tuple[FoundSurvivor, ...]:
         """The survivors in the order in which they were found."""
         return tuple(self._survivors)
@@ -211,10 +206,6 @@ class MissionRecord:
         """Return whether a survivor was named by an earlier run, and base has confirmed the report."""
         found = self.survivor(survivor_id)
         return self.before.has_named(survivor_id) and found is not None and found.acknowledged
-
-    def complete(self, zones: ZoneManager) -> bool:
-        """Return whether the mission is done: no zone left, every survivor acknowledged, the robot home."""
-        return not self.shortfalls(zones)
 
     def shortfalls(self, zones: ZoneManager) -> list[str]:
         """Return in sentences what is missing for a complete mission; empty if it is complete."""

@@ -144,28 +144,28 @@ def timeout(draft: Draft, notes: Notes) -> None:
     """Write seconds as milliseconds."""
     if "duration" in draft.attributes:
         # For BehaviorTree.CPP no time at all means no limit.
-        _milliseconds(draft, "msec", 1, notes)
+        _milliseconds(draft, 1, notes)
 
 
 def timer(draft: Draft, notes: Notes) -> None:
     """Write `Timer` as `Sleep`."""
     draft.attributes.setdefault("duration", "5.0")
-    if _milliseconds(draft, "msec", 0, notes):
+    if _milliseconds(draft, 0, notes):
         draft.tag = "Sleep"
 
 
-def _milliseconds(draft: Draft, other: str, least: int, notes: Notes) -> bool:
+def _milliseconds(draft: Draft, least: int, notes: Notes) -> bool:
     text = draft.attributes["duration"]
     if blackboard_key(text, "duration") is not None:
         message = f"duration: '{text}' holds seconds, and BehaviorTree.CPP would read it as milliseconds"
-        hint = f'give the mission a parameter in milliseconds, and write {other}="{{...}}"'
+        hint = 'give the mission a parameter in milliseconds, and write msec="{...}"'
         notes.no_counterpart_of_value(draft.element, "duration", message, hint)
         draft.kept = True
         return False
     seconds = draft.literal("duration", float, notes, SECONDS)
     if seconds is None:
         return False
-    _replace(draft, "duration", other, str(max(round(seconds * 1000.0), least)))
+    _replace(draft, "duration", "msec", str(max(round(seconds * 1000.0), least)))
     return True
 
 
