@@ -14,6 +14,8 @@ from rclpy.qos import QoSProfile
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
+from sar_compiler.ros.poses import estimated_pose, turn_by
+
 InitialPose = tuple[float, float, float]
 """x and y in metres, yaw in radians."""
 
@@ -32,9 +34,6 @@ _BEFORE_NAVIGATOR = (
     "velocity_smoother",
     "collision_monitor",
 )
-
-# Half a metre and 15 degrees of standard deviation, as variances: x, y, yaw.
-_INITIAL_VARIANCES = {0: 0.25, 7: 0.25, 35: 0.068}
 
 
 class Requirement(ABC):
@@ -170,14 +169,9 @@ class Localised(Requirement):
 
     def _message(self) -> PoseWithCovarianceStamped:
         x, y, yaw = self._pose
-        message = PoseWithCovarianceStamped()
-        message.header.frame_id = "map"
-        message.header.stamp = self._node.get_clock().now().to_msg()
+        message = estimated_pose(self._node, "map")
         message.pose.pose.position.x, message.pose.pose.position.y = float(x), float(y)
-        message.pose.pose.orientation.z = math.sin(yaw / 2)
-        message.pose.pose.orientation.w = math.cos(yaw / 2)
-        for index, variance in _INITIAL_VARIANCES.items():
-            message.pose.covariance[index] = variance
+        turn_by(message.pose.pose.orientation, yaw)
         return message
 
 

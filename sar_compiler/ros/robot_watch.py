@@ -16,6 +16,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import GOAL_ENDED, JournalEntry
 from sar_compiler.ros.grid_image import grid_image
+from sar_compiler.ros.poses import yaw_of
 
 # At most one in so many seconds of the node's clock; while a map is being made there is one after the other.
 _PERIODS_SEC = {"pose": 1.0, "plan": 1.0, "map": 10.0}
@@ -89,8 +90,7 @@ class RobotWatch:
             self._takers[kind](self._newest.pop(kind))
 
     def _on_pose(self, message: Any) -> None:
-        place, turn = message.pose.pose.position, message.pose.pose.orientation
-        yaw = 2.0 * math.atan2(turn.z, turn.w)
+        place, yaw = message.pose.pose.position, yaw_of(message.pose.pose.orientation)
         self._journal.watch("pose", x=place.x, y=place.y, yaw=yaw)
 
     def _on_plan(self, message: Any) -> None:
@@ -101,8 +101,8 @@ class RobotWatch:
 
     def _on_map(self, message: Any) -> None:
         info, origin = message.info, message.info.origin
-        place, turn = origin.position, origin.orientation
-        numbers = (info.resolution, place.x, place.y, turn.z, turn.w)
+        place, yaw = origin.position, yaw_of(origin.orientation)
+        numbers = (info.resolution, place.x, place.y, yaw)
         said = (info.width, info.height, *numbers, zlib.crc32(message.data))
         # To draw a map takes its time in the thread that ticks, so the same one is not drawn again.
         if said == self._map or not all(map(math.isfinite, numbers)):
@@ -118,7 +118,7 @@ class RobotWatch:
             height=height,
             x=place.x,
             y=place.y,
-            yaw=2.0 * math.atan2(turn.z, turn.w),
+            yaw=yaw,
             png=base64.b64encode(png).decode(),
         )
 

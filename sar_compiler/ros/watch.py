@@ -17,6 +17,7 @@ from tf2_msgs.msg import TFMessage
 from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.leaves.leaf import alive
 from sar_compiler.ros.leaves.lifecycle import NAV2_NODES
+from sar_compiler.ros.poses import estimated_pose, yaw_of
 from sar_compiler.ros.readiness import SHADOW_SEC
 from sar_compiler.ros.requirements import NodeActive, OneServer, with_full_name
 from sar_compiler.ros.sole_mission import SoleMission
@@ -28,8 +29,6 @@ _TRANSFORM_SEC = 5.0
 _LOST_SEC = 3.0
 # Less movement than this is none for AMCL either (its update_min_d and update_min_a): metres, radians.
 _MOVED, _TURNED = 0.25, 0.2
-# Variances of x and y in m², and of yaw in rad², of a pose that is given again.
-_VARIANCES = {0: 0.25, 7: 0.25, 35: 0.068}
 # What `map` looks like as the frame of a transform, in the message as it came.
 _FROM_MAP = b"\x04\x00\x00\x00map\x00"
 
@@ -204,12 +203,8 @@ class _Localisation:
                 f"The localisation is back, and the robot has moved by {moved:.2f} m and turned by {turned:.2f} rad "
                 f"since its last pose: {ask}."
             )
-        message = PoseWithCovarianceStamped()
-        message.header.frame_id = self._pose.header.frame_id
-        message.header.stamp = self._node.get_clock().now().to_msg()
+        message = estimated_pose(self._node, self._pose.header.frame_id)
         message.pose.pose = self._pose.pose.pose
-        for index, variance in _VARIANCES.items():
-            message.pose.covariance[index] = variance
         self._publisher.publish(message)
         place = message.pose.pose.position
         return (
@@ -246,8 +241,8 @@ class _Localisation:
 def _between(there: Any, here: Any) -> tuple[float, float]:
     """Return how far two poses are apart: metres, radians."""
     moved = math.hypot(here.position.x - there.position.x, here.position.y - there.position.y)
-    yaws = [2.0 * math.atan2(pose.orientation.z, pose.orientation.w) for pose in (there, here)]
-    return moved, abs(math.remainder(yaws[1] - yaws[0], math.tau))
+    turned = yaw_of(here.orientation) - yaw_of(there.orientation)
+    return moved, abs(math.remainder(turned, math.tau))
 
 
 def refuse_parameters(node: Node, names: Collection[str]) -> None:

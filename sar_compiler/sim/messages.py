@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
-from geometry_msgs.msg import Pose, PoseStamped, Quaternion, TransformStamped
+from geometry_msgs.msg import Pose, PoseStamped, TransformStamped
 from nav_msgs.msg import OccupancyGrid, Path
 
+from sar_compiler.ros.poses import turn_by, yaw_of
 from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from sar_compiler.sim.path import Path2D
@@ -33,14 +34,10 @@ def to_duration(seconds: float) -> Duration:
     return Duration(sec=nanoseconds // NANOSECONDS, nanosec=nanoseconds % NANOSECONDS)
 
 
-def to_quaternion(yaw: float) -> Quaternion:
-    """Return a rotation of *yaw* radians about z."""
-    return Quaternion(z=math.sin(yaw / 2), w=math.cos(yaw / 2))
-
-
 def to_pose(pose: Pose2D) -> Pose:
     """Return a planar pose as a message."""
-    message = Pose(orientation=to_quaternion(pose.yaw))
+    message = Pose()
+    turn_by(message.orientation, pose.yaw)
     message.position.x, message.position.y = pose.x, pose.y
     return message
 
@@ -50,18 +47,16 @@ def to_transform(parent: str, child: str, pose: Pose2D, stamp: Time) -> Transfor
     message = TransformStamped(child_frame_id=child)
     message.header.frame_id, message.header.stamp = parent, stamp
     message.transform.translation.x, message.transform.translation.y = pose.x, pose.y
-    message.transform.rotation = to_quaternion(pose.yaw)
+    turn_by(message.transform.rotation, pose.yaw)
     return message
 
 
 def from_pose(message: Any) -> Pose2D | None:
     """Return a pose message as a planar pose, or None if it is not finite or its quaternion is not a rotation."""
     turn = message.orientation
-    length = math.sqrt(turn.x**2 + turn.y**2 + turn.z**2 + turn.w**2)
-    if not abs(length - 1.0) < _UNIT_TOLERANCE:
+    if not abs(math.hypot(turn.x, turn.y, turn.z, turn.w) - 1.0) < _UNIT_TOLERANCE:
         return None
-    yaw = math.atan2(2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y**2 + turn.z**2))
-    pose = Pose2D(message.position.x, message.position.y, yaw)
+    pose = Pose2D(message.position.x, message.position.y, yaw_of(turn))
     return pose if pose.is_finite else None
 
 

@@ -272,7 +272,7 @@ def test_a_parameter_file_that_passes_the_check_is_one_for_ros(rounds):
 def test_any_answer_about_a_survivor_and_any_map_are_judged(x, y, resolution, origin, z, w, cells):
     extent = object.__new__(MapExtent)
     extent._info = None
-    position, orientation = SimpleNamespace(x=origin, y=0.0), SimpleNamespace(z=z, w=w)
+    position, orientation = SimpleNamespace(x=origin, y=0.0), SimpleNamespace(x=0.0, y=0.0, z=z, w=w)
     pose = SimpleNamespace(position=position, orientation=orientation)
     extent._take(
         SimpleNamespace(info=SimpleNamespace(resolution=resolution, width=cells, height=cells, origin=pose))

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from sar_compiler.ros.leaves.interfaces import qos_profile
 from sar_compiler.ros.of_node import of_node
+from sar_compiler.ros.poses import yaw_of
 
 if TYPE_CHECKING:
     from nav_msgs.msg import MapMetaData
@@ -46,14 +47,13 @@ class MapExtent:
     def _take(self, message: Any) -> None:
         info = message.info
         origin, turn = info.origin.position, info.origin.orientation
-        numbers = (info.resolution, origin.x, origin.y, turn.z, turn.w)
+        numbers = (info.resolution, origin.x, origin.y, yaw_of(turn))
         if all(map(math.isfinite, numbers)) and info.resolution > 0.0:  # else it is no map
             self._info = info
 
 
 def _contains(info: "MapMetaData", x: float, y: float) -> bool:
-    origin, turn = info.origin.position, info.origin.orientation
-    yaw = 2.0 * math.atan2(turn.z, turn.w)
+    origin, yaw = info.origin.position, yaw_of(info.origin.orientation)
     right, up = x - origin.x, y - origin.y
     along = right * math.cos(yaw) + up * math.sin(yaw)
     across = up * math.cos(yaw) - right * math.sin(yaw)

@@ -13,6 +13,7 @@ from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, Zone
 from sar_compiler.nodes.register import register
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.ros.leaves.leaf import RosLeaf
+from sar_compiler.ros.poses import yaw_of
 from sar_compiler.runtime.answers import Answer
 
 
@@ -130,9 +131,8 @@ class NotHeld(RosLeaf):
         return ""
 
     def _add_zone(self, request: Any) -> str:
-        pose, turn = request.pose.pose.position, request.pose.pose.orientation
+        pose, yaw = request.pose.pose.position, yaw_of(request.pose.pose.orientation)
         zone_id, frame = request.zone_id, request.pose.header.frame_id
-        yaw = math.atan2(2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y**2 + turn.z**2))
         if not zone_id or self._zones.knows(zone_id):
             return f"there is a zone '{zone_id}' already" if zone_id else "the zone has no name"
         if frame != MAP_FRAME:

@@ -14,6 +14,7 @@ from sar_compiler.nodes.values import Seconds
 from sar_compiler.ros.leaves.action_leaf import ActionLeaf
 from sar_compiler.ros.leaves.deadline import Deadline
 from sar_compiler.ros.leaves.goal_statuses import SUCCEEDED
+from sar_compiler.ros.poses import turn_by
 from sar_compiler.runtime.answers import Answer
 
 _OUTCOMES = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
@@ -115,9 +116,7 @@ class NavigateTo(ActionLeaf):
         goal.pose.header.frame_id = MAP_FRAME
         goal.pose.header.stamp = self.node.get_clock().now().to_msg()
         goal.pose.pose.position.x, goal.pose.pose.position.y = float(pose["x"]), float(pose["y"])
-        # A turn about z alone.
-        goal.pose.pose.orientation.z = math.sin(pose["yaw"] / 2)
-        goal.pose.pose.orientation.w = math.cos(pose["yaw"] / 2)
+        turn_by(goal.pose.pose.orientation, pose["yaw"])
         return goal
 
 
