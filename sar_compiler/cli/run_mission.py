@@ -8,14 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import rclpy
 from py_trees.common import Status
 from py_trees.trees import BehaviourTree
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.signals import SignalHandlerOptions
 
 from sar_compiler.cli.loading import additions, tell_passed_over
 from sar_compiler.cli.output import RunOutput
@@ -46,6 +44,7 @@ from sar_compiler.ros.faults import NAVIGATION, NAVIGATION_FAULTS, Fault, FaultP
 from sar_compiler.ros.guardian import Guardian
 from sar_compiler.ros.leaves.goals_under_way import goals_under_way
 from sar_compiler.ros.leaves.interfaces import declared_types
+from sar_compiler.ros.middleware import ros_up
 from sar_compiler.ros.parameter_file import sections_elsewhere
 from sar_compiler.ros.parameter_reader import ParameterReader
 from sar_compiler.ros.parameters import flat_parameters, mission_node
@@ -202,22 +201,16 @@ def _sections_elsewhere(options: "Options", node: Node) -> str:
 @contextmanager
 def _ros(options: "Options", signals: StopSignals, mission: Mission | None) -> Iterator[Context]:
     """Initialise ROS; a run without parameters uses the mission's default ones."""
-    context = Context()
     arguments = init_arguments(options.ros, _parameter_file(options, mission))
     if options.sim is not None:
         from sar_compiler.cli.sim_isolation import look_around
         from sar_compiler.sim.isolation import stay_on_this_machine
 
         stay_on_this_machine()
-    with readable_ros_errors():
-        # rclpy's own signal handlers would take ROS down before a goal in flight could be cancelled.
-        rclpy.init(args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO)
-    try:
+    with ros_up(arguments) as context:
         if options.sim is not None:
             look_around(signals, context=context)
         yield context
-    finally:
-        context.try_shutdown()
 
 
 def _parameter_file(options: "Options", mission: Mission | None) -> Path | None:

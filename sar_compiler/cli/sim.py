@@ -12,7 +12,7 @@ from sar_compiler.cli.terminal import ProgressLine
 from sar_compiler.commands import interruptible, print_text
 from sar_compiler.ros.arguments import init_arguments, split_arguments
 from sar_compiler.ros.faults import NAVIGATION_FAULTS, Fault, FaultError, FaultPlan, parse_fault
-from sar_compiler.ros.middleware import require_middleware
+from sar_compiler.ros.middleware import require_middleware, ros_up
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.sim.placement import Placement, PlacementError, parse_placement
 
@@ -153,10 +153,7 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     # Before anything that takes time, so that Ctrl-C ends the command in order from its first moment.
     signals = StopSignals()
     require_middleware()
-    import rclpy
-
     from sar_compiler.cli.sim_isolation import look_around
-    from sar_compiler.ros.errors import readable_ros_errors
     from sar_compiler.sim.fleet import check_placements
     from sar_compiler.sim.isolation import stay_on_this_machine
     from sar_compiler.sim.kept_places import KeptPlaces
@@ -171,14 +168,14 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     check_placements(world, robots)
     arguments = init_arguments(ros_arguments)
     stay_on_this_machine()
-    with readable_ros_errors():
-        rclpy.init(args=arguments, signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
-    try:
-        look_around(signals, actions=[robot.action for robot in robots])
+    with ros_up(arguments) as context:
+        look_around(signals, context=context, actions=[robot.action for robot in robots])
         if signals.came:
             return OK
         faults = FaultPlan(options.fault)
-        simulation = Simulation(world, robots, speed=options.speed, faults=faults, seed=options.seed)
+        simulation = Simulation(
+            world, robots, context=context, speed=options.speed, faults=faults, seed=options.seed
+        )
         if kept is not None:
             simulation.keep_places(kept)
         with simulation:
@@ -188,8 +185,6 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
                 flush=True,
             )
             return _wait(simulation, signals)
-    finally:
-        rclpy.try_shutdown()
 
 
 def _with(robots: Sequence[Placement]) -> str:

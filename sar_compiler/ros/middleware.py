@@ -1,11 +1,19 @@
-"""The middleware that `RMW_IMPLEMENTATION` asks for: whether it is installed, before rcl ends the process over it."""
+"""ROS, up for a while; and whether the middleware that `RMW_IMPLEMENTATION` asks for is installed.
+
+That is looked at before rcl ends the process over it.
+"""
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sar_compiler.errors import SarError
+
+if TYPE_CHECKING:
+    from rclpy.context import Context
 
 _VARIABLE = "RMW_IMPLEMENTATION"
 _INDEX = Path("share", "ament_index", "resource_index", "rmw_typesupport")
@@ -33,6 +41,30 @@ def require_middleware() -> None:
         f"unset {_VARIABLE}, or install it (on a robot: sudo apt install ros-jazzy-{wanted.replace('_', '-')})"
     )
     raise MiddlewareError(message)
+
+
+@contextmanager
+def ros_up(arguments: Sequence[str]) -> "Iterator[Context]":
+    """Initialise ROS in a context of its own, and shut that down in the end.
+
+    Signals are left to the caller: rclpy's handlers would take ROS down before a goal in flight could be cancelled.
+
+    Args:
+        arguments: Those of `rclpy.init`.
+    """
+    import rclpy
+    from rclpy.context import Context
+    from rclpy.signals import SignalHandlerOptions
+
+    from sar_compiler.ros.errors import readable_ros_errors
+
+    context = Context()
+    try:
+        with readable_ros_errors():
+            rclpy.init(args=list(arguments), context=context, signal_handler_options=SignalHandlerOptions.NO)
+        yield context
+    finally:
+        context.try_shutdown()
 
 
 def _installed() -> Iterator[str]:

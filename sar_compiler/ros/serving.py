@@ -3,11 +3,12 @@
 import faulthandler
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from sar_compiler.commands import OK, CommandParser, add_version, run
 from sar_compiler.ros.arguments import init_arguments, node_arguments, split_arguments
-from sar_compiler.ros.middleware import require_middleware
+from sar_compiler.ros.middleware import require_middleware, ros_up
 from sar_compiler.ros.signals import StopSignals
 
 if TYPE_CHECKING:
@@ -56,28 +57,17 @@ def serve(make_node: NodeFactory, prog: str, description: str, argv: Sequence[st
 
 def _run(make_node: NodeFactory, ros: Sequence[str], stopped: Callable[[], bool]) -> int:
     require_middleware()
-    import rclpy
-    from rclpy.context import Context
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-    from rclpy.signals import SignalHandlerOptions
 
-    from sar_compiler.ros.errors import readable_ros_errors
-
-    arguments = init_arguments(ros)
-    context = Context()
     try:
-        with readable_ros_errors():
-            rclpy.init(args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO)
-        node = make_node(context, node_arguments(ros))
-        with SingleThreadedExecutor(context=context) as executor:
-            executor.add_node(node)
-            while context.ok() and not stopped():
-                executor.spin_once(timeout_sec=_TURN_SEC)
-        faulthandler.dump_traceback_later(_TAKING_DOWN_SEC, exit=True)
-        node.destroy_node()
-    except ExternalShutdownException:
-        pass
+        with ros_up(init_arguments(ros)) as context, suppress(ExternalShutdownException):
+            node = make_node(context, node_arguments(ros))
+            with SingleThreadedExecutor(context=context) as executor:
+                executor.add_node(node)
+                while context.ok() and not stopped():
+                    executor.spin_once(timeout_sec=_TURN_SEC)
+            faulthandler.dump_traceback_later(_TAKING_DOWN_SEC, exit=True)
+            node.destroy_node()
     finally:
-        context.try_shutdown()
         faulthandler.cancel_dump_traceback_later()
     return OK
