@@ -166,12 +166,12 @@ def _not_installed(error: ImportError) -> str | None:
 
 def _meant(message: str) -> str:
     """Return what argparse's message about a choice that there is not leaves out."""
-    import difflib
     import re
 
+    from sar_compiler.tree.guessing import did_you_mean, nearest
+
     chosen = re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message)
-    near = difflib.get_close_matches(chosen[1], re.findall(r"[\w-]+", chosen[2]), n=1) if chosen else []
-    return f"; did you mean '{near[0]}'?" if near else ""
+    return did_you_mean(nearest(chosen[1], re.findall(r"[\w-]+", chosen[2]))) if chosen else ""
 
 
 def columns_asked_for() -> int:

@@ -79,12 +79,11 @@ def is_bare_word(name: str) -> bool:
 
 def not_found(kind: str, name: str, suffix: str) -> str:
     """Return the message for a name for which `find` has found no file."""
-    import difflib
+    from sar_compiler.tree.guessing import did_you_mean, nearest
 
     noun = kind.removesuffix("s")
     names = sorted(entry.stem for entry in (shipped_root() / kind).glob(f"*{suffix}"))
     files = [f"{name}{each}" for each in (suffix, ".yaml", ".yml") if Path(f"{name}{each}").is_file()]
-    near = files or difflib.get_close_matches(name, names, n=1)
-    hint = f"; did you mean '{near[0]}'?" if near else ""
+    hint = did_you_mean(files[0] if files else nearest(name, names))
     there = f"there {'is' if len(names) == 1 else 'are'}: {', '.join(names) or 'none'}"
     return f"there is no {noun} file '{name}', nor a shipped {noun} of that name ({there}){hint}"

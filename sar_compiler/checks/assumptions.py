@@ -12,11 +12,11 @@ from sar_compiler.documents.located import Document, Value
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.answers import SELF, is_fact_name, mistake_in, placeholders
 from sar_compiler.nodes.spec import NodeSpec, Role
-from sar_compiler.nodes.values import nearest
 from sar_compiler.runtime.answers import STATUSES, Answer, Fact
 from sar_compiler.runtime.expressions import name_uses
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.tokens import ScriptError
+from sar_compiler.tree.guessing import nearest
 
 _KINDS: Mapping[type, str] = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
 

@@ -6,10 +6,10 @@ from typing import NamedTuple
 from sar_compiler.checks.rules.entry_accesses import entry_table_of
 from sar_compiler.checks.rules.key_accesses import key_accesses_of
 from sar_compiler.compiler.simulated_tree import SimulatedTree
-from sar_compiler.nodes.values import nearest
 from sar_compiler.runtime.blackboard import ROOT_SIGN
 from sar_compiler.runtime.expressions import Access, Script, name_uses
 from sar_compiler.runtime.script import parse
+from sar_compiler.tree.guessing import nearest
 
 
 class Names(NamedTuple):

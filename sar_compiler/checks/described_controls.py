@@ -8,7 +8,7 @@ from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.models.models import described_specs
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import NodeSpec
-from sar_compiler.nodes.values import nearest
+from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.model import TreeFile
 
 

@@ -7,9 +7,9 @@ from sar_compiler.nodes.binding.attributes import slip_in_note
 from sar_compiler.nodes.binding.main_tree import find_main_tree
 from sar_compiler.nodes.binding.tree_ids import is_node
 from sar_compiler.nodes.registry import Registry
-from sar_compiler.nodes.values import Guesses, nearest
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
 from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.guessing import Guesses, nearest
 from sar_compiler.tree.model import (
     INCLUDE_TAG,
     MODEL_TAG,

@@ -9,10 +9,10 @@ from sar_compiler.checks.typed_values import script
 from sar_compiler.compiler.simulated_tree import SimulatedTree, fits
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.nodes.spec import NodeSpec
-from sar_compiler.nodes.values import nearest
 from sar_compiler.runtime.answers import STATUSES
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.stub_leaf import ANSWERED, HALTED, STARTED, Event, StubLeaf
+from sar_compiler.tree.guessing import nearest
 
 STARTS = "starts"
 _DEEDS = {STARTS: STARTED, HALTED: HALTED}

@@ -8,9 +8,9 @@ import bisect
 import re
 from collections.abc import Iterable, Iterator
 
-from sar_compiler.nodes.values import Guesses
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.guessing import Guesses
 from sar_compiler.tree.model import Comment, Element, TreeFile
 from sar_compiler.tree.source import Form, Span
 

@@ -5,11 +5,12 @@ from datetime import timedelta
 from typing import Any
 
 from sar_compiler.documents.located import Document, Value
-from sar_compiler.nodes.values import nearest, type_of
+from sar_compiler.nodes.values import type_of
 from sar_compiler.runtime.answers import Fact
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.tokens import ScriptError
+from sar_compiler.tree.guessing import nearest
 
 _DURATION = type_of(timedelta)
 

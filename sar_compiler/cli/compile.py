@@ -155,10 +155,10 @@ def _nodes(arguments: argparse.Namespace) -> int:
         return FINDINGS
     if arguments.tag is not None and arguments.tag not in registry:
         from sar_compiler.nodes.palettes import palettes_with
+        from sar_compiler.tree.guessing import did_you_mean
 
-        near, known = registry.nearest(arguments.tag), palettes_with(arguments.tag)
-        advice = f"; did you mean '{near}'?" if near else ""
-        if known:
+        advice = did_you_mean(registry.nearest(arguments.tag))
+        if known := palettes_with(arguments.tag):
             advice = f"; a palette knows it: --model {' or '.join(known)}"
         print_error(f"{PROG}: no node is called '{arguments.tag}'{advice}")
         return USAGE

@@ -21,11 +21,10 @@ def explain_code(arguments: argparse.Namespace) -> int:
         ResourceError: If the pages are not installed.
     """
     from sar_compiler.checks.kinds import KINDS, page_of
-    from sar_compiler.nodes.values import nearest
+    from sar_compiler.tree.guessing import did_you_mean, nearest
 
     if arguments.code not in KINDS:
-        near = nearest(arguments.code, KINDS)
-        advice = f"; did you mean '{near}'?" if near else ""
+        advice = did_you_mean(nearest(arguments.code, KINDS))
         print_error(f"sar-compile: no finding is called '{arguments.code}'{advice}")
         return USAGE
     print(page_of(arguments.code), end="")

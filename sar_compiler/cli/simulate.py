@@ -11,6 +11,7 @@ from sar_compiler.cli.loading import FILE_HELP, add_mission, add_params, add_pro
 from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import print_error, print_text
 from sar_compiler.errors import SarError
+from sar_compiler.tree.guessing import did_you_mean
 
 if TYPE_CHECKING:
     from sar_compiler.checks.simulate.coverage import Coverage
@@ -155,9 +156,7 @@ def _slip(until: "Script", simulated: "SimulatedTree") -> str | None:
     slip = next(slips(until, names_of(simulated), OWN), None)
     if slip is None:
         return None
-    advice = (
-        f"; did you mean '{slip.suggestion}'?" if slip.suggestion else f"; {slip.hint}" if slip.hint else ""
-    )
+    advice = did_you_mean(slip.suggestion) or (f"; {slip.hint}" if slip.hint else "")
     return f"--until: {slip.message}{advice}"
 
 
@@ -202,6 +201,5 @@ def script(text: str) -> "Script":
     try:
         return parse(text)
     except ScriptError as error:
-        advice = f"; did you mean '{error.suggestion}'?" if error.suggestion else ""
-        message = f"'{text}' is no condition: {error}{advice}"
+        message = f"'{text}' is no condition: {error}{did_you_mean(error.suggestion)}"
         raise argparse.ArgumentTypeError(message) from error

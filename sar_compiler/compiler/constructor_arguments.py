@@ -8,13 +8,14 @@ from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.spec import Direction, Parameter
-from sar_compiler.nodes.values import ConversionError, nearest
+from sar_compiler.nodes.values import ConversionError
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Entry, Scope
 from sar_compiler.runtime.clock import Clock, WallClock
 from sar_compiler.runtime.context import preview_of
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.ports import InOut, Input, Output
+from sar_compiler.tree.guessing import nearest
 
 
 class Arguments:

@@ -9,8 +9,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from sar_compiler.nodes.values import nearest
 from sar_compiler.resources import shipped
+from sar_compiler.tree.guessing import nearest
 
 if TYPE_CHECKING:
     from jsonschema import Draft7Validator

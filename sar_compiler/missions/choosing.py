@@ -12,8 +12,8 @@ from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.installed import entry_points, ignored_entry_points, import_installed
-from sar_compiler.nodes.values import nearest
 from sar_compiler.tree.diagnostic import TreeError
+from sar_compiler.tree.guessing import did_you_mean, nearest
 
 
 class MissionError(SarError):
@@ -95,8 +95,7 @@ def mission_named(name: str, checkout: Path | None = None) -> Mission:
     missions = load_missions(checkout)
     if name in missions:
         return missions[name]
-    near = nearest(name, missions)
-    hint = f"; did you mean '{near}'?" if near else ""
+    hint = did_you_mean(nearest(name, missions))
     for _, place in ignored_entry_points(ENTRY_POINTS, checkout)[:1]:
         hint += f"; the missions of {place} are passed over, which is part of what is looked at: install them"
     message = f"there is no mission '{name}' (installed: {', '.join(sorted(missions))}){hint}"

@@ -13,7 +13,7 @@ from pathlib import Path
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.installed import entry_points, import_installed
 from sar_compiler.nodes.spec import NodeSpec
-from sar_compiler.nodes.values import nearest
+from sar_compiler.tree.guessing import nearest
 
 ENTRY_POINTS = "sar_compiler.palettes"
 _OWN_PACKAGE = "sar_compiler.nodes."

@@ -12,7 +12,7 @@ from sar_compiler.nodes.installed import entry_points, import_installed, look_in
 from sar_compiler.nodes.palettes import load_palettes
 from sar_compiler.nodes.records import Record, RecordedSpec, recorded, specs_of
 from sar_compiler.nodes.spec import MARK, NodeSpec
-from sar_compiler.nodes.values import nearest
+from sar_compiler.tree.guessing import did_you_mean, nearest
 from sar_compiler.tree.model import SUBTREE_TAG
 
 ENTRY_POINTS = "sar_compiler.nodes"
@@ -216,8 +216,7 @@ def _add_import(registry: Registry, name: str, source: str, load: Callable[[str]
         raise RegistryError(message)
     module = _import(name, source, load)
     if not registry.add_module(module):
-        submodule = next(_submodules_with_leaves(module), None)
-        hint = f"; did you mean '{submodule}'?" if submodule else ""
+        hint = did_you_mean(next(_submodules_with_leaves(module), None))
         message = f"the module '{name}' ({source}) registers no node{hint}"
         raise RegistryError(message)
 

@@ -33,6 +33,7 @@ from sar_compiler.nodes.numbers import (
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.tokens import ScriptError
+from sar_compiler.tree.guessing import nearest
 
 T = TypeVar("T")
 
@@ -44,8 +45,6 @@ _SEPARATOR = ";"
 JSON = "json:"
 """The prefix of a JSON text, for ports that take any value."""
 _LARGEST_UNSIGNED = 2**32 - 1
-MOST_COMPARED = 100_000
-"""The largest number of words that one `Guesses` compares with what was written."""
 MOST_LISTED = 10
 """The largest number of names that a message lists."""
 
@@ -182,25 +181,6 @@ def _odd(value: object, wanted: type) -> bool:
     return isinstance(value, bool) and wanted is not bool
 
 
-def nearest(word: str, known: Iterable[str], likeness: float = 0.6) -> str | None:
-    """Return the known word that was probably meant, or None.
-
-    Args:
-        word: What was written.
-        known: The words that may have been meant.
-        likeness: How alike the two must be at least, from 0 to 1, if they differ in more than case and underscores.
-    """
-    import difflib
-
-    candidates, lower, folded = list(known), word.lower(), _folded(word)
-    found = (
-        [candidate for candidate in candidates if candidate.lower() == lower]
-        or [candidate for candidate in candidates if _folded(candidate) == folded]
-        or difflib.get_close_matches(word, candidates, n=1, cutoff=likeness)
-    )
-    return found[0] if found else None
-
-
 def listed(words: Collection[str], count: int | None = None) -> str:
     """Return words with commas between them; of many the first ones, and the number of the others.
 
@@ -211,24 +191,6 @@ def listed(words: Collection[str], count: int | None = None) -> str:
     more = (len(words) if count is None else count) - MOST_LISTED
     shown = ", ".join(itertools.islice(words, MOST_LISTED))
     return f"{shown} and {more} more" if more > 0 else shown
-
-
-class Guesses:
-    """Guesses of the words that were meant, which end when they would take long in a large file."""
-
-    def __init__(self) -> None:
-        self._left = MOST_COMPARED
-
-    def nearest(self, word: str, known: Collection[str], likeness: float = 0.6) -> str | None:
-        """Return the known word that was probably meant, as `nearest`; None if there are too many to compare."""
-        if len(known) > self._left:
-            return None
-        self._left -= len(known)
-        return nearest(word, known, likeness)
-
-
-def _folded(word: str) -> str:
-    return word.replace("_", "").lower()
 
 
 def blackboard_key(text: str, port: str = "") -> str | None:

@@ -3,7 +3,6 @@
 The parsing and the bookkeeping are plain Python; only :func:`create_service` touches ROS.
 """
 
-import difflib
 import math
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -11,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.errors import SarError
+from sar_compiler.tree.guessing import did_you_mean, nearest
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -295,10 +295,8 @@ async def _sleep(node: "Node", seconds: float, group: Any) -> None:
 def _known(text: str, what: str, word: str, words: Collection[str]) -> None:
     if word in words:
         return
-    near = difflib.get_close_matches(word, list(words), n=1)
-    hint = f"; did you mean '{near[0]}'?" if near else ""
     listed = ", ".join(words) or "none"
-    raise FaultError(text, f"'{word}' is no {what} (known: {listed}){hint}")
+    raise FaultError(text, f"'{word}' is no {what} (known: {listed}){did_you_mean(nearest(word, words))}")
 
 
 def _count(text: str, value: str) -> int:

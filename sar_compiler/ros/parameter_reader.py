@@ -11,6 +11,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from sar_compiler.errors import SarError
+from sar_compiler.tree.guessing import did_you_mean, nearest
 
 _POSE = ("x", "y", "yaw")
 
@@ -176,8 +177,7 @@ class ParameterReader:
     def _has_pose(self, noun: str, name: str, known: Collection[str]) -> bool:
         if name in known:
             return True
-        near = get_close_matches(name, known, 1)
-        hint = f"; did you mean '{near[0]}'?" if near else ""
+        hint = did_you_mean(nearest(name, known))
         missing = f"names '{name}', which has no pose: give {noun}s.{name}.x, .y and .yaw{hint}"
         self.report(f"{noun}_order", missing)
         return False

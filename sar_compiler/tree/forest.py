@@ -9,6 +9,7 @@ from pathlib import Path
 
 from sar_compiler.tree.content import as_written, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError, UnreadableFileError
+from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.model import INCLUDE_TAG, SUBTREE_TAG, Element, TreeFile
 from sar_compiler.tree.reading import FORMS
 
@@ -337,14 +338,12 @@ class _Loader:
                 others = (path for path in target.parent.iterdir() if path.suffix in FORMS)
                 beside = [path.name for path in others if path.name != target.name]
         self.compared += len(beside)
-        import difflib
-
         # The ending, which many have, speaks for none of them.
         stems = {Path(name).stem: name for name in sorted(beside, reverse=True)}
-        near = difflib.get_close_matches(target.stem, sorted(stems), n=1)
-        if not near or not written.endswith(target.name):
+        near = nearest(target.stem, sorted(stems))
+        if near is None or not written.endswith(target.name):
             return None
-        return written.removesuffix(target.name) + stems[near[0]]
+        return written.removesuffix(target.name) + stems[near]
 
     def _target(self, element: Element, here: Path) -> Path | None:
         """Return the file that an include means, or None after a finding."""

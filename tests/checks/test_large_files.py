@@ -12,6 +12,7 @@ from sar_compiler.checks.fixing import fixed, fixes
 from sar_compiler.compiler import bind_main, preview_tree
 from sar_compiler.nodes import values
 from sar_compiler.nodes.registry import default_registry
+from sar_compiler.tree import guessing
 from sar_compiler.tree.diagnostic import Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
@@ -192,7 +193,7 @@ def everything(text: str, *, yaml: bool) -> Callable[[], None]:
 @pytest.fixture(autouse=True)
 def _few_guesses(monkeypatch):
     """Words are compared with each other as long as that takes little time, which it would in files of this size."""
-    monkeypatch.setattr(values, "MOST_COMPARED", SIZE)
+    monkeypatch.setattr(guessing, "MOST_COMPARED", SIZE)
 
 
 @pytest.mark.unmeasured
@@ -258,8 +259,8 @@ def test_of_many_names_a_message_lists_the_first():
 
 
 def test_guesses_end_when_too_many_words_have_been_compared(monkeypatch):
-    monkeypatch.setattr(values, "MOST_COMPARED", 5)
-    guesses = values.Guesses()
+    monkeypatch.setattr(guessing, "MOST_COMPARED", 5)
+    guesses = guessing.Guesses()
     assert guesses.nearest("speed", ["sped", "zone", "base"]) == "sped"
     assert guesses.nearest("speed", ["sped", "zone", "base"]) is None
     assert guesses.nearest("speed", ["sped", "zone"]) == "sped"

@@ -13,10 +13,11 @@ from sar_compiler.compiler import bind_main, compile_tree, preview_tree
 from sar_compiler.nodes.binding.attributes import CONDITIONS, NOTES
 from sar_compiler.nodes.binding.nesting import MAX_LEVELS, MAX_NODES
 from sar_compiler.nodes.registry import Registry, default_registry
-from sar_compiler.nodes.values import MOST_COMPARED, ConversionError, value_type_of
+from sar_compiler.nodes.values import ConversionError, value_type_of
 from sar_compiler.runtime import operators, script
 from sar_compiler.tree import content, forest
 from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.guessing import MOST_COMPARED
 from sar_compiler.tree.model import SUBTREE_TAG
 from sar_compiler.tree.xml import parse_xml
 from tests.docs.markdown import blocks, codes, prose, tables

@@ -15,10 +15,10 @@ from sar_compiler.nodes.values import (
     Milliseconds,
     Seconds,
     blackboard_key,
-    nearest,
     type_of,
     value_type_of,
 )
+from sar_compiler.tree.guessing import nearest
 
 
 class Colour(enum.Enum):

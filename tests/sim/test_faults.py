@@ -44,6 +44,7 @@ def test_a_fault_is_read_and_written_alike(text: str, fault: Fault) -> None:
         ("report_survivor", "does not say what goes wrong; allowed: report_survivor:drop=COUNT"),
         ("report_survivor:", "does not say what goes wrong"),
         ("report_survivor:dorp=2", "did you mean 'drop'?"),
+        ("report_survivor:DROP=2", "did you mean 'drop'?"),
         ("detect_survivor:refuse=1", "'refuse' is no fault of detect_survivor (known: drop, delay)"),
         ("report_survivor:drop", "expected report_survivor:drop=COUNT"),
         ("report_survivor:drop@2", "expected report_survivor:drop=COUNT"),

@@ -12,9 +12,9 @@ from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.nesting import trees_in
 from sar_compiler.nodes.btcpp.versions import NEWEST, Version
 from sar_compiler.nodes.registry import Registry
-from sar_compiler.nodes.values import Guesses
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.guessing import Guesses
 from sar_compiler.tree.model import SECTIONS, Element, TreeFile
 from sar_compiler.tree.source import Span
 

@@ -22,8 +22,8 @@ from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.collector import file_of
 from sar_compiler.nodes.outcome_sets import K, S
 from sar_compiler.nodes.semantics import WRITES, AccessKind, Order
-from sar_compiler.nodes.values import Guesses
 from sar_compiler.tree.diagnostic import Diagnostic
+from sar_compiler.tree.guessing import Guesses
 
 _LIKE, _CLOSE = 0.7, 0.75
 """The similarity of two keys from which one may be, and from which it must be, a misspelling of the other."""

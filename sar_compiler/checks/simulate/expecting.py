@@ -9,8 +9,8 @@ from sar_compiler.checks.simulate.scenario import Bounds, Expectations
 from sar_compiler.checks.typed_values import seconds
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.documents.located import Document, Value
-from sar_compiler.nodes.values import nearest
 from sar_compiler.runtime.answers import Fact
+from sar_compiler.tree.guessing import nearest
 
 
 def read_expectations(

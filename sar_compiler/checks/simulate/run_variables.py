@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 
 from sar_compiler.compiler.simulated_tree import SimulatedTree
-from sar_compiler.nodes.values import nearest
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.stub_leaf import FactVariables
 from sar_compiler.runtime.variables import ScriptValue, UnknownVariableError, VariableError
+from sar_compiler.tree.guessing import did_you_mean, nearest
 
 OWN = ("root", "tick", "time")
 """The names of values of the run itself."""
@@ -32,6 +32,5 @@ class RunVariables(FactVariables):
             return super().read(name)
         except UnknownVariableError as error:
             near = nearest(name, [*OWN, *self._simulated.fact_values()])
-            advice = f"; did you mean '{near}'?" if near else ""
-            message = f"{error}{advice}"
+            message = f"{error}{did_you_mean(near)}"
             raise VariableError(message) from error

@@ -7,16 +7,9 @@ from typing import Any, Literal, TypeAlias
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role
-from sar_compiler.nodes.values import (
-    CONDITION,
-    ConversionError,
-    Guesses,
-    ValueType,
-    blackboard_key,
-    listed,
-    type_of,
-)
+from sar_compiler.nodes.values import CONDITION, ConversionError, ValueType, blackboard_key, listed, type_of
 from sar_compiler.runtime.expressions import Script
+from sar_compiler.tree.guessing import Guesses
 from sar_compiler.tree.model import SUBTREE_TAG, Element
 
 ONESHOT = "oneshot"

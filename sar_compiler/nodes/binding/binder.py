@@ -23,10 +23,11 @@ from sar_compiler.nodes.models.models import Model, Models, read_models, yieldin
 from sar_compiler.nodes.palettes import palettes_with
 from sar_compiler.nodes.registry import Registry, subtree
 from sar_compiler.nodes.spec import Kind, NodeSpec
-from sar_compiler.nodes.values import Guesses, blackboard_key, listed
+from sar_compiler.nodes.values import blackboard_key, listed
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.gc_pause import gc_paused
+from sar_compiler.tree.guessing import Guesses
 from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, ROOT_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
 
 _KEYS = re.compile(r"\{(@?[A-Za-z_]\w*)\}|(?<![\w@])(@?[A-Za-z_]\w*)\s*:=", re.ASCII)

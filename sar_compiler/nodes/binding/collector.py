@@ -1,8 +1,9 @@
 """Collection of findings while a tree is bound."""
 
 from sar_compiler.nodes.btcpp.versions import NEWEST, OLDEST, Version, VersionChange
-from sar_compiler.nodes.values import ConversionError, Guesses
+from sar_compiler.nodes.values import ConversionError
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.guessing import Guesses
 from sar_compiler.tree.model import Element
 from sar_compiler.tree.source import Span
 

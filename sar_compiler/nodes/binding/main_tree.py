@@ -2,9 +2,10 @@
 
 from shlex import quote
 
-from sar_compiler.nodes.values import listed, nearest
+from sar_compiler.nodes.values import listed
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.model import Element, is_groot2_project
 
 

@@ -5,9 +5,10 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 from sar_compiler.nodes.language.narrow_types import VARIABLE
-from sar_compiler.nodes.values import ConversionError, ValueType, items_of, literal_value, nearest
+from sar_compiler.nodes.values import ConversionError, ValueType, items_of, literal_value
 from sar_compiler.runtime.blackboard import entry_of
 from sar_compiler.runtime.ports import Input
+from sar_compiler.tree.guessing import nearest
 
 if TYPE_CHECKING:
     from py_trees.common import ComparisonExpression

@@ -5,7 +5,8 @@ from functools import partial
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.spec import Rule
-from sar_compiler.nodes.values import ConversionError, items_of, nearest
+from sar_compiler.nodes.values import ConversionError, items_of
+from sar_compiler.tree.guessing import nearest
 
 HOW_TO_SELECT = 'write the names of the children that have to succeed: selected="left;right"'
 NO_ANSWER = "queue: there is no status in it; write some: RUNNING;SUCCESS"

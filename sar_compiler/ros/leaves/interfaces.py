@@ -1,6 +1,5 @@
 """Names, types and quality of service of the interfaces that a leaf's class declares."""
 
-import difflib
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -8,6 +7,7 @@ from py_trees.behaviour import Behaviour
 
 from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.leaves.errors import LeafDefinitionError
+from sar_compiler.tree.guessing import did_you_mean, nearest
 
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
@@ -97,7 +97,6 @@ def _imported(owner: str, written: str, package: str, kind: str, cls: str) -> An
         raise LeafDefinitionError(message) from error
     if hasattr(module, cls):
         return getattr(module, cls)
-    near = difflib.get_close_matches(cls, dir(module), 1)
-    hint = f"; did you mean '{package}/{kind}/{near[0]}'?" if near else ""
-    message = f"{owner}: there is no {written}{hint}"
+    near = nearest(cls, dir(module))
+    message = f"{owner}: there is no {written}{did_you_mean(near and f'{package}/{kind}/{near}')}"
     raise LeafDefinitionError(message)
