@@ -1,5 +1,7 @@
-"""The files that ship with the package: trees, configuration, maps, worlds."""
+"""The files that ship with the package (trees, configuration, maps, worlds), and the folder for those of the user."""
 
+import os
+from collections.abc import Mapping
 from pathlib import Path
 
 from sar_compiler.errors import SarError
@@ -11,6 +13,12 @@ _MANIFEST = "package.xml"
 
 class ResourceError(SarError):
     """A shipped file does not exist."""
+
+
+def state_folder(environment: Mapping[str, str] = os.environ) -> Path:
+    """Return the folder of what is kept for the user; as the XDG base directory specification says, no relative one."""
+    state = Path(environment.get("XDG_STATE_HOME", ""))
+    return (state if state.is_absolute() else Path.home() / ".local" / "state") / "sar_compiler"
 
 
 def shipped_root(package: Path = _PACKAGE) -> Path:

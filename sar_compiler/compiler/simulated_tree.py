@@ -125,8 +125,7 @@ class SimulatedTree:
 
     def fact_values(self) -> dict[str, Fact]:
         """Return all facts by name, in the order in which they were made."""
-        prefix = f"{self.facts.board.prefix}/"
-        values = {name.removeprefix(prefix): self.facts.board.get(name) for name in self.facts.board.names()}
+        values = self.facts.board.values()
         return {name: value for name, value in values.items() if isinstance(value, (bool, int, float, str))}
 
 

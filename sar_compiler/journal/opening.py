@@ -8,6 +8,7 @@ from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalRun, day_and_time
+from sar_compiler.resources import state_folder
 
 _SUFFIX = ".journal"
 
@@ -19,12 +20,9 @@ def default_place(node: str, environment: Mapping[str, str] = os.environ) -> Pat
         node: The node's full name.
         environment: The environment; of another ROS domain than 0 it is another file.
     """
-    state = environment.get("XDG_STATE_HOME", "")
-    # As the XDG base directory specification says, a relative folder does not count.
-    folder = Path(state) if os.path.isabs(state) else Path.home() / ".local" / "state"  # noqa: PTH117
     domain = environment.get("ROS_DOMAIN_ID") or "0"
     ending = f".domain_{domain}" if domain != "0" else ""
-    return folder / "sar_compiler" / f"{node.strip('/').replace('/', '.')}{ending}{_SUFFIX}"
+    return state_folder(environment) / f"{node.strip('/').replace('/', '.')}{ending}{_SUFFIX}"
 
 
 def open_journal(place: Path, *, resume: bool = False, anew: bool = False, is_named: bool = True) -> Journal:

@@ -1,13 +1,12 @@
 """The statuses of a tree's nodes, tick by tick, in the journal."""
 
-from collections.abc import Iterator
-
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 from py_trees.visitors import VisitorBase
 
 from sar_compiler.journal.journal import Journal
 from sar_compiler.runtime.skipping import was_skipped
+from sar_compiler.runtime.walking import pre_order
 
 _STANDING = {Status.RUNNING.value, Status.SUCCESS.value, Status.FAILURE.value}
 
@@ -61,12 +60,3 @@ class StatusWatch(VisitorBase):
         self._last[number] = status, message
         (self._standing.add if status in _STANDING else self._standing.discard)(number)
         self._journal.watch("status", node=number, tick=self._tick, status=status, message=message, **more)
-
-
-def pre_order(root: Behaviour) -> Iterator[Behaviour]:
-    """Yield the nodes of a tree in the order of their numbers."""
-    waiting = [root]
-    while waiting:
-        behaviour = waiting.pop()
-        yield behaviour
-        waiting.extend(reversed(behaviour.children))

@@ -24,6 +24,7 @@ from pathlib import Path
 from types import CodeType, ModuleType
 
 from sar_compiler.errors import SarError
+from sar_compiler.resources import state_folder
 
 _COMPILED = "__pycache__"
 
@@ -92,8 +93,7 @@ class Content:
 
 def trust_folder() -> Path:
     """Return the folder of the user's trust records: a file for each, which names the configuration."""
-    state = Path(os.environ.get("XDG_STATE_HOME", ""))
-    return (state if state.is_absolute() else Path.home() / ".local" / "state") / "sar_compiler" / "trusted"
+    return state_folder() / "trusted"
 
 
 def _files(folder: Path, name: str) -> Iterator[Path]:

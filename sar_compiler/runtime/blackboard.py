@@ -121,6 +121,11 @@ class Board:
         """Yield the absolute names of all entries."""
         yield from list(self._stamps)
 
+    def values(self) -> dict[str, object]:
+        """Return its entries by their names below the prefix, in the order in which they were made."""
+        begin = len(self.prefix) + 1
+        return {name[begin:]: self.get(name) for name in self.names()}
+
     def watch(self, name: str) -> None:
         """Have it count how often an entry is written, because a node's behaviour depends on it."""
         self._watched.add(name)

@@ -9,6 +9,7 @@ from sar_compiler.compiler import CompiledTree, Origin
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.semantics import Order
 from sar_compiler.nodes.spec import Kind
+from sar_compiler.runtime.walking import pre_order
 from sar_compiler.tree.showing import in_one_line, shortened
 from sar_compiler.views.plain import plain
 
@@ -61,10 +62,7 @@ class DrawnNode(NamedTuple):
 
 def drawn_nodes(tree: CompiledTree) -> list[DrawnNode]:
     """Return the nodes of a compiled tree for a drawing, in pre-order."""
-    behaviours, waiting = [], [tree.root]
-    while waiting:
-        behaviours.append(waiting.pop())
-        waiting += reversed(behaviours[-1].children)
+    behaviours = list(pre_order(tree.root))
     place = {each.id: number for number, each in enumerate(behaviours)}
     below = [tuple(place[child.id] for child in each.children) for each in behaviours]
     parents, ends = [-1] * len(below), [*range(1, len(below) + 1)]
@@ -102,16 +100,8 @@ def graph_lines(
     yield from (edge.format(node.parent, number) for number, node in enumerate(nodes) if node.parent >= 0)
 
 
-class _Looks(NamedTuple):
-    shape: Shape
-    sign: str
-    name: str
-    details: str
-    title: str
-    is_subtree: bool
-
-
-def _looks(name: str, origin: Origin, *, is_wrapper: bool) -> _Looks:
+def _looks(name: str, origin: Origin, *, is_wrapper: bool) -> tuple[Shape, str, str, str, str, bool]:
+    """Return what a drawn node is from its shape on."""
     bound = origin.bound
     tag, element = bound.spec.tag, bound.element
     shape, sign = (Shape.DECORATOR, _OTHER) if is_wrapper else _shape_and_sign(bound)
@@ -120,7 +110,7 @@ def _looks(name: str, origin: Origin, *, is_wrapper: bool) -> _Looks:
     says_tag = is_wrapper or bound.subtree is not None or bound.spec.semantics.with_memory
     details = attributes if says_tag or name in (tag, f"{tag}?") else f"{tag} {attributes}"
     title = f"{element.source.path}:{element.line} <{tag}> {name} {attributes}"
-    return _Looks(
+    return (
         shape,
         sign,
         _cut(name),

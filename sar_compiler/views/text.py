@@ -7,6 +7,8 @@ import py_trees
 from py_trees.behaviour import Behaviour
 from py_trees.composites import Composite
 
+from sar_compiler.runtime.walking import pre_order
+
 if TYPE_CHECKING:
     from sar_compiler.compiler import CompiledTree
 
@@ -23,11 +25,7 @@ def ascii_tree(root: Behaviour) -> str:
 
 def with_tags(drawing: str, tree: "CompiledTree") -> str:
     """Add to the drawing of a tree what its leaves and decorators are, where their names do not say it."""
-    lines, waiting = drawing.rstrip("\n").split("\n"), [tree.root]
-    behaviours: list[Behaviour] = []
-    while waiting:
-        behaviours.append(waiting.pop())
-        waiting += reversed(behaviours[-1].children)
+    lines, behaviours = drawing.rstrip("\n").split("\n"), list(pre_order(tree.root))
     if len(behaviours) != len(lines):  # a constructor has given a name of several lines
         return drawing
     return "".join(f"{line}{_tag(each, tree)}\n" for line, each in zip(lines, behaviours, strict=True))

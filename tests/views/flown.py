@@ -7,10 +7,11 @@ from sar_compiler.checks.simulate.running import ScenarioPlayer
 from sar_compiler.checks.simulate.scenario import Scenario
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
-from sar_compiler.journal.status_watch import StatusWatch, pre_order
+from sar_compiler.journal.status_watch import StatusWatch
 from sar_compiler.nodes.registry import load_registry
 from sar_compiler.project import load
 from sar_compiler.runtime.answers import nominal
+from sar_compiler.runtime.walking import pre_order
 from sar_compiler.views.outline import outline
 from tests.trees import document
 

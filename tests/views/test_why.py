@@ -14,7 +14,8 @@ from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.opening import open_journal
-from sar_compiler.journal.status_watch import StatusWatch, pre_order
+from sar_compiler.journal.status_watch import StatusWatch
+from sar_compiler.runtime.walking import pre_order
 from sar_compiler.views.why import difference_text, first_difference, why, why_text
 
 S, F, R = Status.SUCCESS, Status.FAILURE, Status.RUNNING

@@ -150,9 +150,7 @@ class ScenarioPlayer:
 
 def _keys(simulated: SimulatedTree) -> Mapping[str, object]:
     """Return the entries of the tree's blackboard, by their keys; those of a subtree with its path before."""
-    board = simulated.compiled.board
-    prefix = f"{board.prefix}/"
-    return {name.removeprefix(prefix): board.get(name) for name in board.names()}
+    return simulated.compiled.board.values()
 
 
 def _changes(before: Mapping[str, object], now: Mapping[str, object]) -> Mapping[str, object]:

@@ -60,10 +60,8 @@ class StateValues:
 
     def values(self) -> dict[str, object]:
         """Return the keys of the tree and then the facts as they are now, each by their names."""
-        board = self._simulated.compiled.board
-        prefix = f"{board.prefix}/"
-        keys = {name.removeprefix(prefix): board.get(name) for name in sorted(board.names())}
-        return {**keys, **dict(sorted(self._simulated.fact_values().items()))}
+        keys, facts = self._simulated.compiled.board.values(), self._simulated.fact_values()
+        return {**dict(sorted(keys.items())), **dict(sorted(facts.items()))}
 
     def values_in(self, state: bytes) -> dict[str, object]:
         """Return the keys of the tree and the facts in a state."""

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from sar_compiler.compiler import CompiledTree, bind_main, compile_tree
@@ -26,6 +25,7 @@ from sar_compiler.runtime.kernel.times import ClockTimes
 from sar_compiler.runtime.kernel.tree_nodes import Visit, show_statuses
 from sar_compiler.runtime.numbered_board import NumberedBoard
 from sar_compiler.runtime.skipping import was_skipped
+from sar_compiler.runtime.walking import pre_order
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
@@ -136,7 +136,7 @@ class Stage:
         return self.seen(outcome)
 
     def seen(self, outcome: str) -> Seen:
-        nodes = list(_pre_order(self.tree.root))
+        nodes = list(pre_order(self.tree.root))
         tip = self.tree.root.tip()
         board = self.tree.board
         return Seen(
@@ -266,9 +266,3 @@ class FlatStage(Stage):
     def seen(self, outcome: str) -> Seen:
         show_statuses(self.flat.nodes, self.ticker.cells)
         return super().seen(outcome)
-
-
-def _pre_order(root: Behaviour) -> Iterator[Behaviour]:
-    yield root
-    for child in root.children:
-        yield from _pre_order(child)

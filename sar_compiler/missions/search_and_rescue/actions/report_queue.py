@@ -6,7 +6,7 @@ from py_trees.common import Status
 
 from sar_compiler.missions.search_and_rescue.actions.backoff import Backoff
 from sar_compiler.missions.search_and_rescue.actions.reporting import ReportLeaf
-from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor
+from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor, report_of
 from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports, SurvivorReport
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
 from sar_compiler.nodes.register import register
@@ -56,15 +56,11 @@ class KeepReport(RosLeaf):
 
     def update(self) -> Status:
         """Keep the report; to keep it again changes nothing."""
-        survivor_id, pose = self._detect_node.survivor_id(), self._detect_node.survivor_pose()
-        if survivor_id is None or pose is None:
-            missing = "nobody was found" if pose is None else "the survivor has no name yet"
-            self.complain(f"'{self.name}' has no report to keep: {missing}.")
-            return Status.FAILURE
-        if self._record.was_reported_before(survivor_id):
-            self.feedback_message = f"{survivor_id}, named by an earlier run, is acknowledged already"
-            return Status.SUCCESS
-        self._kept.keep(SurvivorReport(survivor_id, *pose))
+        report = report_of(self._detect_node, self, self._record, "no report to keep")
+        if isinstance(report, Status):
+            return report
+        survivor_id = report.survivor_id
+        self._kept.keep(report)
         self._record.report_kept(survivor_id)
         self.feedback_message = f"the report of {survivor_id} is kept"
         self.say(f"The report of {survivor_id} is kept until base acknowledges it.")

@@ -234,6 +234,28 @@ class BroadcastSurvivorTF(RosLeaf):
         transforms.put(frame)
 
 
+def report_of(
+    detect_node: DetectSurvivor, leaf: RosLeaf, record: MissionRecord, lacks: str
+) -> SurvivorReport | Status:
+    """Return the report of the survivor that was found, or the status of the leaf that has none to deal with.
+
+    Args:
+        detect_node: The search that found the survivor.
+        leaf: The leaf: it says why that is so.
+        record: Knows whether base has acknowledged the report in an earlier run.
+        lacks: What the leaf has then, in words.
+    """
+    survivor_id, pose = detect_node.survivor_id(), detect_node.survivor_pose()
+    if survivor_id is None or pose is None:
+        missing = "nobody was found" if pose is None else "the survivor has no name yet"
+        leaf.complain(f"'{leaf.name}' has {lacks}: {missing}.")
+        return Status.FAILURE
+    if record.was_reported_before(survivor_id):
+        leaf.feedback_message = f"{survivor_id}, named by an earlier run, is acknowledged already"
+        return Status.SUCCESS
+    return SurvivorReport(survivor_id, *pose)
+
+
 @register(
     "NotifyBase",
     kind=Kind.ACTION,
@@ -276,16 +298,8 @@ class NotifyBase(ReportLeaf):
 
     def request(self) -> Any:
         """Return the report of the survivor; FAILURE if none was found, or it has no name, SUCCESS if base knew it before."""
-        survivor_id = self._detect_node.survivor_id()
-        pose = self._detect_node.survivor_pose()
-        if survivor_id is None or pose is None:
-            missing = "nobody was found" if pose is None else "the survivor has no name yet"
-            self.complain(f"'{self.name}' has nothing to report: {missing}.")
-            return Status.FAILURE
-        if self._record.was_reported_before(survivor_id):
-            self.feedback_message = f"{survivor_id}, named by an earlier run, is acknowledged already"
-            return Status.SUCCESS
-        return self._request_for(SurvivorReport(survivor_id, *pose))
+        report = report_of(self._detect_node, self, self._record, "nothing to report")
+        return report if isinstance(report, Status) else self._request_for(report)
 
 
 @register(

@@ -1,0 +1,14 @@
+"""Going through the nodes of a tree."""
+
+from collections.abc import Iterator
+
+from py_trees.behaviour import Behaviour
+
+
+def pre_order(root: Behaviour) -> Iterator[Behaviour]:
+    """Yield the nodes of a tree, each before those below it; py_trees' `iterate` yields it after them."""
+    waiting = [root]
+    while waiting:
+        behaviour = waiting.pop()
+        yield behaviour
+        waiting.extend(reversed(behaviour.children))
