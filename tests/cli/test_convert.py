@@ -7,14 +7,13 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.cli.compile import main
+from tests.cli import running
 
 SHIPPED = {form: Path(f"trees/search_and_rescue.{form}") for form in ("xml", "yaml")}
 
 
 def run(capsys, *arguments):
-    status = main(["convert", *map(str, arguments)])
-    captured = capsys.readouterr()
-    return status, captured.out, captured.err
+    return running.run(capsys, "convert", *arguments)
 
 
 @pytest.mark.parametrize(

@@ -6,15 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from sar_compiler.cli.compile import main
+from tests.cli.running import run
 
 SHIPPED = Path("trees/search_and_rescue.xml")
-
-
-def run(capsys, *arguments):
-    status = main([str(argument) for argument in arguments])
-    captured = capsys.readouterr()
-    return status, captured.out, captured.err
 
 
 @pytest.fixture

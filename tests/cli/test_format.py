@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from sar_compiler.cli.compile import main
+from tests.cli import running
 
 ROUGH = {"xml": "<root a='1'><!-- why -->\n<A/></root>", "yaml": "root: {a: '1', children: [A]}  # why\n"}
 NEAT = {
@@ -14,9 +14,7 @@ NEAT = {
 
 
 def run(capsys, *arguments):
-    status = main(["format", *map(str, arguments)])
-    captured = capsys.readouterr()
-    return status, captured.out, captured.err
+    return running.run(capsys, "format", *arguments)
 
 
 @pytest.fixture(params=ROUGH)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
-from sar_compiler.cli.compile import main
+from tests.cli.running import run
 from tests.trees import document
 
 RIGHT = '<root><TreeNodesModel><Action ID="Fly"/></TreeNodesModel></root>'
@@ -29,12 +29,6 @@ def palette(tmp_path):
         return str(path)
 
     return write
-
-
-def run(capsys, *arguments):
-    status = main(arguments)
-    captured = capsys.readouterr()
-    return status, captured.out, captured.err
 
 
 def test_a_palette_is_a_correct_file(capsys, palette):

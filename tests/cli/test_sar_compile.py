@@ -11,6 +11,7 @@ import pytest
 from sar_compiler.cli.compile import main
 from sar_compiler.testing import compiled
 from sar_compiler.views.text import unicode_tree, with_tags
+from tests.cli.running import run
 from tests.trees import document
 
 SHIPPED = "trees/search_and_rescue.xml"
@@ -21,12 +22,6 @@ def broken(tmp_path):
     path = tmp_path / "broken.xml"
     path.write_text(document('<Selector>\n  <Sey message="hi"/>\n</Selector>'), encoding="utf-8")
     return str(path)
-
-
-def run(capsys, *arguments):
-    status = main(arguments)
-    captured = capsys.readouterr()
-    return status, captured.out, captured.err
 
 
 def test_a_valid_tree_has_status_0(capsys):

@@ -8,6 +8,7 @@ import pytest
 
 from sar_compiler.checks.golden import RENEW
 from sar_compiler.cli.compile import main
+from tests.cli import running
 from tests.trees import document
 
 TREE = "trees/search_and_rescue.xml"
@@ -15,9 +16,7 @@ SCENARIOS = Path("examples/scenarios")
 
 
 def run(capsys, *arguments):
-    status = main(["simulate", *map(str, arguments)])
-    captured = capsys.readouterr()
-    return status, captured.out, captured.err
+    return running.run(capsys, "simulate", *arguments)
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from sar_compiler.cli.compile import main
+from tests.cli import running
 from tests.trees import document
 
 NEEDLESS = document("<Sequence><ZonesRemaining/></Sequence>")
@@ -84,9 +85,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def run(capsys, *arguments):
-    status = main(["validate", *arguments])
-    captured = capsys.readouterr()
-    return status, captured.out, captured.err
+    return running.run(capsys, "validate", *arguments)
 
 
 def test_sarif_has_what_the_standard_demands(folder, capsys):

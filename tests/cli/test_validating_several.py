@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.cli import terminal
-from sar_compiler.cli.compile import main
+from tests.cli import running
 from tests.processes import BIN
 from tests.trees import document
 
@@ -33,9 +33,7 @@ def write(name, text):
 
 
 def run(capsys, *arguments):
-    status = main(["validate", *arguments])
-    captured = capsys.readouterr()
-    return status, captured.out, captured.err
+    return running.run(capsys, "validate", *arguments)
 
 
 def test_the_files_of_a_folder_are_checked_and_counted_and_correct_ones_are_not_named(capsys):

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from sar_compiler.cli.arguments import run
+from sar_compiler.commands import run
 
 
 def run_without(library, *arguments, **environment):
