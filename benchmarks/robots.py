@@ -107,7 +107,7 @@ def robot(number: int, tree: str, executor: Any) -> tuple[Any, list[float]]:
     from sar_compiler.missions.choosing import choose_mission
     from sar_compiler.ros.clock import RosClock
     from sar_compiler.ros.parameter_reader import ParameterReader
-    from sar_compiler.ros.parameters import flat_parameters, mission_node
+    from sar_compiler.ros.parameters import DataNode, flat_parameters
     from sar_compiler.ros.runner import TreeRunner
     from sar_compiler.runtime.clock import Clock
 
@@ -121,7 +121,7 @@ def robot(number: int, tree: str, executor: Any) -> tuple[Any, list[float]]:
         "--params-file",
         params,
     ]
-    node = mission_node("search_and_rescue", get_default_context(), cli_args=arguments)
+    node = DataNode("search_and_rescue", get_default_context(), cli_args=arguments)
     executor.add_node(node)
     binding = load(tree).binding()
     mission = choose_mission(binding)

@@ -4,32 +4,7 @@ import argparse
 import math
 from typing import NoReturn
 
-from sar_compiler.commands import (
-    FINDINGS,
-    INTERRUPTED,
-    OK,
-    PIPE_CLOSED,
-    USAGE,
-    CommandParser,
-    add_version,
-    run,
-)
-
-__all__ = [
-    "FINDINGS",
-    "INTERRUPTED",
-    "OK",
-    "PIPE_CLOSED",
-    "USAGE",
-    "Parser",
-    "add_version",
-    "count",
-    "pair_of_ports",
-    "port",
-    "run",
-    "seed",
-    "speed",
-]
+from sar_compiler.commands import CommandParser
 
 
 class Parser(CommandParser):

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import FINDINGS, OK, USAGE, Parser, add_version, run
+from sar_compiler.cli.arguments import Parser
 from sar_compiler.cli.loading import (
     FILE_HELP,
     add_models,
@@ -16,7 +16,16 @@ from sar_compiler.cli.loading import (
     workspace,
 )
 from sar_compiler.cli.terminal import findings_as_text
-from sar_compiler.commands import interruptible, print_error, print_text
+from sar_compiler.commands import (
+    FINDINGS,
+    OK,
+    USAGE,
+    add_version,
+    interruptible,
+    print_error,
+    print_text,
+    run,
+)
 from sar_compiler.views.plain import as_json
 
 if TYPE_CHECKING:
@@ -147,8 +156,8 @@ def _show(arguments: argparse.Namespace) -> int:
 
 
 def _nodes(arguments: argparse.Namespace) -> int:
+    from sar_compiler.nodes.models.palette import palette
     from sar_compiler.views.nodes import nodes_as_json, nodes_as_text
-    from sar_compiler.views.palette import palette
 
     registry = _registry(arguments)
     if registry is None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from argcomplete.completers import DirectoriesCompleter, FilesCompleter
 from argcomplete.shell_integration import shellcode
 
-from sar_compiler.cli.arguments import OK
+from sar_compiler.commands import OK
 from sar_compiler.nodes.palettes import palette_names
 from sar_compiler.resources import shipped_root
 

@@ -5,10 +5,10 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import FINDINGS, OK
 from sar_compiler.cli.loading import FILE_HELP, add_project_options, workspace
 from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.cli.writing import WriteError, same_file, write_text
+from sar_compiler.commands import FINDINGS, OK
 
 if TYPE_CHECKING:
     from sar_compiler.tree.conversion import Converted

@@ -3,10 +3,9 @@
 import argparse
 import sys
 
-from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
 from sar_compiler.cli.loading import FILE_HELP
 from sar_compiler.cli.terminal import findings_as_text
-from sar_compiler.commands import print_text
+from sar_compiler.commands import FINDINGS, OK, USAGE, print_text
 
 
 def add_diff(parser: argparse.ArgumentParser) -> None:

@@ -2,8 +2,7 @@
 
 import argparse
 
-from sar_compiler.cli.arguments import OK, USAGE
-from sar_compiler.commands import print_error
+from sar_compiler.commands import OK, USAGE, print_error
 
 
 def add_explain(parser: argparse.ArgumentParser) -> None:

@@ -4,9 +4,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
 from sar_compiler.cli.terminal import findings_as_text
-from sar_compiler.commands import print_error, print_text
+from sar_compiler.commands import FINDINGS, OK, USAGE, print_error, print_text
 
 
 def add_format(parser: argparse.ArgumentParser) -> None:

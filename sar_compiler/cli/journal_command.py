@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from contextlib import closing, suppress
 from pathlib import Path
 
-from sar_compiler.cli.arguments import Parser, add_version, port
+from sar_compiler.cli.arguments import Parser, port
 from sar_compiler.cli.journal_why import add_why, read_stream
-from sar_compiler.commands import OK, interruptible, run
+from sar_compiler.commands import OK, add_version, interruptible, run
 from sar_compiler.views.plain import as_json
 
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import Parser, add_version, pair_of_ports, port, seed, speed
+from sar_compiler.cli.arguments import Parser, pair_of_ports, port, seed, speed
 from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options
 from sar_compiler.cli.terminal import findings_as_text
-from sar_compiler.commands import USAGE, print_error, run
+from sar_compiler.commands import USAGE, add_version, print_error, run
 from sar_compiler.resources import find
 from sar_compiler.ros.arguments import split_arguments
 from sar_compiler.ros.middleware import require_middleware

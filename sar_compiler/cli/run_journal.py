@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.compiler import CompiledTree
-from sar_compiler.journal.journal import Journal, Listener
-from sar_compiler.journal.journal_entries import Ending, JournalEntry
+from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import Ending
 from sar_compiler.missions.mission import Mission, MissionRun
 
 if TYPE_CHECKING:
@@ -27,36 +27,16 @@ class RunJournal:
         about: What the mission is, as far as the tree and the parameters do not say it.
 
     Attributes:
+        journal: The journal. Who listens to it begins at once: what the run does only for those is decided as it goes on.
         context: The journal for the leaves that ask for it, by its type.
     """
 
     def __init__(self, node: "Node", journal: Journal, about: Mapping[str, object]) -> None:
         self._node = node
-        self._journal = journal
+        self.journal = journal
         self._about = dict(about)
         self._run_about: dict[str, object] = {}
         self.context: dict[type, object] = {Journal: journal}
-
-    @property
-    def is_kept(self) -> bool:
-        """Whether it has a file."""
-        return self._journal.is_kept
-
-    def listen(self, listener: Listener) -> None:
-        """Have a function called with each entry, from the run's beginning to its end; see `Journal.listen`.
-
-        Call it at once: what the run does only for those who listen is decided as it goes on.
-        """
-        self._journal.listen(listener)
-
-    def earlier(self) -> list[JournalEntry]:
-        """Return the entries of the earlier runs of the mission, for who shows it from its beginning."""
-        return self._journal.earlier()
-
-    @property
-    def is_resumed(self) -> bool:
-        """Whether the mission was begun by an earlier run."""
-        return self._journal.is_resumed
 
     def keep_facts(self, run: MissionRun | None, parameters: Mapping[str, object]) -> None:
         """Let a mission take over the facts of earlier runs, and keep its own from now on.
@@ -65,19 +45,19 @@ class RunJournal:
             ParameterError: If the journal is of another mission by its parameters.
             JournalError: If the facts are not the mission's.
         """
-        if not self._journal.is_wanted:
+        if not self.journal.is_wanted:
             return
         from sar_compiler.missions.resuming import as_data, require_same_identity
 
         self._run_about["parameters"] = as_data(parameters)
         self._about["identity"] = as_data(run.identity()) if run is not None else {}
-        if self.is_resumed:
-            require_same_identity(self._journal, self._about)
-            facts = len(self._journal.facts())
-            self._node.get_logger().info(f"The mission in {self._journal.place} goes on after {facts} facts.")
+        if self.journal.is_resumed:
+            require_same_identity(self.journal, self._about)
+            facts = len(self.journal.facts())
+            self._node.get_logger().info(f"The mission in {self.journal.place} goes on after {facts} facts.")
         if run is not None:
             self._run_about["facts"] = as_data(run.facts())
-            run.keep_in(self._journal)
+            run.keep_in(self.journal)
 
     def describe(self, tree: CompiledTree, path: Path) -> None:
         """Take the tree that is run, and its file.
@@ -85,7 +65,7 @@ class RunJournal:
         Raises:
             TreeError: If the journal is of another tree.
         """
-        if not self._journal.is_wanted:
+        if not self.journal.is_wanted:
             return
         from sar_compiler.missions.resuming import as_data, require_same_tree
         from sar_compiler.views.drawing import drawn_nodes
@@ -97,16 +77,16 @@ class RunJournal:
             "tree_id": tree.instance.tree.name,
             "looks": [[each.shape.value, each.sign] for each in drawn_nodes(tree)],
         }
-        if self.is_resumed:
-            require_same_tree(self._journal, tree, nodes)
+        if self.journal.is_resumed:
+            require_same_tree(self.journal, tree, nodes)
 
     def left_goals(self) -> "list[Requirement]":
         """Return what must be so before the mission goes on: no goal of an earlier run is active; the caller closes it."""
-        if not self.is_resumed:
+        if not self.journal.is_resumed:
             return []
         from sar_compiler.ros.left_goals import LeftGoals
 
-        return [LeftGoals(self._node, self._journal)]
+        return [LeftGoals(self._node, self.journal)]
 
     def begin(self, engine: "Engine", tree: CompiledTree) -> None:
         """Begin to write.
@@ -114,7 +94,7 @@ class RunJournal:
         Raises:
             JournalError: If the file cannot be written.
         """
-        if not self._journal.is_wanted:
+        if not self.journal.is_wanted:
             return
         from importlib.metadata import version
 
@@ -123,15 +103,15 @@ class RunJournal:
         from sar_compiler.ros.left_goals import note_goals
         from sar_compiler.ros.robot_watch import RobotWatch
 
-        self._journal.clock = RosClock(self._node)
-        self._journal.on_failure = self._node.get_logger().error
+        self.journal.clock = RosClock(self._node)
+        self.journal.on_failure = self._node.get_logger().error
         run_about = {"version": version("sar_compiler"), "node": self._node.get_fully_qualified_name()}
-        self._journal.begin(self._about, {**run_about, **self._run_about})
-        if self._journal.aside is not None:
-            self._node.get_logger().info(f"The journal that was there is kept as {self._journal.aside}.")
-        note_goals(self._node, self._journal)
-        engine.add_visitor(StatusWatch(tree.root, self._journal))
-        RobotWatch(self._node, self._journal)  # the node keeps it
+        self.journal.begin(self._about, {**run_about, **self._run_about})
+        if self.journal.aside is not None:
+            self._node.get_logger().info(f"The journal that was there is kept as {self.journal.aside}.")
+        note_goals(self._node, self.journal)
+        engine.add_visitor(StatusWatch(tree.root, self.journal))
+        RobotWatch(self._node, self.journal)  # the node keeps it
 
     def end(self, status: int, reason: str, *, is_over: bool = False, is_stopped: bool = False) -> None:
         """Write how the run has ended.
@@ -142,9 +122,9 @@ class RunJournal:
             is_over: Whether the mission has come to its end.
             is_stopped: Whether it was stopped by a signal; then it has not failed.
         """
-        if self._journal.is_wanted:
+        if self.journal.is_wanted:
             ending = Ending.OVER if is_over else Ending.STOPPED if is_stopped else Ending.FAILED
-            self._journal.end(ending, status, reason)
+            self.journal.end(ending, status, reason)
 
 
 @contextmanager

@@ -47,7 +47,7 @@ from sar_compiler.ros.leaves.interfaces import declared_types
 from sar_compiler.ros.middleware import ros_up
 from sar_compiler.ros.parameter_file import sections_elsewhere
 from sar_compiler.ros.parameter_reader import ParameterReader
-from sar_compiler.ros.parameters import flat_parameters, mission_node
+from sar_compiler.ros.parameters import DataNode, flat_parameters
 from sar_compiler.ros.readiness import NotReadyError, Readiness, wait_until_ready
 from sar_compiler.ros.run_parameters import RunParameters
 from sar_compiler.ros.setting_up import SetupFailedError
@@ -98,7 +98,7 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
         context = stack.enter_context(_ros(options, signals, mission))
         if signals.came:
             return signals.exit_status
-        node = mission_node(
+        node = DataNode(
             node_name(mission),
             context,
             cli_args=node_arguments(options.ros),
@@ -112,7 +112,7 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
         fixed = fixed_parameters(mission, binding)
         journal = stack.enter_context(open_run_journal(options, mission, node))
         watchers = stack.enter_context(
-            open_watchers(options, node, journal, begun, view, parameters.georeference)
+            open_watchers(options, node, journal.journal, begun, view, parameters.georeference)
         )
         journal.keep_facts(begun, reader.parameters)
         if _wants_guardian(options, journal):
@@ -161,7 +161,7 @@ def _view(options: "Options", output: RunOutput) -> "RunView | None":
 
 def _wants_guardian(options: "Options", journal: RunJournal) -> bool:
     # A simulation dies with the run.
-    usual = journal.is_kept and options.sim is None
+    usual = journal.journal.is_kept and options.sim is None
     return usual if options.guardian is None else options.guardian
 
 
@@ -336,9 +336,9 @@ class _TreeRun:
     def _wait(self, executor: SingleThreadedExecutor, tree: CompiledTree) -> None:
         # A check changes nothing on an existing robot.
         # A mission that goes on has a robot somewhere on its way; but a simulated world begins anew.
-        unmoved = self.options.check or self.journal.is_resumed
+        unmoved = self.options.check or self.journal.journal.is_resumed
         told = self.parameters.set_initial_pose and (not unmoved or self.simulation is not None)
-        if self.journal.is_resumed and not told and Use.nav2() in tree.uses():
+        if self.journal.journal.is_resumed and not told and Use.nav2() in tree.uses():
             self.node.get_logger().info(
                 "The localisation is not told where the robot is, which has driven since the start. If it was started anew, "
                 "give it the pose (in RViz: 2D Pose Estimate)."

@@ -14,7 +14,7 @@ from sar_compiler.web.page_server import PageServer
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from sar_compiler.cli.run_journal import RunJournal
+    from sar_compiler.journal.journal import Journal
     from sar_compiler.missions.mission import MissionRun
     from sar_compiler.missions.verbs import Verb
 
@@ -24,7 +24,7 @@ _LOOK_SEC = 0.5
 
 @contextmanager
 def serve_run(
-    port: int | None, journal: "RunJournal", node: "Node", mission: "MissionRun | None"
+    port: int | None, journal: "Journal", node: "Node", mission: "MissionRun | None"
 ) -> Iterator[None]:
     """Serve the page of a run.
 

@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
     from sar_compiler.cli.run import Options
-    from sar_compiler.cli.run_journal import RunJournal
     from sar_compiler.cli.run_report import RunReport
     from sar_compiler.cli.run_view import RunView
     from sar_compiler.journal.georeference import Georeference
+    from sar_compiler.journal.journal import Journal
     from sar_compiler.journal.journal_entries import JournalEntry
     from sar_compiler.monitoring.groot2_publisher import Groot2Publisher
     from sar_compiler.ros.engine import Engine
@@ -44,7 +44,7 @@ class RunWatchers:
         self,
         options: "Options",
         node: "Node",
-        journal: "RunJournal",
+        journal: "Journal",
         stack: ExitStack,
         view: "RunView | None",
         place: "Georeference | None",
@@ -66,7 +66,7 @@ class RunWatchers:
             journal.listen(self._publish)
 
     def _asked_for(
-        self, files: Sequence[Path], place: "Georeference | None", journal: "RunJournal"
+        self, files: Sequence[Path], place: "Georeference | None", journal: "Journal"
     ) -> "RunReport | None":
         if not files:
             return None
@@ -165,7 +165,7 @@ class RunWatchers:
 def open_watchers(
     options: "Options",
     node: "Node",
-    journal: "RunJournal",
+    journal: "Journal",
     mission: MissionRun | None,
     view: "RunView | None",
     place: "Georeference | None",

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import OK, Parser, add_version, run, seed, speed
+from sar_compiler.cli.arguments import Parser, seed, speed
 from sar_compiler.cli.sim_sweep import DEFAULT_WORLD, add_sim_sweep, sweep_missions
 from sar_compiler.cli.terminal import ProgressLine
-from sar_compiler.commands import interruptible, print_text
+from sar_compiler.commands import OK, add_version, interruptible, print_text, run
 from sar_compiler.ros.arguments import init_arguments, split_arguments
 from sar_compiler.ros.faults import NAVIGATION_FAULTS, Fault, FaultError, FaultPlan, parse_fault
 from sar_compiler.ros.middleware import require_middleware, ros_up

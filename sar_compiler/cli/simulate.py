@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import FINDINGS, OK, USAGE, count, seed
+from sar_compiler.cli.arguments import count, seed
 from sar_compiler.cli.loading import FILE_HELP, add_mission, add_params, add_project_options, workspace
 from sar_compiler.cli.terminal import findings_as_text
-from sar_compiler.commands import print_error, print_text
+from sar_compiler.commands import FINDINGS, OK, USAGE, print_error, print_text
 from sar_compiler.errors import SarError
 from sar_compiler.tree.guessing import did_you_mean
 

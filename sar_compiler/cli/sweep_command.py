@@ -8,9 +8,9 @@ from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import FINDINGS, INTERRUPTED, OK, count, seed
+from sar_compiler.cli.arguments import count, seed
 from sar_compiler.cli.terminal import ProgressLine
-from sar_compiler.commands import print_text
+from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, print_text
 
 if TYPE_CHECKING:
     from sar_compiler.checks.sweep.sweeping import Played, SweptRow

@@ -7,10 +7,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import FINDINGS, OK, USAGE
 from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options, workspace
 from sar_compiler.cli.terminal import findings_as_text
-from sar_compiler.commands import print_error, print_text
+from sar_compiler.commands import FINDINGS, OK, USAGE, print_error, print_text
 from sar_compiler.tree.showing import visible
 
 if TYPE_CHECKING:

@@ -9,10 +9,10 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import FINDINGS, INTERRUPTED, OK, USAGE, count
+from sar_compiler.cli.arguments import count
 from sar_compiler.cli.loading import FILE_HELP, add_mission, add_params, add_project_options, workspace
 from sar_compiler.cli.terminal import ProgressLine, findings_as_text
-from sar_compiler.commands import print_error, print_text
+from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, USAGE, print_error, print_text
 
 if TYPE_CHECKING:
     from sar_compiler.checks.verify import Progress, Verification

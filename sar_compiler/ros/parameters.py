@@ -48,13 +48,6 @@ class DataNode(Node):
         _require_sim_time_switch(self)
 
 
-def mission_node(
-    name: str, context: Context | None = None, cli_args: list[str] | None = None, **options: Any
-) -> Node:
-    """Create a node that declares every parameter it is given; see `DataNode`."""
-    return DataNode(name, context, cli_args, **options)
-
-
 def _require_sim_time_switch(node: Node) -> None:
     """Check that `use_sim_time` is a Boolean; a node only logs an error, and then ignores it."""
     value = node.get_parameter("use_sim_time").value

@@ -8,7 +8,7 @@ import threading
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from sar_compiler.web.errors import PageError
+from sar_compiler.errors import SarError
 from sar_compiler.web.feed import Feed
 from sar_compiler.web.page_app import Orders, page_app
 
@@ -20,6 +20,10 @@ _ADDRESS = "127.0.0.1"
 _CONNECTIONS, _BACKLOG = 32, 16
 # How long a browser has to read the last news, in seconds.
 _LAST_WORDS_SEC = 1.0
+
+
+class PageError(SarError):
+    """A page cannot be served; nothing has moved."""
 
 
 class _Protocol(H11Protocol):

@@ -42,11 +42,11 @@ class Launch:
     def node(self, ros: Sequence[str] = (), params: Path | None = None) -> Any:
         from sar_compiler.ros.arguments import init_arguments, node_arguments
         from sar_compiler.ros.errors import readable_ros_errors
-        from sar_compiler.ros.parameters import mission_node
+        from sar_compiler.ros.parameters import DataNode
 
         with readable_ros_errors():
             stage = self._make_ros(init_arguments(ros, params))
-        return stage.add(mission_node(NAME, stage.context, node_arguments(ros)))
+        return stage.add(DataNode(NAME, stage.context, node_arguments(ros)))
 
     def values(self, ros: Sequence[str] = (), params: Path | None = None) -> dict[str, object]:
         from sar_compiler.ros.parameters import flat_parameters
@@ -201,11 +201,11 @@ class TestTheCheckSpeaksFirst:
         from rclpy.impl.implementation_singleton import rclpy_implementation as rcl
 
         from sar_compiler.ros.errors import RosArgumentError
-        from sar_compiler.ros.parameters import mission_node
+        from sar_compiler.ros.parameters import DataNode
 
         try:
             stage = launch._make_ros(["--ros-args", "--params-file", str(path)])
-            mission_node(NAME, stage.context)
+            DataNode(NAME, stage.context)
         except (rcl.RCLError, RosArgumentError, ParameterException):
             return True
         return False
@@ -287,11 +287,11 @@ class TestTheCheckSpeaksFirst:
         assert read == {scalar: rcl_kind(scalar) for scalar in scalars}
 
     def unchecked(self, launch: Launch, text: str) -> dict[str, object]:
-        from sar_compiler.ros.parameters import flat_parameters, mission_node
+        from sar_compiler.ros.parameters import DataNode, flat_parameters
 
         path = launch.file("/**:\n  ros__parameters:\n" + text, "scalars.yaml")
         stage = launch._make_ros(["--ros-args", "--params-file", str(path)])
-        return flat_parameters(stage.add(mission_node(NAME, stage.context)))
+        return flat_parameters(stage.add(DataNode(NAME, stage.context)))
 
 
 class TestArguments:
@@ -349,7 +349,7 @@ class TestArguments:
 
     def test_a_node_name_that_is_none_is_put_in_words(self, ros: Ros) -> None:
         from sar_compiler.ros.errors import RosArgumentError
-        from sar_compiler.ros.parameters import mission_node
+        from sar_compiler.ros.parameters import DataNode
 
         with pytest.raises(RosArgumentError, match="1bad"):
-            mission_node("1bad", ros.context)
+            DataNode("1bad", ros.context)

@@ -14,10 +14,9 @@ from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.web import feed as feed_module
 from sar_compiler.web import page_app
-from sar_compiler.web.errors import PageError
 from sar_compiler.web.feed import RecordedFeed
 from sar_compiler.web.kept_entries import KeptEntries
-from sar_compiler.web.page_server import PORT, PageServer
+from sar_compiler.web.page_server import PORT, PageError, PageServer
 from tests.waiting import SILENCE_SEC, News
 
 

@@ -11,8 +11,14 @@ from sar_compiler.nodes.models.models import LIBRARY, METADATA_TAG
 from sar_compiler.nodes.registry import is_own_word
 from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import as_text
-from sar_compiler.tree.model import MODEL_TAG, Element
-from sar_compiler.tree.synthetic import synthetic_element
+from sar_compiler.tree.model import MODEL_TAG, ROOT_TAG, Element
+from sar_compiler.tree.synthetic import synthetic_element, synthetic_file
+from sar_compiler.tree.xml_writer import write_xml
+
+
+def palette(specs: Iterable[NodeSpec]) -> str:
+    """Return a file for Groot2 with the `TreeNodesModel` of all nodes that are not built into BehaviorTree.CPP."""
+    return write_xml(synthetic_file(synthetic_element(ROOT_TAG, {"BTCPP_format": "4"}, [describe(specs)])))
 
 
 def describe(specs: Iterable[NodeSpec]) -> Element:

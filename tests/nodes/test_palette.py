@@ -6,12 +6,11 @@ from sar_compiler.checks import check
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.models.model_comparison import compare
 from sar_compiler.nodes.models.models import read_models
-from sar_compiler.nodes.models.palette import is_built_in
+from sar_compiler.nodes.models.palette import is_built_in, palette
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Direction, Role
 from sar_compiler.nodes.values import type_of_cpp_name
 from sar_compiler.tree.xml import parse_xml
-from sar_compiler.views.palette import palette
 from tests.nodes import leaves, port_leaves
 from tests.trees import forest
 
