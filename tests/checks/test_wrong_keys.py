@@ -323,3 +323,19 @@ def test_who_can_do_without_a_key_may_ask_for_it_before_it_is_written(node):
 def test_who_writes_a_key_without_looking_at_it_overwrites_what_was_there(node):
     text = document(f'<Sequence>\n{node}\n{node}\n<Say text="{{a}}"/></Sequence>')
     assert [(code, line) for code, line, *_ in found(text)] == [("overwritten-key", 5)]
+
+
+@pytest.mark.parametrize(
+    ("read", "written", "suggestion"),
+    [("{survivr}", "{survivor}", "{survivor}"), ("{survivors}", "{survivor}", None), ("{survivor}", "{survivors}", None),
+     ("{survivor2}", "{survivor1}", None)],
+)  # fmt: skip
+def test_in_a_tree_that_others_may_give_keys_only_what_must_be_a_slip_is_one(read, written, suggestion):
+    body = f'<Sequence><Find at="{written}"/><Say text="{read}"/></Sequence>'
+    text = (
+        document("<Success/>")
+        .replace("<root ", '<root main_tree_to_execute="Main" ')
+        .replace("</root>", f'<BehaviorTree ID="Other">\n{body}\n</BehaviorTree></root>')
+    )
+    said = [each.suggestion for each in check(forest_of(text), REGISTRY) if each.code == "unwritten-key"]
+    assert said == ([suggestion] if suggestion else [])

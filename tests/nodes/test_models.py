@@ -171,6 +171,18 @@ def test_a_model_that_contradicts_the_registry_is_a_warning(name):
 
 
 @pytest.mark.parametrize(
+    ("model", "said"),
+    [
+        ('<Action ID="Sequence"/>', "<Sequence> is a Control, and the model says Action"),
+        ('<Condition ID="Sleep"/>', "<Sleep> is an Action, and the model says Condition"),
+    ],
+)
+def test_another_kind_is_named_with_its_article(model, said):
+    [finding] = check(forest_of(palette(model, trees=TREE)), REGISTRY)
+    assert finding.message == said
+
+
+@pytest.mark.parametrize(
     "model",
     [
         '<Decorator ID="Timeout"><input_port name="msec" type="unsigned int"/></Decorator>',

@@ -33,6 +33,14 @@ class TestTheDistributions:
         assert "NonblockingSequence" in main - kilted
         assert "IsStopped" in kilted - jazzy - main
 
+    @pytest.mark.parametrize(
+        "node", ["<RecoveryNode>{0}{0}</RecoveryNode>", "<RateController>{0}</RateController>"]
+    )
+    def test_those_whose_children_are_skipped_may_be_skipped_themselves(self, node):
+        inside = node.format("<AlwaysSuccess _skipIf='@paused'/>")
+        [finding] = errors(forest(f"<FailureIsRunning>{inside}</FailureIsRunning>"), REGISTRIES["jazzy"])
+        assert finding.code == "skip-misread"
+
     def test_a_port_is_known_where_its_node_has_it(self):
         body = '<RoundRobin wrap_around="true"><IsStuck/></RoundRobin>'
         assert said(body, "main") == []
