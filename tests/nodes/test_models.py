@@ -437,3 +437,9 @@ def test_a_tree_in_the_manner_of_nav2_is_right_with_its_palette_and_drawn():
 def test_without_its_palette_every_unknown_node_is_a_finding_of_its_own():
     codes = [code for code, *_ in found(document(NAVIGATE))]
     assert codes == ["unknown-node"] * 14
+
+
+def test_what_a_palette_has_only_for_the_reader_of_the_library_is_told():
+    model = '<Action ID="Fly"><input_port name="when">low && slow</input_port></Action>'
+    [finding] = check_palettes([parse_xml(palette(model), "palette.xml")], REGISTRY)
+    assert (finding.source.path, finding.span.line, finding.suggestion) == ("palette.xml", 2, "&amp;&amp;")
