@@ -33,7 +33,7 @@ def add_verify(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--properties",
         metavar="P.yaml",
-        help="what must hold in every run (default for a mission with zones: config/mission_properties.yaml)",
+        help="what must hold in every run (default: what the mission brings)",
     )
     parser.add_argument(
         "--tree", metavar="ID", help="the tree to verify (default: the one the file executes)"
