@@ -200,6 +200,17 @@ def test_what_stands_for_nodes_that_are_only_described_is_played(capsys, describ
     assert "  Grab  FAILURE\n" in out
 
 
+def test_what_stands_for_a_node_counts_in_the_tree_that_the_scenario_names(capsys, described, scenario):
+    path, *options = described
+    text = path.read_text(encoding="utf-8")
+    other = '<BehaviorTree ID="Other"><Twice><Success/></Twice></BehaviorTree></root>'
+    path.write_text(text.replace("<root ", '<root main_tree_to_execute="Main" ').replace("</root>", other))
+    script = scenario("tree: Other\ncontrols: {Twice: Inverter}\nexpect: {root: FAILURE}")
+    status, out, err = run(capsys, path, *options, "--scenario", script)
+    assert (status, err) == (0, "")
+    assert "Grab" not in out
+
+
 def test_nodes_that_are_only_described_are_not_played_and_have_status_1(capsys, described, scenario):
     status, out, err = run(capsys, *described)
     assert status == 1

@@ -19,5 +19,11 @@ EQUIVALENT: list[tuple[str, str, str, str]] = [
         "True -> False",
         "there is a set for each child; strict would only tell a programmer that there is not",
     ),
+    (
+        "sar_compiler/nodes/nav2/types.py",
+        'name="nav2.milliseconds",',
+        "\"nav2.milliseconds\" -> 'nav2.millisecondsx'",
+        "schemas refer to the type by it, and any name that no other type has will do",
+    ),
 ]
 """Each with its module, the line's text, the change, and why it is no mistake."""
