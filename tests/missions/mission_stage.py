@@ -159,6 +159,7 @@ class NavServer:
         self.goals: list[SeenGoal] = []
         self.requests = 0
         self.cancels = 0
+        self._held: threading.Event | None = None
         self._closing = threading.Event()
         self._started = threading.Event()
         self._ended = threading.Event()
@@ -202,8 +203,17 @@ class NavServer:
     def _loses(self, goal_id: bytes) -> bool:
         return self.loses_results and any(bytes(seen.handle.goal_id.uuid) == goal_id for seen in self.goals)
 
+    def hold(self) -> threading.Event:
+        """Accept the next goal only once the event that is returned is set."""
+        self._held = threading.Event()
+        self.host.at_close(self._held.set)
+        return self._held
+
     def _on_goal(self, goal: Any) -> GoalResponse:
         self.requests += 1
+        held, self._held = self._held, None
+        if held is not None:
+            held.wait()
         self._closing.wait(self.accept_after)
         return GoalResponse.ACCEPT if self.accept else GoalResponse.REJECT
 

@@ -487,14 +487,14 @@ class TestOldGoals:
 
     def test_an_acceptance_of_an_old_goal_is_not_taken_for_the_new_one(self, stage: "Stage") -> None:
         server = stage.nav_server()
-        server.accept_after = 0.3
+        acceptance = server.hold()
         leaf = drive(stage)
         stage.tick_until(leaf, lambda: server.requests == 1, "the first goal")
         leaf.stop(Status.INVALID)
         stage.zones.advance()
-        server.accept_after = 0.0
         under_way(stage, leaf, server)
         server.order("feedback")
+        acceptance.set()
         stage.tick_until(leaf, lambda: len(server.goals) == 2 and leaf.settled(), "the old goal's acceptance")
         finals = {goal.pose[1]: goal for goal in server.goals}
         stage.until(lambda: finals[-3.0].final == "canceled", "the old goal's end")
