@@ -298,11 +298,12 @@ class TestFailure:
 
     def test_a_server_that_never_answers_costs_the_acceptance_deadline(self, stage: "Stage") -> None:
         server = stage.nav_server()
-        server.accept_after = 0.3
+        acceptance = server.hold()
         leaf = drive(stage, acceptance_timeout_sec=0.05)
         assert stage.run(leaf) is Status.FAILURE
         assert "no answer to the goal within 0.05 s" in stage.warnings[0]
         assert not leaf.settled()
+        acceptance.set()
         stage.until(
             lambda: server.goals and server.goals[0].final, "the end of the goal that was accepted later"
         )
