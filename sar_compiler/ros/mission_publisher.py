@@ -11,6 +11,7 @@ from geometry_msgs.msg import Point
 from nav2_msgs.msg import BehaviorTreeLog
 from py_trees.common import Status
 from py_trees.trees import BehaviourTree
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import ColorRGBA, String
@@ -27,6 +28,8 @@ from sar_compiler.runtime.kernel.cells import RUNNING
 
 # Seconds of the steady clock between two messages that nothing new has happened for.
 _PERIOD_SEC = 1.0
+# How long the readers of the last messages are waited for, together.
+_LAST_WORDS_SEC = 1.0
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # Of Okabe and Ito, whose colours differ for everybody: grey, orange, blue, vermilion; the plan is sky blue.
 _COLOURS = ((0.6, 0.6, 0.6), (0.9, 0.62, 0.0), (0.0, 0.45, 0.7), (0.84, 0.37, 0.0))
@@ -89,6 +92,7 @@ class MissionPublisher:
         self._log.end()
         self._try(self._publish_state)
         self._try(self._publish_markers)
+        self._try(self._wait_for_readers)
 
     def _publish_changes(self, message: BehaviorTreeLog) -> None:
         self._is_state_known = False
@@ -117,6 +121,12 @@ class MissionPublisher:
     def _publish_state(self) -> None:
         self._is_state_known = True
         self._state.publish(self._log.state())
+
+    def _wait_for_readers(self) -> None:
+        """Let reliable readers have the last messages, which are lost with the node; one that hangs is not waited for long."""
+        deadline = time.monotonic() + _LAST_WORDS_SEC
+        for publisher in (self._changes, self._state, self._markers):
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
 
     def _diagnose(self, tree: BehaviourTree) -> None:
         running = [node for node in self._tree.nodes if self._log.statuses[node.uid] == RUNNING]
