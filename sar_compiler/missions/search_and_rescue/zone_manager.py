@@ -12,7 +12,7 @@ MAP_FRAME = "map"
 """The frame of every position that the mission sends or receives."""
 
 
-class Pose(TypedDict):
+class MapPose(TypedDict):
     """A pose in the frame `map`: metres, and radians counterclockwise from the x axis."""
 
     x: float
@@ -20,7 +20,7 @@ class Pose(TypedDict):
     yaw: float
 
 
-class Zone(Pose):
+class Zone(MapPose):
     """A place to search, and its name."""
 
     id: str
@@ -48,7 +48,7 @@ class ZoneManager:
     def __init__(self, zones: Sequence[Mapping[str, Any]], base_station: Mapping[str, Any]) -> None:
         self.journal = Journal()
         self._zones = [cast("Zone", deepcopy(dict(zone))) for zone in zones]
-        self._base_station = cast("Pose", deepcopy(dict(base_station)))
+        self._base_station = cast("MapPose", deepcopy(dict(base_station)))
         self._index = 0
         self._survivors = 0
         self._postponed: Counter[str] = Counter()
@@ -123,7 +123,7 @@ class ZoneManager:
         """Return the abandoned zones, in the order in which they were abandoned."""
         return deepcopy(self._abandoned)
 
-    def base_pose(self) -> Pose:
+    def base_pose(self) -> MapPose:
         """Return the pose of the base station."""
         return deepcopy(self._base_station)
 

@@ -7,7 +7,7 @@ from py_trees.common import Status
 
 from sar_compiler.missions.search_and_rescue.actions.nav2_errors import FOR_GOOD, OCCUPIED, describe_end
 from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, Pose, ZoneManager
+from sar_compiler.missions.search_and_rescue.zone_manager import MAP_FRAME, MapPose, ZoneManager
 from sar_compiler.nodes.register import register
 from sar_compiler.nodes.spec import Kind, Use
 from sar_compiler.nodes.values import Seconds
@@ -103,7 +103,7 @@ class NavigateTo(ActionLeaf):
     def _on_arrival(self) -> None:
         """Handle the arrival."""
 
-    def _drive_to(self, target: str, pose: Pose, headline: str = "") -> Any:
+    def _drive_to(self, target: str, pose: MapPose, headline: str = "") -> Any:
         """Return the goal for a pose in the frame `map`."""
         self._target = target
         reason, until = self._hopeless.get(target, ("", None))
