@@ -5,6 +5,7 @@ That is looked at before rcl ends the process over it.
 
 import os
 import sys
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +20,8 @@ _VARIABLE = "RMW_IMPLEMENTATION"
 _INDEX = Path("share", "ament_index", "resource_index", "rmw_typesupport")
 # The package that loads the others; it registers itself among them.
 _LOADER = "rmw_implementation"
+# What rclpy says when a client is being taken down while it is answered; the client has a deadline of its own.
+_UNHEARD = r"failed to send response \(timeout\)"
 
 
 class MiddlewareError(SarError):
@@ -48,6 +51,7 @@ def ros_up(arguments: Sequence[str]) -> "Iterator[Context]":
     """Initialise ROS in a context of its own, and shut that down in the end.
 
     Signals are left to the caller: rclpy's handlers would take ROS down before a goal in flight could be cancelled.
+    Meanwhile rclpy does not warn of an answer that its client does not hear, because it has just been taken down.
 
     Args:
         arguments: Those of `rclpy.init`.
@@ -62,7 +66,9 @@ def ros_up(arguments: Sequence[str]) -> "Iterator[Context]":
     try:
         with readable_ros_errors():
             rclpy.init(args=list(arguments), context=context, signal_handler_options=SignalHandlerOptions.NO)
-        yield context
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", _UNHEARD, RuntimeWarning)
+            yield context
     finally:
         context.try_shutdown()
 
