@@ -7,10 +7,9 @@ import subprocess
 import sys
 import tempfile
 import threading
-import time
 from pathlib import Path
 
-from tests.waiting import SILENCE_SEC, Delay, News
+from tests.waiting import SILENCE_SEC, News, Stopwatch
 
 BIN = Path(sys.executable).parent
 
@@ -101,15 +100,15 @@ class Command:
         """Send a signal."""
         self._process.send_signal(number)
 
-    def end(self, seen=lambda: None):
+    def end(self, meanwhile=lambda: None):
         """Wait, as long as it prints, for the command to end by itself; return its exit status.
 
         Args:
-            seen: Called ten times a second meanwhile.
+            meanwhile: Called ten times a second; may fail the test.
         """
 
         def over():
-            seen()
+            meanwhile()
             return self._process.poll() is not None
 
         try:
@@ -132,15 +131,16 @@ class Command:
             number: The signal.
             within_sec: How long that may take, seconds, without what its threads waited for a processor.
         """
-        delay, start = Delay(self._process.pid), time.monotonic()
+        watch = Stopwatch(self._process.pid)
+
+        def in_time():
+            own, took = watch.own_sec, watch.passed_sec
+            assert own <= within_sec, (
+                f"{self.name} took {took:.2f} s to end, of which others had the processor for {took - own:.2f} s"
+            )
+
         self.send(number)
-        status = self.end(delay.look)
-        took = time.monotonic() - start
-        assert took - delay.sec <= within_sec, (
-            f"{self.name} took {took:.2f} s to end, of which others had the processor for {delay.sec:.2f} s:\n"
-            f"{self.output}"
-        )
-        return status
+        return self.end(in_time)
 
     def kill(self):
         """See that nothing is left of it, whatever the test did."""

@@ -1,5 +1,6 @@
 """Waiting on a machine that may be busy: as long as something moves, and by the time that a process was given."""
 
+import os
 import threading
 import time
 from contextlib import suppress
@@ -71,3 +72,26 @@ class Delay:
     def sec(self):
         """The sum over all threads, when it was looked last, seconds."""
         return sum(waited - self._before.get(task, 0.0) for task, waited in self._now.items())
+
+
+class Stopwatch:
+    """How long something takes a process that others keep from the processor.
+
+    Args:
+        pid: The process; by default this one.
+    """
+
+    def __init__(self, pid=None):
+        self._delay = Delay(os.getpid() if pid is None else pid)
+        self._began = time.monotonic()
+
+    @property
+    def passed_sec(self):
+        """The time that has passed since the beginning, seconds."""
+        return time.monotonic() - self._began
+
+    @property
+    def own_sec(self):
+        """The same, without what the process's threads waited for a processor; to be read now and then."""
+        self._delay.look()
+        return self.passed_sec - self._delay.sec

@@ -16,6 +16,7 @@ import pytest
 from sar_compiler.missions.search_and_rescue.plugin import MISSION
 from sar_compiler.missions.survivor_servers import detect, report
 from tests.processes import BIN
+from tests.waiting import SILENCE_SEC
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -176,7 +177,7 @@ class Process:
         )
         self.output = ""
 
-    def read_until(self, text: str, timeout_sec: float = 20.0) -> None:
+    def read_until(self, text: str, timeout_sec: float = SILENCE_SEC) -> None:
         assert self.process.stdout is not None
         deadline = time.monotonic() + timeout_sec
         while text not in self.output:
@@ -189,7 +190,7 @@ class Process:
 
     def stop(self, number: int) -> int:
         self.process.send_signal(number)
-        rest, _ = self.process.communicate(timeout=10.0)
+        rest, _ = self.process.communicate(timeout=SILENCE_SEC)
         self.output += rest.decode()
         return self.process.returncode
 
@@ -246,7 +247,7 @@ class TestCommands:
         assert server.stdout is not None
         assert server.stdout.readline() == "ready\n"
         server.terminate()
-        _, said = server.communicate(timeout=20.0)
+        _, said = server.communicate(timeout=SILENCE_SEC)
         assert server.returncode == 1
         assert "in destroy_node" in said
 

@@ -11,6 +11,7 @@ import pytest
 
 from sar_compiler.cli.sim import main
 from tests.sim.conftest import Client, Navigation
+from tests.waiting import SILENCE_SEC
 
 
 def started(*arguments: str) -> "subprocess.Popen[str]":
@@ -34,7 +35,7 @@ def test_a_signal_ends_the_simulation_with_its_status_and_no_traceback(
         result = handle.get_result_async()
         process.send_signal(number)
         assert client.result(result, "the goal's end").status == 6
-        assert process.wait(timeout=10) == status
+        assert process.wait(timeout=SILENCE_SEC) == status
         navigation.close()
     finally:
         process.kill()
@@ -50,7 +51,7 @@ def test_a_signal_during_the_look_around_ends_it_before_a_world_is_there() -> No
         assert process.stderr is not None
         assert "Looking whether another simulation" in process.stderr.readline()
         process.send_signal(signal.SIGINT)
-        assert process.wait(timeout=10) == 0
+        assert process.wait(timeout=SILENCE_SEC) == 0
     finally:
         process.kill()
         output, errors = process.communicate()
@@ -69,7 +70,7 @@ def test_a_namespace_on_the_command_line_moves_the_robot(ros_context: Any) -> No
     finally:
         client.close()
         process.terminate()
-        process.communicate(timeout=10)
+        process.communicate(timeout=SILENCE_SEC)
     assert process.returncode == 0
 
 
@@ -87,7 +88,7 @@ def test_named_robots_keep_their_namespaces_whatever_that_of_the_command_line_is
     finally:
         client.close()
         process.terminate()
-        output, _ = process.communicate(timeout=10)
+        output, _ = process.communicate(timeout=SILENCE_SEC)
     assert process.returncode == 0
     assert output.startswith("sar-sim: 'disaster_zone' runs with /robot1 and /robot2, at most 20 times")
 
@@ -98,7 +99,7 @@ def test_a_second_simulation_is_refused_and_the_first_named(client: Client) -> N
 
     client.node.create_publisher(Clock, "/clock", 10)
     process = started()
-    _, errors = process.communicate(timeout=20)
+    _, errors = process.communicate(timeout=SILENCE_SEC)
     assert process.returncode == 2
     assert errors.splitlines()[-1].startswith("sar-sim: node '/client' already provides /clock here")
 
@@ -141,7 +142,7 @@ def test_wrong_usage_is_named(arguments: list[str], problem: str, capsys: pytest
 )
 def test_robots_that_cannot_be_placed_are_wrong_usage(robots: list[str], problem: str) -> None:
     process = started(*(part for robot in robots for part in ("--robot", robot)))
-    _, errors = process.communicate(timeout=20)
+    _, errors = process.communicate(timeout=SILENCE_SEC)
     assert process.returncode == 2
     assert errors.startswith(problem)
 

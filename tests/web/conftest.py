@@ -12,6 +12,7 @@ import pytest
 from sar_compiler.journal.journal import Journal
 from sar_compiler.web.feed import LiveFeed
 from sar_compiler.web.page_server import PageServer
+from tests.waiting import SILENCE_SEC
 from tests.web.browsers import open_browser
 
 TREE: dict[str, Any] = {
@@ -71,7 +72,7 @@ class Live:
 
     def ask(self, path, method="GET", body=None, **headers):
         """Return the status and the text of an answer, and its headers."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=10.0)
+        connection = http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=SILENCE_SEC)
         with closing(connection):
             connection.request(
                 method, path, body, {key.replace("_", "-"): value for key, value in headers.items()}

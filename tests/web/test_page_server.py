@@ -39,7 +39,7 @@ class Operator:
 def events(run, enough):
     """Read the events of a page until there are enough; return them as pairs of a name and values."""
     with closing(
-        urllib.request.urlopen(f"http://127.0.0.1:{run.server.port}/events", timeout=20.0)
+        urllib.request.urlopen(f"http://127.0.0.1:{run.server.port}/events", timeout=SILENCE_SEC)
     ) as answer:
         found: list[tuple[str, Any]] = []
         while not enough(found):
@@ -225,7 +225,7 @@ def test_connections_take_few_of_the_file_descriptors_of_the_mission(live):
     run = live().begin()
     with ExitStack() as stack, selectors.DefaultSelector() as let_go:
         for _ in range(48):
-            opened = socket.create_connection(("127.0.0.1", run.server.port), timeout=20.0)
+            opened = socket.create_connection(("127.0.0.1", run.server.port), timeout=SILENCE_SEC)
             let_go.register(stack.enter_context(opened), selectors.EVENT_READ)
         for _ in range(16):
             (key, _), *_ = let_go.select(timeout=SILENCE_SEC)
@@ -235,7 +235,7 @@ def test_connections_take_few_of_the_file_descriptors_of_the_mission(live):
 
 def test_the_end_of_a_run_is_told_before_the_server_goes(live):
     run = live().begin()
-    answer = urllib.request.urlopen(f"http://127.0.0.1:{run.server.port}/events", timeout=20.0)
+    answer = urllib.request.urlopen(f"http://127.0.0.1:{run.server.port}/events", timeout=SILENCE_SEC)
     assert answer.readline() == b"event: hello\n"
     run.journal.end(Ending.OVER, 0, "Complete.")
     run.close()
