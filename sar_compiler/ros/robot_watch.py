@@ -59,7 +59,8 @@ class RobotWatch:
         self._others = 0
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         for message, topic, take, qos in (
-            (PoseWithCovarianceStamped, "amcl_pose", partial(self._take, "pose"), QoSProfile(depth=1)),
+            # A robot that stands still, and may be held there, has said where before; AMCL says it again only when it has moved.
+            (PoseWithCovarianceStamped, "amcl_pose", partial(self._take, "pose"), latched),
             (Path, "plan", partial(self._take, "plan"), QoSProfile(depth=1)),
             (OccupancyGrid, "map", partial(self._take, "map"), latched),
             (Log, "/rosout", self._on_log, QoSProfile(depth=_LINES)),

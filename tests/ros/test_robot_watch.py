@@ -15,11 +15,17 @@ from sar_compiler.runtime.clock import ManualClock
 pytestmark = pytest.mark.ros
 
 
+def latched():
+    """Return the QoS of what is kept for latecomers."""
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+
+    return QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
 @pytest.fixture
 def told(make_ros):
     """Return what a journal is told of a map."""
     from nav_msgs.msg import OccupancyGrid
-    from rclpy.qos import DurabilityPolicy, QoSProfile
 
     from sar_compiler.ros.robot_watch import RobotWatch
 
@@ -35,9 +41,8 @@ def told(make_ros):
         grid.info.origin.position.x, grid.info.origin.position.y = -1.0, -2.0
         for name, value in turn.items():
             setattr(grid.info.origin.orientation, name, value)
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        robot.create_publisher(OccupancyGrid, "map", latched).publish(grid)
-        node.create_subscription(OccupancyGrid, "map", lambda _: seen.append(1), latched)
+        robot.create_publisher(OccupancyGrid, "map", latched()).publish(grid)
+        node.create_subscription(OccupancyGrid, "map", lambda _: seen.append(1), latched())
         seen: list[int] = []
         ros.spin_until(lambda: seen, "the map")
         return [entry.data for entry in entries if entry.kind == "map"]
@@ -112,8 +117,16 @@ def pose(x):
     return message
 
 
+def test_where_a_robot_stands_is_told_though_it_has_said_so_before(ros):
+    poses = ros.node("localisation").create_publisher(type(pose(0.0)), "amcl_pose", latched())
+    poses.publish(pose(1.0))
+    watched = Watched(ros)
+    watched.wait("pose", 1)
+    assert watched.told("pose")[0]["x"] == 1.0
+
+
 def test_the_last_pose_is_told_where_the_robot_then_stands_still(watched):
-    poses = watched.robot.create_publisher(type(pose(0.0)), "amcl_pose", 1)
+    poses = watched.robot.create_publisher(type(pose(0.0)), "amcl_pose", latched())
     watched.ros.spin_until(poses.get_subscription_count, "who listens")
     poses.publish(pose(1.0))
     watched.wait("pose", 1)
