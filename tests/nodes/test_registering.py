@@ -5,6 +5,7 @@ import sys
 import pytest
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
+from py_trees.composites import Composite
 
 from sar_compiler import Kind, mission_context, register
 from sar_compiler.checks import check
@@ -293,6 +294,16 @@ def test_a_control_of_ones_own_has_as_many_children_as_it_says(children, codes):
 def test_a_number_of_children_that_is_none_is_refused(count):
     with pytest.raises(RegistrationError, match=r"child_count is .*; write the smallest and the largest"):
         register("Tag", kind=Kind.CONTROL, child_count=count)
+
+
+@pytest.mark.parametrize("count", [(1, 1), (1, None), (2, 3)])
+def test_a_number_of_children_is_at_least_one(count):
+    @register("Own", kind=Kind.CONTROL, child_count=count)
+    class Own(Composite):
+        def __init__(self, name: str, children: list[Behaviour]) -> None:
+            super().__init__(name, children)
+
+    assert spec_of(Own).child_count == count
 
 
 def test_a_number_of_children_is_for_controls():
