@@ -5,6 +5,8 @@ from xml.sax.saxutils import quoteattr
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from py_trees.behaviour import Behaviour
+from py_trees.decorators import Decorator
 
 from sar_compiler.checks import check
 from sar_compiler.compiler import bind_main, preview_tree
@@ -15,6 +17,8 @@ from sar_compiler.tree.xml import parse_xml
 from tests.fuzz.random_trees import REGISTRY, SPECS
 from tests.trees import document
 
+# A node that the installed py_trees is too old for is known, and refuses to be made.
+MADE = [spec for spec in SPECS if spec.cls not in (Behaviour, Decorator)]
 NEAR_MISSES = [
     *("", " ", "0", "-0", "-1", "+5", "1", "2.5", "12abc", "0x10", "4294967295", "4294967296", "9" * 101),
     *("1e999", "inf", "nan", "true", "True", "yes", "a", "a b", "/a", "a/b", ".a", "a.b", "@", "@a", "@.a"),
@@ -52,7 +56,7 @@ def assert_sound(text):
         preview_tree(bind_main(forest, REGISTRY))
 
 
-@pytest.mark.parametrize("tag", sorted({spec.tag for spec in SPECS}))
+@pytest.mark.parametrize("tag", sorted({spec.tag for spec in MADE}))
 def test_one_attribute_that_is_nearly_right_is_a_finding_or_does_no_harm(tag):
     for spec in REGISTRY.variants(tag):
         for parameter in spec.attributes:
@@ -62,7 +66,7 @@ def test_one_attribute_that_is_nearly_right_is_a_finding_or_does_no_harm(tag):
 
 @st.composite
 def nearly_right(draw):
-    spec = draw(st.sampled_from(SPECS))
+    spec = draw(st.sampled_from(MADE))
     names = [parameter.name for parameter in spec.attributes if parameter.name != "name"]
     more = st.dictionaries(st.sampled_from(names), st.sampled_from(NEAR_MISSES)) if names else st.just({})
     return written(spec, {**required(spec), **draw(more)})
