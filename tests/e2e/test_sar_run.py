@@ -192,8 +192,9 @@ def test_a_check_looks_at_the_map_that_a_robot_publishes(start, ros):
     grid.info.origin.position.x = grid.info.origin.position.y = -10.0
     grid.data = [0] * 1600
     ros.node("map_server").create_publisher(OccupancyGrid, "map", latched).publish(grid)
+    # So long the map may take to be found; of the robot there is nothing else, and the check waits for it to the end.
     run = start(
-        "sar-run", "--check", "--ros-args", "-p", "startup_timeout_sec:=3.0", "-p", "zones.zone_b.x:=99.0"
+        "sar-run", "--check", "--ros-args", "-p", "startup_timeout_sec:=10.0", "-p", "zones.zone_b.x:=99.0"
     )
     assert run.end() == 3
     assert "zone_b (99.00, 3.00): it is outside the map." in run.output, run.output
