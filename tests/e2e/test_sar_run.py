@@ -239,7 +239,7 @@ def test_each_change_is_shown_once_in_a_line_with_the_time(one_zone):
         "zone_visited zone zone_b",
         "NavigateToBase SUCCESS, reached base station",
     ]
-    assert [line for line in shown if line in expected] == expected
+    assert [line for line in shown if line in expected] == expected, run.output
 
 
 @pytest.mark.parametrize("other", ["sar-sim", "sar-run"])
