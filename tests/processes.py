@@ -140,7 +140,9 @@ class Command:
             )
 
         self.send(number)
-        return self.end(in_time)
+        status = self.end(in_time)
+        in_time()
+        return status
 
     def kill(self):
         """See that nothing is left of it, whatever the test did."""

@@ -201,7 +201,7 @@ def test_what_an_object_counts_is_part_of_the_state():
     [
         (
             "<OwnThread><A/></OwnThread>",
-            ["OwnThread", "whose attribute 'worker' is a Thread", "_thread."],
+            ["OwnThread", "whose attribute 'worker' is a Thread", "cannot pickle '_thread."],
         ),
         ("<OwnChance><Fallback><P/><A/></Fallback></OwnChance>", ["the attribute 'drawn' of 'OwnChance'"]),
         ("<OwnStopwatch><A/></OwnStopwatch>", ["the attribute 'began' of 'OwnStopwatch'", "clock: Clock"]),
