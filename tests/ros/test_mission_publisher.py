@@ -195,6 +195,24 @@ def test_markers_are_published_again_when_something_has_come_true(publish):
         assert repr(asked) == f"count({times})", kind
 
 
+def test_the_end_waits_for_the_readers_of_the_last_messages_no_longer_than_a_second(publish, monkeypatch):
+    from rclpy.publisher import Publisher
+
+    waited = {}
+
+    def hanging(publisher, timeout):
+        waited[publisher.topic_name] = timeout.nanoseconds / 1e9
+        return False
+
+    runner, publisher = publish("<Success/>")
+    runner.tick()
+    monkeypatch.setattr(Publisher, "wait_for_all_acked", hanging)
+    publisher.end()
+    topics = {name.rpartition("/")[2] for name in waited}
+    assert topics == {"behavior_tree_log", "tree_state", "markers"}
+    assert all(0.0 <= seconds <= 1.0 for seconds in waited.values())
+
+
 def test_a_mission_that_cannot_be_shown_flies_on(publish, said):
     def broken():
         message = "no map"
