@@ -96,12 +96,16 @@ def _done(command: Callable[[], int]) -> int:
 def print_error(text: str) -> None:
     """Print a text on standard error, made visible; does nothing where that is closed."""
     with suppress(OSError, UnicodeError):  # nobody can be told
-        print(_visible(text), file=sys.stderr, flush=True)
+        print(f"{_visible(text)}\n", end="", file=sys.stderr, flush=True)
 
 
 def print_text(text: str, end: str = "\n", *, flush: bool = False) -> None:
-    """Print a text for people on standard output, made visible; data for programs is printed as it is."""
-    print(_visible(text), end=end, flush=flush)
+    """Print a text for people on standard output, made visible; data for programs is printed as it is.
+
+    In one piece, also where Python writes each at once (PYTHONUNBUFFERED): lines of the log, which other threads write, come
+    between lines then, not into them.
+    """
+    print(f"{_visible(text)}{end}", end="", flush=flush)
 
 
 def _visible(text: str) -> str:

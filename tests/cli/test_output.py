@@ -1,10 +1,14 @@
-"""Standard output that is closed while a run goes on."""
+"""Standard output of a run: whole lines, and what becomes of a run whose output is closed."""
 
+import io
 import os
 import sys
 from contextlib import contextmanager
 
+import pytest
+
 from sar_compiler.cli.output import RunOutput
+from sar_compiler.commands import print_error
 
 
 @contextmanager
@@ -23,6 +27,30 @@ def test_what_is_shown_and_said_stands_on_standard_output(capsys):
     output.show("a tree")
     output.say("a summary")
     assert capsys.readouterr() == ("a tree\na summary\n", "")
+
+
+class Pieces(io.BytesIO):
+    """Keeps what is written to it each time, if it is anything."""
+
+    def __init__(self):
+        super().__init__()
+        self.written = []
+
+    def write(self, data):
+        if data:
+            self.written.append(bytes(data))
+        return len(data)
+
+
+@pytest.mark.parametrize(("name", "show"), [("stdout", RunOutput().show), ("stderr", print_error)])
+def test_a_line_is_written_in_one_piece_so_that_the_log_comes_between_lines(monkeypatch, name, show):
+    pieces = Pieces()
+    # As Python itself has it with PYTHONUNBUFFERED.
+    with io.TextIOWrapper(pieces, encoding="utf-8", write_through=True) as stream:
+        monkeypatch.setattr(sys, name, stream)
+        show("a tree\nwith a leaf")
+        assert pieces.written == [b"a tree\nwith a leaf\n"]
+        monkeypatch.undo()
 
 
 def test_that_nobody_reads_any_more_is_said_once_on_standard_error(capsys, monkeypatch):
