@@ -22,7 +22,7 @@ _LOOK_EVERY_SEC = 0.02
 
 LOOKING_AROUND = f"Looking whether another simulation or robot is on this machine ({LOOK_AROUND_SEC:g} s)..."
 """The message of a command before it looks for other nodes."""
-# Part of the name that a node has before its announcement arrives, just after that of its publisher.
+# The name that a node has before its announcement arrives, after that of its publisher: up to seconds, on a busy machine.
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"
 _ANOTHER = "another node"
 
@@ -74,7 +74,7 @@ def refuse_company(
         deadline = time.monotonic() + look_around_sec
         while time.monotonic() < deadline and not should_stop():
             found = _company(node, actions)
-            if found is not None and _UNKNOWN not in found.node:
+            if found is not None and found.node != _ANOTHER:
                 raise found
             time.sleep(_LOOK_EVERY_SEC)
         found = _company(node, actions)
@@ -120,7 +120,7 @@ def _server(node: Node, goals: str) -> IsolationError | None:
             continue  # it has gone since
         if any(service == goals for service, _ in services):
             return IsolationError(_full_name(name, namespace), what)
-    return IsolationError(_UNKNOWN, what)
+    return IsolationError(_ANOTHER, what)
 
 
 def _title(goals: str) -> str:
@@ -128,4 +128,4 @@ def _title(goals: str) -> str:
 
 
 def _full_name(name: str, namespace: str) -> str:
-    return f"node '{namespace.rstrip('/')}/{name}'"
+    return f"node '{namespace.rstrip('/')}/{name}'" if name != _UNKNOWN else _ANOTHER

@@ -29,6 +29,22 @@ def test_a_foreign_clock_is_named_with_its_node(ros_context: Any, client: Client
     assert raised.value.node == "node '/client'"
 
 
+def test_a_node_whose_announcement_has_not_arrived_is_another_node(
+    ros_context: Any, client: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from rclpy.node import Node
+    from rosgraph_msgs.msg import Clock
+
+    from sar_compiler.sim.isolation import IsolationError, refuse_company
+
+    client.node.create_publisher(Clock, "/clock", 10)
+    (info,) = client.node.get_publishers_info_by_topic("/clock")
+    info.node_name, info.node_namespace = "_NODE_NAME_UNKNOWN_", "_NODE_NAMESPACE_UNKNOWN_"
+    monkeypatch.setattr(Node, "get_publishers_info_by_topic", lambda *_: [info])
+    with pytest.raises(IsolationError, match=r"^another node already provides /clock"):
+        refuse_company(context=ros_context, look_around_sec=0.2)
+
+
 def test_a_foreign_navigation_server_is_named_with_its_node(ros_context: Any) -> None:
     from nav2_msgs.action import NavigateToPose
     from rclpy.action import ActionServer
