@@ -19,7 +19,8 @@ def _take_domain():
     for number in range(_DOMAINS):
         # The workers of one run begin at different ones, and none where a process that ended now was.
         domain = 1 + (os.getpid() + number) % _DOMAINS
-        path = Path(tempfile.gettempdir()) / f"ros_domain_of_tests_{domain}.lock"
+        # The lock that sweeps of simulated missions take: their flights stay out of the tests' domains.
+        path = Path(tempfile.gettempdir()) / f"sar_sim_domain_{domain}.lock"
         try:
             file = path.open("a")
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
