@@ -12,7 +12,7 @@ from launch_ros.actions import Node
 
 HERE = Path(__file__).resolve().parent
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
-ROBOTS = {"robot1": "-0.7,0,3.14", "robot2": "0.7,0,0"}
+ROBOTS = {"robot1": "0,0.7,1.57", "robot2": "0,-0.7,-1.57"}
 """Where each robot starts: x, y (m), yaw (rad), frame `map`; the same as `initial_pose` in its file."""
 
 

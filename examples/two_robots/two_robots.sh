@@ -26,7 +26,7 @@ trap 'exit 130' INT
 trap 'exit 143' TERM
 
 # The simulator moves each robot into its namespace itself.
-sar-sim run --speed "$speed" --robot robot1:-0.7,0,3.14 --robot robot2:0.7,0,0 &
+sar-sim run --speed "$speed" --robot robot1:0,0.7,1.57 --robot robot2:0,-0.7,-1.57 &
 simulator=$!
 
 missions=()

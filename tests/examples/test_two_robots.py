@@ -1,22 +1,28 @@
 """The example `two_robots`: two missions in one world, as its README flies them, and what a bystander sees."""
 
+import itertools
 import math
 import os
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from action_msgs.msg import GoalStatusArray
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from tf2_msgs.msg import TFMessage
 
+from sar_compiler.sim.geometry import Pose2D
+from sar_compiler.sim.occupancy import read_map
+from sar_compiler.sim.planner import Planner
+from sar_compiler.sim.world_file import find_world
 from tests.e2e.witness import LATCHED, Watcher
 from tests.processes import BIN, Command
 
 FOLDER = Path("examples/two_robots")
 ROBOTS = ("robot1", "robot2")
-ZONES = {"robot1": ["zone_a", "zone_d"], "robot2": ["zone_b", "zone_c"]}
+ZONES = {"robot1": ["zone_a", "zone_b"], "robot2": ["zone_d", "zone_c"]}
 SURVIVORS = {"robot1": ("map", -2.5, 3.2), "robot2": ("map", 4.1, -2.5)}
 SUCCEEDED = 4
 
@@ -156,8 +162,8 @@ def test_each_robot_drives_to_its_own_zones_and_never_into_the_other_half(flight
     for zone in ZONES[robot]:
         target = own["zones"][zone]
         assert min(math.dist(place, (target["x"], target["y"])) for place in places) < 0.3
-    side = math.copysign(1.0, own["initial_pose"]["x"])
-    assert all(x * side > 0.0 for x, _ in places)
+    side = math.copysign(1.0, own["initial_pose"]["y"])
+    assert all(y * side > 0.0 for _, y in places)
 
 
 @pytest.mark.ros
@@ -193,6 +199,24 @@ def test_nothing_is_on_the_global_topics(flight):
     topics = {f"/{robot}/{name}" for robot in ROBOTS for name in ("tf", "tf_static")}
     assert set(flight.bystander.frames) == topics
     assert set(flight.bystander.goals) == set(ROBOTS)
+
+
+def way_of(robot, planner):
+    """All points of a robot's planned ways, from its base through its zones and back, as an array of shape (n, 2)."""
+    own = parameters(robot)
+    places = [own["base_station"], *(own["zones"][zone] for zone in own["zone_order"]), own["base_station"]]
+    poses = [Pose2D(**place) for place in places]
+    return np.concatenate([planner.plan(*legs).points for legs in itertools.pairwise(poses)])
+
+
+def test_the_robots_stay_apart_whichever_of_them_is_late():
+    world = find_world("disaster_zone")
+    assert world.map_path is not None
+    planner = Planner(read_map(world.map_path), world.robot_radius)
+    north, south = (way_of(robot, planner) for robot in ROBOTS)
+    apart = np.hypot(*(north[:, None] - south[None, :]).transpose(2, 0, 1)).min()
+    # Metres; they touch at two radii, and in turning a robot leaves its way by less than one.
+    assert apart > 4 * world.robot_radius
 
 
 @pytest.mark.parametrize("file", ["two_robots.sh", "two_robots.launch.py"])
