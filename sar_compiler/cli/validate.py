@@ -33,6 +33,9 @@ def add_validate(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--strict", action="store_true", help="count warnings as errors")
     parser.add_argument("--fix", action="store_true", help="fix obvious slips first, in the files")
     parser.add_argument(
+        "--all", action="store_true", help="as text and for GitHub, tell each place, and not each cause once"
+    )
+    parser.add_argument(
         "--format",
         choices=FORMATS,
         default=_TEXT,
@@ -54,7 +57,7 @@ def validate_files(arguments: argparse.Namespace) -> int:
     if arguments.fix:
         validation.mend()
     validation.look()
-    validation.print_for_tools()
+    validation.print_findings()
     counted = (Severity.ERROR, Severity.WARNING) if arguments.strict else (Severity.ERROR,)
     if validation.unreadable:
         return USAGE
@@ -76,6 +79,7 @@ class _Validation:
         self.findings: list[Diagnostic] = []
         self.unreadable = 0
         self._checked = 0
+        self._clean: list[Path] = []
         self._said: set[object] = set()
         self._fixable = 0
         self._stdin: bytes | None = None
@@ -173,9 +177,7 @@ class _Validation:
             self._report(found)
             self._count_fixable(tree)
             if self.arguments.format == _TEXT and not found and path not in self._found_in_folders:
-                print_text(f"{path}: no findings")
-        if self.arguments.format == _TEXT:
-            self._sum_up()
+                self._clean.append(path)
 
     def _report(self, findings: "Iterable[Diagnostic]") -> None:
         """Report findings, each once: a file may be included by several, or have trees that several use."""
@@ -186,8 +188,6 @@ class _Validation:
                 self._said.add(key)
                 new.append(finding)
         self.findings += new
-        if new and self.arguments.format == _TEXT:
-            print(findings_as_text(new, sys.stdout))
 
     def _count_fixable(self, tree: "LoadedTree") -> None:
         if self.arguments.format == _TEXT and any(finding.suggestion for finding in tree.findings):
@@ -195,26 +195,40 @@ class _Validation:
 
             self._fixable += len(fixes(tree.source, tree.tree_file, tree.findings))
 
-    def _sum_up(self) -> None:
+    @property
+    def _told(self) -> "Sequence[Diagnostic]":
+        """The findings as people are told them."""
+        from sar_compiler.views.causes import by_cause
+
+        return self.findings if self.arguments.all else by_cause(self.findings)
+
+    def _sum_up(self, told: "Sequence[Diagnostic]") -> None:
         """Print on standard error how much was found, unless there was only one file without findings."""
-        if not self.findings and self._checked <= 1:
+        if not told and self._checked <= 1:
             return
-        counts = Counter(
-            finding.severity.value for finding in self.findings if finding.code != "more-findings"
-        )
+        counts = Counter(finding.severity.value for finding in told if finding.code != "more-findings")
         listed = [_count(number, severity) for severity, number in sorted(counts.items(), key=_by_severity)]
         listed += (
             ["more that are not shown"] if any(each.code == "more-findings" for each in self.findings) else []
         )
         fixable = f"; {self._fixable:,} fixable with --fix" if self._fixable else ""
         found = ", ".join(listed) or "no findings"
+        more = len(self.findings) - len(told)
+        places = f"; --all tells {_count(len(self.findings), 'place')}" if more else ""
         sys.stdout.flush()
-        print(f"{found} in {_count(self._checked, 'file')}{fixable}", file=sys.stderr)
+        print(f"{found} in {_count(self._checked, 'file')}{fixable}{places}", file=sys.stderr)
 
-    def print_for_tools(self) -> None:
-        """Print everything at once, in the machine-readable formats."""
+    def print_findings(self) -> None:
+        """Print what was found."""
         form = self.arguments.format
-        if form == _JSON:
+        if form == _TEXT:
+            told = self._told
+            if told:
+                print(findings_as_text(told, sys.stdout))
+            for path in self._clean:
+                print_text(f"{path}: no findings")
+            self._sum_up(told)
+        elif form == _JSON:
             from sar_compiler.views.findings import findings_as_json
 
             print(findings_as_json(self.findings))
@@ -225,7 +239,7 @@ class _Validation:
         elif form == _GITHUB and self.findings:
             from sar_compiler.views.findings import findings_as_github
 
-            print(findings_as_github(self.findings))
+            print(findings_as_github(self._told))
 
     def _mended(self, tree: "LoadedTree") -> bool:
         """Apply all possible fixes to a file; return whether there were any."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from sar_compiler.errors import SarError
 from sar_compiler.tree.showing import in_one_line, shortened, visible
@@ -31,6 +31,18 @@ class Severity(str, Enum):
     INFO = "info"
 
 
+class Cause(NamedTuple):
+    """What findings with several messages come of: one thing to do about all of them.
+
+    Attributes:
+        text: What is wrong with all of their subjects, as the beginning of a sentence that lists them.
+        subject: What this finding is about: a name of the file.
+    """
+
+    text: str
+    subject: str
+
+
 @dataclass(frozen=True)
 class Diagnostic:
     """One finding.
@@ -43,6 +55,7 @@ class Diagnostic:
         suggestion: The text to put in its place, where that can be guessed.
         hint: What to do about it, in a few words, where there is no such text.
         severity: Its severity.
+        common_cause: What it comes of, if findings with other messages come of the same.
     """
 
     code: str
@@ -52,11 +65,17 @@ class Diagnostic:
     suggestion: str | None = None
     hint: str | None = None
     severity: Severity = Severity.ERROR
+    common_cause: Cause | None = None
 
     def __post_init__(self) -> None:
         # A value that is quoted may be as long as a file.
         object.__setattr__(self, "message", shortened(self.message))
         object.__setattr__(self, "hint", self.hint and shortened(self.hint))
+
+    @property
+    def cause(self) -> str:
+        """What it comes of, equal for all findings that come of the same."""
+        return f"{self.code}: {self.common_cause.text if self.common_cause else self.message}"
 
     @property
     def advice(self) -> str:

@@ -30,6 +30,7 @@ def _as_dict(finding: Diagnostic) -> dict[str, object]:
         "message": finding.message,
         "suggestion": finding.suggestion,
         "hint": finding.hint,
+        "cause": finding.cause,
     }
 
 

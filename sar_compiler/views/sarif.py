@@ -57,6 +57,7 @@ def _results(findings: Iterable[Diagnostic], codes: Sequence[str]) -> Iterable[d
             "level": _LEVELS[finding.severity],
             "message": {"text": f"{finding.message}\n{finding.advice}".rstrip()},
             "locations": [{"physicalLocation": location}],
+            "properties": {"cause": finding.cause},
         }
 
 

@@ -38,7 +38,7 @@ def test_findings_have_status_1_and_stand_on_standard_output(capsys, broken):
 
 def test_every_file_is_checked_whatever_the_others_hold(capsys, broken, tmp_path):
     other = shutil.copy(broken, tmp_path / "other.xml")
-    status, out, _ = run(capsys, "validate", broken, SHIPPED, str(other))
+    status, out, _ = run(capsys, "validate", "--all", broken, SHIPPED, str(other))
     assert status == 1
     assert out.count("unknown-node") == 2
     assert f"{SHIPPED}: no findings" in out
@@ -85,6 +85,7 @@ def test_json_has_the_fields_that_scripts_rely_on(capsys, broken):
             "message": "no node is called 'Sey'",
             "suggestion": None,
             "hint": "sar-compile nodes lists them; --nodes adds a module of leaves, --model a palette",
+            "cause": "unknown-node: no node is called 'Sey'",
         }
     ]
 

@@ -180,8 +180,8 @@ def test_each_file_is_looked_at_with_its_own_projects_palettes(folder, capsys):
     (folder / "one" / "sar.toml").write_text('models = ["../nodes.xml"]\n', encoding="utf-8")
     status, out, _ = run(capsys, "one/tree.xml", "two/tree.xml")
     assert status == 1
-    assert out.splitlines()[0] == "one/tree.xml: no findings"
-    assert out.splitlines()[1].startswith("two/tree.xml:3:1: error[unknown-node]")
+    assert out.splitlines()[0].startswith("two/tree.xml:3:1: error[unknown-node]")
+    assert out.splitlines()[-1] == "one/tree.xml: no findings"
 
 
 def test_the_include_path_of_a_project_is_allowed(folder, capsys):
