@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.journal.journal import Journal
-from sar_compiler.journal.journal_entries import Ending
+from sar_compiler.journal.journal_entries import FACTS_LOST, Ending
 from sar_compiler.missions.mission import Mission, MissionRun
 
 if TYPE_CHECKING:
@@ -55,9 +55,19 @@ class RunJournal:
             require_same_identity(self.journal, self._about)
             facts = len(self.journal.facts())
             self._node.get_logger().info(f"The mission in {self.journal.place} goes on after {facts} facts.")
+            self._tell_lost()
         if run is not None:
             self._run_about["facts"] = as_data(run.facts())
             run.keep_in(self.journal)
+
+    def _tell_lost(self) -> None:
+        if count := sum(
+            int(fact.data.get("count", 0)) for fact in self.journal.facts() if fact.kind == FACTS_LOST
+        ):
+            self._node.get_logger().warning(
+                f"{count} facts could not be written and are lost: what they tell of is done again, and the numbers that were "
+                "given until then are not given again."
+            )
 
     def describe(self, tree: CompiledTree, path: Path) -> None:
         """Take the tree that is run, and its file.
@@ -105,6 +115,7 @@ class RunJournal:
 
         self.journal.clock = RosClock(self._node)
         self.journal.on_failure = self._node.get_logger().error
+        self.journal.on_recovery = self._node.get_logger().info
         run_about = {"version": version("sar_compiler"), "node": self._node.get_fully_qualified_name()}
         self.journal.begin(self._about, {**run_about, **self._run_about})
         if self.journal.aside is not None:

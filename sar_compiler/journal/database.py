@@ -7,13 +7,14 @@ import os
 import sqlite3
 import stat
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from sar_compiler.journal.errors import JournalError, JournalPlaceError
 from sar_compiler.journal.journal_entries import RUN_BEGAN, RUN_ENDED, Ending, JournalEntry, JournalRun
+from sar_compiler.journal.reserve import SUFFIX, Kept, Reserve, Row, RunEnd, read_reserve
 
 VERSION = 2
 """The version of the schema that is written; others are refused."""
@@ -46,18 +47,16 @@ COMMIT;
 # How often, and how far apart, somebody else's look at the lock is waited for.
 _ATTEMPTS, _MOMENT_SEC = 10, 0.02
 
-_SIDECARS = ("-wal", "-shm")
+_SIDECARS = ("-wal", "-shm", SUFFIX)
 
-
-class Row(NamedTuple):
-    """An entry that is to be written; its number is the next one after those of facts and of what was watched."""
-
-    number: int
-    run: int
-    wall: float
-    time: float
-    kind: str
-    data: str
+# What lies beside a journal that is read, as if it were in it.
+_OVERLAY = """
+PRAGMA temp_store = MEMORY;
+CREATE TEMP TABLE kept AS SELECT * FROM main.fact WHERE 0;
+CREATE TEMP VIEW fact AS
+    SELECT * FROM main.fact UNION ALL SELECT * FROM temp.kept WHERE number NOT IN (SELECT number FROM main.fact);
+CREATE TEMP TABLE run AS SELECT * FROM main.run;
+"""
 
 
 class StreamMark(NamedTuple):
@@ -130,6 +129,39 @@ class JournalFile:
         # Not before it is known to be a journal: it changes the file.
         self.checked()
         self._connection.execute("PRAGMA journal_mode = WAL")
+        self._take_from(self._reserved())
+
+    def _reserved(self) -> Kept:
+        """Return what the reserve beside it has, if it is its own."""
+        kept = read_reserve(self.path)
+        began = self._connection.execute("SELECT min(began) FROM run").fetchone()[0]
+        return kept if kept.began == began else Kept()
+
+    def _take_from(self, kept: Kept) -> None:
+        """Write what an earlier run could not write any more."""
+        if kept.facts or kept.end:
+            known = {number for (number,) in self._connection.execute("SELECT number FROM fact")}
+            self.write((), [fact for fact in kept.facts if fact.number not in known], kept.end)
+
+    def _show(self, kept: Kept) -> "JournalFile":
+        """Let what lies beside it be read as if it were in it."""
+        if kept.facts or kept.end:
+            self._connection.executescript(_OVERLAY)
+            self._connection.executemany("INSERT INTO kept VALUES (?, ?, ?, ?, ?, ?)", kept.facts)
+            self._end_run(kept.end)
+        return self
+
+    def reserve(self) -> Reserve:
+        """Return its reserve, made if it is not there; from here on nobody's lock is waited for.
+
+        Raises:
+            JournalError: If it cannot be made.
+        """
+        with _readable(self.path):
+            reserve = Reserve(self.path)
+            self._connection.execute("PRAGMA busy_timeout = 0")
+            _sync_folder(self.path.parent)
+        return reserve
 
     @classmethod
     def read(cls, path: Path) -> "JournalFile":
@@ -144,7 +176,13 @@ class JournalFile:
             # there is not touched: the file may get another name just now, and another one its place.
             passive = "mode=ro&readonly_shm=1" if Path(f"{path}-shm").exists() else "mode=ro"
             uri = f"{path.absolute().as_uri()}?{passive if _is_used(path) else 'immutable=1'}"
-            return cls(path, _connected(uri, uri=True)).checked()
+            file = cls(path, _connected(uri, uri=True))
+            file.checked()
+            try:
+                return file._show(file._reserved())
+            except BaseException:
+                file.close()
+                raise
 
     def checked(self) -> "JournalFile":
         """Return it, once it is known to be a journal of this version; it is closed if it is not.
@@ -302,24 +340,22 @@ class JournalFile:
             )
         return int(added.lastrowid or 0)
 
-    def end_run(self, number: int, wall: float, ending: Ending, status: int, reason: str) -> None:
-        """Record how a run has ended."""
-        with self._transaction():
+    def write(self, watched: Iterable[Row], facts: Sequence[Row] = (), end: RunEnd | None = None) -> None:
+        """Write what was watched, and facts, and how a run has ended; facts and ends are on the disk when this returns.
+
+        Nothing is waited for: if somebody else has locked the file, or it cannot be written, nothing of it is.
+        """
+        with self._transaction(durable=bool(facts or end)):
+            self._connection.executemany("INSERT INTO watched VALUES (?, ?, ?, ?, ?, ?)", watched)
+            self._connection.executemany("INSERT INTO fact VALUES (?, ?, ?, ?, ?, ?)", facts)
+            self._end_run(end)
+
+    def _end_run(self, end: RunEnd | None) -> None:
+        if end is not None:
             self._connection.execute(
                 "UPDATE run SET ended = ?, ending = ?, status = ?, reason = ? WHERE number = ?",
-                (wall, ending.value, status, reason, number),
+                (end.wall, end.ending.value, end.status, end.reason, end.run),
             )
-
-    def write(self, watched: Iterable[Row], fact: Row | None = None) -> None:
-        """Write what was watched; and a fact, which is on the disk when this returns."""
-        with self._transaction(durable=fact is not None):
-            self._connection.executemany(
-                "INSERT INTO watched (number, run, wall, time, kind, data) VALUES (?, ?, ?, ?, ?, ?)", watched
-            )
-            if fact is not None:
-                self._connection.execute(
-                    "INSERT INTO fact (number, run, wall, time, kind, data) VALUES (?, ?, ?, ?, ?, ?)", fact
-                )
 
     @contextmanager
     def _transaction(self, *, durable: bool = True) -> Iterator[None]:

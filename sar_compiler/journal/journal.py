@@ -22,12 +22,16 @@ from sar_compiler.runtime.clock import Clock, WallClock
 from sar_compiler.runtime.context import mission_context
 
 if TYPE_CHECKING:
-    from sar_compiler.journal.database import JournalFile, Row
+    from sar_compiler.journal.database import JournalFile
+    from sar_compiler.journal.reserve import Kept, Reserve, Row, RunEnd
 
 Listener = Callable[[JournalEntry], object]
 
 # What is watched is written so often, in seconds of the steady clock: what a process that is killed may lose.
 _BATCH_SEC = 1.0
+
+# So much waits in memory while the file cannot be written: of each, the later ones are only counted.
+_MOST_FACTS, _MOST_WATCHED = 10_000, 20_000
 
 
 class SentGoal(NamedTuple):
@@ -60,7 +64,9 @@ class Journal:
     A leaf is handed the journal of its run if its constructor has a parameter of this type; as `Journal | None = None`
     it also works where no journal is kept. Everything belongs in the thread of the node's executor.
 
-    If the file cannot be written any more, the mission goes on without it: that is said once, in `on_failure`.
+    While the file cannot be written, because the disk is full or somebody has locked it, the mission goes on: what is to be written waits in
+    memory, facts also in the journal's `Reserve`, and writing is tried again with each fact and each second. It is said in `on_failure` when that
+    begins, and in `on_recovery` when it ends.
 
     Args:
         file: The file, open and locked; None for a journal that keeps nothing, such as the one to begin with in a
@@ -72,12 +78,14 @@ class Journal:
         aside: The name that the file has or will have, because it is another mission's.
         is_resumed: Whether the mission was begun by an earlier run.
         clock: The mission's clock.
-        on_failure: Called with a sentence when the file can no longer be written, or a listener has raised.
+        on_failure: Called with a sentence when the file cannot be written, or a listener has raised.
+        on_recovery: Called with a sentence when the file can be written again.
     """
 
     def __init__(self, file: "JournalFile | None" = None, aside: Path | None = None) -> None:
         self.clock: Clock = WallClock()
         self.on_failure: Callable[[str], object] = lambda _: None
+        self.on_recovery: Callable[[str], object] = lambda _: None
         self._file = file
         self.aside = aside
         known = file if aside is None else None
@@ -87,11 +95,19 @@ class Journal:
         self._has_begun = self.is_resumed
         # The last entry's, of facts and of what is watched; the system's clock may be set, and orders nothing.
         self._number = known.last_number() if known is not None else 0
-        # The number of the run, also where no file is written, or can be written any more.
+        # The number of the run, also where no file is written.
         self._run = 1
         self._is_written = False
+        self._reserve: Reserve | None = None
+        self._numbers: dict[str, int] = {}
+        # What is to be written, and since when the oldest of what was watched waits, or when it was tried last.
+        self._watched: list[Row] = []
         self._pending: list[Row] = []
+        self._end: RunEnd | None = None
         self._pending_since = 0.0
+        self._is_failing = False
+        self._left_out = 0
+        self._began = 0.0
         self._listeners: list[Listener] = []
         self._told = 0
 
@@ -167,6 +183,7 @@ class Journal:
         from sqlite3 import Error
 
         from sar_compiler.journal.database import JournalFile
+        from sar_compiler.journal.reserve import Kept
 
         if self.aside is not None:
             file.move(self.aside)
@@ -176,6 +193,9 @@ class Journal:
         except Error as error:
             message = f"the journal {self.place} cannot be written: {error}"
             raise JournalError(message) from error
+        self._began = file.runs()[0].began
+        self._reserve = file.reserve()
+        self._reserve.keep(Kept(self._began), {})
 
     def note(self, kind: str, /, **data: object) -> None:
         """Write a fact down; it is on the disk when this returns, and only then may the world be told.
@@ -188,8 +208,18 @@ class Journal:
             TypeError: If a value is no JSON value.
         """
         if self._is_written:
-            self._write(self._row(kind, data))
+            self._pending.append(self._row(kind, data))
+            self._write()
         self._tell(kind, data)
+
+    def keep_number(self, kind: str, number: int) -> None:
+        """Remember the highest number that was given to something, such as a name: where facts are lost, the next run goes on above it.
+
+        Args:
+            kind: What is numbered.
+            number: The number.
+        """
+        self._numbers[kind] = max(number, self._numbers.get(kind, 0))
 
     def watch(self, kind: str, /, **data: object) -> None:
         """Write down what was seen: later, with others; it may be lost when the process is killed.
@@ -202,15 +232,19 @@ class Journal:
             TypeError: If a value is no JSON value.
         """
         if self._is_written:
-            if not self._pending:
+            if not self._watched and not self._is_failing:
                 self._pending_since = time.monotonic()
-            self._pending.append(self._row(kind, data))
+            row = self._row(kind, data)
+            if len(self._watched) < _MOST_WATCHED:
+                self._watched.append(row)
+            else:
+                self._left_out += 1
             self.write_when_due()
         self._tell(kind, data)
 
     def write_when_due(self) -> None:
-        """Write what was watched, if the oldest of it is a second old."""
-        if self._pending and time.monotonic() - self._pending_since >= _BATCH_SEC:
+        """Write what waits, if the oldest of what was watched is a second old, or the last attempt has failed a second ago."""
+        if (self._watched or self._is_failing) and time.monotonic() - self._pending_since >= _BATCH_SEC:
             self._write()
 
     def end(self, ending: Ending, status: int, reason: str = "") -> None:
@@ -221,20 +255,25 @@ class Journal:
             status: The exit status.
             reason: The reason in a sentence.
         """
-        self._write()
-        file, run = self._file, self._run
-        if file is not None and self._is_written:
-            self._try(lambda: file.end_run(run, time.time(), ending, status, reason))
+        if self._is_written:
+            from sar_compiler.journal.reserve import RunEnd
+
+            self._end = RunEnd(self._run, time.time(), ending, status, reason)
+            self._write()
         self._tell(RUN_ENDED, {"ending": ending.value, "status": status, "reason": reason})
 
     def close(self) -> None:
         """Write what is left to be written, and close the file; one in which nothing has begun is removed."""
         self._write()
+        if self._is_failing:
+            self.on_failure(f"What the journal {self.place} lacks is beside it, and belongs to it.")
+        if self._reserve is not None:
+            self._reserve.close(is_needed=self._is_failing)
         if self._file is not None and (self._has_begun or self.aside is not None):
             self._file.close()
         elif self._file is not None:
             self._file.remove()
-        self._file, self._is_written = None, False
+        self._file, self._reserve, self._is_written = None, None, False
 
     def _tell(self, kind: str, data: Mapping[str, object]) -> None:
         if self._listeners:
@@ -251,26 +290,65 @@ class Journal:
                     self.on_failure(f"One who watches the mission has failed and watches no more: {error!r}.")
 
     def _row(self, kind: str, data: Mapping[str, object]) -> "Row":
-        from sar_compiler.journal.database import Row
+        from sar_compiler.journal.reserve import Row
 
         self._number += 1
         return Row(self._number, self._run, time.time(), self.clock.now(), kind, json.dumps(data))
 
-    def _write(self, fact: "Row | None" = None) -> None:
-        pending, self._pending = self._pending, []
+    def _write(self) -> None:
         file = self._file if self._is_written else None
-        if file is not None and (pending or fact is not None):
-            self._try(lambda: file.write(pending, fact))
-
-    def _try(self, write: Callable[[], object]) -> None:
+        if file is None or not (self._watched or self._pending or self._end):
+            return
         from sqlite3 import Error
 
         try:
-            write()
+            file.write(self._watched, self._pending, self._end)
         except Error as error:
-            # A full disk is no reason to leave people unsearched.
-            self._is_written = False
-            self.on_failure(
-                f"The journal {self.place} cannot be written any more ({error}): the mission goes on without it, and "
-                "cannot be resumed from here."
-            )
+            self._wait(error)
+        else:
+            self._watched, self._pending, self._end = [], [], None
+            self._recover()
+
+    def _wait(self, error: Exception) -> None:
+        # A full disk is no reason to leave people unsearched.
+        from sar_compiler.journal.reserve import Kept, lost
+
+        self._pending_since = time.monotonic()
+        if len(self._pending) > _MOST_FACTS:
+            self._pending[_MOST_FACTS - 1 :] = [lost(self._pending[_MOST_FACTS - 1 :], self._numbers)]
+        had_reserve = self._reserve is not None
+        self._keep(Kept(self._began, self._pending, self._end))
+        if self._is_failing and (self._reserve is not None or not had_reserve):
+            return
+        self._is_failing = True
+        beside = (
+            "facts are kept beside it"
+            if self._reserve
+            else "until then the mission cannot be resumed from here"
+        )
+        self.on_failure(
+            f"The journal {self.place} cannot be written ({error}): the mission goes on, writing is tried again each "
+            f"second, and {beside}."
+        )
+
+    def _keep(self, kept: "Kept") -> None:
+        """Put facts into the reserve; give that up if it cannot be done, either."""
+        if self._reserve is not None:
+            try:
+                self._reserve.keep(kept, self._numbers)
+            except OSError:
+                self._reserve.close(is_needed=True)
+                self._reserve = None
+
+    def _recover(self) -> None:
+        if not self._is_failing:
+            return
+        from sar_compiler.journal.reserve import Kept
+
+        self._is_failing = False
+        self._keep(Kept(self._began))
+        without = f", without {self._left_out} entries of what was watched" if self._left_out else ""
+        self._left_out = 0
+        self.on_recovery(
+            f"The journal {self.place} is written again, and has what has happened meanwhile{without}."
+        )

@@ -8,6 +8,9 @@ from typing import Any, NamedTuple
 GOAL_SENT, GOAL_ENDED = "goal_sent", "goal_ended"
 """Kinds that belong to the leaves that send goals; a mission has others."""
 
+FACTS_LOST = "facts_lost"
+"""The kind of a fact that stands for others, which could not be written: their `count`, and the `numbers` given until then."""
+
 RUN_BEGAN, RUN_ENDED = "run_began", "run_ended"
 """Kinds that a stream has beside facts and what was watched: what the mission is, with `run`, what the run has of its own;
 `ending`, `status` and `reason`."""

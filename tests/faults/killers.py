@@ -8,13 +8,13 @@ from sar_compiler.journal.database import JournalFile
 dies_at, written = int(sys.argv[1]), sys.argv[2] == "written"
 write, facts = JournalFile.write, 0
 
-def write_or_die(self, watched, fact=None):
+def write_or_die(self, watched, noted=(), end=None):
     global facts
-    facts += fact is not None
-    dies = fact is not None and facts == dies_at
+    facts += len(noted)
+    dies = bool(noted) and facts == dies_at
     if dies and not written:
         os.kill(os.getpid(), signal.SIGKILL)
-    write(self, watched, fact)
+    write(self, watched, noted, end)
     if dies:
         os.kill(os.getpid(), signal.SIGKILL)
 

@@ -1,7 +1,10 @@
 """Missions that die, in this process."""
 
 from collections import Counter
+from contextlib import nullcontext
 from typing import Any
+
+from tests.full_disk import full_disk
 
 ONCE = ("zone_searched", "survivor_named", "report_acknowledged", "zone_visited")
 """The facts of which there is one for each zone, or each survivor."""
@@ -29,6 +32,7 @@ class Mortal:
         mission: The run of the mission in this life.
         left: The goals of earlier lives.
         facts: How many facts this life has written.
+        full_from: The number of the fact from which on the disk is full in this life; None if it is not.
     """
 
     def __init__(self, ros, place, tree, zones=None, survivors=SURVIVORS):
@@ -42,6 +46,7 @@ class Mortal:
         self.report = self.stage.report_service(acknowledged=True)
         self.place, self.tree = place, tree
         self.facts = 0
+        self.full_from: int | None = None
         self.journal: Any = None
         self.mission: Any = None
         self.left: Any = None
@@ -130,6 +135,7 @@ class Mortal:
     def die(self):
         """Leave everything as SIGKILL does."""
         self.journal._file.close()
+        self.journal._reserve.close(is_needed=True)
         self.stage.renew_node()
 
     def die_at(self, number, *, written):
@@ -140,13 +146,18 @@ class Mortal:
             written: Whether it is written before that.
         """
         write, self.facts = self.journal._file.write, 0
+        seen: set[int] = set()
 
-        def write_or_die(watched, fact=None):
-            self.facts += fact is not None
-            dies = fact is not None and self.facts == number
+        def write_or_die(watched, facts=(), end=None):
+            new = {fact.number for fact in facts} - seen  # those that could not be written come again
+            seen.update(new)
+            self.facts += len(new)
+            dies = bool(new) and self.facts == number
             if dies and not written:
                 raise Death
-            write(watched, fact)
+            is_full = self.full_from is not None and self.facts >= self.full_from
+            with full_disk() if is_full else nullcontext():
+                write(watched, facts, end)
             if dies:
                 raise Death
 

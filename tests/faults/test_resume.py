@@ -84,6 +84,35 @@ def test_a_mission_that_dies_again_and_again_gets_to_its_end(mortal, tree):
     assert mission.outcome() == undisturbed.outcome()
 
 
+@pytest.mark.parametrize("tree", TREES)
+def test_a_mission_that_dies_while_its_disk_is_full_ends_as_one_that_does_not(mortal, tree):
+    undisturbed = mortal(tree)
+    undisturbed.live()
+    mission = mortal(tree)
+    mission.full_from = 3  # zone_a is being searched
+    assert not mission.live(undisturbed.facts - 3)
+    mission.full_from = None
+    assert mission.live()
+    assert mission.outcome() == undisturbed.outcome()
+    assert {key: count for key, count in kinds(mission.place).items() if count > 1 and key[0] in ONCE} == {}
+
+
+def test_where_facts_are_lost_nobody_has_the_name_that_somebody_else_was_reported_under(mortal, monkeypatch):
+    from sar_compiler.journal import reserve
+
+    monkeypatch.setattr(reserve, "_SLOT_BYTES", 330)
+    mission = mortal("search_and_rescue")
+    mission.full_from = 3
+    assert not mission.live(9)
+    assert kinds(mission.place)["facts_lost", None] == 1
+    (before,) = {each.survivor_id for each in mission.report.requests}
+    assert before == "survivor_1"
+    mission.full_from = None
+    assert mission.live()
+    assert {name for name, *_ in mission.told()} == {"survivor_1", "survivor_2", "survivor_3"}
+    assert [survivor.survivor_id for survivor in mission.record.survivors] == ["survivor_2", "survivor_3"]
+
+
 def test_a_goal_that_was_left_active_is_cancelled_before_another_is_sent(mortal):
     mission = mortal("search_and_rescue")
     mission.nav.script = []

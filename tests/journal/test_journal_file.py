@@ -13,9 +13,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sar_compiler.journal.database import VERSION, JournalFile, Row, is_locked
+from sar_compiler.journal.database import VERSION, JournalFile, is_locked
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal_entries import Ending
+from sar_compiler.journal.reserve import Row, RunEnd
 from sar_compiler.views.journals import journal_data, journal_text
 
 NUMBERS = itertools.count(1)
@@ -35,8 +36,8 @@ def written(place):
     """A journal with a run that is over, a fact, and something that was watched."""
     file = JournalFile.create(place)
     run = file.begin_run({"mission": "patrol", "tree": {"name": "Root"}}, {"pid": 1, "time": 0.5}, 9.0)
-    file.write([fact("pose", '{"x": 1.0}')], fact("zone_visited", '{"zone": "zone_a"}'))
-    file.end_run(run, 11.0, Ending.OVER, 0, "Mission complete.")
+    file.write([fact("pose", '{"x": 1.0}')], [fact("zone_visited", '{"zone": "zone_a"}')])
+    file.write((), (), RunEnd(run, 11.0, Ending.OVER, 0, "Mission complete."))
     file.close()
     return place
 
@@ -70,7 +71,7 @@ def test_what_is_written_is_read(written):
 def test_a_fact_is_on_the_disk_when_it_is_written(place):
     file = JournalFile.create(place)
     file.begin_run({}, {}, 0.0)
-    file.write([], fact("first"))
+    file.write([], [fact("first")])
     # As another process sees it, while this one still has it open.
     assert [each["kind"] for each in read(place)["facts"]] == ["first"]
     assert file._connection.execute("PRAGMA synchronous").fetchone() == (2,)
@@ -195,7 +196,7 @@ def test_a_file_that_is_not_there_cannot_be_read(place):
 
 def test_a_journal_is_put_aside_with_all_that_is_in_it(written, tmp_path):
     file = JournalFile.open(written)
-    file.write([], fact("late"))
+    file.write([], [fact("late")])
     reader = JournalFile.read(written)  # so that SQLite leaves its log beside the file
     file.move(tmp_path / "aside.journal")
     reader.close()
@@ -220,7 +221,7 @@ def test_a_damaged_journal_is_told_or_refused_in_words(tmp_path_factory, data):
     file = JournalFile.create(place)
     file.begin_run({"mission": "patrol", "tree": {"name": "Root", "children": []}}, {"time": 0.0}, 9.0)
     for number in range(20):
-        file.write([fact("pose", '{"x": 1.0}')], fact("zone_visited", f'{{"zone": "zone_{number}"}}'))
+        file.write([fact("pose", '{"x": 1.0}')], [fact("zone_visited", f'{{"zone": "zone_{number}"}}')])
     file.close()
     content = bytearray(place.read_bytes())
     for _ in range(data.draw(st.integers(1, 8))):

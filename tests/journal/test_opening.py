@@ -208,27 +208,6 @@ def test_a_value_that_is_no_json_is_the_callers_mistake(place):
     journal.close()
 
 
-def test_a_full_disk_is_said_once_and_the_mission_goes_on(place):
-    journal = open_journal(place)
-    said: list[str] = []
-    journal.on_failure = said.append
-    journal.begin({"mission": "patrol"}, {})
-    journal.note("first")
-    assert journal._file is not None
-    pages = journal._file._connection.execute("PRAGMA page_count").fetchone()[0]
-    journal._file._connection.execute(f"PRAGMA max_page_count = {pages}")
-    for _ in range(5):
-        journal.note("much", text="x" * 10_000)
-        journal.watch("much", text="x" * 10_000)
-    journal.end(Ending.OVER, 0)
-    journal.close()
-    assert len(said) == 1
-    assert "database or disk is full): the mission goes on without it" in said[0]
-    again = open_journal(place, resume=True)
-    assert kinds(again) == ["first"]
-    again.close()
-
-
 def test_after_a_full_disk_what_is_told_is_of_the_same_run_still(place):
     leave(place, Ending.STOPPED)
     journal = open_journal(place, resume=True)

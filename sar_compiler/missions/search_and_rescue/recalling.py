@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from sar_compiler.journal.errors import JournalError
-from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.journal_entries import FACTS_LOST, JournalEntry
 from sar_compiler.missions.search_and_rescue.kept_reports import KeptReports, SurvivorReport
 from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
 from sar_compiler.missions.search_and_rescue.record import MissionRecord, Standing
@@ -56,7 +56,11 @@ class _Recollection:
             "base_reached": self._base_reached,
             "alarmed": record.alarmed,
             "operator_ordered": self._operator_ordered,
+            FACTS_LOST: self._facts_lost,
         }
+
+    def _facts_lost(self, numbers: Mapping[str, int], **_count: object) -> None:
+        self._zones.survivor_ids_given(int(numbers.get("survivor", 0)))
 
     def _zone_added(self, id: str, x: float, y: float, yaw: float) -> None:  # noqa: A002 - as a zone has it
         self._zones.add(Zone(id=id, x=float(x), y=float(y), yaw=float(yaw)))

@@ -130,6 +130,7 @@ class ZoneManager:
     def next_survivor_id(self) -> str:
         """Return a new name for a survivor, unique in this mission (`survivor_1`, `survivor_2`, …)."""
         self._survivors += 1
+        self.journal.keep_number("survivor", self._survivors)
         return f"survivor_{self._survivors}"
 
     def survivor_ids_given(self, count: int) -> None:

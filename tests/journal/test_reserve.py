@@ -1,0 +1,289 @@
+"""What becomes of a mission's facts while its journal cannot be written."""
+
+import json
+import os
+import sqlite3
+import time
+import zlib
+from contextlib import closing
+from typing import Any, cast
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sar_compiler.journal import journal as journals
+from sar_compiler.journal import reserve as reserves
+from sar_compiler.journal.database import JournalFile
+from sar_compiler.journal.errors import JournalError
+from sar_compiler.journal.following import JournalFollower
+from sar_compiler.journal.journal_entries import FACTS_LOST, Ending
+from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.reserve import Kept, Reserve, Row, read_reserve
+from sar_compiler.views.journals import journal_data
+from tests.full_disk import full_disk
+
+
+@pytest.fixture
+def place(tmp_path):
+    return tmp_path / "mission.journal"
+
+
+class Mission:
+    """A mission with a journal, whose disk can be full.
+
+    Attributes:
+        said: What it has said of the journal.
+    """
+
+    def __init__(self, place, **options):
+        self.said: list[str] = []
+        self.journal = open_journal(place, **options)
+        self.journal.on_failure = self.journal.on_recovery = self.said.append
+        self.journal.begin({"mission": "patrol"}, {})
+        self.file = cast("Any", self.journal._file)
+        self._write = self.file.write
+        self.full = False
+        self.file.write = self._written
+
+    def _written(self, *rows):
+        if not self.full:
+            return self._write(*rows)
+        with full_disk():
+            return self._write(*rows)
+
+    def die(self):
+        """Leave everything as SIGKILL does."""
+        self.file.close()
+        assert self.journal._reserve is not None
+        os.close(self.journal._reserve._descriptor)
+
+
+def read(place):
+    with closing(JournalFile.read(place)) as file:
+        return journal_data(file, with_watched=True)
+
+
+def kinds(place, which="facts"):
+    return [fact["kind"] for fact in read(place)[which]]
+
+
+def resume(place):
+    journal = open_journal(place, resume=True)
+    found = [fact.kind for fact in journal.facts()]
+    journal.close()
+    return found
+
+
+def test_what_a_full_disk_has_kept_from_the_journal_is_written_in_its_order_once_there_is_room(place):
+    mission = Mission(place)
+    mission.journal.note("first")
+    mission.full = True
+    mission.journal.note("second")
+    mission.journal.watch("pose", x=1.0)
+    mission.journal.note("third")
+    mission.full = False
+    mission.journal.note("fourth")
+    mission.journal.end(Ending.OVER, 0)
+    mission.journal.close()
+    assert kinds(place) == ["first", "second", "third", "fourth"]
+    assert [fact["number"] for fact in read(place)["facts"]] == [1, 2, 4, 5]
+    assert kinds(place, "watched") == ["pose"]
+    assert len(mission.said) == 2
+    assert "cannot be written (" in mission.said[0]
+    assert (
+        "the mission goes on, writing is tried again each second, and facts are kept beside it"
+        in mission.said[0]
+    )
+    assert "is written again, and has what has happened meanwhile." in mission.said[1]
+    assert [path.name for path in place.parent.iterdir()] == [place.name]
+
+
+def test_writing_is_tried_again_each_second_though_nothing_happens(place, monkeypatch):
+    mission = Mission(place)
+    mission.full = True
+    mission.journal.note("first")
+    mission.full = False
+    mission.journal.write_when_due()
+    assert len(mission.said) == 1
+    now = time.monotonic()
+    monkeypatch.setattr("time.monotonic", lambda: now + 1.0)
+    mission.journal.write_when_due()
+    assert len(mission.said) == 2
+    mission.journal.close()
+
+
+def test_a_mission_killed_while_its_disk_was_full_is_resumed_with_all_of_its_facts(place):
+    mission = Mission(place)
+    mission.journal.note("first")
+    mission.full = True
+    for number in range(200):
+        mission.journal.note(f"fact_{number}", zone="zone_a", x=1.25)
+    mission.die()
+    expected = ["first", *(f"fact_{number}" for number in range(200))]
+    assert kinds(place) == expected
+    assert resume(place) == expected
+    with sqlite3.connect(place) as base:
+        assert base.execute("SELECT count(*) FROM fact").fetchone() == (201,)
+    base.close()
+
+
+def test_a_mission_that_was_over_while_its_disk_was_full_is_over(place):
+    mission = Mission(place)
+    mission.full = True
+    mission.journal.note("base_reached")
+    mission.journal.end(Ending.OVER, 0, "Mission complete.")
+    mission.journal.close()
+    assert "lacks is beside it, and belongs to it" in mission.said[-1]
+    assert read(place)["state"] == "over"
+    assert kinds(place) == ["base_reached"]
+    with pytest.raises(JournalError, match="is over"):
+        open_journal(place, resume=True)
+    open_journal(place).close()
+    aside = Mission(place)
+    aside.journal.close()
+    moved = next(
+        path
+        for path in place.parent.iterdir()
+        if path.name.startswith("mission.2") and path.suffix == ".journal"
+    )
+    assert kinds(moved) == ["base_reached"]
+
+
+def test_a_lock_of_somebody_else_holds_up_no_fact_and_loses_none(place):
+    mission = Mission(place)
+    other = sqlite3.connect(place, isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
+    assert mission.file._connection.execute("PRAGMA busy_timeout").fetchone() == (0,)
+    mission.journal.note("first")
+    assert "database is locked" in mission.said[0]
+    with closing(JournalFile.read(place)) as file:
+        assert [fact.kind for fact in file.facts()] == ["first"]
+    other.execute("COMMIT")
+    other.close()
+    mission.journal.note("second")
+    mission.journal.close()
+    assert kinds(place) == ["first", "second"]
+
+
+def test_who_follows_a_journal_is_told_of_each_fact_once_and_while_it_cannot_be_written(place):
+    mission = Mission(place)
+    follower = JournalFollower(place)
+    mission.full = True
+    mission.journal.note("first")
+    assert [entry.kind for entry in follower.news()] == ["run_began", "first"]
+    mission.full = False
+    mission.journal.note("second")
+    assert [entry.kind for entry in follower.news()] == ["second"]
+    mission.journal.close()
+
+
+def test_of_more_facts_than_there_is_room_for_the_next_run_knows_how_many_and_the_numbers_given(place):
+    mission = Mission(place)
+    mission.journal.keep_number("survivor", 7)
+    mission.full = True
+    for _ in range(50):
+        mission.journal.note("much", text="x" * 5_000)
+    mission.die()
+    *kept, last = read(place)["facts"]
+    assert {fact["kind"] for fact in kept} == {"much"}
+    assert last["kind"] == FACTS_LOST
+    assert last["data"] == {"count": 50 - len(kept), "numbers": {"survivor": 7}}
+    assert resume(place)[-1] == FACTS_LOST
+
+
+def test_what_waits_in_memory_is_bounded_and_what_was_left_out_is_said(place, monkeypatch):
+    monkeypatch.setattr(journals, "_MOST_FACTS", 10)
+    monkeypatch.setattr(journals, "_MOST_WATCHED", 5)
+    mission = Mission(place)
+    mission.full = True
+    for _ in range(30):
+        mission.journal.note("fact")
+        mission.journal.watch("pose")
+    assert len(mission.journal._pending) == 10
+    mission.full = False
+    mission.journal.close()
+    assert kinds(place) == ["fact"] * 9 + [FACTS_LOST]
+    assert read(place)["facts"][-1]["data"] == {"count": 21, "numbers": {}}
+    assert len(kinds(place, "watched")) == 5
+    assert "without 25 entries of what was watched" in mission.said[-1]
+
+
+def test_where_nothing_can_be_kept_beside_it_either_that_is_said(place):
+    mission = Mission(place)
+    mission.full = True
+    with full_disk():
+        mission.journal.note("first")
+        mission.journal.note("second")
+    assert len(mission.said) == 1
+    assert "until then the mission cannot be resumed from here" in mission.said[0]
+    mission.full = False
+    mission.journal.close()
+    assert kinds(place) == ["first", "second"]
+
+
+def test_the_reserve_of_another_journal_is_left_alone(place):
+    mission = Mission(place)
+    mission.full = True
+    mission.journal.note("first")
+    mission.die()
+    for ending in ("", "-wal", "-shm"):
+        place.with_name(place.name + ending).unlink(missing_ok=True)
+    other = Mission(place)
+    other.journal.note("mine")
+    other.die()
+    assert resume(place) == ["mine"]
+
+
+def fact(number, data="{}"):
+    return Row(number, 1, 10.0, 1.5, "fact", data)
+
+
+@given(st.lists(st.integers(0, 400), max_size=6), st.integers(0, 70_000))
+def test_whoever_dies_while_the_reserve_is_written_leaves_what_was_in_it_or_what_is(
+    tmp_path_factory, counts, torn
+):
+    place = tmp_path_factory.mktemp("reserve") / "mission.journal"
+    reserve = Reserve(place)
+    size = reserve.path.stat().st_size
+    before = Kept()
+    for count in counts:
+        before = Kept(1.0, [fact(number, json.dumps({"x": number})) for number in range(count)])
+        reserve.keep(before, {})
+    old = reserve.path.read_bytes()
+    after = Kept(1.0, [fact(9)])
+    reserve.keep(after, {})
+    new = reserve.path.read_bytes()
+    assert read_reserve(place) == after
+    first = next(index for index in range(size) if old[index] != new[index])
+    reserve.path.write_bytes(new[: first + torn] + old[first + torn :])
+    assert reserve.path.stat().st_size == size
+    assert read_reserve(place) in (before, after)
+    reserve.close(is_needed=False)
+
+
+@pytest.mark.parametrize(
+    "content", ["not json", '{"began": 1.0}', '{"began": 1.0, "facts": [[1]], "end": null}']
+)
+def test_a_damaged_reserve_is_refused_in_words(place, content):
+    mission = Mission(place)
+    mission.die()
+    reserve = Reserve(place)
+    reserves._write(reserve._descriptor, b"", 0)
+    body = f"{len(content):10}{99:20}".encode() + content.encode()
+    reserves._write(reserve._descriptor, f"{zlib.crc32(body):10}".encode() + body, 0)
+    reserve.close(is_needed=True)
+    for opened in (JournalFile.read, JournalFile.open):
+        with pytest.raises(
+            JournalError, match=r"mission.journal-reserve is damaged \(.*move it away to go without"
+        ):
+            opened(place)
+
+
+def test_a_reserve_that_is_no_file_is_refused_at_once(place):
+    Mission(place).die()
+    reserve = place.with_name(place.name + reserves.SUFFIX)
+    reserve.unlink()
+    os.mkfifo(reserve)
+    with pytest.raises(JournalError, match="is no file, but a folder, a device or a pipe"):
+        JournalFile.read(place)
