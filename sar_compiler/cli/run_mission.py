@@ -352,7 +352,12 @@ class _TreeRun:
             types = declared_types(tree.root)
             left = self.journal.left_goals()
             readiness = Readiness(
-                self.node, tree.uses(), initial_pose=start, first=(*left, self._sole), types=types
+                self.node,
+                tree.uses(),
+                initial_pose=start,
+                begins_anew=self.simulation is not None,
+                first=(*left, self._sole),
+                types=types,
             )
         try:
             wait_until_ready(executor, readiness, self.parameters.startup_timeout_sec, lambda: self._over)

@@ -14,6 +14,7 @@ from sar_compiler.ros.requirements import (
     ClockRuns,
     InitialPose,
     Localised,
+    MisplacedRobotError,
     NavigatorActive,
     NodeActive,
     OneServer,
@@ -56,6 +57,7 @@ class Readiness:
         uses: The resources that the tree's leaves use, with resolved names; may contain duplicates.
         initial_pose: The initial pose for the localisation, if Nav2 is used: x, y (m), yaw (rad) in the
             frame `map`; None to send none and not to wait for it.
+        begins_anew: Whether the localisation is known to have no pose yet.
         types: The types that actions, services and topics must have; those without one may have any.
         first: Requirements of the caller, who also closes them, to look at before all others.
     """
@@ -66,6 +68,7 @@ class Readiness:
         uses: Iterable[Use],
         *,
         initial_pose: InitialPose | None,
+        begins_anew: bool = False,
         types: Mapping[Use, str] | None = None,
         first: Iterable[Requirement] = (),
     ) -> None:
@@ -77,7 +80,7 @@ class Readiness:
             self._requirements.append(ClockRuns(node))
         if self.uses_nav2:
             if initial_pose is not None:
-                self._requirements.append(Localised(node, initial_pose))
+                self._requirements.append(Localised(node, initial_pose, begins_anew=begins_anew))
             localizer, navigator = NAV2_NODES
             self._requirements += [NodeActive(node, localizer), NavigatorActive(node, navigator)]
         for use in self._uses:
@@ -135,8 +138,8 @@ def wait_until_ready(
         should_stop: Returns whether to stop waiting; the function then just returns.
 
     Raises:
-        NotReadyError: If the time is over, or if two servers share a name for longer than a killed
-            server remains visible.
+        NotReadyError: If the time is over, if two servers share a name for longer than a killed
+            server remains visible, or if the robot is not where the mission is said to begin.
     """
     start = time.monotonic()
     told, contested_since = start, None
@@ -157,6 +160,8 @@ def wait_until_ready(
                 logger.info(_waiting_line(readiness))
             if not _spin_for(executor, min(_TURN_SEC, timeout_sec)):
                 return
+    except MisplacedRobotError as error:
+        raise NotReadyError([str(error)], None) from error
     finally:
         readiness.close()
 

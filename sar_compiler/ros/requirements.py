@@ -14,12 +14,18 @@ from rclpy.qos import QoSProfile
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
+from sar_compiler.errors import SarError
 from sar_compiler.ros.poses import estimated_pose, turn_by
+from sar_compiler.ros.robot_estimate import robot_estimate
 
 InitialPose = tuple[float, float, float]
 """x and y in metres, yaw in radians."""
 
 _INITIAL_POSE_PERIOD_SEC = 1.0
+# How long a localisation is listened to before it is told a pose: twice what half of the participants take to meet.
+_LISTEN_SEC = 1.0
+# A pose that is this near to the initial one is the same, metres and radians.
+_AGREES_M, _AGREES_RAD = 0.5, 0.5
 _ASK_PERIOD_SEC = 0.5
 _ANSWER_DEADLINE_SEC = 2.0
 
@@ -121,38 +127,65 @@ class ClockRuns(Requirement):
         return None if came else "use_sim_time is set and no /clock has come"
 
 
-class Localised(Requirement):
-    """A localisation that must have accepted the initial pose.
+class MisplacedRobotError(SarError):
+    """A localised robot that a mission would tell another pose.
 
-    The pose is published until an answer arrives. The subscription excludes earlier answers: an old pose,
-    kept by the publisher for late subscribers, does not confirm this one.
+    Attributes:
+        place: Where it is by its localisation: x, y (m) and yaw (rad), frame `map`; None if it has one, and does not say which.
+        pose: Where the mission begins.
+    """
+
+    def __init__(self, place: InitialPose | None, pose: InitialPose) -> None:
+        self.place, self.pose = place, pose
+        start = f"initial_pose ({pose[0]:.2f}, {pose[1]:.2f})"
+        where, value = "knows where the robot is, by its transforms", ""
+        if place is not None:
+            far = math.dist(place[:2], pose[:2])
+            where = f"has the robot at ({place[0]:.2f}, {place[1]:.2f}), {far:.2f} m from {start}"
+            value = f"-p initial_pose.x:={place[0]:.2f} -p initial_pose.y:={place[1]:.2f}, or "
+        super().__init__(
+            f"the localisation {where}: it is not told another pose. Go on with the mission that was interrupted "
+            f"(--resume), drive home first, or say where the robot is ({value}-p set_initial_pose:=false to begin where "
+            f"it stands; where the localisation is wrong, in RViz: 2D Pose Estimate)"
+        )
+
+
+class Localised(Requirement):
+    """A localisation that must have a pose, the initial one unless it has another already.
+
+    A localisation that has a pose is told another one only if that is nearly the same; far from it the start is refused. The
+    pose is published until an answer arrives: an old pose, kept by the publisher for late subscribers, does not confirm this one.
 
     Args:
         node: The node to publish with.
         pose: The robot's pose, in the frame `map`.
+        begins_anew: Whether the localisation is known to have none, as that of a simulation that has just begun.
     """
 
-    def __init__(self, node: Node, pose: InitialPose) -> None:
+    def __init__(self, node: Node, pose: InitialPose, *, begins_anew: bool = False) -> None:
         self._node = node
         self._pose = pose
+        self._robot = robot_estimate(node)
+        self._heard_of_at = -math.inf if begins_anew else math.inf
         self._sent_at = -math.inf
         self._answered = False
         self._answers, self._poses = (
             with_full_name(topic, node.resolve_topic_name(topic)) for topic in ("amcl_pose", "initialpose")
         )
         self._publisher = node.create_publisher(PoseWithCovarianceStamped, "initialpose", QoSProfile(depth=1))
-        # QoSProfile is reliable and volatile unless it is told otherwise.
-        self._subscription = node.create_subscription(
-            PoseWithCovarianceStamped, "amcl_pose", self._on_answer, QoSProfile(depth=10)
-        )
 
     def missing(self) -> str | None:
-        """Publish the pose if it is due, and describe a missing answer; None once there is one."""
+        """Publish the pose if it is due, and describe a missing answer; None once there is one.
+
+        Raises:
+            MisplacedRobotError: If the localisation has a pose that is far from the initial one.
+        """
+        self._answered = self._answered or self._is_answered() or self._keeps_its_own()
         if self._answered:
             return None
         now = time.monotonic()
         heard = self._publisher.get_subscription_count() > 0
-        if heard and now - self._sent_at >= _INITIAL_POSE_PERIOD_SEC:
+        if heard and self._has_been_listened_to(now) and now - self._sent_at >= _INITIAL_POSE_PERIOD_SEC:
             self._sent_at = now
             self._publisher.publish(self._message())
         x, y, yaw = self._pose
@@ -160,12 +193,39 @@ class Localised(Requirement):
         return f"topic {self._answers}: no answer to the initial pose ({x:.2f}, {y:.2f}, yaw {yaw:.2f}){deaf}"
 
     def close(self) -> None:
-        """Destroy the publisher and the subscription."""
+        """Destroy the publisher."""
         self._node.destroy_publisher(self._publisher)
-        self._node.destroy_subscription(self._subscription)
 
-    def _on_answer(self, _: PoseWithCovarianceStamped) -> None:
-        self._answered = self._answered or self._sent_at > -math.inf
+    @property
+    def _has_asked(self) -> bool:
+        return self._sent_at > -math.inf
+
+    def _is_answered(self) -> bool:
+        return self._has_asked and self._robot.pose_at >= self._sent_at
+
+    def _keeps_its_own(self) -> bool:
+        """Return whether the localisation has a pose at the initial place, with another yaw.
+
+        Raises:
+            MisplacedRobotError: If it has one elsewhere.
+        """
+        if self._has_asked or not self._robot.is_localised:
+            return False
+        place = self._robot.place()
+        if place is None or not math.dist(place[:2], self._pose[:2]) <= _AGREES_M:
+            raise MisplacedRobotError(place, self._pose)
+        turned = abs(math.remainder(place[2] - self._pose[2], math.tau))
+        if not turned <= _AGREES_RAD:
+            self._node.get_logger().warning(
+                f"The localisation keeps its yaw of {place[2]:.2f} rad, which is not that of initial_pose ({self._pose[2]:.2f})."
+            )
+        return not turned <= _AGREES_RAD
+
+    def _has_been_listened_to(self, now: float) -> bool:
+        """Return whether a localisation that has a pose would have said so: what it keeps for latecomers has had time to come."""
+        if self._heard_of_at == math.inf and self._node.count_publishers("amcl_pose"):
+            self._heard_of_at = now
+        return now - self._heard_of_at >= _LISTEN_SEC
 
     def _message(self) -> PoseWithCovarianceStamped:
         x, y, yaw = self._pose

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import OccupancyGrid, Path
 from rcl_interfaces.msg import Log
 from rclpy.node import Node
@@ -17,6 +16,7 @@ from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import GOAL_ENDED, JournalEntry
 from sar_compiler.ros.grid_image import grid_image
 from sar_compiler.ros.poses import yaw_of
+from sar_compiler.ros.robot_estimate import robot_estimate
 
 # At most one in so many seconds of the node's clock; while a map is being made there is one after the other.
 _PERIODS_SEC = {"pose": 1.0, "plan": 1.0, "map": 10.0}
@@ -59,13 +59,15 @@ class RobotWatch:
         self._others = 0
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         for message, topic, take, qos in (
-            # A robot that stands still, and may be held there, has said where before; AMCL says it again only when it has moved.
-            (PoseWithCovarianceStamped, "amcl_pose", partial(self._take, "pose"), latched),
             (Path, "plan", partial(self._take, "plan"), QoSProfile(depth=1)),
             (OccupancyGrid, "map", partial(self._take, "map"), latched),
             (Log, "/rosout", self._on_log, QoSProfile(depth=_LINES)),
         ):
             node.create_subscription(message, topic, take, qos)
+        robot = robot_estimate(node)
+        robot.listen(partial(self._take, "pose"))
+        if robot.pose is not None:
+            self._take("pose", robot.pose)
         node.create_timer(_LOOK_SEC, self._look)
         journal.listen(self._on_entry)
 

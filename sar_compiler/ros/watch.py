@@ -6,13 +6,11 @@ from collections.abc import Collection, Iterable
 from typing import Any
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
-from tf2_msgs.msg import TFMessage
+from rclpy.qos import QoSProfile
 
 from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.leaves.leaf import alive
@@ -20,6 +18,7 @@ from sar_compiler.ros.leaves.lifecycle import NAV2_NODES
 from sar_compiler.ros.poses import estimated_pose, yaw_of
 from sar_compiler.ros.readiness import SHADOW_SEC
 from sar_compiler.ros.requirements import NodeActive, OneServer, with_full_name
+from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.ros.sole_mission import SoleMission
 
 _PERIOD_SEC = 1.0
@@ -29,8 +28,6 @@ _TRANSFORM_SEC = 5.0
 _LOST_SEC = 3.0
 # Less movement than this is none for AMCL either (its update_min_d and update_min_a): metres, radians.
 _MOVED, _TURNED = 0.25, 0.2
-# What `map` looks like as the frame of a transform, in the message as it came.
-_FROM_MAP = b"\x04\x00\x00\x00map\x00"
 
 
 class Watch:
@@ -119,30 +116,13 @@ class _Localisation:
         self._is_lost = False
         self._known: set[bytes] = set()
         self._new_since: float | None = None
-        self._pose: Any = None
-        self._odometry: Any = None
-        self._odometry_then: Any = None
-        self._pose_at = -math.inf
-        self._transform_at: float | None = None
+        self._robot = robot_estimate(node)
         self._transform_is_lost = False
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._pose_topic = node.resolve_topic_name("amcl_pose")
         self._poses = with_full_name("initialpose", node.resolve_topic_name("initialpose"))
         self._publisher = node.create_publisher(PoseWithCovarianceStamped, "initialpose", QoSProfile(depth=1))
-        self._subscriptions = [
-            node.create_subscription(PoseWithCovarianceStamped, "amcl_pose", self._on_pose, latched),
-            node.create_subscription(
-                Odometry, "odometry/filtered", self._on_odometry, qos_profile_sensor_data
-            ),
-            # As it came: a message of a busy topic takes longer to read than to look through.
-            node.create_subscription(
-                TFMessage, "/tf", self._on_transforms, qos_profile_sensor_data, raw=True
-            ),
-        ]
 
     def close(self) -> None:
-        for subscription in self._subscriptions:
-            self._node.destroy_subscription(subscription)
         self._node.destroy_publisher(self._publisher)
         for each in self._nodes:
             each.close()
@@ -178,7 +158,7 @@ class _Localisation:
             self._new_since = None
             return
         self._new_since = self._new_since or now
-        heard_at = max(self._pose_at, self._transform_at or -math.inf)
+        heard_at = max(self._robot.pose_at, self._robot.transform_at or -math.inf)
         if heard_at > self._new_since:
             self._known = sources
         elif now - self._new_since >= _LOST_SEC:
@@ -193,18 +173,18 @@ class _Localisation:
     def _restore(self) -> str:
         """Give the localisation, which is back without a pose, the one that it had, if that still holds."""
         ask = f"give it the pose ({self._poses}; in RViz: 2D Pose Estimate)"
-        if self._pose is None:
+        if self._robot.pose is None:
             return f"The localisation is back, and its last pose is not known: {ask}."
-        if self._odometry_then is None or self._odometry is None:
+        if self._robot.odometry_at_pose is None or self._robot.odometry is None:
             return f"The localisation is back, and no odometry tells whether the robot has moved: {ask}."
-        moved, turned = _between(self._odometry_then, self._odometry)
+        moved, turned = _between(self._robot.odometry_at_pose, self._robot.odometry)
         if moved > _MOVED or turned > _TURNED:
             return (
                 f"The localisation is back, and the robot has moved by {moved:.2f} m and turned by {turned:.2f} rad "
                 f"since its last pose: {ask}."
             )
-        message = estimated_pose(self._node, self._pose.header.frame_id)
-        message.pose.pose = self._pose.pose.pose
+        message = estimated_pose(self._node, self._robot.pose.header.frame_id)
+        message.pose.pose = self._robot.pose.pose.pose
         self._publisher.publish(message)
         place = message.pose.pose.position
         return (
@@ -212,23 +192,10 @@ class _Localisation:
             "by the odometry the robot has not moved."
         )
 
-    def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
-        self._pose, self._odometry_then = message, self._odometry
-        self._pose_at = time.monotonic()
-
-    def _on_odometry(self, message: Odometry) -> None:
-        self._odometry = message.pose.pose
-        if self._odometry_then is None:
-            self._odometry_then = self._odometry
-
-    def _on_transforms(self, message: bytes) -> None:
-        if _FROM_MAP in message:
-            self._transform_at = time.monotonic()
-
     def _look_for_transform(self) -> Iterable[str]:
-        if self._transform_at is None:
+        if self._robot.transform_at is None:
             return
-        is_lost = time.monotonic() - self._transform_at > _TRANSFORM_SEC
+        is_lost = time.monotonic() - self._robot.transform_at > _TRANSFORM_SEC
         if is_lost != self._transform_is_lost:
             self._transform_is_lost = is_lost
             yield (

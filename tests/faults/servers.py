@@ -109,6 +109,7 @@ class Navigation:
             "abort"), `code` (of an abort), `cancel` ("grant", "ignore": granted and not heeded, "refuse", "mute": not
             answered), `result` ("send" or "lose").
         states: The states of the lifecycle nodes by name; null: a node that is not there.
+        pose: x and y that the localisation has from the start on (none).
         preempts: Whether a goal that is accepted aborts the one under way (false).
 
     A pose on `initialpose` makes `bt_navigator` active.
@@ -163,7 +164,7 @@ class Navigation:
                 node.create_service(
                     GetState, f"{name}/get_state", lambda _, response, name=name: self._state(name, response)
                 )
-        self._serve_poses(node)
+        self._serve_poses(node, script.get("pose"))
 
     def obey(self, order: "dict[str, Any]") -> None:
         self._states.update(order.get("state", {}))
@@ -171,7 +172,7 @@ class Navigation:
         if "goals" in order:
             self._count = 0  # numbers of goals begin anew
 
-    def _serve_poses(self, node: Any) -> None:
+    def _serve_poses(self, node: Any, pose: "list[float] | None") -> None:
         from geometry_msgs.msg import PoseWithCovarianceStamped
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
@@ -183,6 +184,12 @@ class Navigation:
             tell("initialpose", x=position.x, y=position.y)
             self._states["bt_navigator"] = "active"
             poses.publish(message)
+
+        if pose is not None:
+            known = PoseWithCovarianceStamped()
+            known.header.frame_id, known.pose.pose.orientation.w = "map", 1.0
+            known.pose.pose.position.x, known.pose.pose.position.y = pose
+            poses.publish(known)
 
         node.create_subscription(PoseWithCovarianceStamped, "initialpose", take, 10)
 

@@ -61,6 +61,18 @@ def test_a_second_mission_on_the_same_robot_is_refused_before_it_sends_anything(
     assert first.stop(within_sec=5.0) == 130
 
 
+def test_a_mission_begun_anew_away_from_the_base_tells_a_localised_robot_no_pose_and_asks(fly, serve):
+    navigation = serve("navigation", pose=[-0.44, 0.6])
+    run = fly(RESILIENT, set_initial_pose="true")
+    assert run.end() == 3, run.output
+    assert (
+        "the localisation has the robot at (-0.44, 0.60), 0.74 m from initial_pose (0.00, 0.00)" in run.output
+    )
+    assert navigation.of("initialpose") == navigation.of("goal") == []
+    said = {"initial_pose.x": "-0.44", "initial_pose.y": "0.6"}
+    assert fly(RESILIENT, set_initial_pose="true", **said).end() == 0
+
+
 def test_a_mission_that_was_killed_does_not_keep_the_next_one_from_its_robot(fly, serve):
     navigation = serve("navigation", goals=[{"drive": 2.0}, {}])
     first = fly(RESILIENT)

@@ -55,6 +55,23 @@ class FakeNav2:
         return answer
 
 
+def located(x: float, y: float) -> Any:
+    """Return what a localisation says."""
+    from geometry_msgs.msg import PoseWithCovarianceStamped
+
+    message = PoseWithCovarianceStamped()
+    message.header.frame_id = "map"
+    message.pose.pose.position.x, message.pose.pose.position.y = x, y
+    message.pose.pose.orientation.w = 1.0
+    return message
+
+
+def robot_of(node: Any) -> Any:
+    from sar_compiler.ros.robot_estimate import robot_estimate
+
+    return robot_estimate(node)
+
+
 def readiness(
     node: Any, *uses: Use, initial_pose: tuple[float, float, float] | None = (0.0, 0.0, 0.0)
 ) -> Readiness:
@@ -472,17 +489,76 @@ class TestNav2:
     def test_an_old_pose_kept_for_latecomers_is_no_answer(
         self, ros: Ros, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        from geometry_msgs.msg import PoseWithCovarianceStamped
-
         from sar_compiler.ros import requirements
 
         monkeypatch.setattr(requirements, "_INITIAL_POSE_PERIOD_SEC", 0.1)
         nav2 = FakeNav2(ros.node("nav2"))
-        nav2.publisher.publish(PoseWithCovarianceStamped())
+        nav2.publisher.publish(located(0.3, -0.3))
         nav2.answers = False
         ready = readiness(ros.node(), Use.nav2())
         ros.spin_until(lambda: ready.poll() or len(nav2.poses) >= 3, "the pose for a third time")
         comes_to_miss(ros, ready, "topic amcl_pose: no answer to the initial pose (0.00, 0.00, yaw 0.00)")
+
+    def test_a_localised_robot_is_not_told_that_it_stands_elsewhere(self, ros: Ros) -> None:
+        nav2 = FakeNav2(ros.node("nav2"))
+        nav2.publisher.publish(located(-0.44, 0.60))
+        [line] = missing(ros, readiness(ros.node(), Use.nav2()), SILENCE_SEC)
+        assert line.startswith(
+            "the localisation has the robot at (-0.44, 0.60), 0.74 m from initial_pose (0.00, 0.00): it is not told another "
+            "pose. Go on with the mission that was interrupted (--resume), drive home first, or say where the robot is "
+            "(-p initial_pose.x:=-0.44 -p initial_pose.y:=0.60, or -p set_initial_pose:=false"
+        )
+        assert nav2.poses == []
+
+    def test_a_robot_whose_localisation_says_its_place_by_transforms_alone_is_not_told_another(
+        self, ros: Ros
+    ) -> None:
+        from geometry_msgs.msg import TransformStamped
+        from nav_msgs.msg import Odometry
+        from tf2_msgs.msg import TFMessage
+
+        other = ros.node("nav2")
+        nav2 = FakeNav2(other)
+        offset, odometry = TransformStamped(), Odometry()
+        offset.header.frame_id, offset.child_frame_id = "map", "odom"
+        offset.transform.translation.x = 1.0
+        offset.transform.rotation.z = offset.transform.rotation.w = math.sqrt(0.5)
+        odometry.header.frame_id, odometry.child_frame_id = "odom", "base_link"
+        odometry.pose.pose.position.x, odometry.pose.pose.orientation.w = 2.0, 1.0
+        transforms = other.create_publisher(TFMessage, "/tf", 10)
+        odometries = other.create_publisher(Odometry, "odometry/filtered", 10)
+
+        def publish() -> None:
+            odometries.publish(odometry)
+            transforms.publish(TFMessage(transforms=[offset]))
+
+        other.create_timer(0.05, publish)
+        node = ros.node()
+        robot = robot_of(node)
+        ros.spin_until(lambda: robot.odometry is not None and robot.is_localised, "the place")
+        assert robot.place() == pytest.approx((1.0, 2.0, math.pi / 2))
+        [line] = missing(ros, readiness(node, Use.nav2()), SILENCE_SEC)
+        assert "has the robot at (1.00, 2.00), 2.24 m from initial_pose (0.00, 0.00)" in line
+        assert nav2.poses == []
+
+    def test_a_robot_that_looks_elsewhere_keeps_the_yaw_of_its_localisation(
+        self, ros: Ros, said: Said
+    ) -> None:
+        nav2 = FakeNav2(ros.node("nav2"))
+        nav2.publisher.publish(located(0.1, 0.0))
+        wait(ros, readiness(ros.node(), Use.nav2(), initial_pose=(0.0, 0.0, 3.0)))
+        assert nav2.poses == []
+        assert said.has("The localisation keeps its yaw of 0.00 rad")
+
+    def test_a_localisation_of_a_simulation_that_begins_is_told_without_waiting(self, ros: Ros) -> None:
+        from sar_compiler.ros.requirements import Localised
+
+        nav2, node = FakeNav2(ros.node("nav2")), ros.node()
+        localised = Localised(node, (0.0, 0.0, 0.0), begins_anew=True)
+        ros.spin_until(lambda: node.count_subscribers("initialpose"), "the localisation")
+        localised.missing()
+        ros.spin_until(lambda: nav2.poses, "the pose")
+        localised.close()
 
     def test_neither_publishes_nor_waits_for_a_pose_where_none_is_given(self, ros: Ros) -> None:
         nav2 = FakeNav2(ros.node("nav2"))
@@ -499,6 +575,7 @@ class TestNav2:
                 len(list(kind)) for kind in (node.publishers, node.subscriptions, node.clients, node.timers)
             ]
 
+        robot_of(node)  # which stays
         before = entities()
         ready = readiness(node, Use.nav2())
         assert entities() != before

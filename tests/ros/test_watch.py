@@ -92,7 +92,7 @@ class Scene:
             self.measured(odometry)
         if pose is not None:
             self.nav2.publish_pose(*pose)
-            self.until(lambda: known._pose, "the pose")
+            self.until(lambda: known._robot.pose, "the pose")
         self.until(lambda: known._known, "Nav2's being active")
 
     def measured(self, odometry: float) -> None:
@@ -102,7 +102,7 @@ class Scene:
 
         def has_come() -> bool:
             self.nav2.publish_odometry(odometry)
-            return known._odometry is not None and known._odometry.position.x == odometry
+            return known._robot.odometry is not None and known._robot.odometry.position.x == odometry
 
         self.until(has_come, "the odometry")
 
@@ -171,7 +171,7 @@ def test_transforms_that_stop_are_told_and_their_return(
     from rclpy.serialization import serialize_message
     from tf2_msgs.msg import TFMessage
 
-    from sar_compiler.ros import watch
+    from sar_compiler.ros import robot_estimate, watch
 
     monkeypatch.setattr(watch, "_TRANSFORM_SEC", 0.3)
     known = scene.watch._localisation
@@ -179,10 +179,11 @@ def test_transforms_that_stop_are_told_and_their_return(
     frame = TransformStamped()
     frame.header.frame_id, frame.child_frame_id = "map", "odom"
     publisher = scene.ros.node("tf").create_publisher(TFMessage, "/tf", 10)
-    assert watch._FROM_MAP in serialize_message(TFMessage(transforms=[frame]))
+    assert robot_estimate.FROM_MAP in serialize_message(TFMessage(transforms=[frame]))
     scene.begin()
     scene.until(
-        lambda: (publisher.publish(TFMessage(transforms=[frame])), known._transform_at)[1], "a transform"
+        lambda: (publisher.publish(TFMessage(transforms=[frame])), known._robot.transform_at)[1],
+        "a transform",
     )
     scene.until(lambda: scene.said.has("No transform from 'map' has come for 0.3 s"), "the silence")
     scene.until(
@@ -199,8 +200,8 @@ def test_transforms_between_other_frames_are_none_from_map(scene: Scene) -> None
     from rclpy.serialization import serialize_message
     from tf2_msgs.msg import TFMessage
 
-    from sar_compiler.ros import watch
+    from sar_compiler.ros import robot_estimate
 
     frame = TransformStamped()
     frame.header.frame_id, frame.child_frame_id = "odom", "base_link"
-    assert watch._FROM_MAP not in serialize_message(TFMessage(transforms=[frame]))
+    assert robot_estimate.FROM_MAP not in serialize_message(TFMessage(transforms=[frame]))

@@ -1,0 +1,151 @@
+"""The one estimate of a robot: where it is, whether it moves, and whether its localisation lives.
+
+Leaves, watch, readiness, journal and the end of a run read it. What it subscribes to is subscribed to once for each node.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from sar_compiler.ros.leaves.deadline import deadline_clock
+from sar_compiler.ros.leaves.interfaces import qos_profile
+from sar_compiler.ros.of_node import of_node
+from sar_compiler.ros.poses import yaw_of
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+# Slower than this a robot stands, m/s and rad/s, once it has been for so long, seconds of its own clock.
+_STANDS_MPS, _STANDS_RADPS, _STANDS_SEC = 0.02, 0.05, 0.5
+# Older odometry says nothing of now, steady seconds.
+_FRESH_SEC = 1.0
+# What `map` looks like as the frame of a transform, in the message as it came.
+FROM_MAP = b"\x04\x00\x00\x00map\x00"
+
+PoseListener = Callable[[Any], None]
+
+
+class RobotEstimate:
+    """What is known of the robot that a node drives; use `robot_estimate`.
+
+    Args:
+        node: The rclpy node.
+
+    Attributes:
+        pose: The last message of `amcl_pose`; None if none has come.
+        pose_at: When it came, steady seconds.
+        odometry: The pose of the last message of `odometry/filtered`, frame `odom`; None if none has come.
+        odometry_at_pose: The same as it was when `pose` came.
+        speed: What the last odometry says: m/s and rad/s.
+        transform_at: When the last transform from `map` came, steady seconds; None if none has come.
+    """
+
+    def __init__(self, node: "Node") -> None:
+        from geometry_msgs.msg import PoseWithCovarianceStamped
+        from nav_msgs.msg import Odometry
+        from rclpy.qos import qos_profile_sensor_data
+        from tf2_msgs.msg import TFMessage
+
+        self.pose: Any = None
+        self.pose_at = -math.inf
+        self.odometry: Any = None
+        self.odometry_at_pose: Any = None
+        self.speed = (0.0, 0.0)
+        self.transform_at: float | None = None
+        self._clock = deadline_clock(node)
+        self._frames = ("", "")
+        self._odometry_at = -math.inf
+        self._slow_since: float | None = None
+        self._transforms = b""
+        self._listeners: list[PoseListener] = []
+        latched = qos_profile(type(self).__name__, "transient_local")
+        # A robot that stands still, and may be held there, has said where before; AMCL says it again only when it has moved.
+        node.create_subscription(PoseWithCovarianceStamped, "amcl_pose", self._on_pose, latched)
+        node.create_subscription(Odometry, "odometry/filtered", self._on_odometry, qos_profile_sensor_data)
+        # As it came: a message of a busy topic takes longer to read than to look through.
+        node.create_subscription(TFMessage, "/tf", self._on_transforms, qos_profile_sensor_data, raw=True)
+
+    @property
+    def moves(self) -> bool | None:
+        """Whether the robot moves by the last odometry; None without fresh one."""
+        if time.monotonic() - self._odometry_at > _FRESH_SEC:
+            return None
+        return self._slow_since is None
+
+    @property
+    def stands(self) -> bool | None:
+        """Whether the robot stands, and has for half a second; None without fresh odometry."""
+        if self.moves is None or self._slow_since is None:
+            return None if self.moves is None else False
+        return self._clock.now() - self._slow_since >= _STANDS_SEC
+
+    @property
+    def is_localised(self) -> bool:
+        """Whether the localisation has said where the robot is, as a pose or by transforms."""
+        return self.pose is not None or self.transform_at is not None
+
+    def place(self) -> tuple[float, float, float] | None:
+        """Return where the robot is by its localisation: x and y (m), yaw (rad), frame `map`; None if that is not known."""
+        by_transforms = self._place_by_transforms()
+        if by_transforms is not None or self.pose is None:
+            return by_transforms
+        return _flat(self.pose.pose.pose.position, self.pose.pose.pose.orientation)
+
+    def listen(self, listener: PoseListener) -> None:
+        """Have a function called with each message of `amcl_pose` that comes from now on."""
+        self._listeners.append(listener)
+
+    def _on_pose(self, message: Any) -> None:
+        self.pose, self.odometry_at_pose = message, self.odometry
+        self.pose_at = time.monotonic()
+        for listener in self._listeners:
+            listener(message)
+
+    def _on_odometry(self, message: Any) -> None:
+        self.odometry = message.pose.pose
+        self._frames = (message.header.frame_id, message.child_frame_id)
+        if self.odometry_at_pose is None:
+            self.odometry_at_pose = self.odometry
+        linear = message.twist.twist.linear
+        speed = math.hypot(linear.x, linear.y, linear.z), abs(message.twist.twist.angular.z)
+        if not all(map(math.isfinite, speed)):
+            return
+        self.speed, self._odometry_at = speed, time.monotonic()
+        if speed[0] >= _STANDS_MPS or speed[1] >= _STANDS_RADPS:
+            self._slow_since = None
+        elif self._slow_since is None:
+            self._slow_since = self._clock.now()
+
+    def _on_transforms(self, message: bytes) -> None:
+        if FROM_MAP in message:
+            self.transform_at, self._transforms = time.monotonic(), message
+
+    def _place_by_transforms(self) -> tuple[float, float, float] | None:
+        """Return the place by the last transform from `map`, and by the odometry if that leads to its frame."""
+        from rclpy.serialization import deserialize_message
+        from tf2_msgs.msg import TFMessage
+
+        if self.odometry is None or not self._transforms:
+            return None
+        odom, base = self._frames
+        for each in deserialize_message(self._transforms, TFMessage).transforms:
+            if each.header.frame_id != "map":
+                continue
+            x, y, yaw = _flat(each.transform.translation, each.transform.rotation)
+            if each.child_frame_id == base:
+                return x, y, yaw
+            if each.child_frame_id == odom:
+                there_x, there_y, turned = _flat(self.odometry.position, self.odometry.orientation)
+                cos, sin = math.cos(yaw), math.sin(yaw)
+                return x + cos * there_x - sin * there_y, y + sin * there_x + cos * there_y, yaw + turned
+        return None
+
+
+def _flat(position: Any, orientation: Any) -> tuple[float, float, float]:
+    return position.x, position.y, yaw_of(orientation)
+
+
+def robot_estimate(node: "Node") -> RobotEstimate:
+    """Return the estimate of the robot that a node drives, the same object in every call; it exists as long as the node."""
+    return of_node(node, RobotEstimate, lambda: RobotEstimate(node))
