@@ -25,6 +25,8 @@ from launch.substitutions import EnvironmentVariable, LaunchConfiguration
 from launch_ros.actions import Node, SetRemap
 from launch_ros.descriptions import Parameter
 
+from sar_compiler.resources import state_folder
+
 # Everything moves with the namespace but these, which are absolute everywhere in ROS; Nav2 does the same.
 TRANSFORMS = [("/tf", "tf"), ("/tf_static", "tf_static")]
 
@@ -68,7 +70,7 @@ def generate_launch_description() -> LaunchDescription:
                 condition=IfCondition(simulated),
             ),
             OpaqueFunction(function=navigation, condition=UnlessCondition(simulated)),
-            simulator(),
+            OpaqueFunction(function=simulator, condition=IfCondition(simulated)),
             *servers(),
             view(share),
             OpaqueFunction(function=recording),
@@ -211,20 +213,40 @@ def navigation(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     return [GroupAction([*scan, include])]
 
 
-def simulator() -> Node:
-    """Return the world and the stand-in for Nav2, which are there with `sim:=true`."""
-    return Node(
-        condition=IfCondition(LaunchConfiguration("sim")),
-        package="sar_compiler",
-        executable="sar-sim",
-        namespace=LaunchConfiguration("namespace"),
-        arguments=["run", LaunchConfiguration("world"), "--speed", LaunchConfiguration("speed")],
-        remappings=TRANSFORMS,
-        output="screen",
-        emulate_tty=True,
-        additional_env=PASSED_ON,
-        on_exit=end_all,
-    )
+def simulator(context: LaunchContext) -> list[LaunchDescriptionEntity]:
+    """Return the world and the stand-in for Nav2."""
+    resumed = LaunchConfiguration("journal").perform(context) == "resume"
+    return [
+        Node(
+            package="sar_compiler",
+            executable="sar-sim",
+            namespace=LaunchConfiguration("namespace"),
+            arguments=[
+                *("run", LaunchConfiguration("world"), "--speed", LaunchConfiguration("speed")),
+                *keeping(own_namespace(context), resumed=resumed),
+            ],
+            remappings=TRANSFORMS,
+            output="screen",
+            emulate_tty=True,
+            additional_env=PASSED_ON,
+            on_exit=end_all,
+        )
+    ]
+
+
+def keeping(namespace: str, *, resumed: bool) -> list[str]:
+    """Return the options by which a mission that is resumed finds its robot where it stood, any other at the start.
+
+    Args:
+        namespace: The robot's.
+        resumed: Whether the mission goes on with a journal: nobody tells its robot a pose.
+    """
+    name = "_".join(["launched_simulation", *namespace.split("/")])
+    places = state_folder() / f"{name}.json"
+    places.parent.mkdir(parents=True, exist_ok=True)
+    if not resumed:
+        places.unlink(missing_ok=True)
+    return ["--keep", str(places), *(["--localised"] if places.is_file() else [])]
 
 
 def servers() -> list[Node]:

@@ -3,6 +3,7 @@
 import argparse
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -87,6 +88,11 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FILE",
         help="keep the robots' places in FILE, and start where they stood when it was written last, also after a kill",
     )
+    live.add_argument(
+        "--localised",
+        action="store_true",
+        help="the localisation knows where the robots are without being told: for robots that go on where they stood",
+    )
     text = "Drive through a world with a lidar, and write the map made on the way."
     survey = commands.add_parser("map", help=text, description=text)
     survey.add_argument(
@@ -165,6 +171,7 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     kept = KeptPlaces(options.keep, world.name) if options.keep is not None else None
     if kept is not None:
         robots = kept.placed(robots)
+    robots = [replace(each, localised=options.localised) for each in robots]
     check_placements(world, robots)
     arguments = init_arguments(ros_arguments)
     stay_on_this_machine()

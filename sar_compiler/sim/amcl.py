@@ -1,4 +1,4 @@
-"""The stand-in for Nav2's localiser and map server: silent until it receives an initial pose, exact from then on."""
+"""The stand-in for Nav2's localiser and map server: silent until it is told a pose, and as right as that from then on."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from tf2_msgs.msg import TFMessage
 
-from sar_compiler.sim.geometry import Pose2D, normalise_angle
+from sar_compiler.sim.geometry import ORIGIN, Pose2D, normalise_angle
 from sar_compiler.sim.messages import from_pose, to_grid, to_pose, to_stamp, to_transform
 from sar_compiler.sim.node_host import NodeHost
 from sar_compiler.sim.occupancy import OccupancyMap
@@ -20,8 +20,8 @@ _MAP, _ODOM = "map", "odom"
 _TF_EVERY = 2
 # A new pose is published after this much movement, as AMCL does: metres and radians.
 _UPDATE_MOVE, _UPDATE_TURN = 0.25, 0.2
-# A real localiser does not recover from an initial pose that is farther off than this: metres, radians.
-_CREDIBLE_MOVE, _CREDIBLE_TURN = 1.0, 0.8
+# A pose that is farther off than this leads a robot elsewhere than it is sent to: metres, radians.
+_NOTABLE_MOVE, _NOTABLE_TURN = 0.3, 0.3
 # Variances of x and y in m², and of yaw in rad².
 _VARIANCES = {0: 0.01, 7: 0.01, 35: 0.005}
 
@@ -29,15 +29,21 @@ _VARIANCES = {0: 0.01, 7: 0.01, 35: 0.005}
 class Amcl:
     """Node `amcl`: `initialpose` in; `amcl_pose`, `map` → `odom`, `amcl/get_state`, and the topic `map` of Nav2's map server out.
 
+    It has no scan to match: a robot that was told a wrong pose believes it, and drives beside where it was sent to.
+
     Args:
         host: Creates the node.
-        robot: The robot whose true pose is published.
+        robot: The robot.
         occupancy: The map; an initial pose outside it is refused.
+        localised: Whether it knows where the robot is without being told.
     """
 
-    def __init__(self, host: NodeHost, robot: Robot, occupancy: OccupancyMap) -> None:
+    def __init__(
+        self, host: NodeHost, robot: Robot, occupancy: OccupancyMap, *, localised: bool = False
+    ) -> None:
         self._robot, self._map = robot, occupancy
-        self._localised = False
+        # From the true pose to the one that is believed, both in `map`; None before there is one.
+        self._error: Pose2D | None = ORIGIN if localised else None
         self._published: Pose2D | None = None
         self._now_ns = 0
         self._node = host.create("amcl")
@@ -50,15 +56,15 @@ class Amcl:
         self._node.create_service(GetState, "amcl/get_state", _active)
 
     def pose(self) -> Pose2D | None:
-        """Return the robot's pose in `map`, or None before an initial pose was received."""
-        return self._robot.state.pose if self._localised else None
+        """Return the robot's pose in `map` as it is believed, or None before an initial pose was received."""
+        return None if self._error is None else self._error.compose(self._robot.state.pose)
 
     def step(self, step: int, now_ns: int) -> None:
         """Publish what is due at the simulated time *now_ns*, nanoseconds."""
         self._now_ns = now_ns
-        if not self._localised:
+        pose = self.pose()
+        if pose is None:
             return
-        pose = self._robot.state.pose
         if step % _TF_EVERY == 0:
             offset = pose.compose(self._robot.state.odometry.inverse())
             self._tf.publish(TFMessage(transforms=[to_transform(_MAP, _ODOM, offset, to_stamp(now_ns))]))
@@ -76,14 +82,17 @@ class Amcl:
         if pose is None or self._map.cell_at(pose.x, pose.y) is None:
             self._node.get_logger().error("Initial pose ignored: it is malformed or outside the map.")
             return
+        self._believe(pose)
+
+    def _believe(self, pose: Pose2D) -> None:
         truth = self._robot.state.pose
-        if _moved(truth, pose, _CREDIBLE_MOVE, _CREDIBLE_TURN):
+        if _moved(truth, pose, _NOTABLE_MOVE, _NOTABLE_TURN):
             self._node.get_logger().warning(
-                f"The initial pose ({pose.x:.2f}, {pose.y:.2f}, yaw={pose.yaw:.2f}) is far from the robot's "
-                f"({truth.x:.2f}, {truth.y:.2f}, yaw={truth.yaw:.2f}); on a real robot this would end badly."
+                f"The initial pose ({pose.x:.2f}, {pose.y:.2f}, yaw={pose.yaw:.2f}) is not where the robot stands "
+                f"({truth.x:.2f}, {truth.y:.2f}, yaw={truth.yaw:.2f}): from now on it drives beside where it is sent to."
             )
-        self._localised = True
-        self._publish(truth)
+        self._error = pose.compose(truth.inverse())
+        self._publish(pose)
 
     def _publish(self, pose: Pose2D) -> None:
         message = PoseWithCovarianceStamped()

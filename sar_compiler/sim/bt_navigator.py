@@ -1,6 +1,7 @@
 """The stand-in for Nav2's navigator: the action `navigate_to_pose`, as served by Jazzy's bt_navigator."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,13 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
 
 from sar_compiler.ros.faults import GoalFate, NavigationFaults
-from sar_compiler.sim.geometry import Pose2D
+from sar_compiler.sim.geometry import ORIGIN, Pose2D
 from sar_compiler.sim.messages import from_pose, to_duration, to_path, to_pose, to_stamp
 from sar_compiler.sim.navigator import Drive, DriveEnd, DriveOutcome, DriveProgress
 from sar_compiler.sim.node_host import NodeHost
 from sar_compiler.sim.planner import NavCode, Planner, PlanningError
-from sar_compiler.sim.robot import STAND, Robot
+from sar_compiler.sim.robot import STAND
+from sar_compiler.sim.robot_interface import RobotInterface
 
 _MAP = "map"
 # One feedback in this many steps (10 Hz at 0.05 s).
@@ -65,7 +67,7 @@ class BtNavigator:
 
     Args:
         host: Creates the node.
-        robot: The robot to drive.
+        rosbot: The robot to drive, by its topic `cmd_vel`.
         planner: Plans the paths.
         localise: Returns the robot's pose in `map`, or None while there is no such transform.
         zones: Zone positions, metres, frame `map`, for faults.
@@ -75,14 +77,14 @@ class BtNavigator:
     def __init__(
         self,
         host: NodeHost,
-        robot: Robot,
+        rosbot: RobotInterface,
         planner: Planner,
         localise: Callable[[], Pose2D | None],
         *,
         zones: Mapping[str, tuple[float, float]],
         faults: NavigationFaults,
     ) -> None:
-        self._host, self._robot, self._planner, self._localise = host, robot, planner, localise
+        self._host, self._rosbot, self._planner, self._localise = host, rosbot, planner, localise
         self._zones, self._faults = zones, faults
         self._now = 0.0
         self._active_at: float | None = None
@@ -190,8 +192,9 @@ class BtNavigator:
         if goal.drive is not None:
             if goal.handle.is_cancel_requested:
                 goal.drive.brake()
-            progress = goal.drive.step(self._robot.state, self._now)
-            self._robot.command(progress.command)
+            state = self._rosbot.robot.state
+            progress = goal.drive.step(replace(state, pose=self._localise() or state.pose), self._now)
+            self._rosbot.drive(progress.command)
             outcome = progress.outcome
             if feedback_due:
                 goal.handle.publish_feedback(self._feedback(progress))
@@ -219,7 +222,7 @@ class BtNavigator:
         if goal.fate.abort:
             return DriveOutcome(DriveEnd.ABORTED, NavCode.NO_VALID_PATH, "fault: the zone is out of reach")
         try:
-            goal.drive = Drive(self._planner, self._robot.limits, target, here, self._now)
+            goal.drive = Drive(self._planner, self._rosbot.robot.limits, target, here, self._now)
         except PlanningError as error:
             return DriveOutcome(DriveEnd.ABORTED, error.code, str(error))
         self._plan.publish(to_path(goal.drive.path, to_stamp(round(self._now * 1e9))))
@@ -230,7 +233,7 @@ class BtNavigator:
             return
         if outcome.ending is DriveEnd.ABORTED:
             self._node.get_logger().warning(f"Goal aborted ({int(outcome.code)}): {outcome.text}.")
-        self._robot.command(STAND)
+        self._rosbot.drive(STAND)
         self._goal.end(outcome)
         self._goal = None
 
@@ -242,7 +245,7 @@ class BtNavigator:
         )
         message.current_pose.header.frame_id = _MAP
         message.current_pose.header.stamp = to_stamp(round(self._now * 1e9))
-        message.current_pose.pose = to_pose(self._robot.state.pose)
+        message.current_pose.pose = to_pose(self._localise() or ORIGIN)
         return message
 
     def _zone_of(self, goal: Pose2D | None) -> str | None:

@@ -34,11 +34,13 @@ class Placement:
             namespace of the simulation, with the global `/tf`.
         start: Its pose at time zero, frame `map`; the world's start if None.
         odometry: Its pose at time zero by its odometry.
+        localised: Whether its localisation knows where it is without being told.
     """
 
     name: str
     start: Pose2D | None = None
     odometry: Pose2D = ORIGIN
+    localised: bool = False
 
     @property
     def action(self) -> str:

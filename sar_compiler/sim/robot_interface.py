@@ -1,6 +1,7 @@
 """One robot's ROS interface: the topics of a rosbot stack."""
 
 from array import array
+from collections import deque
 from typing import Any
 
 import numpy as np
@@ -20,10 +21,16 @@ _SCAN_EVERY = 4
 # One state of the battery in this many steps (1 Hz), which goes from full to empty in this many seconds.
 _BATTERY_EVERY, _BATTERY_SEC = 20, 4 * 3600.0
 _BASE, _ODOM = "base_link", "odom"
+# So many of its own commands can be on their way back to it.
+_OWN_COMMANDS = 100
+_CommandKey = tuple[str, int, int]
 
 
 class RobotInterface:
     """Connects a robot to its topics: `cmd_vel` in; `odometry/filtered`, `scan`, `battery_state` and `/tf` out.
+
+    Its own navigation drives it by `drive`, which takes effect in the step in which it is said, and is on `cmd_vel` for
+    whoever listens.
 
     Args:
         host: Creates the node.
@@ -42,6 +49,9 @@ class RobotInterface:
         # Absolute, as tf2 has it; in a namespace it is remapped, as Nav2 does.
         self._tf = self._node.create_publisher(TFMessage, "/tf", 100)
         self._node.create_subscription(TwistStamped, "cmd_vel", self._on_command, 10)
+        self._commands = self._node.create_publisher(TwistStamped, "cmd_vel", 10)
+        self._own_commands: deque[_CommandKey] = deque(maxlen=_OWN_COMMANDS)
+        self._stamp = to_stamp(0)
         self._odometry_message = Odometry(child_frame_id=_BASE)
         self._odometry_message.header.frame_id = _ODOM
         self._scan_message = self._empty_scan()
@@ -54,7 +64,7 @@ class RobotInterface:
             now_ns: The simulated time at its end, nanoseconds.
         """
         state = self.robot.state
-        stamp = to_stamp(now_ns)
+        stamp = self._stamp = to_stamp(now_ns)
         message = self._odometry_message
         message.header.stamp = stamp
         message.pose.pose = to_pose(state.odometry)
@@ -75,7 +85,20 @@ class RobotInterface:
             self._scan_message.ranges = array("f", ranges.astype(np.float32).tobytes())
             self._scan.publish(self._scan_message)
 
+    def drive(self, twist: Twist2D) -> None:
+        """Command the robot, and say so on `cmd_vel` if anybody else listens."""
+        self.robot.command(twist)
+        if self._commands.get_subscription_count() == 1:
+            return
+        message = TwistStamped()
+        message.header.frame_id, message.header.stamp = _BASE, self._stamp
+        message.twist.linear.x, message.twist.angular.z = twist.v, twist.w
+        self._own_commands.append(_key_of(message))
+        self._commands.publish(message)
+
     def _on_command(self, message: Any) -> None:
+        if _key_of(message) in self._own_commands:
+            return  # obeyed before it was on its way
         self.robot.command(Twist2D(message.twist.linear.x, message.twist.angular.z))
 
     def _empty_scan(self) -> LaserScan:
@@ -89,3 +112,8 @@ class RobotInterface:
         )
         message.header.frame_id = _BASE
         return message
+
+
+def _key_of(command: TwistStamped) -> _CommandKey:
+    stamp = command.header.stamp
+    return command.header.frame_id, stamp.sec, stamp.nanosec

@@ -39,20 +39,27 @@ class SimulatedRobot:
         robot: The robot.
         seed: Seed of its scanner's noise.
         navigation: The data of its stand-in for Nav2; None for no navigation.
+        localised: Whether its localisation knows where it is without being told.
     """
 
     def __init__(
-        self, host: NodeHost, robot: Robot, *, seed: int = 0, navigation: NavigationSetup | None = None
+        self,
+        host: NodeHost,
+        robot: Robot,
+        *,
+        seed: int = 0,
+        navigation: NavigationSetup | None = None,
+        localised: bool = False,
     ) -> None:
         self._host, self._robot = host, robot
         self._interface = RobotInterface(host, robot, seed=seed)
         self._amcl: Amcl | None = None
         self._navigator: BtNavigator | None = None
         if navigation is not None:
-            self._amcl = Amcl(host, robot, navigation.occupancy)
+            self._amcl = Amcl(host, robot, navigation.occupancy, localised=localised)
             self._navigator = BtNavigator(
                 host,
-                robot,
+                self._interface,
                 navigation.planner,
                 self._amcl.pose,
                 zones=navigation.zones,

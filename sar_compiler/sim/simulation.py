@@ -119,7 +119,7 @@ class Simulation:
         for number, (robot, body) in enumerate(zip(robots, bodies, strict=True)):
             host = NodeHost(self._executor, context, namespace, robot.ros_arguments)
             self._robots[robot.name] = SimulatedRobot(
-                host, body, seed=seed_of(seed, number), navigation=navigation
+                host, body, seed=seed_of(seed, number), navigation=navigation, localised=robot.localised
             )
         self._host.adopt(extra_nodes)
 

@@ -110,6 +110,11 @@ def test_odometry_is_the_rosbots_filtered_one(server):
     assert SECTIONS[f"/{server}"]["odom_topic"] == "odometry/filtered"
 
 
+@pytest.mark.parametrize("name", ["default_server_timeout", "wait_for_service_timeout"])
+def test_bt_navigator_gives_its_servers_the_time_that_a_small_computer_needs(name):
+    assert SECTIONS["/bt_navigator"][name] == 1000, "milliseconds"
+
+
 @pytest.mark.parametrize("name", COSTMAPS)
 @pytest.mark.parametrize(
     ("key", "value"),

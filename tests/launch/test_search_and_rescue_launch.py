@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
 from unittest.mock import MagicMock
 
 import pytest
@@ -171,8 +172,8 @@ def test_the_simulator_has_the_topics_that_the_view_and_the_recording_are_for(si
 
 
 @pytest.fixture
-def require_recorder(monkeypatch):
-    """Return the function of the launch file, which is loaded without `launch`."""
+def loaded(monkeypatch):
+    """Return the launch file as a module, loaded without `launch`."""
     for name in ("launch", "launch_ros"):
         for module in (name, *(f"{name}.{part}" for part in PARTS_OF_LAUNCH)):
             monkeypatch.setitem(sys.modules, module, MagicMock())
@@ -181,7 +182,24 @@ def require_recorder(monkeypatch):
     assert spec.loader is not None
     loaded = module_from_spec(spec)
     spec.loader.exec_module(loaded)
+    return loaded
+
+
+@pytest.fixture
+def require_recorder(loaded):
     return loaded.require_recorder
+
+
+def test_a_mission_that_is_resumed_finds_its_simulated_robot_localised_where_it_stood(
+    loaded, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(loaded, "state_folder", lambda: tmp_path / "sar_compiler")
+    option, places = loaded.keeping("robot1", resumed=False)
+    assert option == "--keep"
+    Path(places).write_text("{}")
+    assert loaded.keeping("robot1", resumed=True) == ["--keep", places, "--localised"]
+    assert loaded.keeping("robot1", resumed=False) == ["--keep", places]
+    assert not Path(places).exists(), "any other mission begins at the world's start"
 
 
 def test_a_recording_is_refused_where_something_is_already(require_recorder, tmp_path):

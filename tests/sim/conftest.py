@@ -89,8 +89,8 @@ class Client:
         self.wait(answered, "amcl_pose", timeout_sec)
         return answers[-1]
 
-    def make_ready(self) -> None:
-        self.set_initial_pose()
+    def make_ready(self, start: Pose2D | None = None) -> None:
+        self.set_initial_pose(start)
         self.wait(lambda: self.state_of("bt_navigator") == "active", "bt_navigator's becoming active")
 
     def close(self) -> None:

@@ -36,8 +36,8 @@ def navigations(
 ) -> Iterator[tuple["Simulation", Navigation, Navigation]]:
     """A simulation of both robots, localised and active, and an action client of each."""
     simulation = simulate(robots=PAIR)
-    for client in clients:
-        client.make_ready()
+    for client, robot in zip(clients, PAIR, strict=True):
+        client.make_ready(robot.start)
     one, other = Navigation(clients[0]), Navigation(clients[1])
     yield simulation, one, other
     one.close()
@@ -166,8 +166,8 @@ def test_a_fault_happens_to_every_robot_and_each_has_its_own_count(
     simulate: Simulate, clients: tuple[Client, Client]
 ) -> None:
     simulate(robots=PAIR, faults=FaultPlan([parse_fault("navigate_to_pose:reject=1", NAVIGATION_FAULTS)]))
-    for client in clients:
-        client.make_ready()
+    for client, robot in zip(clients, PAIR, strict=True):
+        client.make_ready(robot.start)
         navigation = Navigation(client)
         assert not navigation.send(0.0, 0.9).accepted
         assert navigation.send(0.0, 0.9).accepted

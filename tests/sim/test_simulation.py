@@ -10,6 +10,7 @@ import pytest
 
 from sar_compiler.ros.faults import NAVIGATION_FAULTS, FaultError, FaultPlan, parse_fault
 from sar_compiler.sim.geometry import Pose2D
+from sar_compiler.sim.placement import Placement
 from sar_compiler.sim.world import World
 from sar_compiler.sim.world_file import find_world
 from tests.sim.conftest import Client, Navigation
@@ -227,6 +228,48 @@ def test_an_initial_pose_that_cannot_be_is_ignored(
     simulate()
     with pytest.raises(AssertionError, match="amcl_pose did not come"):
         client.set_initial_pose(pose, frame, timeout_sec=1.0)
+
+
+def test_a_localisation_that_is_told_a_wrong_pose_believes_it_and_the_robot_drives_beside_its_goal(
+    simulate: Simulate, client: Client
+) -> None:
+    simulation = simulate()
+    answer = client.set_initial_pose(Pose2D(0.5, 0.3))
+    assert (answer.pose.pose.position.x, answer.pose.pose.position.y) == pytest.approx((0.5, 0.3))
+    client.wait(lambda: client.state_of("bt_navigator") == "active", "bt_navigator's becoming active")
+    navigation = Navigation(client)
+    assert navigation.result(navigation.send(0.9, 0.6)).status == SUCCEEDED
+    believed = navigation.feedback[-1].current_pose.pose.position
+    assert (believed.x, believed.y) == pytest.approx((0.9, 0.6), abs=0.1)
+    assert simulation.robot_pose().distance_to(Pose2D(0.4, 0.3)) < 0.1
+    navigation.close()
+
+
+def test_a_robot_that_goes_on_where_it_stood_needs_no_pose(simulate: Simulate, client: Client) -> None:
+    stood = Pose2D(-0.5, 0.8, 1.0)
+    simulation = simulate(robots=[Placement("", stood, Pose2D(3.0, 2.0), localised=True)])
+    client.wait(lambda: client.state_of("bt_navigator") == "active", "bt_navigator's becoming active")
+    navigation = Navigation(client)
+    assert navigation.result(navigation.send(0.0, 0.0)).status == SUCCEEDED
+    assert simulation.robot_pose().distance_to(Pose2D(0.0, 0.0)) < 0.1
+    navigation.close()
+
+
+def test_the_commands_of_a_drive_are_on_cmd_vel_and_end_with_zero(simulate: Simulate, client: Client) -> None:
+    from geometry_msgs.msg import TwistStamped
+
+    simulation = simulate(speed=5.0)
+    commands = client.listen(TwistStamped, "cmd_vel", 1000)
+    client.make_ready()
+    navigation = Navigation(client)
+    assert navigation.result(navigation.send(0.5, 0.0)).status == SUCCEEDED
+    began = simulation.sim_time
+    client.wait(lambda: simulation.sim_time > began + 1.0, "a simulated second")
+    speeds = [command.twist.linear.x for command in commands]
+    assert max(speeds) > 0.2
+    assert speeds[-1] == 0.0
+    assert simulation.robot_pose().distance_to(Pose2D(0.5, 0.0)) < 0.1
+    navigation.close()
 
 
 def test_a_goal_is_driven_with_feedback_at_ten_hertz(simulate: Simulate, client: Client) -> None:
