@@ -94,21 +94,34 @@ def look_in_current_folder() -> None:
                 sys.path.append(entry)
 
 
-def is_installed(module: str, checkout: Path | None = None) -> bool:
-    """Return whether a module belongs to an installed package, without importing it.
+def is_offered(module: str, group: str, checkout: Path | None = None) -> bool:
+    """Return whether a module belongs to an installed package that has an entry point of a group, without importing it.
 
-    Modules of the standard library do not count: a configuration has no reason to name them.
+    Others have not been written for being imported by a file's wish: to import them may run a test suite, or worse.
+
+    Args:
+        module: Its import path.
+        group: The group.
+        checkout: A folder whose content does not count as installed, in addition to the current folder.
     """
     top, *rest = module.split(".")
-    if top in sys.stdlib_module_names or not all(part.isidentifier() for part in (top, *rest)):
+    offered = {each.module for each in entry_points(group, checkout)}
+    if not all(part.isidentifier() for part in (top, *rest)) or not _shares(offered, top):
         return False
     with _importing(checkout):
         specs = ((finder, finder.find_spec(top, None)) for finder in sys.meta_path)
         finder, spec = next((found for found in specs if found[1] is not None), (None, None))
-        if spec is None or checkout is None or finder is not PathFinder:
-            return spec is not None
+        if spec is None or (spec.loader is None and not _shares(offered, ".".join((top, *rest[:1])))):
+            # Distributions of different people have parts of a namespace.
+            return False
+        if checkout is None or finder is not PathFinder:
+            return True
         places = map(Path, spec.submodule_search_locations or [spec.origin or ""])
         return not any(_is_entered_from_above(place, rest, checkout.resolve()) for place in places)
+
+
+def _shares(modules: Iterable[str], package: str) -> bool:
+    return any(f"{module}.".startswith(f"{package}.") for module in modules)
 
 
 def _is_entered_from_above(top: Path, rest: list[str], checkout: Path) -> bool:

@@ -14,7 +14,7 @@ from sar_compiler.checks import check, check_palettes, first_of_each
 from sar_compiler.checks.configuration import Configuration, configuration_for, repository_of
 from sar_compiler.missions import ENTRY_POINTS as MISSIONS
 from sar_compiler.nodes.binding.bound import Binding
-from sar_compiler.nodes.installed import entry_points, ignored_entry_points, is_installed
+from sar_compiler.nodes.installed import entry_points, ignored_entry_points, is_offered
 from sar_compiler.nodes.palettes import is_palette_name
 from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, load_registry
 from sar_compiler.tree.content import as_written, read_bytes, real_path
@@ -98,7 +98,7 @@ class Project:
         if self.additions.registry is not None:
             return self.additions.registry
         wanted = [each for each in self.configuration.nodes if each not in self.additions.nodes]
-        brought = [each for each in wanted if not is_installed(each, self.checkout)]
+        brought = [each for each in wanted if not is_offered(each, ENTRY_POINTS, self.checkout)]
         if brought:
             self._require_trust(brought)
         palettes = (*self.additions.palettes, *self.configuration.palettes)
@@ -118,7 +118,10 @@ class Project:
         content.make_importable()
 
     def _untrusted(self, module: str) -> Diagnostic:
-        message = f"'{module}' is not installed, and a configuration brings no code along"
+        message = (
+            f"'{module}' is not of an installed package that registers leaves ('{ENTRY_POINTS}'), and a configuration "
+            "brings no code along"
+        )
         hint = f"install it, name it yourself (--nodes {module}), or trust what lies here, until it changes: --trust"
         source, span = self.configuration.source, self.configuration.node_spans[module]
         return Diagnostic("untrusted-nodes", message, source, span, hint=hint)

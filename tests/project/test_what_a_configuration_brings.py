@@ -38,7 +38,10 @@ def named(checkout):
 class TestModulesThatAConfigurationNames:
     def test_are_not_imported_from_the_checkout(self, named):
         said = named.validate()
-        assert "sar.toml:1:11: error[untrusted-nodes]: 'gripper' is not installed" in said
+        assert (
+            "sar.toml:1:11: error[untrusted-nodes]: 'gripper' is not of an installed package that registers leaves"
+            in said
+        )
         assert "--nodes gripper" in said
         assert "--trust" in said
         assert "unknown-node" not in said
@@ -78,6 +81,10 @@ class TestModulesThatAConfigurationNames:
         shutil.move(site / "robot" / "trees" / "gripper.py", site / "robot")
         named.folder = site / "robot" / "trees"
         named.configure('nodes = ["robot.gripper"]\n')
+        metadata = pretend_to_be_installed(site)
+        (metadata / "entry_points.txt").write_text(
+            "[sar_compiler.nodes]\ng = robot.gripper\n", encoding="utf-8"
+        )
         assert named.validate(PYTHONPATH=str(site)) == VALID
 
     @pytest.mark.parametrize("question", [["nodes", "Grip"], ["schema"], ["schema", "--format", "json"]])
@@ -109,6 +116,8 @@ class TestModulesThatAConfigurationNames:
         site = tmp_path / "site"
         site.mkdir()
         shutil.move(named.folder / "gripper.py", site)
+        assert "untrusted-nodes" in named.validate(PYTHONPATH=str(site))
+        pretend_to_be_installed(site)
         assert named.validate(PYTHONPATH=str(site)) == VALID
 
     def test_are_taken_from_what_is_installed_and_not_from_the_checkout(self, named, tmp_path):
@@ -119,6 +128,7 @@ class TestModulesThatAConfigurationNames:
             .read_text("utf-8")
             .replace("it has run", "the installed one has run")
         )
+        pretend_to_be_installed(site)
         assert named.validate(PYTHONPATH=os.pathsep.join(["", str(site)])) == VALID
         assert named.proof.read_text("utf-8") == "the installed one has run"
 
@@ -128,10 +138,39 @@ class TestModulesThatAConfigurationNames:
         assert "untrusted-nodes" in named.validate(PYTHONPATH=str(named.folder))
         assert named.validate("--trust") == VALID
 
-    @pytest.mark.parametrize("module", ["antigravity", "gripper/../x", "", "gripper.py"])
-    def test_that_are_no_modules_of_leaves_are_not_imported(self, checkout, module):
+    @pytest.mark.parametrize(
+        "module",
+        [
+            "antigravity",
+            "test.autotest",
+            "test.crashers.gc_inspection",
+            "pytest",
+            "py_trees",
+            "gripper/../x",
+            "",
+            "gripper.py",
+        ],
+    )
+    def test_that_are_of_no_package_with_leaves_are_not_imported_though_they_are_installed(
+        self, checkout, module
+    ):
         checkout.configure(f'nodes = ["{module}"]\n')
-        assert f"untrusted-nodes]: '{module}' is not installed" in checkout.validate()
+        said = checkout.validate()
+        assert f"untrusted-nodes]: '{module}' is not of an installed package that registers leaves" in said
+
+    def test_are_not_imported_from_another_distribution_s_part_of_a_namespace(self, named, tmp_path):
+        site = tmp_path / "site"
+        for part in ("mine", "others"):
+            (site / "acme" / part).mkdir(parents=True)
+            shutil.copy(named.folder / "gripper.py", site / "acme" / part / "gripper.py")
+        metadata = pretend_to_be_installed(site)
+        (metadata / "entry_points.txt").write_text(
+            "[sar_compiler.nodes]\ng = acme.mine.gripper\n", encoding="utf-8"
+        )
+        named.configure('nodes = ["acme.others.gripper"]\n')
+        assert "untrusted-nodes" in named.validate(PYTHONPATH=str(site))
+        named.configure('nodes = ["acme.mine.gripper"]\n')
+        assert named.validate(PYTHONPATH=str(site)) == VALID
 
     def test_are_all_named_at_once(self, named):
         named.configure('nodes = ["gripper", "arm"]\n')
