@@ -1,6 +1,5 @@
 """One run of `sar-run`, from the tree file to the exit status."""
 
-import json
 import sys
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
@@ -23,6 +22,7 @@ from sar_compiler.cli.run_watchers import RunWatchers, open_watchers
 from sar_compiler.commands import FINDINGS, OK, print_error
 from sar_compiler.compiler import CompiledTree, compile_tree, require_classes
 from sar_compiler.errors import SarError
+from sar_compiler.journal.json_values import json_text
 from sar_compiler.missions.beginning import begin_run, fixed_parameters, node_name
 from sar_compiler.missions.choosing import MissionError
 from sar_compiler.missions.ending import EndCondition, RunResult, Until
@@ -471,7 +471,7 @@ class _TreeRun:
         status = self._status(engine)
         if as_json:
             said = {"status": status, "reason": self._reason, "duration": elapsed_sec, "ticks": engine.count}
-            self.output.say(json.dumps({**said, "figures": dict(mission.figures())}))
+            self.output.say(json_text({**said, "figures": dict(mission.figures())}))
         return status
 
     def _status(self, engine: Engine) -> int:

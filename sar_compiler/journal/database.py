@@ -1,7 +1,6 @@
 """The file of a journal: an SQLite database, whose schema has a version."""
 
 import errno
-import json
 import math
 import os
 import sqlite3
@@ -14,6 +13,7 @@ from typing import Any, NamedTuple
 
 from sar_compiler.journal.errors import JournalError, JournalPlaceError
 from sar_compiler.journal.journal_entries import RUN_BEGAN, RUN_ENDED, Ending, JournalEntry, JournalRun
+from sar_compiler.journal.json_values import json_text, json_value
 from sar_compiler.journal.reserve import SUFFIX, Kept, Reserve, Row, RunEnd, read_reserve
 
 VERSION = 2
@@ -43,6 +43,12 @@ CREATE TABLE watched (
 CREATE INDEX watched_by_kind ON watched (kind);
 COMMIT;
 """
+
+# What the file says of its own parts: in this text, and no other.
+_PARTS = {statement.strip() for statement in _SCHEMA.split(";")}
+
+# How many steps of SQLite's a reading may take, and how many more for each byte of the file: some twenty times what it does take.
+_STEPS, _STEPS_OF_A_BYTE = 2_000_000, 20
 
 # How often, and how far apart, somebody else's look at the lock is waited for.
 _ATTEMPTS, _MOMENT_SEC = 10, 0.02
@@ -88,6 +94,8 @@ class JournalFile:
         self.path = path
         self._connection = connection
         self._lock = lock
+        self._patience = _Patience(_STEPS + _STEPS_OF_A_BYTE * (_size(path) + _size(f"{path}-wal")))
+        connection.set_progress_handler(self._patience.is_over, _Patience.STRIDE)
 
     @classmethod
     def create(cls, path: Path) -> "JournalFile":
@@ -115,7 +123,8 @@ class JournalFile:
             lock = _locked(path)
             file = cls(path, _connected(path), lock)
             try:
-                file._make()
+                with file._reading():
+                    file._make()
             except BaseException:
                 file.close()
                 raise
@@ -143,13 +152,12 @@ class JournalFile:
             known = {number for (number,) in self._connection.execute("SELECT number FROM fact")}
             self.write((), [fact for fact in kept.facts if fact.number not in known], kept.end)
 
-    def _show(self, kept: Kept) -> "JournalFile":
+    def _show(self, kept: Kept) -> None:
         """Let what lies beside it be read as if it were in it."""
         if kept.facts or kept.end:
             self._connection.executescript(_OVERLAY)
             self._connection.executemany("INSERT INTO kept VALUES (?, ?, ?, ?, ?, ?)", kept.facts)
             self._end_run(kept.end)
-        return self
 
     def reserve(self) -> Reserve:
         """Return its reserve, made if it is not there; from here on nobody's lock is waited for.
@@ -157,9 +165,10 @@ class JournalFile:
         Raises:
             JournalError: If it cannot be made.
         """
-        with _readable(self.path):
+        with self._reading():
             reserve = Reserve(self.path)
             self._connection.execute("PRAGMA busy_timeout = 0")
+            self._connection.set_progress_handler(None, 0)
             _sync_folder(self.path.parent)
         return reserve
 
@@ -177,9 +186,11 @@ class JournalFile:
             passive = "mode=ro&readonly_shm=1" if Path(f"{path}-shm").exists() else "mode=ro"
             uri = f"{path.absolute().as_uri()}?{passive if _is_used(path) else 'immutable=1'}"
             file = cls(path, _connected(uri, uri=True))
-            file.checked()
             try:
-                return file._show(file._reserved())
+                with file._reading():
+                    file.checked()
+                    file._show(file._reserved())
+                    return file
             except BaseException:
                 file.close()
                 raise
@@ -212,26 +223,53 @@ class JournalFile:
                 f"{self.path} has version {version} of a journal, and this sar_compiler reads version {VERSION}: use the "
                 "sar_compiler that has written it, or move it away to begin anew"
             )
+        parts = self._connection.execute("SELECT type, name, sql FROM main.sqlite_master")
+        strange = [
+            (kind, name) for kind, name, text in parts if text not in _PARTS and not _is_sqlites(name, text)
+        ]
+        if strange:
+            kind, name = strange[0]
+            return f"{self.path} has what no journal has, the {kind} {name!r}: it is not read"
         return ""
+
+    @contextmanager
+    def _reading(self) -> Iterator[None]:
+        """Read for as long as that may take; what goes wrong is put into words.
+
+        Raises:
+            JournalError: If it cannot be read.
+            KeyboardInterrupt: If Ctrl-C was pressed meanwhile.
+        """
+        self._patience.begin()
+        with _readable(self.path):
+            try:
+                yield
+            except sqlite3.OperationalError as error:
+                if str(error) != "interrupted":
+                    raise
+                if self._patience.was_disturbed:
+                    raise KeyboardInterrupt from error
+                message = "to read it takes far more steps than its size is reason for"
+                raise ValueError(message) from error
 
     def about(self) -> dict[str, Any]:
         """Return what the mission is: `mission`, `tree`, `identity` and so on; empty before its first run."""
-        with _readable(self.path):
+        with self._reading():
             rows = self._connection.execute("SELECT key, value FROM about").fetchall()
-            return {key: json.loads(value) for key, value in rows}
+            return {key: json_value(value) for key, value in rows}
 
     def runs(self) -> list[JournalRun]:
         """Return the runs, the latest last."""
-        with _readable(self.path):
+        with self._reading():
             rows = self._connection.execute(
                 "SELECT number, began, about, ended, ending, status, reason FROM run ORDER BY number"
             )
             return [
                 JournalRun(
                     number,
-                    float(began),
+                    _finite(began),
                     _mapping(about),
-                    None if ended is None else float(ended),
+                    None if ended is None else _finite(ended),
                     None if ending is None else Ending(ending),
                     status,
                     str(reason),
@@ -269,7 +307,7 @@ class JournalFile:
         if self._connection.in_transaction:
             yield
             return
-        with _readable(self.path):
+        with self._reading():
             self._connection.execute("BEGIN")
         try:
             yield
@@ -308,23 +346,23 @@ class JournalFile:
 
     def last_number(self) -> int:
         """Return the number of the last entry; 0 if there is none."""
-        with _readable(self.path):
+        with self._reading():
             query = "SELECT max(number) FROM (SELECT number FROM fact UNION ALL SELECT number FROM watched)"
             (last,) = self._connection.execute(query).fetchone()
             return int(last or 0)
 
     def _last_time(self, run: int) -> float:
         """Return the mission's time of the last entry of a run; minus infinity if there is none."""
-        with _readable(self.path):
+        with self._reading():
             query = "SELECT max(time) FROM (SELECT run, time FROM fact UNION ALL SELECT run, time FROM watched) WHERE run = ?"
             (last,) = self._connection.execute(query, (run,)).fetchone()
         return -math.inf if last is None else float(last)
 
     def _entries(self, query: str, values: Iterable[str | int]) -> list[JournalEntry]:
-        with _readable(self.path):
+        with self._reading():
             rows = self._connection.execute(query, tuple(values))
             return [
-                JournalEntry(number, run, float(wall), float(time), str(kind), _mapping(data))
+                JournalEntry(number, run, _finite(wall), _finite(time), str(kind), _mapping(data))
                 for number, run, wall, time, kind, data in rows
             ]
 
@@ -333,10 +371,10 @@ class JournalFile:
         with self._transaction():
             self._connection.executemany(
                 "INSERT OR IGNORE INTO about VALUES (?, ?)",
-                [(key, json.dumps(value)) for key, value in about.items()],
+                [(key, json_text(value)) for key, value in about.items()],
             )
             added = self._connection.execute(
-                "INSERT INTO run (began, about) VALUES (?, ?)", (wall, json.dumps(run_about))
+                "INSERT INTO run (began, about) VALUES (?, ?)", (wall, json_text(run_about))
             )
         return int(added.lastrowid or 0)
 
@@ -390,7 +428,7 @@ class JournalFile:
 
     def remove(self) -> None:
         """Close it and delete it."""
-        with _readable(self.path):
+        with self._reading():
             self._connection.close()
             for ending in ("", *_SIDECARS):
                 Path(f"{self.path}{ending}").unlink(missing_ok=True)
@@ -466,12 +504,30 @@ def _lock(descriptor: int) -> None:
             return
 
 
+def _is_sqlites(name: object, text: object) -> bool:
+    """Return whether a part of a database is one that SQLite makes by itself: an index of a key, or what ANALYZE has found out."""
+    return (text is None and str(name).startswith("sqlite_autoindex_")) or str(name).startswith("sqlite_stat")
+
+
+def _size(path: str | Path) -> int:
+    with suppress(OSError):
+        return os.stat(path).st_size  # noqa: PTH116 - also of a text
+    return 0
+
+
 def _mapping(text: str) -> dict[str, Any]:
-    data = json.loads(text)
+    data = json_value(text)
     if not isinstance(data, dict):
         message = f"{text} is where names with values belong"
         raise TypeError(message)
     return data
+
+
+def _finite(number: Any) -> float:
+    if not math.isfinite(value := float(number)):
+        message = f"{number} is no time"
+        raise ValueError(message)
+    return value
 
 
 def _sync_folder(folder: Path) -> None:
@@ -488,10 +544,38 @@ def _require_regular(mode: int) -> None:
         raise OSError(errno.EINVAL, "it is no file, but a folder, a device or a pipe")
 
 
+class _Patience:
+    """How much work a reading may be for SQLite: a file that was made for it can lead round in circles.
+
+    Args:
+        steps: How many of SQLite's steps.
+    """
+
+    STRIDE = 10_000
+
+    def __init__(self, steps: int) -> None:
+        self._steps = self._left = steps
+
+    def begin(self) -> None:
+        """Begin a reading."""
+        self._left = self._steps
+
+    def is_over(self) -> bool:
+        """Return whether SQLite is to give up; it asks again and again."""
+        self._left -= self.STRIDE
+        return self._left < 0
+
+    @property
+    def was_disturbed(self) -> bool:
+        """Whether SQLite has given up for another reason: Ctrl-C, which it does not pass on."""
+        return self._left >= 0
+
+
 def _connected(target: str | Path, **options: Any) -> sqlite3.Connection:
     # Transactions are begun and ended by statements alone; nobody but a reader can keep the file for a moment.
     connection: sqlite3.Connection = sqlite3.connect(target, timeout=5.0, isolation_level=None, **options)
     connection.execute("PRAGMA trusted_schema = OFF")
+    connection.execute("PRAGMA cell_size_check = ON")
     return connection
 
 

@@ -1,6 +1,5 @@
 """The journal of the mission that is running."""
 
-import json
 import os
 import re
 import time
@@ -18,6 +17,7 @@ from sar_compiler.journal.journal_entries import (
     Ending,
     JournalEntry,
 )
+from sar_compiler.journal.json_values import json_text
 from sar_compiler.runtime.clock import Clock, WallClock
 from sar_compiler.runtime.context import mission_context
 
@@ -279,7 +279,7 @@ class Journal:
         if self._listeners:
             # What is no JSON value is the caller's mistake where nothing is written, too.
             if not self._is_written:
-                json.dumps(data)
+                json_text(data)
             self._told += 1
             entry = JournalEntry(self._told, self._run, time.time(), self.clock.now(), kind, data)
             for listener in list(self._listeners):
@@ -293,7 +293,7 @@ class Journal:
         from sar_compiler.journal.reserve import Row
 
         self._number += 1
-        return Row(self._number, self._run, time.time(), self.clock.now(), kind, json.dumps(data))
+        return Row(self._number, self._run, time.time(), self.clock.now(), kind, json_text(data))
 
     def _write(self) -> None:
         file = self._file if self._is_written else None

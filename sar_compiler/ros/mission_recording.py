@@ -1,6 +1,5 @@
 """A mission in a file: its topics, its tree's log, and its own."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -9,6 +8,7 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from sar_compiler.journal.journal_entries import OF_ROBOT, RUN_BEGAN, JournalEntry
+from sar_compiler.journal.json_values import json_text
 from sar_compiler.monitoring.numbered_tree import NumberedTree
 from sar_compiler.monitoring.tree_xml import tree_xml
 from sar_compiler.ros.engine import Engine
@@ -60,7 +60,7 @@ class MissionRecording:
         if entry.kind == RUN_BEGAN:
             data = {key: value for key, value in data.items() if key != "tree"}
         message = Log(
-            level=Log.INFO, name=self._node.get_logger().name, msg=f"{entry.kind} {json.dumps(data)}"
+            level=Log.INFO, name=self._node.get_logger().name, msg=f"{entry.kind} {json_text(data)}"
         )
         message.stamp.sec, message.stamp.nanosec = divmod(int(entry.wall * 1e9), 10**9)
         self._write("mission_log", message)

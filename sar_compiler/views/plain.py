@@ -1,9 +1,9 @@
 """Values in the notations of JSON and of scripts."""
 
-import json
 import re
 from enum import Enum
 
+from sar_compiler.journal.json_values import json_text
 from sar_compiler.tree.showing import UNSEEN
 
 # The characters that are not allowed in XML 1.0, not even escaped.
@@ -11,8 +11,11 @@ _UNSPEAKABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]
 
 
 def as_json(data: object) -> str:
-    """Return data as JSON, in which what a terminal would obey is escaped; for whoever reads it, it is the same."""
-    text = json.dumps(data, indent=2, ensure_ascii=False)
+    """Return data as JSON, in which what a terminal would obey is escaped; for whoever reads it, it is the same.
+
+    Numbers that are not finite are null, because JSON has none.
+    """
+    text = json_text(data, indent=2, ensure_ascii=False)
     return UNSEEN.sub(_escaped, text)
 
 

@@ -1,11 +1,10 @@
 """What a browser that comes late is told: of a long run the few entries from which the others' state follows."""
 
-import json
-import math
 from collections.abc import Hashable, Mapping
 from typing import Any
 
 from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, RUN_BEGAN, JournalEntry
+from sar_compiler.journal.json_values import json_text
 
 # Of some kinds only the last entries are told; of all others, facts among them, so many that nobody has more.
 _LAST = {"log": 300, GOAL_SENT: 20, GOAL_ENDED: 20}
@@ -16,11 +15,8 @@ _LATEST_ONLY = ("plan", "map", "progress")
 
 
 def as_json(data: object) -> str:
-    """Return a value as JSON that every reader takes: numbers that are not finite as null."""
-    try:
-        return json.dumps(data, allow_nan=False, separators=(",", ":"))
-    except ValueError:
-        return json.dumps(_finite(data), separators=(",", ":"))
+    """Return a value as JSON that every reader takes, in short: numbers that are not finite as null."""
+    return json_text(data, separators=(",", ":"))
 
 
 def entry_text(entry: JournalEntry, robot: int) -> str:
@@ -30,14 +26,6 @@ def entry_text(entry: JournalEntry, robot: int) -> str:
     except Exception as error:  # noqa: BLE001 - one entry must not be the end of the page
         data = {"kind": entry.kind, "reason": str(error)}
         return as_json({"robot": robot, **entry._replace(kind="unreadable", data=data)._asdict()})
-
-
-def _finite(data: Any) -> Any:
-    if isinstance(data, float):
-        return data if math.isfinite(data) else None
-    if isinstance(data, Mapping):
-        return {key: _finite(value) for key, value in data.items()}
-    return [_finite(value) for value in data] if isinstance(data, (list, tuple)) else data
 
 
 class KeptEntries:

@@ -178,7 +178,7 @@ def test_a_goal_that_could_not_be_sent_is_refused_with_its_number(place, data):
     again.close()
 
 
-@pytest.mark.parametrize("began", [1e300, -1e300, float("inf")])
+@pytest.mark.parametrize("began", [1e300, -1e300])
 def test_a_time_that_is_none_is_told_as_it_is(place, began):
     file = JournalFile.create(place)
     file.begin_run({}, {}, began)

@@ -300,3 +300,27 @@ def test_without_a_journal_nothing_is_written() -> None:
     run.keep_in(Journal())
     run.context[MissionRecord].base_reached()  # type: ignore[attr-defined]
     assert run.context[MissionRecord].home  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("kind", "data"),
+    [
+        ("zone_searched", {"zone": "zone_a", "survivor": [float("nan"), 1.0]}),
+        ("zone_searched", {"zone": "zone_a", "survivor": [None, 1.0]}),
+        ("survivor_named", {"survivor": "survivor_1", "x": 1.0, "y": float("inf")}),
+        ("zone_added", {"id": "zone_z", "x": float("-inf"), "y": 0.0, "yaw": 0.0}),
+    ],
+)
+def test_a_fact_with_a_position_that_is_none_is_refused(kind: str, data: dict[str, Any]) -> None:
+    journal = Journal()
+    journal.facts = lambda: [JournalEntry(1, 1, 0.0, 0.0, kind, data)]  # type: ignore[method-assign]
+    with pytest.raises(JournalError, match="does not fit: "):
+        MISSION.begin(ParameterReader(PARAMETERS)).keep_in(journal)
+
+
+def test_numbers_that_lost_facts_have_given_are_not_given_again() -> None:
+    journal, run = Journal(), MISSION.begin(ParameterReader(PARAMETERS))
+    lost = {"count": 5, "numbers": {"survivor": 7}}
+    journal.facts = lambda: [JournalEntry(1, 1, 0.0, 0.0, "facts_lost", lost)]  # type: ignore[method-assign]
+    run.keep_in(journal)
+    assert run.context[ZoneManager].next_survivor_id() == "survivor_8"  # type: ignore[attr-defined]

@@ -1,5 +1,6 @@
 """Taking over, from the facts of a journal, what earlier runs of a mission have done."""
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -63,7 +64,8 @@ class _Recollection:
         self._zones.survivor_ids_given(int(numbers.get("survivor", 0)))
 
     def _zone_added(self, id: str, x: float, y: float, yaw: float) -> None:  # noqa: A002 - as a zone has it
-        self._zones.add(Zone(id=id, x=float(x), y=float(y), yaw=float(yaw)))
+        place = _place(x, y)
+        self._zones.add(Zone(id=id, x=place[0], y=place[1], yaw=_place(yaw, 0.0)[0]))
 
     def _zone_started(self, zone: str) -> None:
         self._record.zone_started(zone)
@@ -134,4 +136,8 @@ class _Recollection:
 
 
 def _place(x: Any, y: Any) -> tuple[float, float]:
-    return float(x), float(y)
+    place = float(x), float(y)
+    if not all(map(math.isfinite, place)):
+        message = f"{place} is no position"
+        raise ValueError(message)
+    return place

@@ -1,0 +1,126 @@
+"""A journal may be anybody's: what is in it that no journal has is refused, and it is read in a time that its size has."""
+
+import json
+import sqlite3
+import subprocess
+import sys
+from contextlib import closing
+
+import pytest
+
+from sar_compiler.cli.journal_command import main
+from sar_compiler.journal import database
+from sar_compiler.journal.database import JournalFile
+from sar_compiler.journal.errors import JournalError
+from sar_compiler.journal.journal_entries import Ending
+from sar_compiler.journal.opening import open_journal
+
+ENDLESS = "WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n)"
+
+
+@pytest.fixture
+def place(tmp_path):
+    """A mission that was stopped, with a pose."""
+    place = tmp_path / "mission.journal"
+    journal = open_journal(place)
+    journal.begin({"mission": "patrol"}, {})
+    journal.note("zone_searched", zone="zone_a", survivor=(1.0, 2.0))
+    journal.watch("pose", x=float("nan"), y=float("inf"), yaw=0.5)
+    journal.end(Ending.STOPPED, 130)
+    journal.close()
+    return place
+
+
+def change(place, *statements):
+    with closing(sqlite3.connect(place, isolation_level=None)) as base:
+        for statement in statements:
+            base.execute(statement)
+
+
+@pytest.mark.parametrize(
+    ("statements", "named"),
+    [
+        (
+            [
+                "DROP TABLE watched",
+                f"CREATE VIEW watched AS {ENDLESS} SELECT x AS number, 1 AS run, 1.0 AS wall, 1.0 AS time, 'k' AS kind, '{{}}' AS data FROM n",  # noqa: S608 - the test's own
+            ],
+            "the view 'watched'",
+        ),
+        (["CREATE TRIGGER t AFTER INSERT ON fact BEGIN DELETE FROM fact; END"], "the trigger 't'"),
+        (["CREATE INDEX i ON fact (kind) WHERE data > 'x'"], "the index 'i'"),
+        (["CREATE TABLE more (x)"], "the table 'more'"),
+        (["ALTER TABLE fact ADD COLUMN more TEXT"], "the table 'fact'"),
+    ],
+)
+def test_what_no_journal_has_is_refused_by_its_name(place, statements, named):
+    change(place, *statements)
+    for opened in (JournalFile.read, JournalFile.open):
+        with pytest.raises(JournalError, match=f"has what no journal has, {named}: it is not read"):
+            opened(place)
+
+
+def test_what_sqlites_own_tools_leave_is_read(place):
+    change(place, "ANALYZE", "VACUUM")
+    assert [fact.kind for fact in open_journal(place, resume=True).facts()] == ["zone_searched"]
+
+
+def test_a_file_that_takes_far_more_work_than_its_size_has_is_given_up(place, monkeypatch):
+    monkeypatch.setattr(database, "_STEPS", 0)
+    monkeypatch.setattr(database, "_STEPS_OF_A_BYTE", 0)
+    monkeypatch.setattr("sar_compiler.journal.database._Patience.STRIDE", 1)
+    with pytest.raises(JournalError, match="far more steps than its size is reason for"):
+        JournalFile.read(place)
+
+
+PATIENT = f"""
+import signal, sys
+from pathlib import Path
+from sar_compiler.journal.database import JournalFile
+file = JournalFile.read(Path(sys.argv[1]))
+file._patience._steps = 10 ** 18
+signal.signal(signal.SIGALRM, signal.default_int_handler)
+signal.setitimer(signal.ITIMER_REAL, 0.1)
+try:
+    with file._reading():
+        file._connection.execute("{ENDLESS} SELECT max(x) FROM n").fetchall()
+except KeyboardInterrupt:
+    print("ended")
+"""  # noqa: S608 - the test's own
+
+
+def test_ctrl_c_ends_a_reading_that_would_never_end(place):
+    done = subprocess.run(
+        [sys.executable, "-c", PATIENT, place], capture_output=True, text=True, check=True, timeout=300
+    )
+    assert done.stdout == "ended\n"
+
+
+def strictly(text):
+    def refuse(constant):
+        pytest.fail(f"{constant} is no JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+@pytest.mark.parametrize(
+    "written", ['{"x": NaN, "y": Infinity, "yaw": 0.5}', '{"x": 1e999, "y": -1E+0400, "yaw": 0.5}', None]
+)
+def test_a_number_that_is_not_finite_is_null_in_every_json(place, tmp_path, capsys, written):
+    if written:
+        change(place, f"UPDATE watched SET data = '{written}'")  # noqa: S608 - the test's own
+    assert main(["show", str(place), "--all", "--format", "json"]) == 0
+    (pose,) = strictly(capsys.readouterr().out)["watched"]
+    assert pose["data"] == {"x": None, "y": None, "yaw": 0.5}
+    assert main(["report", str(place), "--to", str(tmp_path / "r.json"), str(tmp_path / "r.html")]) == 0
+    (noted,) = strictly((tmp_path / "r.json").read_text("utf-8"))["noted"]
+    assert noted["data"] == {"x": None, "y": None, "yaw": 0.5}
+    assert main(["why", str(place), "--format", "json"]) == 0
+    assert strictly(capsys.readouterr().out)["answers"] == []
+
+
+@pytest.mark.parametrize("column", ["wall", "time"])
+def test_a_time_that_is_none_is_refused(place, column):
+    change(place, f"UPDATE fact SET {column} = 9e999")  # noqa: S608 - the test's own
+    with closing(JournalFile.read(place)) as file, pytest.raises(JournalError, match="inf is no time"):
+        file.facts()
