@@ -16,6 +16,8 @@ from sar_compiler.errors import SarError
 OK = 0
 FINDINGS = 1
 USAGE = 2
+RULE_FAILED = 3
+"""The status of `sar-compile` where a rule of the project's own has failed; what the others found is told."""
 INTERRUPTED = 130
 PIPE_CLOSED = 141
 """The status that a shell reports for a process that wrote to a closed pipe: the output may not have been read."""

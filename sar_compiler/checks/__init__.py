@@ -4,9 +4,10 @@ A rule is a function from a `CheckContext`, which is a file with all that is kno
 is a module in `rules`, and `RULES` lists them.
 """
 
+import functools
 import itertools
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 
 from sar_compiler.checks.document import check_document
 from sar_compiler.checks.rules.check_context import CheckContext
@@ -80,6 +81,18 @@ def _is_error(finding: Diagnostic) -> bool:
     return finding.severity is Severity.ERROR
 
 
+def _guarded(
+    name: str, rule: Callable[[], Iterable[Diagnostic]], forest: Forest, found: Iterable[Diagnostic]
+) -> Iterator[Diagnostic]:
+    """Yield what a rule finds; if it fails, what it has found before, and that it has failed."""
+    try:
+        yield from rule()
+    except Exception as error:  # noqa: BLE001 - whatever it is, the other rules have something to say
+        from sar_compiler.checks.internal_errors import failure_of_rule
+
+        yield from failure_of_rule(name, error, forest.main.root, found)
+
+
 def check(
     forest: Forest, registry: Registry, palettes: Palettes = (), btcpp: Version = NEWEST
 ) -> list[Diagnostic]:
@@ -100,7 +113,7 @@ def check(
     context = CheckContext(forest, registry, palettes, btcpp)
     is_all = True
     for rule in RULES:
-        found = list(rule(context))
+        found = list(_guarded(rule.__name__, functools.partial(rule, context), forest, findings))
         is_all = is_all and sum(map(_is_error, found)) < MOST
         findings += found
     from sar_compiler.checks.schema_validation import check_schema
@@ -108,7 +121,8 @@ def check(
     # The rules say it better; the schema speaks only where they found nothing, and had nothing more to say.
     described = described_specs([*palettes, *forest.files], registry)
     for tree_file in forest.files if is_all else ():
-        findings += itertools.islice(check_schema(tree_file, registry, described, findings), MOST)
+        schema = functools.partial(check_schema, tree_file, registry, described, findings)
+        findings += itertools.islice(_guarded(check_schema.__name__, schema, forest, findings), MOST)
     files = (*reversed(forest.files), *forest.others)
     order = {tree_file.source.path: number for number, tree_file in reversed([*enumerate(files)])}
 

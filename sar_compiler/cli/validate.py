@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options, workspace
 from sar_compiler.cli.terminal import findings_as_text
-from sar_compiler.commands import FINDINGS, OK, USAGE, print_error, print_text
+from sar_compiler.commands import FINDINGS, OK, RULE_FAILED, USAGE, print_error, print_text
 from sar_compiler.tree.showing import visible
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 _TEXT, _JSON, _SARIF, _GITHUB = FORMATS = ("text", "json", "sarif", "github")
 _STDIN, _STDIN_NAME = "-", Path("<stdin>")
+_FAILED = "internal-error"
 _ROUNDS = 20
 """The largest number of passes: a fix may reveal another mistake."""
 
@@ -61,6 +62,8 @@ def validate_files(arguments: argparse.Namespace) -> int:
     counted = (Severity.ERROR, Severity.WARNING) if arguments.strict else (Severity.ERROR,)
     if validation.unreadable:
         return USAGE
+    if any(each.code == _FAILED for each in validation.findings):
+        return RULE_FAILED
     return FINDINGS if any(each.severity in counted for each in validation.findings) else OK
 
 
@@ -149,35 +152,44 @@ class _Validation:
         self._workspace = self._new_workspace()
 
     def look(self) -> None:
-        """Check the files."""
+        """Check the files, each whatever becomes of the others."""
+        for path in self._files:
+            self._look_at(path)
+
+    def _look_at(self, path: Path) -> None:
+        try:
+            self._check(path)
+        except Exception as error:  # noqa: BLE001 - whatever it is, there is something to say about the other files
+            from sar_compiler.checks.internal_errors import failure_of_file
+
+            self._report([failure_of_file(path, error)])
+
+    def _check(self, path: Path) -> None:
         from sar_compiler.tree.content import real_path
         from sar_compiler.tree.diagnostic import TreeError, UnreadableFileError
 
-        for path in self._files:
-            try:
-                tree = self._workspace.load_file(path)
-            except UnreadableFileError as error:
-                self._tell(str(error))
-                continue
-            except TreeError as error:
-                self._checked += 1
-                self._report(error.findings)
-                continue
+        try:
+            tree = self._workspace.load_file(path)
+        except UnreadableFileError as error:
+            self._tell(str(error))
+            return
+        except TreeError as error:
             self._checked += 1
-            try:
-                # A palette that is among the files is spoken of as such.
-                palettes = tree.project.findings
-                self._report(
-                    each for each in palettes if real_path(Path(each.source.path)) not in self._places
-                )
-            except TreeError as error:
-                self._report(error.findings)
-                continue
-            found = [*tree.findings, *tree.mission_findings]
-            self._report(found)
-            self._count_fixable(tree)
-            if self.arguments.format == _TEXT and not found and path not in self._found_in_folders:
-                self._clean.append(path)
+            self._report(error.findings)
+            return
+        self._checked += 1
+        try:
+            # A palette that is among the files is spoken of as such.
+            palettes = tree.project.findings
+            self._report(each for each in palettes if real_path(Path(each.source.path)) not in self._places)
+        except TreeError as error:
+            self._report(error.findings)
+            return
+        found = [*tree.findings, *tree.mission_findings]
+        self._report(found)
+        self._count_fixable(tree)
+        if self.arguments.format == _TEXT and not found and path not in self._found_in_folders:
+            self._clean.append(path)
 
     def _report(self, findings: "Iterable[Diagnostic]") -> None:
         """Report findings, each once: a file may be included by several, or have trees that several use."""
@@ -198,9 +210,11 @@ class _Validation:
     @property
     def _told(self) -> "Sequence[Diagnostic]":
         """The findings as people are told them."""
+        if self.arguments.all or not self.findings:
+            return self.findings
         from sar_compiler.views.causes import by_cause
 
-        return self.findings if self.arguments.all else by_cause(self.findings)
+        return by_cause(self.findings)
 
     def _sum_up(self, told: "Sequence[Diagnostic]") -> None:
         """Print on standard error how much was found, unless there was only one file without findings."""

@@ -92,3 +92,47 @@ def tree_texts(draw):
         _element("BehaviorTree", {"ID": name}, (draw(NODES),)) for name in TREES[: draw(st.integers(1, 3))]
     )
     return f'<root BTCPP_format="4" main_tree_to_execute="Main">\n{trees}</root>\n'
+
+
+UNKNOWN = ["TestA", "Sucess", "Drive", "Navigate", "BehaviorTree", "TreeNodesModel", "include", "root"]
+_TAGS = [*(spec.tag for spec in SPECS), *(kind.value for kind in Kind), "SubTree", *UNKNOWN]
+
+
+@st.composite
+def _any_element(draw, children=None, most=0):
+    """An element of any tag, known or not, with any attributes, and up to *most* children whatever it is."""
+    tag = draw(st.sampled_from(_TAGS))
+    specs = list(REGISTRY.variants(tag))
+    fitting = draw(_attributes(specs[0])) if specs and draw(st.booleans()) else {}
+    names = st.sampled_from(["ID", "name", "nmae", "success_count", "if", "port", *CONDITIONS])
+    others = draw(st.dictionaries(names, VALUES | st.sampled_from(_TAGS), max_size=2))
+    inner = draw(st.lists(children, max_size=most)) if children is not None else ()
+    return _element(tag, {**fitting, **others}, tuple(inner))
+
+
+WRONG_NODES = st.recursive(
+    _any_element(), lambda inner: _any_element(inner, 4) | _parent(inner), max_leaves=10
+)
+"""The text of a node in which any tag may have any children: none where some are needed, or unknown ones."""
+MODELS = st.sampled_from(
+    [
+        "",
+        '<TreeNodesModel><Action ID="Drive"><input_port name="gear"/><output_port name="a"/></Action></TreeNodesModel>',
+        '<TreeNodesModel><Control ID="TestA"/><Decorator ID="Navigate"/><SubTree ID="B"/></TreeNodesModel>',
+        '<TreeNodesModel><Action/><Condition ID="Sequence"/><input_port name="x"/></TreeNodesModel>',
+    ]
+)
+
+
+@st.composite
+def wrong_tree_texts(draw):
+    """The text of a well-formed file in which anything else may be wrong."""
+    trees = [
+        _element(
+            "BehaviorTree",
+            {"ID": draw(st.sampled_from(TREES))},
+            tuple(draw(st.lists(WRONG_NODES, max_size=2))),
+        )
+        for _ in range(draw(st.integers(1, 3)))
+    ]
+    return f'<root BTCPP_format="4">\n{"".join(trees)}{draw(MODELS)}</root>\n'

@@ -83,6 +83,7 @@ def answer(suffix, data):
         assert findings
     for finding in findings:
         assert finding.render()
+        assert finding.code != "internal-error", finding.message
     return [finding.code for finding in findings]
 
 

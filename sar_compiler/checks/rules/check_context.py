@@ -111,7 +111,7 @@ class CheckContext:
 
     @functools.cached_property
     def broken(self) -> frozenset[BoundNode]:
-        """The nodes with a mistake in their tags or attributes, from which no conclusions are drawn."""
+        """The nodes with a mistake in their tags, attributes or children, from which no conclusions are drawn."""
         return frozenset(self._broken()) if self._errors else frozenset()
 
     @functools.cached_property
@@ -129,6 +129,9 @@ class CheckContext:
             index = bisect.bisect_right(of_file, (finding.span.line, finding.span.column), key=_place)
             if index:
                 yield of_file[index - 1]
+        # Where one is missing, those that were bound are not the first, the second and the last of the file.
+        for tree in self.bound.trees:
+            yield from (each for each in tree.parents if len(each.children) != len(each.element.children))
 
 
 def is_misnamed(tree: Element) -> bool:

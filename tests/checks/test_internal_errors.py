@@ -1,0 +1,102 @@
+"""A rule that fails on a tree is a finding about it; the other rules and the other files are told as ever."""
+
+import json
+
+import pytest
+
+from sar_compiler import checks
+from sar_compiler.checks import check
+from sar_compiler.cli.compile import main
+from sar_compiler.nodes.registry import default_registry
+from sar_compiler.tree.forest import load_forest
+from tests.trees import document, forest
+
+NEEDLESS = document("<Sequence><AlwaysSuccess/></Sequence>")
+TWO_SLIPS = "<Sequence>\n<Sucess/>\n<Retry><AlwaysSuccess/></Retry>\n</Sequence>"
+
+
+def check_badly(context):
+    """Yield what is wrong with each tree, and fail on its first node."""
+    yield from ()
+    for tree in context.trees:
+        _fail_on(tree.nodes[0])
+
+
+def _fail_on(bound):
+    return bound.children[7]
+
+
+def check_bound(context):
+    """Fail as every rule does that needs what fails."""
+    return list(_fail_on(context.trees[0].nodes[0]))
+
+
+@pytest.fixture
+def failing(monkeypatch):
+    monkeypatch.setattr(checks, "RULES", (check_badly, *checks.RULES))
+
+
+def found(text):
+    return [(each.code, each.span.line) for each in check(forest(text), default_registry())]
+
+
+@pytest.mark.usefixtures("failing")
+def test_a_rule_that_fails_is_a_finding_at_the_node_that_it_looked_at_and_the_others_go_on():
+    assert found(TWO_SLIPS) == [("internal-error", 3), ("unknown-node", 4), ("missing-attribute", 5)]
+
+
+@pytest.mark.usefixtures("failing")
+def test_the_finding_names_the_rule_the_error_and_its_place():
+    finding, *_ = check(forest(TWO_SLIPS), default_registry())
+    error = "the rule check_badly failed here: IndexError: list index out of range"
+    assert finding.message == f"{error} (test_internal_errors.py, in _fail_on)"
+    assert "please report it" in finding.advice
+
+
+def test_what_fails_for_several_rules_alike_is_told_once(monkeypatch):
+    monkeypatch.setattr(checks, "RULES", (check_badly, check_bound, *checks.RULES))
+    assert [code for code, _ in found("<AlwaysSuccess/>")] == ["internal-error"]
+
+
+@pytest.mark.usefixtures("failing")
+def test_validate_tells_all_else_and_ends_with_status_3(tmp_path, capsys):
+    for name in ("a.xml", "b.xml"):
+        (tmp_path / name).write_text(NEEDLESS)
+    assert main(["validate", str(tmp_path), "--format", "json"]) == 3
+    codes = [(each["file"][-5:], each["code"]) for each in json.loads(capsys.readouterr().out)]
+    each = ["internal-error", "needless-node"]
+    assert codes == [(name, code) for name in ("a.xml", "b.xml") for code in each]
+
+
+def test_a_file_that_cannot_even_be_read_because_of_us_does_not_silence_the_others(
+    tmp_path, capsys, monkeypatch
+):
+    def load_all_but_one(path, *others):
+        if path.name == "a.xml":
+            message = "a surprise"
+            raise RuntimeError(message)
+        return load_forest(path, *others)
+
+    monkeypatch.setattr("sar_compiler.project.load_forest", load_all_but_one)
+    for name in ("a.xml", "b.xml"):
+        (tmp_path / name).write_text(NEEDLESS)
+    assert main(["validate", str(tmp_path)]) == 3
+    output = capsys.readouterr().out
+    assert (
+        "a.xml:1:1: error[internal-error]: the check of this file failed: RuntimeError: a surprise" in output
+    )
+    assert "needless-node" in output
+
+
+@pytest.mark.usefixtures("failing")
+def test_no_comment_makes_a_failed_rule_unseen(tmp_path):
+    file = tmp_path / "a.xml"
+    file.write_text(NEEDLESS.replace("<Sequence>", "<!-- sar: allow internal-error -->\n<Sequence>"))
+    assert main(["validate", str(file)]) == 3
+
+
+def test_children_that_are_unknown_are_no_trouble_for_the_rules_about_their_parent():
+    assert found("<TryCatch><AlwaysFailure/>\n<TestA/>\n<TestB/></TryCatch>") == [
+        ("unknown-node", 4),
+        ("unknown-node", 5),
+    ]
