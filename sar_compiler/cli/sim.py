@@ -15,7 +15,7 @@ from sar_compiler.ros.arguments import init_arguments, split_arguments
 from sar_compiler.ros.faults import NAVIGATION_FAULTS, Fault, FaultError, FaultPlan, parse_fault
 from sar_compiler.ros.middleware import require_middleware, ros_up
 from sar_compiler.ros.signals import StopSignals
-from sar_compiler.sim.placement import Placement, PlacementError, parse_placement
+from sar_compiler.sim.placement import MANNER_NAMES, QUICK_NAME, Placement, PlacementError, parse_placement
 
 if TYPE_CHECKING:
     from sar_compiler.sim.simulation import Simulation
@@ -79,8 +79,16 @@ def _parser() -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="SPEC",
-        help="misbehave: navigate_to_pose:abort=ZONE, :reject=COUNT, :die@ZONE[,back=SECONDS]; may be repeated. "
+        help="misbehave: navigate_to_pose:abort=ZONE, :abort@ZONE,drives=SECONDS, :code=NUMBER[@ZONE][,after=SECONDS], "
+        ":late=SECONDS, :reject=COUNT, :die[@ZONE][,back=SECONDS], amcl:die[@ZONE][,back=SECONDS]; may be repeated. "
         "Each robot of several does so, and counts for itself",
+    )
+    live.add_argument(
+        "--like",
+        choices=MANNER_NAMES,
+        default=QUICK_NAME,
+        help="how Nav2's stand-in drives: to the point and giving up at once (quick, the default), or as Nav2 does with the "
+        "shipped parameters (nav2): 0.4 m/s, within 0.25 m of the goal, and recoveries, which move the robot",
     )
     live.add_argument(
         "--keep",
@@ -171,7 +179,7 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     kept = KeptPlaces(options.keep, world.name) if options.keep is not None else None
     if kept is not None:
         robots = kept.placed(robots)
-    robots = [replace(each, localised=options.localised) for each in robots]
+    robots = [replace(each, localised=options.localised, like=options.like) for each in robots]
     check_placements(world, robots)
     arguments = init_arguments(ros_arguments)
     stay_on_this_machine()

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.service import Service
 
-NAVIGATION = "navigate_to_pose"
-NAVIGATION_FAULTS = {NAVIGATION: ("abort", "reject", "die")}
+NAVIGATION, LOCALISATION = "navigate_to_pose", "amcl"
+NAVIGATION_FAULTS = {NAVIGATION: ("abort", "code", "late", "reject", "die"), LOCALISATION: ("die",)}
 """The faults of the stand-in for Nav2, the same for every mission."""
 
 # How each fault is written.
@@ -25,11 +25,25 @@ _FORMS = {
     "drop": "drop=COUNT",
     "delay": "delay=SECONDS",
     "refuse": "refuse=COUNT",
-    "abort": "abort=ZONE",
+    "abort": "abort=ZONE or abort@ZONE,drives=SECONDS",
+    "code": "code=NUMBER[@ZONE][,after=SECONDS]",
+    "late": "late=SECONDS",
     "reject": "reject=COUNT",
-    "die": "die@ZONE[,back=SECONDS]",
+    "die": "die[@ZONE][,back=SECONDS]",
 }
 _COUNTED = ("drop", "refuse", "reject")
+_TIMED = ("delay", "late")
+# Of the kinds that can have one: the option after the comma.
+_OPTIONS = {"abort": "drives", "code": "after", "die": "back"}
+# Whether a value and a place stand behind a kind.
+_NEITHER, _VALUE, _PLACE, _BOTH = (False, False), (True, False), (False, True), (True, True)
+_PARTS = {
+    **dict.fromkeys((*_COUNTED, *_TIMED), (_VALUE,)),
+    "abort": (_VALUE, _PLACE),
+    "code": (_VALUE, _BOTH),
+    "die": (_NEITHER, _PLACE),
+}
+_SHAPE = re.compile(r"(\w*)(?:=([^@,]*))?(?:@([^,]*))?(?:,([^=]*)=?(.*))?", re.DOTALL)
 
 
 class FaultError(SarError):
@@ -50,11 +64,13 @@ class Fault:
     """A fault of a simulated server.
 
     Attributes:
-        target: The service or action, such as `navigate_to_pose`.
-        kind: `drop`, `delay`, `refuse`, `abort`, `reject` or `die`.
+        target: The service or action, such as `navigate_to_pose`, or the node `amcl`.
+        kind: `drop`, `delay`, `refuse`, `abort`, `code`, `late`, `reject` or `die`.
         count: The number of calls or goals that it affects (`drop`, `refuse`, `reject`).
-        seconds: The delay of each answer in seconds of the server's clock (`delay`).
-        zone: The zone that it affects (`abort`, `die`).
+        seconds: Seconds of the server's clock: of delay of each answer (`delay`, `late`), on the way until the end (`code`), of
+            driving on after it (`abort`; 0: a goal that is aborted before anything drives).
+        zone: The zone that it affects (`abort`, `code`, `die`); "" for all.
+        code: The error code that a goal ends with (`code`).
         back: The time until a dead server returns, in simulated seconds; None for never (`die`).
         text: The fault as written.
     """
@@ -64,6 +80,7 @@ class Fault:
     count: int = 0
     seconds: float = 0.0
     zone: str = ""
+    code: int = 0
     back: float | None = None
     text: str = field(default="", compare=False)
 
@@ -86,23 +103,34 @@ def parse_fault(text: str, targets: Mapping[str, Collection[str]]) -> Fault:
     if not colon or not rest:
         allowed = ", ".join(f"{target}:{_FORMS[kind]}" for kind in targets[target])
         raise FaultError(text, f"does not say what goes wrong; allowed: {allowed}")
-    match = re.match(r"(\w*)([=@]?)(.*)", rest, re.DOTALL)
-    kind, sign, value = match.groups() if match else ("", "", "")
+    match = _SHAPE.fullmatch(rest)
+    kind, value, place, option, seconds = match.groups() if match else ("", None, None, None, "")
     _known(text, f"fault of {target}", kind, targets[target])
-    if sign != ("@" if kind == "die" else "=") or not value:
-        raise FaultError(text, f"expected {target}:{_FORMS[kind]}")
-    fault = Fault(target, kind, text=text)
-    if kind in _COUNTED:
-        return replace(fault, count=_count(text, value))
-    if kind == "delay":
-        return replace(fault, seconds=_seconds(text, value))
-    zone, comma, option = value.partition(",")
-    if kind == "die" and comma:
-        name, _, seconds = option.partition("=")
-        if name != "back":
-            raise FaultError(text, f"'{option}' is not known; expected {target}:{_FORMS[kind]}")
-        return replace(fault, zone=_zone(text, zone), back=_seconds(text, seconds))
-    return replace(fault, zone=_zone(text, value))
+    form = f"{target}:{_FORMS[kind]}"
+    if (value is not None, place is not None) not in _PARTS[kind] or "" in {value, place}:
+        raise FaultError(text, f"expected {form}")
+    if option is not None and option != _OPTIONS.get(kind):
+        raise FaultError(text, f"'{option}={seconds}' is not known; expected {form}")
+    fault = _with_amount(Fault(target, kind, text=text), value)
+    if place is not None:
+        fault = replace(fault, zone=_zone(text, place))
+    if option is None:
+        return fault
+    time = _seconds(text, seconds)
+    return replace(fault, back=time) if kind == "die" else replace(fault, seconds=time)
+
+
+def _with_amount(fault: Fault, value: str | None) -> Fault:
+    """Return a fault with what stands behind its `=`, if anything does."""
+    if value is None:
+        return fault
+    if fault.kind == "code":
+        return replace(fault, code=_count(fault.text, value))
+    if fault.kind in _COUNTED:
+        return replace(fault, count=_count(fault.text, value))
+    if fault.kind in _TIMED:
+        return replace(fault, seconds=_seconds(fault.text, value))
+    return replace(fault, zone=_zone(fault.text, value))
 
 
 @dataclass(frozen=True)
@@ -143,23 +171,34 @@ class GoalFate:
     """The faults applied to one accepted navigation goal.
 
     Attributes:
-        abort: Whether it is aborted at once, as out of reach.
-        die: Whether the server disappears on the way there.
-        back_sec: The time until the server returns, in simulated seconds; None for never.
+        code: The error code with which it is aborted; None if it is not.
+        after_sec: How long it is driven before that, simulated seconds.
+        drives_sec: How long the robot drives on after that, simulated seconds.
+        dies: Who disappears on the way there, `navigate_to_pose` or `amcl`; "" if nobody does.
+        back_sec: The time until it returns, in simulated seconds; None for never.
     """
 
-    abort: bool = False
-    die: bool = False
+    code: int | None = None
+    after_sec: float = 0.0
+    drives_sec: float = 0.0
+    dies: str = ""
     back_sec: float | None = None
 
 
+# Nav2's code of a goal to which no path leads.
+_OUT_OF_REACH = 208
+
+
 class NavigationFaults:
-    """The faults of `navigate_to_pose`. Every goal for an aborted zone is aborted; a server dies once per fault."""
+    """The faults of navigation. Every goal for an aborted zone is aborted; a server dies, and a robot drives on, once per fault."""
 
     def __init__(self, faults: Sequence[Fault] = ()) -> None:
         self._rejections = sum(fault.count for fault in faults if fault.kind == "reject")
-        self._aborted = {fault.zone for fault in faults if fault.kind == "abort"}
-        self._deadly = [fault for fault in faults if fault.kind == "die"]
+        self.late_sec = sum(fault.seconds for fault in faults if fault.kind == "late")
+        self._lasting = [fault for fault in faults if _is_lasting(fault)]
+        self._single = [
+            fault for fault in faults if fault.kind in {"abort", "die"} and not _is_lasting(fault)
+        ]
         self.zones = {fault.zone: fault for fault in faults if fault.zone}
 
     def check_zones(self, known: Collection[str]) -> None:
@@ -183,13 +222,20 @@ class NavigationFaults:
         Args:
             zone: The zone that contains it, or None.
         """
-        if zone in self._aborted:
-            return GoalFate(abort=True)
-        for fault in self._deadly:
-            if fault.zone == zone:
-                self._deadly.remove(fault)
-                return GoalFate(die=True, back_sec=fault.back)
+        for fault in self._lasting:
+            if fault.zone in {zone, ""}:
+                return GoalFate(code=fault.code or _OUT_OF_REACH, after_sec=fault.seconds)
+        for fault in self._single:
+            if fault.zone in {zone, ""}:
+                self._single.remove(fault)
+                if fault.kind == "die":
+                    return GoalFate(dies=fault.target, back_sec=fault.back)
+                return GoalFate(code=0, drives_sec=fault.seconds)
         return GoalFate()
+
+
+def _is_lasting(fault: Fault) -> bool:
+    return fault.kind == "code" or (fault.kind == "abort" and not fault.seconds)
 
 
 class FaultPlan:
@@ -210,7 +256,7 @@ class FaultPlan:
     ) -> None:
         self.faults = tuple(faults)
         self.zones = zones
-        self.navigation = NavigationFaults([fault for fault in faults if fault.target == NAVIGATION])
+        self.navigation = NavigationFaults([fault for fault in faults if fault.target in NAVIGATION_FAULTS])
 
     def for_service(self, name: str) -> ServiceFaults:
         """Return the unused faults of the service *name*."""
@@ -307,7 +353,7 @@ def _count(text: str, value: str) -> int:
 
 def _seconds(text: str, value: str) -> float:
     try:
-        seconds = float(value)
+        seconds = float(value.removesuffix("s"))
     except ValueError:
         seconds = math.nan
     if not (math.isfinite(seconds) and seconds > 0.0):

@@ -41,7 +41,7 @@ class Amcl:
     def __init__(
         self, host: NodeHost, robot: Robot, occupancy: OccupancyMap, *, localised: bool = False
     ) -> None:
-        self._robot, self._map = robot, occupancy
+        self._host, self._robot, self._map = host, robot, occupancy
         # From the true pose to the one that is believed, both in `map`; None before there is one.
         self._error: Pose2D | None = ORIGIN if localised else None
         self._published: Pose2D | None = None
@@ -54,6 +54,11 @@ class Amcl:
         self._tf = self._node.create_publisher(TFMessage, "/tf", 100)
         self._node.create_subscription(PoseWithCovarianceStamped, "initialpose", self._on_initial_pose, 10)
         self._node.create_service(GetState, "amcl/get_state", _active)
+
+    def die(self) -> None:
+        """Disappear without notice."""
+        self._node.get_logger().warning("Fault: amcl disappears.")
+        self._host.destroy(self._node)
 
     def pose(self) -> Pose2D | None:
         """Return the robot's pose in `map` as it is believed, or None before an initial pose was received."""

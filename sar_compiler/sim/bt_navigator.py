@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from action_msgs.srv import CancelGoal
 from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
 from nav2_msgs.action import NavigateToPose
@@ -13,8 +14,9 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
 
-from sar_compiler.ros.faults import GoalFate, NavigationFaults
+from sar_compiler.ros.faults import LOCALISATION, GoalFate, NavigationFaults
 from sar_compiler.sim.geometry import ORIGIN, Pose2D
+from sar_compiler.sim.manner import QUICK, Manner, Recovery
 from sar_compiler.sim.messages import from_pose, to_duration, to_path, to_pose, to_stamp
 from sar_compiler.sim.navigator import Drive, DriveEnd, DriveOutcome, DriveProgress
 from sar_compiler.sim.node_host import NodeHost
@@ -31,6 +33,10 @@ _ACTIVATION_SEC = 1.0
 _ZONE_REACH = 0.5
 # A server that is to die does so after this long on the way, simulated seconds.
 _DIES_AFTER_SEC = 1.0
+# How long a drive goes on without a localisation, simulated seconds.
+_LOST_AFTER_SEC = 0.5
+# The reasons for which Nav2 tries to recover.
+_RECOVERABLE = (NavCode.NO_VALID_PATH, NavCode.FAILED_TO_MAKE_PROGRESS)
 # How long results of ended goals are kept for those who ask late, seconds. Nav2 keeps them 900 s.
 _RESULT_TIMEOUT_SEC = 60
 
@@ -38,9 +44,14 @@ _RESULT_TIMEOUT_SEC = 60
 class _Goal:
     """An accepted goal, from acceptance to its end."""
 
-    def __init__(self, handle: ServerGoalHandle, fate: GoalFate) -> None:
-        self.handle, self.fate = handle, fate
+    def __init__(self, handle: ServerGoalHandle, fate: GoalFate, began: float, manner: Manner) -> None:
+        self.handle, self.fate, self.began = handle, fate, began
         self.drive: Drive | None = None
+        self.progress: DriveProgress | None = None
+        self.recovery: tuple[Recovery, float] | None = None
+        self.left = list(manner.recoveries)
+        self._all = len(self.left)
+        self.localised_at = began
         self._outcome = Future()
 
     def end(self, outcome: DriveOutcome) -> None:
@@ -58,6 +69,11 @@ class _Goal:
             handle.abort()
         return NavigateToPose.Result(error_code=int(outcome.code), error_msg=outcome.text)
 
+    @property
+    def recovered(self) -> int:
+        """How many recoveries were begun."""
+        return self._all - len(self.left)
+
 
 class BtNavigator:
     """Node `bt_navigator`: `navigate_to_pose`, `bt_navigator/get_state`, and the topic `plan` of Nav2's planner.
@@ -70,8 +86,10 @@ class BtNavigator:
         rosbot: The robot to drive, by its topic `cmd_vel`.
         planner: Plans the paths.
         localise: Returns the robot's pose in `map`, or None while there is no such transform.
+        lose_localisation: Makes the localisation disappear, until a simulated time in seconds or for ever (None).
         zones: Zone positions, metres, frame `map`, for faults.
         faults: The faults to inject.
+        manner: How it drives.
     """
 
     def __init__(
@@ -81,15 +99,21 @@ class BtNavigator:
         planner: Planner,
         localise: Callable[[], Pose2D | None],
         *,
+        lose_localisation: Callable[[float | None], None],
         zones: Mapping[str, tuple[float, float]],
         faults: NavigationFaults,
+        manner: Manner = QUICK,
     ) -> None:
         self._host, self._rosbot, self._planner, self._localise = host, rosbot, planner, localise
-        self._zones, self._faults = zones, faults
+        self._lose_localisation = lose_localisation
+        self._zones, self._faults, self._manner = zones, faults, manner
         self._now = 0.0
         self._active_at: float | None = None
         self._back_at: float | None = None
         self._goal: _Goal | None = None
+        # A drive that goes on after its goal has ended, and until when; and acknowledgements that are due later.
+        self._loose: tuple[Drive, float] | None = None
+        self._late: list[tuple[float, Future]] = []
         self._server: ActionServer | None = None
         self._open()
 
@@ -107,8 +131,11 @@ class BtNavigator:
             return
         if self._active_at is None and self._localise() is not None:
             self._active_at = self._now + _ACTIVATION_SEC
+        self._acknowledge()
         if self._goal is not None:
             self._attend(self._goal, feedback_due=step % _FEEDBACK_EVERY == 0)
+        elif self._loose is not None:
+            self._drive_on(*self._loose)
 
     def stop(self) -> bool:
         """End the current goal; return whether there was one, whose client is still to be notified."""
@@ -132,6 +159,8 @@ class BtNavigator:
         self._active_at = None
         self._node = self._host.create("bt_navigator")
         self._node.create_service(GetState, "bt_navigator/get_state", self._on_get_state)
+        # By which others stop what drives without a goal of theirs, as Nav2's controller_server has it.
+        self._node.create_service(CancelGoal, "follow_path/_action/cancel_goal", self._on_stop)
         self._plan = self._node.create_publisher(PathMessage, "plan", 1)
         self._server = ActionServer(
             self._node,
@@ -158,7 +187,25 @@ class BtNavigator:
             response.current_state = State(id=State.PRIMARY_STATE_INACTIVE, label="inactive")
         return response
 
-    def _on_goal(self, _: Any) -> GoalResponse:
+    def _on_stop(self, _: Any, response: Any) -> Any:
+        if self._goal is None and self._loose is not None:
+            self._loose = None
+            self._rosbot.drive(STAND)
+        return response
+
+    def _acknowledge(self) -> None:
+        """Let the answers to goals go out that are due."""
+        due = [each for each in self._late if self._now >= each[0]]
+        self._late = [each for each in self._late if each not in due]
+        for _, answer in due:
+            answer.set_result(None)
+
+    async def _on_goal(self, _: Any) -> GoalResponse:
+        if self._faults.late_sec:
+            self._node.get_logger().warning("Fault: a goal is answered late.")
+            answer = Future()
+            self._late.append((self._now + self._faults.late_sec, answer))
+            await answer
         if not self.active:
             self._node.get_logger().warning("Goal rejected: bt_navigator is not active.")
             return GoalResponse.REJECT
@@ -173,7 +220,7 @@ class BtNavigator:
             place = f"({target.x:.2f}, {target.y:.2f}, yaw {target.yaw:.2f})"
             self._node.get_logger().debug(f"Goal accepted: {place}.")
         fate = self._faults.accepted(self._zone_of(target))
-        goal = _Goal(handle, fate)
+        goal = _Goal(handle, fate, self._now, self._manner)
         handle.execute(goal.run)
         under_way = self._goal
         if under_way is not None and handle.request.behavior_tree != under_way.handle.request.behavior_tree:
@@ -183,26 +230,89 @@ class BtNavigator:
             return
         if under_way is not None:
             under_way.end(DriveOutcome(DriveEnd.ABORTED, text="pre-empted by another goal"))
-        self._goal = goal
+        self._goal, self._loose = goal, None
 
     def _attend(self, goal: _Goal, *, feedback_due: bool) -> None:
-        outcome = None
-        if goal.drive is None:
-            outcome = self._set_out(goal)
-        if goal.drive is not None:
-            if goal.handle.is_cancel_requested:
-                goal.drive.brake()
-            state = self._rosbot.robot.state
-            progress = goal.drive.step(replace(state, pose=self._localise() or state.pose), self._now)
-            self._rosbot.drive(progress.command)
-            outcome = progress.outcome
-            if feedback_due:
-                goal.handle.publish_feedback(self._feedback(progress))
-            if goal.fate.die and progress.elapsed_sec >= _DIES_AFTER_SEC:
-                self._die(goal.fate.back_sec)
-                return
-        if outcome is not None:
+        is_first = goal.drive is None and goal.recovery is None
+        if is_first and not self._manner.knows_distance_at_once:
+            goal.handle.publish_feedback(NavigateToPose.Feedback(number_of_recoveries=goal.recovered))
+        outcome = self._fated(goal) or (self._go(goal) if goal.recovery is None else self._recover(goal))
+        if feedback_due and goal.progress is not None:
+            goal.handle.publish_feedback(self._feedback(goal, goal.progress))
+        if goal.fate.dies and goal.drive is not None and self._now - goal.began >= _DIES_AFTER_SEC:
+            self._kill(goal)
+        elif outcome is not None:
             self._end(outcome)
+
+    def _kill(self, goal: _Goal) -> None:
+        """Let the one disappear that the goal's fate names."""
+        fate = goal.fate
+        goal.fate = GoalFate()
+        if fate.dies == LOCALISATION:
+            self._lose_localisation(None if fate.back_sec is None else self._now + fate.back_sec)
+        else:
+            self._die(fate.back_sec)
+
+    def _fated(self, goal: _Goal) -> DriveOutcome | None:
+        """Return the end that a fault has for a goal, if it is due."""
+        fate = goal.fate
+        if fate.code is None or self._now - goal.began < fate.after_sec:
+            return None
+        if not fate.drives_sec:
+            return DriveOutcome(DriveEnd.ABORTED, fate.code, "fault: the goal is aborted")
+        outcome = self._set_out(goal)
+        if goal.drive is not None:
+            self._loose = goal.drive, self._now + fate.drives_sec
+        return outcome or DriveOutcome(DriveEnd.ABORTED, text="fault: a server has acknowledged too late")
+
+    def _go(self, goal: _Goal) -> DriveOutcome | None:
+        """Drive for a step; return the end, unless it can be recovered from."""
+        if goal.drive is None and (refused := self._set_out(goal)) is not None:
+            return self._or_recover(goal, refused)
+        here = self._localise()
+        if goal.drive is None or here is None:
+            is_lost = self._now - goal.localised_at > _LOST_AFTER_SEC
+            return DriveOutcome(DriveEnd.ABORTED, text="the robot's pose is not known") if is_lost else None
+        goal.localised_at = self._now
+        if goal.handle.is_cancel_requested:
+            goal.drive.brake()
+        goal.progress = self._step(goal.drive, here)
+        outcome = goal.progress.outcome
+        return None if outcome is None else self._or_recover(goal, outcome)
+
+    def _step(self, drive: Drive, here: Pose2D) -> DriveProgress:
+        progress = drive.step(replace(self._rosbot.robot.state, pose=here), self._now)
+        self._rosbot.drive(progress.command)
+        return progress
+
+    def _or_recover(self, goal: _Goal, outcome: DriveOutcome) -> DriveOutcome | None:
+        """Return the end of a try, or begin a recovery in its place."""
+        if outcome.code not in _RECOVERABLE or not goal.left:
+            return outcome
+        recovery = goal.left.pop(0)
+        self._node.get_logger().info(f"{outcome.text}: the robot {recovery.name}.")
+        goal.recovery, goal.drive = (recovery, self._now + recovery.duration_sec), None
+        return None
+
+    def _recover(self, goal: _Goal) -> DriveOutcome | None:
+        assert goal.recovery is not None  # noqa: S101 - asked by whoever calls
+        recovery, until = goal.recovery
+        if goal.handle.is_cancel_requested:
+            self._rosbot.drive(STAND)
+            return DriveOutcome(DriveEnd.CANCELED) if self._rosbot.robot.state.velocity == STAND else None
+        over = self._now >= until
+        self._rosbot.drive(STAND if over else recovery.command)
+        if over:
+            goal.recovery = None
+        return None
+
+    def _drive_on(self, drive: Drive, until: float) -> None:
+        """Follow the path of a goal that has ended already."""
+        here = self._localise()
+        if here is not None and self._now < until and self._step(drive, here).outcome is None:
+            return
+        self._loose = None
+        self._rosbot.drive(STAND)
 
     def _set_out(self, goal: _Goal) -> DriveOutcome | None:
         """Plan the path to a new goal, or return why there is none."""
@@ -219,10 +329,9 @@ class BtNavigator:
                 f"the goal's frame is '{frame}', not '{_MAP}'" if frame != _MAP else "a pose is not known"
             )
             return DriveOutcome(DriveEnd.ABORTED, text=reason)
-        if goal.fate.abort:
-            return DriveOutcome(DriveEnd.ABORTED, NavCode.NO_VALID_PATH, "fault: the zone is out of reach")
+        limits = self._rosbot.robot.limits
         try:
-            goal.drive = Drive(self._planner, self._rosbot.robot.limits, target, here, self._now)
+            goal.drive = Drive(self._planner, limits, target, here, self._now, self._manner)
         except PlanningError as error:
             return DriveOutcome(DriveEnd.ABORTED, error.code, str(error))
         self._plan.publish(to_path(goal.drive.path, to_stamp(round(self._now * 1e9))))
@@ -233,14 +342,16 @@ class BtNavigator:
             return
         if outcome.ending is DriveEnd.ABORTED:
             self._node.get_logger().warning(f"Goal aborted ({int(outcome.code)}): {outcome.text}.")
-        self._rosbot.drive(STAND)
+        if self._loose is None:
+            self._rosbot.drive(STAND)
         self._goal.end(outcome)
         self._goal = None
 
-    def _feedback(self, progress: DriveProgress) -> Any:
+    def _feedback(self, goal: _Goal, progress: DriveProgress) -> Any:
         message = NavigateToPose.Feedback(
-            navigation_time=to_duration(progress.elapsed_sec),
+            navigation_time=to_duration(self._now - goal.began),
             estimated_time_remaining=to_duration(progress.time_remaining_sec),
+            number_of_recoveries=goal.recovered,
             distance_remaining=progress.distance_remaining,
         )
         message.current_pose.header.frame_id = _MAP

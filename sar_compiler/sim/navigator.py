@@ -5,6 +5,7 @@ from enum import Enum
 
 from sar_compiler.sim.follower import Follower
 from sar_compiler.sim.geometry import Pose2D, normalise_angle
+from sar_compiler.sim.manner import QUICK, Manner
 from sar_compiler.sim.planner import NavCode, Planner
 from sar_compiler.sim.robot import STAND, Limits, RobotState, Twist2D
 
@@ -30,12 +31,12 @@ class DriveOutcome:
 
     Attributes:
         ending: The kind of end.
-        code: Nav2's error code.
+        code: Nav2's error code, one of `NavCode` unless a fault says another.
         text: The reason in words, or "".
     """
 
     ending: DriveEnd
-    code: NavCode = NavCode.NONE
+    code: int = NavCode.NONE
     text: str = ""
 
 
@@ -67,15 +68,24 @@ class Drive:
         goal: The goal pose, frame `map`.
         start: The robot's pose, frame `map`.
         now: Simulated time, seconds.
+        manner: How it is driven.
 
     Raises:
         PlanningError: If there is no path.
     """
 
-    def __init__(self, planner: Planner, limits: Limits, goal: Pose2D, start: Pose2D, now: float) -> None:
+    def __init__(
+        self,
+        planner: Planner,
+        limits: Limits,
+        goal: Pose2D,
+        start: Pose2D,
+        now: float,
+        manner: Manner = QUICK,
+    ) -> None:
         self.goal = goal
-        self.path = planner.plan(start, goal)
-        self._follower = Follower(self.path, goal.yaw, limits)
+        self.path = planner.plan(start, goal, manner.tolerance)
+        self._follower = Follower(self.path, goal.yaw, manner.limits(limits), manner.follower)
         self._began = now
         self._mark, self._mark_time = start, now
         self._braking = False

@@ -11,6 +11,10 @@ _FORM = "NAME, NAME:X,Y or NAME:X,Y,YAW (metres and radians, frame map)"
 # The valid parts of a ROS namespace; rmw allows some 240 characters for all of it.
 _NAME = re.compile(r"(?!.*__)[A-Za-z_][A-Za-z0-9_]{0,99}")
 
+QUICK_NAME, NAV2_NAME = "quick", "nav2"
+MANNER_NAMES = (QUICK_NAME, NAV2_NAME)
+"""The ways in which the stand-in for Nav2 can drive (`sim.manner`)."""
+
 
 class PlacementError(SarError):
     """Robots cannot be placed as requested.
@@ -35,12 +39,14 @@ class Placement:
         start: Its pose at time zero, frame `map`; the world's start if None.
         odometry: Its pose at time zero by its odometry.
         localised: Whether its localisation knows where it is without being told.
+        like: How its stand-in for Nav2 drives, one of `MANNER_NAMES`.
     """
 
     name: str
     start: Pose2D | None = None
     odometry: Pose2D = ORIGIN
     localised: bool = False
+    like: str = QUICK_NAME
 
     @property
     def action(self) -> str:

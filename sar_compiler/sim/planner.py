@@ -69,12 +69,19 @@ class Planner:
         self._graph, self._node_of = _grid_graph(self.fits, 1.0 + (_NEAR_COST - 1.0) * near)
         self._cells = np.argwhere(self.fits)
 
-    def plan(self, start: Pose2D, goal: Pose2D) -> Path2D:
+    def plan(self, start: Pose2D, goal: Pose2D, tolerance: float = 0.0) -> Path2D:
         """Return a path between two positions, frame `map`.
+
+        Args:
+            start: Where it begins.
+            goal: Where it ends.
+            tolerance: How far from the goal it may end where the robot does not fit at the goal, metres. As with Nav2's planner
+                the robot is then told that no path leads there, not that the goal is occupied.
 
         Raises:
             PlanningError: If there is none; its code is the reason.
         """
+        goal = self._near(goal, tolerance) if tolerance else goal
         goal_node = self._goal_node(goal)
         start_node = self._start_node(start)
         cost, previous = dijkstra(self._graph, indices=goal_node, return_predecessors=True)
@@ -86,6 +93,19 @@ class Planner:
             nodes.append(int(previous[nodes[-1]]))
         cells = self._cells[nodes]
         return Path2D(self._smoothed(self._map.centre_of(cells[:, 0], cells[:, 1]), goal))
+
+    def _near(self, goal: Pose2D, tolerance: float) -> Pose2D:
+        """Return the place nearest to a goal at which the robot fits: the goal, if it does there or is off the map."""
+        cell = self._map.cell_at(goal.x, goal.y)
+        if cell is None or self.fits[cell]:
+            return goal
+        centres = self._map.centre_of(self._cells[:, 0], self._cells[:, 1])
+        distance = np.hypot(centres[:, 0] - goal.x, centres[:, 1] - goal.y)
+        if np.min(distance, initial=math.inf) > tolerance:
+            message = f"no place within {tolerance:g} m of the goal ({goal.x:.2f}, {goal.y:.2f}) is free"
+            raise PlanningError(NavCode.NO_VALID_PATH, message)
+        x, y = centres[int(np.argmin(distance))]
+        return Pose2D(float(x), float(y), goal.yaw)
 
     def _goal_node(self, goal: Pose2D) -> int:
         cell = self._map.cell_at(goal.x, goal.y)

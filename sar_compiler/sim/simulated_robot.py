@@ -1,5 +1,6 @@
 """One robot of a simulation with all its nodes: its topics, its localiser, its navigator."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -7,11 +8,15 @@ from sar_compiler.ros.faults import Fault, NavigationFaults
 from sar_compiler.sim.amcl import Amcl
 from sar_compiler.sim.bt_navigator import BtNavigator
 from sar_compiler.sim.geometry import Pose2D
+from sar_compiler.sim.manner import MANNERS
 from sar_compiler.sim.node_host import NodeHost
 from sar_compiler.sim.occupancy import OccupancyMap
+from sar_compiler.sim.placement import Placement
 from sar_compiler.sim.planner import Planner
 from sar_compiler.sim.robot import Robot
 from sar_compiler.sim.robot_interface import RobotInterface
+
+_ALONE = Placement("")
 
 
 @dataclass(frozen=True)
@@ -22,7 +27,7 @@ class NavigationSetup:
         occupancy: The map.
         planner: Plans the paths on it.
         zones: Zone positions, metres, frame `map`, for faults.
-        faults: The faults of `navigate_to_pose`, the same for each robot.
+        faults: The faults of navigation, the same for each robot.
     """
 
     occupancy: OccupancyMap
@@ -39,7 +44,7 @@ class SimulatedRobot:
         robot: The robot.
         seed: Seed of its scanner's noise.
         navigation: The data of its stand-in for Nav2; None for no navigation.
-        localised: Whether its localisation knows where it is without being told.
+        placement: What is said of its localisation and its drives.
     """
 
     def __init__(
@@ -49,21 +54,24 @@ class SimulatedRobot:
         *,
         seed: int = 0,
         navigation: NavigationSetup | None = None,
-        localised: bool = False,
+        placement: Placement = _ALONE,
     ) -> None:
         self._host, self._robot = host, robot
         self._interface = RobotInterface(host, robot, seed=seed)
         self._amcl: Amcl | None = None
         self._navigator: BtNavigator | None = None
+        self._navigation, self._amcl_back_at = navigation, math.inf
         if navigation is not None:
-            self._amcl = Amcl(host, robot, navigation.occupancy, localised=localised)
+            self._amcl = Amcl(host, robot, navigation.occupancy, localised=placement.localised)
             self._navigator = BtNavigator(
                 host,
                 self._interface,
                 navigation.planner,
-                self._amcl.pose,
+                lambda: None if self._amcl is None else self._amcl.pose(),
+                lose_localisation=self._lose_localisation,
                 zones=navigation.zones,
                 faults=NavigationFaults(navigation.faults),
+                manner=MANNERS[placement.like],
             )
 
     @property
@@ -86,6 +94,9 @@ class SimulatedRobot:
 
     def navigate(self, step: int, now_ns: int) -> None:
         """Localise, and continue with the current goal."""
+        if self._navigation is not None and now_ns / 1e9 >= self._amcl_back_at:
+            self._amcl_back_at = math.inf
+            self._amcl = Amcl(self._host, self._robot, self._navigation.occupancy)
         if self._amcl is not None:
             self._amcl.step(step, now_ns)
         if self._navigator is not None:
@@ -94,6 +105,12 @@ class SimulatedRobot:
     def stop(self) -> bool:
         """End the current goal; return whether there was one, whose client is still to be notified."""
         return self._navigator is not None and self._navigator.stop()
+
+    def _lose_localisation(self, until: float | None) -> None:
+        if self._amcl is not None:
+            self._amcl.die()
+            self._amcl = None
+        self._amcl_back_at = math.inf if until is None else until
 
     def close(self) -> None:
         """Destroy the nodes."""

@@ -16,7 +16,7 @@ from rclpy.utilities import get_default_context
 from rosgraph_msgs.msg import Clock
 
 from sar_compiler.errors import SarError
-from sar_compiler.ros.faults import NAVIGATION, FaultPlan
+from sar_compiler.ros.faults import NAVIGATION_FAULTS, FaultPlan
 from sar_compiler.sim.fleet import make_robots, seed_of
 from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.isolation import refuse_rivals
@@ -119,7 +119,7 @@ class Simulation:
         for number, (robot, body) in enumerate(zip(robots, bodies, strict=True)):
             host = NodeHost(self._executor, context, namespace, robot.ros_arguments)
             self._robots[robot.name] = SimulatedRobot(
-                host, body, seed=seed_of(seed, number), navigation=navigation, localised=robot.localised
+                host, body, seed=seed_of(seed, number), navigation=navigation, placement=robot
             )
         self._host.adopt(extra_nodes)
 
@@ -236,5 +236,5 @@ def _navigation(world: World, faults: FaultPlan) -> NavigationSetup | None:
     if world.map_path is None:
         return None
     occupancy = read_map(world.map_path)
-    navigation_faults = [fault for fault in faults.faults if fault.target == NAVIGATION]
+    navigation_faults = [fault for fault in faults.faults if fault.target in NAVIGATION_FAULTS]
     return NavigationSetup(occupancy, Planner(occupancy, world.robot_radius), zones, navigation_faults)

@@ -29,6 +29,15 @@ TARGETS = {**MISSION.faults, **NAVIGATION_FAULTS}
         ("navigate_to_pose:reject=1", Fault("navigate_to_pose", "reject", count=1)),
         ("navigate_to_pose:die@zone_c", Fault("navigate_to_pose", "die", zone="zone_c")),
         ("navigate_to_pose:die@zone_c,back=5", Fault("navigate_to_pose", "die", zone="zone_c", back=5.0)),
+        ("navigate_to_pose:late=2s", Fault("navigate_to_pose", "late", seconds=2.0)),
+        ("navigate_to_pose:code=208,after=14s", Fault("navigate_to_pose", "code", code=208, seconds=14.0)),
+        ("navigate_to_pose:code=107@zone_c", Fault("navigate_to_pose", "code", code=107, zone="zone_c")),
+        (
+            "navigate_to_pose:abort@zone_b,drives=3s",
+            Fault("navigate_to_pose", "abort", zone="zone_b", seconds=3.0),
+        ),
+        ("amcl:die", Fault("amcl", "die")),
+        ("amcl:die@zone_b,back=5", Fault("amcl", "die", zone="zone_b", back=5.0)),
     ],
 )
 def test_a_fault_is_read_and_written_alike(text: str, fault: Fault) -> None:
@@ -39,7 +48,7 @@ def test_a_fault_is_read_and_written_alike(text: str, fault: Fault) -> None:
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("", "'' is no target (known: detect_survivor, report_survivor, navigate_to_pose)"),
+        ("", "'' is no target (known: detect_survivor, report_survivor, navigate_to_pose, amcl)"),
         ("report_survivr:drop=2", "did you mean 'report_survivor'?"),
         ("report_survivor", "does not say what goes wrong; allowed: report_survivor:drop=COUNT"),
         ("report_survivor:", "does not say what goes wrong"),
@@ -53,8 +62,14 @@ def test_a_fault_is_read_and_written_alike(text: str, fault: Fault) -> None:
         ("report_survivor:drop=two", "'two' is not a whole number above 0"),
         ("detect_survivor:delay=nan", "'nan' is not a number of seconds above 0"),
         ("detect_survivor:delay=soon", "'soon' is not a number of seconds above 0"),
-        ("navigate_to_pose:die=zone_c", "expected navigate_to_pose:die@ZONE[,back=SECONDS]"),
-        ("navigate_to_pose:die@zone_c,bak=5", "'bak=5' is not known; expected navigate_to_pose:die@ZONE"),
+        ("navigate_to_pose:die=zone_c", "expected navigate_to_pose:die[@ZONE][,back=SECONDS]"),
+        ("navigate_to_pose:die@zone_c,bak=5", "'bak=5' is not known; expected navigate_to_pose:die[@ZONE]"),
+        ("navigate_to_pose:die@", "expected navigate_to_pose:die[@ZONE]"),
+        ("navigate_to_pose:reject=1,back=5", "'back=5' is not known; expected navigate_to_pose:reject=COUNT"),
+        ("navigate_to_pose:code=many", "'many' is not a whole number above 0"),
+        ("navigate_to_pose:code=208,after=14m", "'14m' is not a number of seconds above 0"),
+        ("navigate_to_pose:late@zone_b", "expected navigate_to_pose:late=SECONDS"),
+        ("amcl:abort=zone_b", "'abort' is no fault of amcl (known: die)"),
         ("navigate_to_pose:die@zone_c,back=", "'' is not a number of seconds above 0"),
         ("navigate_to_pose:abort=zone b", "'zone b' is not a zone's name"),
     ],
@@ -92,16 +107,34 @@ def test_goals_are_rejected_as_often_as_said() -> None:
 def test_goals_for_an_aborted_zone_are_aborted_every_time() -> None:
     navigation = plan("navigate_to_pose:abort=zone_b").navigation
     assert [navigation.accepted(zone) for zone in ("zone_b", "zone_a", None, "zone_b")] == [
-        GoalFate(abort=True),
+        GoalFate(code=208),
         GoalFate(),
         GoalFate(),
-        GoalFate(abort=True),
+        GoalFate(code=208),
     ]
+
+
+def test_a_code_comes_after_its_time_and_without_a_zone_to_every_goal() -> None:
+    navigation = plan("navigate_to_pose:code=208,after=14s").navigation
+    assert [navigation.accepted(zone) for zone in ("zone_a", None)] == [
+        GoalFate(code=208, after_sec=14.0)
+    ] * 2
+    navigation = plan("navigate_to_pose:code=107@zone_c").navigation
+    assert [navigation.accepted(zone) for zone in ("zone_c", "zone_a")] == [GoalFate(code=107), GoalFate()]
+
+
+def test_a_robot_drives_on_after_one_abort_without_a_code() -> None:
+    navigation = plan("navigate_to_pose:abort@zone_b,drives=3s").navigation
+    assert [navigation.accepted("zone_b") for _ in range(2)] == [GoalFate(code=0, drives_sec=3.0), GoalFate()]
+
+
+def test_the_localisation_dies_on_the_way_to_anywhere() -> None:
+    assert plan("amcl:die").navigation.accepted(None) == GoalFate(dies="amcl")
 
 
 def test_a_server_dies_once_per_fault() -> None:
     navigation = plan("navigate_to_pose:die@zone_c,back=5").navigation
-    assert navigation.accepted("zone_c") == GoalFate(die=True, back_sec=5.0)
+    assert navigation.accepted("zone_c") == GoalFate(dies="navigate_to_pose", back_sec=5.0)
     assert navigation.accepted("zone_c") == GoalFate()
 
 

@@ -3,7 +3,7 @@
 import itertools
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -428,6 +428,140 @@ def test_goals_for_a_zone_are_aborted_on_request(simulate: Simulate, client: Cli
     assert (result.status, result.result.error_code) == (ABORTED, 208)
     assert navigation.result(navigation.send(0.3, 0.0)).status == SUCCEEDED
     navigation.close()
+
+
+def test_a_goal_is_driven_until_its_code_comes_on_request(simulate: Simulate, client: Client) -> None:
+    simulation = simulate(faults=plan("navigate_to_pose:code=107@zone_b,after=4s"))
+    client.make_ready()
+    navigation = Navigation(client)
+    result = navigation.result(navigation.send(3.5, 3.0))
+    assert (result.status, result.result.error_code) == (ABORTED, 107)
+    assert simulation.robot_pose().distance_to(Pose2D(0.0, 0.0)) > 0.5
+    assert seconds(navigation.feedback[-1].navigation_time) == pytest.approx(4.0, abs=0.2)
+    navigation.close()
+
+
+class Spy:
+    """What the odometry says of a robot's movement."""
+
+    def __init__(self, client: Client) -> None:
+        from nav_msgs.msg import Odometry
+
+        self._client, self._odometry = client, client.listen(Odometry, "odometry/filtered", 1000)
+
+    def stands(self) -> bool:
+        return bool(self._odometry) and self._odometry[-1].twist.twist.linear.x == 0.0
+
+    def drives_for(self, ended: float) -> float:
+        """Wait until the robot stands; return for how many simulated seconds it has driven since *ended*."""
+        self._client.wait(self.stands, "the robot's standing still")
+        moving = [each for each in self._odometry if each.twist.twist.linear.x > 0.02]
+        return seconds(moving[-1].header.stamp) - ended
+
+
+def test_a_robot_drives_on_after_an_abort_on_request(simulate: Simulate, client: Client) -> None:
+    simulation = simulate(speed=5.0, faults=plan("navigate_to_pose:abort@zone_b,drives=3s"))
+    client.make_ready()
+    spy, navigation = Spy(client), Navigation(client)
+    result = navigation.result(navigation.send(3.5, 3.0))
+    assert (result.status, result.result.error_code) == (ABORTED, 0)
+    ended = simulation.sim_time
+    client.wait(lambda: not spy.stands(), "a robot that drives without a goal")
+    assert spy.drives_for(ended) == pytest.approx(3.0, abs=1.0)
+    assert navigation.result(navigation.send(3.5, 3.0)).status == SUCCEEDED
+    navigation.close()
+
+
+def test_what_drives_without_a_goal_is_stopped_by_a_cancel_of_the_path_it_follows(
+    simulate: Simulate, client: Client
+) -> None:
+    from action_msgs.srv import CancelGoal
+
+    simulation = simulate(speed=2.0, faults=plan("navigate_to_pose:abort@zone_b,drives=60s"))
+    client.make_ready()
+    spy, navigation = Spy(client), Navigation(client)
+    assert navigation.result(navigation.send(3.5, 3.0)).status == ABORTED
+    client.wait(lambda: not spy.stands(), "a robot that drives without a goal")
+    client.call(CancelGoal, "follow_path/_action/cancel_goal", CancelGoal.Request())
+    assert spy.drives_for(simulation.sim_time) < 2.0
+    navigation.close()
+
+
+def test_goals_are_acknowledged_late_on_request(simulate: Simulate, client: Client) -> None:
+    simulation = simulate(faults=plan("navigate_to_pose:late=5s"))
+    client.make_ready()
+    navigation = Navigation(client)
+    began = simulation.sim_time
+    handle = navigation.send(0.5, 0.0)
+    assert simulation.sim_time - began >= 5.0
+    assert navigation.result(handle).status == SUCCEEDED
+    navigation.close()
+
+
+def test_a_localisation_that_dies_ends_the_drive_and_is_back_without_a_pose(
+    simulate: Simulate, client: Client
+) -> None:
+    simulation = simulate(faults=plan("amcl:die@zone_b,back=5"))
+    client.make_ready()
+    spy, navigation = Spy(client), Navigation(client)
+    result = navigation.result(navigation.send(3.5, 3.0))
+    assert (result.status, result.result.error_code) == (ABORTED, 0)
+    assert "pose is not known" in result.result.error_msg
+    client.wait(spy.stands, "the robot's standing still")
+    assert client.state_of("bt_navigator") == "active", "it lives on"
+    assert client.state_of("amcl") == "active", "back"
+    assert navigation.result(navigation.send(3.5, 3.0)).status == ABORTED
+    client.set_initial_pose(simulation.robot_pose())
+    assert navigation.result(navigation.send(3.5, 3.0)).status == SUCCEEDED
+    navigation.close()
+
+
+@pytest.fixture
+def like_nav2(simulate: Simulate, client: Client) -> Iterator[tuple["Simulation", Navigation]]:
+    """A simulation whose stand-in drives as Nav2 does."""
+    simulation = simulate(robots=[Placement("", like="nav2")])
+    client.make_ready()
+    navigation = Navigation(client)
+    yield simulation, navigation
+    navigation.close()
+
+
+def test_like_nav2_a_goal_in_an_obstacle_is_208_after_recoveries_that_move_the_robot(
+    like_nav2: tuple["Simulation", Navigation],
+) -> None:
+    simulation, navigation = like_nav2
+    result = navigation.result(navigation.send(3.0, -3.0))
+    assert (result.status, result.result.error_code) == (ABORTED, 208)
+    assert [each.number_of_recoveries for each in navigation.feedback] == list(range(7))
+    assert simulation.robot_pose().distance_to(Pose2D(0.0, 0.0)) == pytest.approx(0.3, abs=0.1)
+
+
+def test_like_nav2_it_is_told_no_distance_at_first_and_ends_within_the_tolerance(
+    like_nav2: tuple["Simulation", Navigation],
+) -> None:
+    simulation, navigation = like_nav2
+    assert navigation.result(navigation.send(-1.0, 1.5)).status == SUCCEEDED
+    assert navigation.feedback[0].distance_remaining == 0.0
+    assert navigation.feedback[1].distance_remaining > 1.0
+    assert 0.1 < simulation.robot_pose().distance_to(Pose2D(-1.0, 1.5)) < 0.3
+
+
+def test_like_nav2_a_goal_beside_free_ground_is_driven_to_as_near_as_can_be(
+    like_nav2: tuple["Simulation", Navigation],
+) -> None:
+    _, navigation = like_nav2
+    assert navigation.result(navigation.send(0.15, 1.45)).status == SUCCEEDED
+
+
+def test_like_nav2_a_goal_is_canceled_during_a_recovery(
+    like_nav2: tuple["Simulation", Navigation], client: Client
+) -> None:
+    simulation, navigation = like_nav2
+    handle = navigation.send(3.0, -3.0)
+    began = simulation.sim_time
+    client.wait(lambda: simulation.sim_time > began + 1.5, "the first spin")
+    client.result(handle.cancel_goal_async(), "the answer to the cancel")
+    assert navigation.result(handle).status == CANCELED
 
 
 def test_a_server_that_dies_says_nothing_stands_and_stays_away(simulate: Simulate, client: Client) -> None:
