@@ -17,6 +17,7 @@ from py_trees.blackboard import Blackboard
 from py_trees.common import Status
 
 from sar_compiler.runtime import (
+    controls,
     entries,
     entry_types,
     operators,
@@ -26,9 +27,11 @@ from sar_compiler.runtime import (
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Scope
 from sar_compiler.runtime.conditions import Conditions
 from sar_compiler.runtime.entries import SetBlackboard
-from sar_compiler.runtime.kernel.cells import ENDED, INVALID
+from sar_compiler.runtime.kernel.cells import ENDED, INVALID, RUNNING
+from sar_compiler.runtime.kernel.ordering import ResumingNode
 from sar_compiler.runtime.kernel.tree_nodes import Ticker
 from sar_compiler.runtime.kernel.turning import PreconditionNode
+from sar_compiler.runtime.parents import Built
 from sar_compiler.runtime.script_nodes import Precondition
 from sar_compiler.runtime.variables import RefusedValueError, ScriptValue, said
 
@@ -117,6 +120,39 @@ def _on_halted_of_all() -> Iterator[None]:
             _run_on_halted(node)
 
     with mock.patch(f"{__name__}.halt_tree", halt_all):
+        yield
+
+
+@contextmanager
+def _halts_at_rest() -> Iterator[None]:
+    ours = halt_tree
+
+    def halt_all(root: Behaviour) -> None:
+        ours(root)
+        for node in root.iterate():
+            if isinstance(node, Built):
+                tree, index = node._place()
+                tree.nodes[index].forget(tree._ticker)
+
+    with mock.patch(f"{__name__}.halt_tree", halt_all):
+        yield
+
+
+@contextmanager
+def _skips_counted_on() -> Iterator[None]:
+    class CountedOn(ResumingNode):
+        def begin(self, ticker: Ticker) -> int:
+            if ticker.cells[self.at] & ENDED:
+                ticker.cells[self.at] = RUNNING
+            return super().begin(ticker)
+
+        def decide(self, ticker: Ticker, outcome: int) -> int:
+            skips = ticker.cells[self.skips]
+            answer = super().decide(ticker, outcome)
+            ticker.cells[self.skips] = skips
+            return answer
+
+    with _replaced(controls, "ResumingNode", CountedOn):
         yield
 
 
@@ -221,6 +257,16 @@ HABITS = (
         "Precondition does not check there after its child was halted or skipped",
         lambda case: "<Precondition" in case["xml"],
         _precondition_asked_once,
+    ),
+    Habit(
+        "halting the tree there halts nodes at rest as well, which forget what outlasts their end",
+        lambda case: bool(case.get("halt_before")),
+        _halts_at_rest,
+    ),
+    Habit(
+        "a Sequence or Fallback that is ticked again after its end, and not reset, counts children there that were skipped before",
+        lambda case: "<Sequence" in case["xml"] or "<Fallback" in case["xml"],
+        _skips_counted_on,
     ),
     Habit(
         "SetBlackboard loses a text there that it gives to an entry without a type",

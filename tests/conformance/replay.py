@@ -8,6 +8,7 @@ import dataclasses
 import functools
 import json
 import math
+import os
 import re
 import sys
 from collections.abc import Iterator, Mapping
@@ -19,11 +20,12 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 if __name__ == "__main__":
-    # Run as a file: the folder of the tests is not on the path then.
+    # Run as a file: the folder of the tests is not on the path then, and a habit puts another node in the place of one of the kernel's.
+    os.environ["SAR_KERNEL"] = "python"
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from sar_compiler.compiler import bind_main, compile_tree
-from sar_compiler.nodes.registry import Registry, default_registry
+from sar_compiler.nodes.registry import Registry, load_registry
 from sar_compiler.runtime.blackboard import Board, Scope
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.enums import Enums
@@ -39,6 +41,8 @@ Run = Mapping[str, Any]
 Said = tuple[str, ...]
 
 _ASYNC = "async"
+_WORDS = {"S": "SUCCESS", "F": "FAILURE", "R": "RUNNING", "K": "SKIPPED", "X": "EXCEPTION"}
+_SHORT_LEAF = re.compile(r"\b(\w)\((\w+)(\*?)\)")
 _SKIPS = re.compile(r'outcomes="[^"]*K')
 
 # A sleep takes a little longer than it was asked for.
@@ -80,6 +84,51 @@ class Seen:
     error: str = ""
 
 
+def cases_of(path: Path) -> list[Case]:
+    """Read a file of cases.
+
+    Raises:
+        OSError, ValueError, KeyError: If it is none.
+    """
+    cases = json.loads(path.read_text(encoding="utf-8"))["cases"]
+    return [case if "xml" in case else _written_out(case) for case in cases]
+
+
+def _written_out(short: Case) -> Case:
+    """Return a case as the others are of one that is written in short.
+
+    A leaf is `a(SFR)`, with a star if it begins anew with each start; a tick is `R: a=S halt b`, the root's outcome first.
+    """
+    ticks = short["ticks"]
+    runs = ticks if isinstance(ticks, dict) else {"once": ticks}
+    body = _SHORT_LEAF.sub(_leaf_in_full, short["tree"])
+    return {
+        "name": body,
+        "xml": f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>',
+        "ticks": max(map(len, runs.values())),
+        "bb": {"place": 0},
+        "modes_equal": runs is not ticks,
+        "runs": [
+            {"mode": mode, "ticks": [_tick_in_full(tick) for tick in ticks]} for mode, ticks in runs.items()
+        ],
+    }
+
+
+def _leaf_in_full(match: re.Match[str]) -> str:
+    leaf, answers, star = match.groups()
+    restart = ' restart="true"' if star else ""
+    return f'<Scripted name="{leaf}" id="{leaf}" outcomes="{",".join(answers)}"{restart}/>'
+
+
+def _tick_in_full(tick: str) -> Mapping[str, Any]:
+    root, _, events = tick.partition(":")
+    told = re.findall(r"(halt )?(\w)(?:=(\w))?", events)
+    return {
+        "root": _WORDS[root],
+        "events": [["halt", leaf] if halt else ["tick", leaf, _WORDS[answer]] for halt, leaf, answer in told],
+    }
+
+
 def compile_case(xml: str, bb: Mapping[str, object], enums: Mapping[str, int], clock: Clock) -> Compiled:
     """Compile a case's tree.
 
@@ -103,7 +152,7 @@ def _registry(*, may_skip: bool) -> Registry:
     Where no leaf skips they are registered so, and the tree is made of py_trees' own classes as far as these
     go; they have to keep to the trace as well.
     """
-    registry = Registry(default_registry().specs())
+    registry = Registry(load_registry(palettes=["nav2:main"]).specs())
     module = Registry()
     module.add_module(leaves)
     for leaf in module:
@@ -273,7 +322,7 @@ def main(arguments: list[str]) -> int:
         print("usage: replay.py CASES.json", file=sys.stderr)  # noqa: T201
         return _USAGE
     try:
-        cases = json.loads(Path(arguments[0]).read_text(encoding="utf-8"))["cases"]
+        cases = cases_of(Path(arguments[0]))
     except (OSError, ValueError, KeyError) as error:
         print(f"{arguments[0]} cannot be read: {error}", file=sys.stderr)  # noqa: T201
         return _USAGE

@@ -1,7 +1,6 @@
 """The flat form shows the traces of BehaviorTree.CPP as the tree does that it is made of."""
 
 import dataclasses
-import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -15,10 +14,10 @@ from sar_compiler.runtime.kernel.table import flatten
 from sar_compiler.runtime.kernel.times import ClockTimes
 from sar_compiler.runtime.kernel.tree import FlatTree
 from sar_compiler.runtime.kernel.tree_nodes import Ticker
-from tests.conformance.replay import Compiled, Seen, _runs, _ticks, compile_case
+from tests.conformance.replay import Compiled, Seen, _runs, _ticks, cases_of, compile_case
 from tests.runtime.kernel.flat import put_to_rest, stop, tick
 
-FILES = sorted(Path(__file__).parent.glob("btcpp_*.json"))
+FILES = sorted(Path(__file__).parent.glob("*.json"))
 
 
 class FlatNode:
@@ -89,7 +88,7 @@ def is_accepted(case: Any) -> bool:
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_the_flat_form_does_in_every_tick_what_the_tree_does(path):
-    cases = [case for case in json.loads(path.read_text(encoding="utf-8"))["cases"] if is_accepted(case)]
+    cases = [case for case in cases_of(path) if is_accepted(case)]
     assert len(cases) > 0
     for case in cases:
         # As texts, because what is no number is not equal to itself.

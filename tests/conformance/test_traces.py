@@ -2,21 +2,16 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from tests.conformance.replay import main, reason_for, replay
+from tests.conformance.replay import cases_of, main, reason_for, replay
 from tests.kernels import python_only
 
 TRACES = Path(__file__).parent / "btcpp_traces.json"
 VALUE_TRACES = Path(__file__).parent / "btcpp_value_traces.json"
 RANDOM_TRACES = Path(__file__).parent / "btcpp_random_traces.json"
-
-
-def cases_of(path: Path) -> list[dict[str, Any]]:
-    cases: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))["cases"]
-    return cases
+NAV2_TRACES = Path(__file__).parent / "nav2_traces.json"
 
 
 INTENDED = {"precondition_after_halt", "post_on_halt", "reactive_seq_explicit_child"}
@@ -41,6 +36,11 @@ def test_a_tree_shows_the_trace_of_behaviortree_cpp_or_differs_on_purpose(case):
 def test_a_random_tree_shows_the_trace_of_behaviortree_cpp_but_for_skipped_conditions(case):
     for difference in replay(case):
         assert "over a condition that is skipped" in (reason_for(case, difference) or str(difference))
+
+
+@pytest.mark.parametrize("case", cases_of(NAV2_TRACES), ids=lambda case: case["name"])
+def test_a_control_of_nav2_below_and_above_every_other_one_shows_the_trace_of_nav2(case):
+    assert [str(difference) for difference in replay(case)] == []
 
 
 DEVIATING = {
@@ -291,6 +291,53 @@ def test_halting_the_tree_runs_no_script_of_a_node_that_does_not_run():
     case["runs"][0]["ticks"][1]["blackboards"] = {"Main": {"n": 1}}
     (difference,) = replay(case)
     assert "_onHalted" in (reason_for(case, difference) or "")
+
+
+def events(text):
+    """Return the events of a tick: `a SUCCESS, halt a`."""
+    return [
+        [*event] if event[0] in ("halt", "haltTree") else ["tick", *event]
+        for event in map(str.split, text.split(", "))
+    ]
+
+
+def test_halting_the_tree_leaves_to_a_node_at_rest_what_outlasts_its_end():
+    case = case_of(
+        '<Sequence><RoundRobin wrap_around="true"><Scripted id="a"/><Scripted id="b"/></RoundRobin><Scripted id="c" outcomes="R"/></Sequence>',
+        ("RUNNING", events("a SUCCESS, c RUNNING")),
+        ("RUNNING", events("haltTree, halt c, a SUCCESS, c RUNNING")),
+        halt_before=[1],
+    )
+    (difference,) = replay(case)
+    assert difference.seen.endswith("tick b SUCCESS, tick c RUNNING")
+    assert "halts nodes at rest" in (reason_for(case, difference) or "")
+
+
+@python_only
+def test_only_children_that_are_skipped_in_one_run_of_a_fallback_are_counted():
+    case = case_of(
+        '<NonblockingSequence><Scripted id="a" outcomes="R"/>'
+        '<Fallback><Scripted id="b" outcomes="K"/><Scripted id="c" outcomes="S,K"/></Fallback></NonblockingSequence>',
+        ("RUNNING", events("a RUNNING, b SKIPPED, c SUCCESS")),
+        ("FAILURE", events("a RUNNING, b SKIPPED, c SKIPPED, halt a")),
+    )
+    (difference,) = replay(case)
+    assert "'Fallback' was skipped" in difference.error
+    assert "counts children there that were skipped before" in (reason_for(case, difference) or "")
+
+
+@python_only
+@pytest.mark.parametrize("around", ["Sequence", "Fallback"])
+def test_a_precondition_is_asked_again_after_its_child_was_skipped(around):
+    case = case_of(
+        f'<{around}><Precondition if="n==0" else="RUNNING"><Scripted id="a" outcomes="K"/></Precondition><Script code="n:=1"/></{around}>',
+        ("SUCCESS", events("a SKIPPED")),
+        ("SUCCESS", events("a SKIPPED")),
+        bb={"n": 0},
+    )
+    (difference,) = replay(case)
+    assert (difference.tick, difference.seen) == (1, "nothing")
+    assert "Precondition does not check" in (reason_for(case, difference) or "")
 
 
 def test_what_a_timer_did_there_between_two_ticks_may_come_after_other_leaves_here():

@@ -1,6 +1,7 @@
 """The controls and decorators of Nav2, sentence by sentence as its sources have them."""
 
 import pytest
+from py_trees import composites
 from py_trees.common import Status
 
 from sar_compiler.runtime import nav2
@@ -106,6 +107,20 @@ class TestRoundRobin:
         stage = Stage()
         root = nav2.WrappingRoundRobin("r", stage.leaves(a="S", b="S"))
         assert stage.ticks(root, 3) == ["S: a=S", "S: b=S", "S: a=S"]
+
+    @pytest.mark.parametrize("memory", [True, False])
+    def test_whose_turn_it_is_outlasts_its_end_below_a_sequence_of_py_trees(self, memory):
+        stage = Stage()
+        robin = nav2.WrappingRoundRobin("r", stage.leaves(a="S", b="S"))
+        root = composites.Sequence("s", memory, [composites.Selector("f", memory, [robin]), stage.leaf("c")])
+        assert stage.ticks(root, 3) == ["S: a=S c=S", "S: b=S c=S", "S: a=S c=S"]
+
+    def test_whose_turn_it_is_outlasts_that_its_status_is_set_back(self):
+        stage = Stage()
+        root = nav2.WrappingRoundRobin("r", stage.leaves(a="S", b="R"))
+        assert stage.tick(root) == "S: a=S"
+        root.status = Status.INVALID
+        assert stage.tick(root) == "R: b=R"
 
     def test_it_fails_when_all_children_have_failed_one_after_another(self):
         stage = Stage()

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
-from sar_compiler.runtime.kernel.cells import SKIPPED, STATUSES, number_of
+from sar_compiler.runtime.kernel.cells import ENDED, INVALID, SKIPPED, STATUSES, number_of
 from sar_compiler.runtime.kernel.leaf_nodes import ForeignNode, LeafNode
 from sar_compiler.runtime.kernel.table import NotFlatError, node_class_of
 from sar_compiler.runtime.kernel.times import ClockTimes, Times
@@ -121,13 +121,20 @@ class LiveTree:
             here.values[node.first_value : node.last_value] = there.values[old.first_value : old.last_value]
 
     def _take_over(self) -> None:
-        """Take the statuses of the behaviours over; a node whose status has changed forgets where it was."""
+        """Take the statuses of the behaviours over.
+
+        A node whose status has changed forgets where it was, but for one that had ended and was brought to rest.
+        """
         ticker = self._ticker
         cells, changed = ticker.cells, False
         for node in self._inner:
             if node.behaviour.status is not STATUSES[cells[node.at]]:
+                rests = cells[node.at] & ENDED and node.behaviour.status is STATUSES[INVALID]
                 cells[node.at] = number_of(node.behaviour.status)
-                node.forget(ticker)
+                if rests:
+                    node.rest(ticker)
+                else:
+                    node.forget(ticker)
                 changed = True
         if changed:
             for node in self._flat.nodes:

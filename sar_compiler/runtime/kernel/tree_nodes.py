@@ -308,10 +308,17 @@ def running(children: list[TreeNode], ticker: Ticker) -> list[TreeNode]:
 
 
 class OwnNode(TreeNode):
-    """A node that keeps BehaviorTree.CPP's rules: it resets its children when its own work is over."""
+    """A node that keeps BehaviorTree.CPP's rules: it resets its children when its own work is over.
+
+    Only one that runs can be halted there; one that has ended keeps what outlasts its end, as RoundRobin whose turn it is.
+    py_trees' composites stop what has ended, too, before they start it again: that brings it to rest, and no more.
+    """
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
         """Forget where the node was; return its running children, and bring the others back to rest."""
+        if ticker.cells[self.at] != RUNNING:
+            self.rest(ticker)
+            return []
         self.forget(ticker)
         return running(self.children, ticker)
 
