@@ -26,7 +26,6 @@ from sar_compiler.commands import (
     print_text,
     run,
 )
-from sar_compiler.views.plain import as_json
 
 if TYPE_CHECKING:
     from sar_compiler.nodes.registry import Registry
@@ -138,6 +137,7 @@ def _show(arguments: argparse.Namespace) -> int:
     form = arguments.format
     if form == "json":
         from sar_compiler.views.outline import outline
+        from sar_compiler.views.plain import as_json
 
         print(as_json(outline(tree)))
     elif form in _PICTURES:
@@ -187,6 +187,8 @@ def _schema(arguments: argparse.Namespace) -> int:
     if registry is None:
         return FINDINGS
     if arguments.format == "json":
+        from sar_compiler.views.plain import as_json
+
         print(as_json(json_schema(registry)))
     else:
         print(xml_schema(registry), end="")

@@ -11,6 +11,7 @@ from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.runtime.blackboard import Scope
 from sar_compiler.runtime.ports import InOut, Input, Output
 from sar_compiler.tree.diagnostic import Severity
+from sar_compiler.tree.xml import parse_xml
 from tests.trees import document, forest_of
 
 
@@ -339,3 +340,46 @@ def test_in_a_tree_that_others_may_give_keys_only_what_must_be_a_slip_is_one(rea
     )
     said = [each.suggestion for each in check(forest_of(text), REGISTRY) if each.code == "unwritten-key"]
     assert said == ([suggestion] if suggestion else [])
+
+
+PALETTE = parse_xml(
+    '<root BTCPP_format="4"><TreeNodesModel><Action ID="Drive"><input_port name="gear"/></Action>'
+    '<Action ID="Look"><output_port name="seen"/></Action></TreeNodesModel></root>',
+    "palette.xml",
+)
+LATE = '<ScriptCondition code="speed > 1"/>\n<Script code="speed := 2"/>'
+
+
+def beside(body):
+    """Return the findings about keys in a sequence with nodes that a palette describes."""
+    findings = check(forest_of(document(f"<Sequence>\n{body}\n</Sequence>")), REGISTRY, [PALETTE])
+    return [(each.code, each.severity.value, each.span.line) for each in findings]
+
+
+@pytest.mark.parametrize(
+    ("body", "code"),
+    [
+        (LATE, "read-before-write"),
+        ('<Script code="count += 1"/>', "unwritten-key"),
+        ('<Say text="{a}"/>', "unwritten-key"),
+    ],
+)
+def test_beside_a_leaf_of_a_palette_a_key_without_value_is_one_level_milder(body, code):
+    assert beside(f"{body}\n<Success/>") == [(code, "warning", 4)]
+    assert beside(f'{body}\n<Drive gear="{{gear}}"/>') == [(code, "info", 4)]
+
+
+def test_a_milder_finding_says_what_may_speak_against_it():
+    body = f'<Sequence>{LATE}<Drive gear="{{speed}}"/></Sequence>'
+    (finding,) = check(forest_of(document(body)), REGISTRY, [PALETTE])
+    assert finding.message.endswith("which writes it, comes later, unless C++ code does")
+
+
+def test_the_output_of_a_leaf_of_a_palette_writes_a_key_and_its_input_does_not():
+    assert beside('<Look seen="{a}"/>\n<Say text="{a}"/>') == []
+    assert beside('<Drive gear="{a}"/>\n<Say text="{a}"/>') == [("unwritten-key", "info", 5)]
+
+
+def test_a_key_that_only_the_leaves_of_palettes_read_may_come_from_their_program():
+    assert beside('<Drive gear="{a}"/>\n<Look seen="{b}"/>') == []
+    assert beside('<Drive gear="{a}"/>\n<Look seen="{a}"/>') == []

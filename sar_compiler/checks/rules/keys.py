@@ -1,7 +1,8 @@
 """Blackboard keys that are read but never written, read too early, or written but never read."""
 
 import itertools
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import replace
 
 from sar_compiler.checks.rules.check_context import CheckContext, information, warning
 from sar_compiler.checks.rules.entry_accesses import (
@@ -22,7 +23,7 @@ from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.collector import file_of
 from sar_compiler.nodes.outcome_sets import K, S
 from sar_compiler.nodes.semantics import WRITES, AccessKind, Order
-from sar_compiler.tree.diagnostic import Diagnostic
+from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.guessing import Guesses
 
 _LIKE, _CLOSE = 0.7, 0.75
@@ -55,8 +56,7 @@ def _of_board(board: EntryTable, context: CheckContext) -> Iterator[Diagnostic]:
         if not entry.is_made:
             yield from _unwritten(entry, board, context)
             continue
-        if not board.is_foreign:
-            yield from _too_early(entry)
+        yield from _doubted(_too_early(entry)) if board.is_foreign else _too_early(entry)
         yield from _overwritten(entry, context)
         if not board.is_foreign:
             yield from _side_by_side(entry)
@@ -74,18 +74,28 @@ def _unwritten(entry: EntryAccesses, board: EntryTable, context: CheckContext) -
     if _is_given_another(use, board):
         return  # `check_subtrees` finds the attribute that means nothing
     near = _nearest(entry.key, board.written.get(entry.scope, ()), context.guesses)
-    if (
-        near is not None
-        and not _is_slip(entry, near)
-        and (board.is_foreign or not context.is_main(board.top.tree))
+    if near is not None and (
+        _is_slip(entry, near) or (context.is_main(board.top.tree) and not board.is_foreign)
     ):
-        near = None
-    is_open = board.is_open and not _is_name_of_key(use)
-    if near is None and (
-        is_open or board.is_foreign or _may_be_enumeration(use) or not context.is_main(board.top.tree)
-    ):
+        yield _unwritten_finding(use, entry, near)
         return
-    yield _unwritten_finding(use, entry, near)
+    is_open = board.is_open and not _is_name_of_key(use)
+    if is_open or _may_be_enumeration(use) or not context.is_main(board.top.tree):
+        return
+    if not board.is_foreign:
+        yield _unwritten_finding(use, entry, None)
+        return
+    # What only other programs' nodes read, those programs may well write.
+    own = next((each for each in readers if not each.bound.spec.is_foreign), None)
+    if own is not None:
+        yield from _doubted([_unwritten_finding(own, entry, None)])
+
+
+def _doubted(findings: Iterable[Diagnostic]) -> Iterator[Diagnostic]:
+    """Yield findings one level milder: beside nodes of other programs, something that no file shows may write a key."""
+    for finding in findings:
+        message = f"{finding.message}, unless C++ code does"
+        yield replace(finding, message=message, severity=Severity.INFO)
 
 
 def _unwritten_finding(use: EntryAccess, entry: EntryAccesses, near: str | None) -> Diagnostic:
@@ -167,7 +177,8 @@ def _may_be_enumeration(use: EntryAccess) -> bool:
 
 def _too_early(entry: EntryAccesses) -> Iterator[Diagnostic]:
     for use in entry.of(AccessKind.READ):
-        if entry.ordered_writers.all_after(use):
+        # Another program's node may do without a value.
+        if not use.bound.spec.is_foreign and entry.ordered_writers.all_after(use):
             writer = entry.writers[0]
             message = (
                 f"{use.access.attribute}: '{use.access.key}' is read here before it can have been written: "
