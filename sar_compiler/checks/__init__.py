@@ -108,7 +108,7 @@ def check(
         btcpp: The version of BehaviorTree.CPP that the trees are for.
     """
     palettes = tuple(palettes)
-    registry = yielding(registry, read_models([*palettes, *forest.files], Collector()))
+    registry = yielding(registry, read_models([*forest.files, *palettes], Collector()))
     findings = [*forest.findings, *_mended(forest.files)]
     context = CheckContext(forest, registry, palettes, btcpp)
     is_all = True
@@ -119,7 +119,7 @@ def check(
     from sar_compiler.checks.schema_validation import check_schema
 
     # The rules say it better; the schema speaks only where they found nothing, and had nothing more to say.
-    described = described_specs([*palettes, *forest.files], registry)
+    described = described_specs([*forest.files, *palettes], registry)
     for tree_file in forest.files if is_all else ():
         schema = functools.partial(check_schema, tree_file, registry, described, findings)
         findings += itertools.islice(_guarded(check_schema.__name__, schema, forest, findings), MOST)

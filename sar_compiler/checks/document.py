@@ -7,7 +7,7 @@ from sar_compiler.nodes.binding.attributes import slip_in_note
 from sar_compiler.nodes.binding.main_tree import find_main_tree
 from sar_compiler.nodes.binding.tree_ids import is_node
 from sar_compiler.nodes.registry import Registry
-from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
+from sar_compiler.tree.diagnostic import Cause, Diagnostic, Severity, TreeError
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.guessing import Guesses, nearest
 from sar_compiler.tree.model import (
@@ -139,8 +139,9 @@ def _unknown_attributes(element: Element, known: tuple[str, ...], guesses: Guess
             yield Diagnostic("unknown-attribute", message, element.source, span, suggestion=near)
         elif not is_note:
             hint = "BehaviorTree.CPP passes over it as well; delete it, or begin it with _"
-            severity = Severity.WARNING
-            yield Diagnostic("ignored-attribute", message, element.source, span, hint=hint, severity=severity)
+            severity, cause = Severity.WARNING, Cause(f"<{element.tag}> has no such attributes", name)
+            advice = (None, hint, severity, cause)
+            yield Diagnostic("ignored-attribute", message, element.source, span, *advice)
 
 
 def _finding(element: Element, code: str, message: str, **more: str | None) -> Diagnostic:

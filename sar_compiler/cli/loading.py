@@ -76,7 +76,10 @@ def add_mission(parser: argparse.ArgumentParser) -> None:
 
 
 def workspace(
-    arguments: argparse.Namespace, trees: tuple[Path, ...] = (), read: "Read | None" = None
+    arguments: argparse.Namespace,
+    trees: tuple[Path, ...] = (),
+    read: "Read | None" = None,
+    found_models: tuple[Path, ...] = (),
 ) -> "Workspace":
     """Return the workspace that loads trees by the options of a command.
 
@@ -84,6 +87,7 @@ def workspace(
         arguments: The options.
         trees: Tree files, in which a tree is sought that one of them lacks.
         read: Reads one tree file, if it is not to be read as it is.
+        found_models: Palettes that lie in the folders of the tree files.
     """
     # The collector would look several times through what is imported, and find nothing; so it would at the end.
     with gc_paused():
@@ -91,8 +95,8 @@ def workspace(
         from sar_compiler.tree.reading import read_tree_file
     atexit.register(gc.freeze)
 
-    added = additions(arguments)._replace(trees=trees)
-    return Workspace(added, read or read_tree_file, note=tell_passed_over)
+    added = additions(arguments)._replace(trees=trees, found_models=found_models)
+    return Workspace(added, read or read_tree_file, note=tell_note)
 
 
 def additions(arguments: "argparse.Namespace | Options") -> "Additions":
@@ -104,8 +108,8 @@ def additions(arguments: "argparse.Namespace | Options") -> "Additions":
     return Additions(tuple(arguments.nodes), models, folders, arguments.trust, mission=mission)
 
 
-def tell_passed_over(text: str) -> None:
-    """Report on standard error what was ignored."""
+def tell_note(text: str) -> None:
+    """Report on standard error what is surprising, but no mistake."""
     print_error(f"note: {text}")
 
 

@@ -14,7 +14,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from sar_compiler.cli.loading import additions, tell_passed_over
+from sar_compiler.cli.loading import additions, tell_note
 from sar_compiler.cli.output import RunOutput
 from sar_compiler.cli.run_journal import RunJournal, open_run_journal
 from sar_compiler.cli.run_mission_check import RouteCheck
@@ -170,7 +170,7 @@ def _guardian(options: "Options", node: Node) -> Guardian:
 
 
 def _loaded(options: "Options") -> LoadedTree:
-    return Workspace(additions(options), note=tell_passed_over).load(options.tree)
+    return Workspace(additions(options), note=tell_note).load(options.tree)
 
 
 def _world(options: "Options") -> "World | None":

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options, workspace
+from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options, tell_note, workspace
 from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import FINDINGS, OK, RULE_FAILED, USAGE, print_error, print_text
 from sar_compiler.tree.showing import visible
@@ -87,6 +87,7 @@ class _Validation:
         self._fixable = 0
         self._stdin: bytes | None = None
         self._found_in_folders: set[Path] = set()
+        self._found_models: list[Path] = []
         # Of several links to a file, and of a file that is also in a folder, the first counts.
         files: dict[Path, Path] = {}
         for name in arguments.files:
@@ -95,11 +96,13 @@ class _Validation:
         self._files = tuple(files.values())
         self._places = frozenset(files)
         self._workspace = self._new_workspace()
+        if self._found_models:
+            tell_note(f"nodes are described by {', '.join(map(str, self._found_models))}")
 
     def _named(self, name: str) -> Iterator[Path]:
         """Yield the files that an argument names."""
         from sar_compiler.tree.diagnostic import UnreadableFileError
-        from sar_compiler.tree.gathering import tree_files_in
+        from sar_compiler.tree.gathering import palettes_in, tree_files_in
         from sar_compiler.tree.shipped import find_tree
 
         try:
@@ -111,6 +114,7 @@ class _Validation:
                 if not files:
                     self._tell(f"there is no tree file in {name}")
                 self._found_in_folders.update(files)
+                self._found_models += palettes_in(Path(name), files)
                 # Whoever names a folder means all that is in it.
                 self.arguments.include_path.append(Path(name))
                 yield from files
@@ -127,7 +131,8 @@ class _Validation:
 
     def _new_workspace(self) -> "Workspace":
         # A file by itself is no set.
-        return workspace(self.arguments, self._files[1:] and self._files, self._read)
+        found = tuple(self._found_models)
+        return workspace(self.arguments, self._files[1:] and self._files, self._read, found)
 
     def _read(self, path: Path) -> "TreeFile":
         from sar_compiler.tree.reading import parse_tree, read_tree_file
@@ -210,7 +215,7 @@ class _Validation:
     @property
     def _told(self) -> "Sequence[Diagnostic]":
         """The findings as people are told them."""
-        if self.arguments.all or not self.findings:
+        if self.arguments.all or len(self.findings) <= 1:
             return self.findings
         from sar_compiler.views.causes import by_cause
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.installed import entry_points, import_installed
-from sar_compiler.nodes.spec import NodeSpec
+from sar_compiler.nodes.spec import NodeSpec, Provenance
 from sar_compiler.tree.guessing import nearest
 
 ENTRY_POINTS = "sar_compiler.palettes"
@@ -28,7 +28,7 @@ class PaletteError(SarError):
 class KnownSpec(NodeSpec):
     """The record of a node of another program, of which more is known than a model says."""
 
-    is_only_described = False
+    provenance = Provenance.NAMED
     """The answers and the semantics are those of the node, and not guessed."""
 
 

@@ -18,7 +18,7 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from sar_compiler.nodes.imports import Deferred, load
-from sar_compiler.nodes.spec import MARK, NodeSpec, Parameter, Signature
+from sar_compiler.nodes.spec import MARK, NodeSpec, Parameter, Provenance, Signature
 from sar_compiler.nodes.values import PLAIN, ValueType
 
 FILE = "records.jsonl"
@@ -62,6 +62,7 @@ class RecordedSpec(NodeSpec):
     """
 
     is_only_described = is_foreign = False
+    provenance = Provenance.INSTALLED
     absent_methods = ()
     registered_by: str
 

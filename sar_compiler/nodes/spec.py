@@ -2,15 +2,16 @@
 
 import functools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from sar_compiler.nodes.answers import answers_of
 from sar_compiler.nodes.imports import Deferred, path_of
 from sar_compiler.nodes.semantics import Semantics
-from sar_compiler.nodes.values import ValueType
+from sar_compiler.nodes.values import ANYTHING, ValueType
 from sar_compiler.runtime.answers import Answer, Fact
+from sar_compiler.tree.diagnostic import Severity
 
 if TYPE_CHECKING:
     from sar_compiler.nodes.binding.bound import BoundNode
@@ -80,6 +81,35 @@ class Role(Enum):
     """The one child of a decorator."""
     CHILDREN = "children"
     """The children of a control."""
+
+
+class Provenance(Enum):
+    """Where the record of a node comes from, which decides how sure a finding about it is."""
+
+    INSTALLED = "an installed class"
+    NAMED = "a named distribution"
+    """A palette with a name and a version (`nav2:jazzy`), which lists every port."""
+    DESCRIBED = "a file"
+    """The model of a tree file, or of a repository's palette; such files leave out ports that a node inherits."""
+    FROM_USE = "its use"
+    """A palette that `sar-compile nodes --from-use` has made: tags and ports that were used, types and directions guessed."""
+
+    @property
+    def is_description(self) -> bool:
+        """Whether only a file tells of the node."""
+        return self in (Provenance.DESCRIBED, Provenance.FROM_USE)
+
+    def unlisted(self, *, is_near: bool) -> Severity:
+        """Return the severity of an attribute that is not listed.
+
+        Args:
+            is_near: Whether the name of one that is listed was probably meant.
+        """
+        if not self.is_description:
+            return Severity.ERROR
+        if self is Provenance.DESCRIBED:
+            return Severity.ERROR if is_near else Severity.WARNING
+        return Severity.WARNING if is_near else Severity.INFO
 
 
 @dataclass(frozen=True)
@@ -165,6 +195,12 @@ class Parameter:
         return fixed and self.value_type is not None and self.value_type.python is int
 
 
+def any_port(name: str, doc: str = "") -> Parameter:
+    """Return a port of which only the name is known: anything may be read from it, and written to it."""
+    anything, inout = ANYTHING, Direction.INOUT
+    return Parameter(name, Role.ATTRIBUTE, required=False, value_type=anything, direction=inout, doc=doc)
+
+
 CHILD_COUNTS: dict[Kind, tuple[int, int | None]] = {
     Kind.CONTROL: (1, None),
     Kind.DECORATOR: (1, 1),
@@ -211,6 +247,7 @@ class Signature:
         doc: A description that replaces the docstring, for classes of other libraries.
         parameter_docs: Descriptions of parameters, likewise.
         described: All parameters, for a node that only a model describes.
+        from_use: Whether that model was made from the node's use.
     """
 
     factory: Callable[..., Any] | None = None
@@ -222,6 +259,7 @@ class Signature:
     doc: str = ""
     parameter_docs: Mapping[str, str] = field(default_factory=dict)
     described: Mapping[str, Parameter] | None = None
+    from_use: bool = False
 
 
 @dataclass(frozen=True)
@@ -323,9 +361,21 @@ class NodeSpec:
         return tuple(sorted(absent))
 
     @property
+    def provenance(self) -> Provenance:
+        """Where this record comes from; that of a named palette says so itself (`palettes.KnownSpec`)."""
+        if not self.is_foreign:
+            return Provenance.INSTALLED
+        return Provenance.FROM_USE if self.signature.from_use else Provenance.DESCRIBED
+
+    @property
     def is_only_described(self) -> bool:
-        """Whether only a model tells of it: it is foreign, and no palette knows more (`palettes.KnownSpec`)."""
-        return self.is_foreign
+        """Whether only a model tells of it: it is foreign, and no palette knows more."""
+        return self.provenance.is_description
+
+    def listing(self, unlisted: Parameter) -> "NodeSpec":
+        """Return the record of a described node with a further port."""
+        described = {**self.parameters, unlisted.name: unlisted}
+        return replace(self, signature=replace(self.signature, described=described))
 
     @property
     def is_foreign(self) -> bool:

@@ -4,9 +4,11 @@ The settings of a project's configuration are combined with the user's: a `Works
 for each configuration that it finds, and loads trees. All commands and all tests of a tree use it.
 """
 
+import contextlib
 import functools
+import os
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -18,7 +20,7 @@ from sar_compiler.nodes.installed import entry_points, ignored_entry_points, is_
 from sar_compiler.nodes.palettes import is_palette_name
 from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, load_registry
 from sar_compiler.tree.content import as_written, read_bytes, real_path
-from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
+from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError, UnreadableFileError
 from sar_compiler.tree.forest import Forest, Read, TreeSet, load_forest
 from sar_compiler.tree.gathering import files_meant
 from sar_compiler.tree.model import FileBeginning, TreeFile
@@ -49,6 +51,8 @@ class Additions(NamedTuple):
         registry: The registered nodes; None for the installed and named ones.
         trees: Further tree files, in which a tree is sought that a file lacks.
         mission: The name of the mission, whatever the leaves of a tree require; None to choose it by them.
+        found_models: Palettes that nobody has named and that lie in the folders of the trees: what nobody else describes, the
+            nearest one does.
     """
 
     nodes: tuple[Named, ...] = ()
@@ -58,6 +62,7 @@ class Additions(NamedTuple):
     registry: Registry | None = None
     trees: tuple[Path, ...] = ()
     mission: str | None = None
+    found_models: tuple[Path, ...] = ()
 
     @property
     def palettes(self) -> tuple[str, ...]:
@@ -83,7 +88,8 @@ class Project:
         self.additions = additions
         self.tree_set: TreeSet | None = None
         if configuration.trees or additions.trees:
-            self.tree_set = TreeSet(self._set_files, read, self.include_path)
+            is_declared = bool(configuration.trees)
+            self.tree_set = TreeSet(self._set_files, read, self.include_path, is_declared=is_declared)
 
     @functools.cached_property
     def registry(self) -> Registry:
@@ -138,6 +144,27 @@ class Project:
         return tuple(read_tree_file(path) for path in (*files, *self.configuration.models))
 
     @functools.cached_property
+    def _found_palettes(self) -> tuple[TreeFile, ...]:
+        """The palettes that nobody has named; one that is malformed is spoken of as a file."""
+        found = []
+        for path in self.additions.found_models:
+            with contextlib.suppress(TreeError, UnreadableFileError):
+                found.append(read_tree_file(path))
+        return tuple(found)
+
+    def palettes_for(self, files: Sequence[TreeFile]) -> tuple[TreeFile, ...]:
+        """Return the palettes for a file with all that it includes: those that nobody has named supplement the others."""
+        own = [_real_path(each) for each in files]
+        named = [each for each in self.palettes if _real_path(each) not in own]
+        found = [each for each in self._found_palettes if _real_path(each) not in own]
+        if not found:
+            return tuple(named)
+        from sar_compiler.nodes.models.models import supplements
+
+        nearest = sorted(found, key=lambda each: -len(os.path.commonpath([_real_path(each).parent, own[0]])))
+        return (*named, *supplements(nearest, [*files, *named]))
+
+    @functools.cached_property
     def findings(self) -> list[Diagnostic]:
         """The findings about the palettes, for any tree."""
         return self.configuration.decide(check_palettes(self.palettes, self.registry))
@@ -176,6 +203,10 @@ class Project:
     def include_path(self) -> tuple[Path, ...]:
         """The further folders that may be included from."""
         return (*self.additions.include_path, *self.configuration.include_path)
+
+
+def _real_path(tree_file: TreeFile) -> Path:
+    return real_path(Path(tree_file.source.path))
 
 
 class Workspace:
@@ -323,9 +354,7 @@ class LoadedTree:
 
     @functools.cached_property
     def _palettes(self) -> tuple[TreeFile, ...]:
-        """The project's palettes, without what is one of the files itself."""
-        own = {real_path(Path(each.source.path)) for each in self.forest.files}
-        return tuple(each for each in self.project.palettes if real_path(Path(each.source.path)) not in own)
+        return self.project.palettes_for(self.forest.files)
 
     def _findings_before(self) -> list[Diagnostic]:
         """Return the findings about a malformed file: where it is that, and what is wrong before."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from sar_compiler.tree.content import as_written, real_path
-from sar_compiler.tree.diagnostic import Diagnostic, TreeError, UnreadableFileError
+from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError, UnreadableFileError
 from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.model import INCLUDE_TAG, SUBTREE_TAG, Element, TreeFile
 from sar_compiler.tree.reading import FORMS
@@ -135,11 +135,18 @@ class TreeSet:
         paths: Returns the files.
         read: Reads one file.
         include_paths: Further folders that they may include from.
+        is_declared: Whether the project says so, and not only the files that somebody has named together.
     """
 
     def __init__(
-        self, paths: Callable[[], Iterable[Path]], read: Read, include_paths: Iterable[Path] = ()
+        self,
+        paths: Callable[[], Iterable[Path]],
+        read: Read,
+        include_paths: Iterable[Path] = (),
+        *,
+        is_declared: bool = True,
     ) -> None:
+        self.is_declared = is_declared
         self._paths = paths
         self._read = functools.lru_cache(maxsize=None)(read)
         self._include_paths = tuple(include_paths)
@@ -269,7 +276,11 @@ class _SetSearch:
             message = f"the tree '{tree_id}' is in several files of the set: {places}{more}"
             hint = "give each an ID of its own, or include the file that is meant"
             span = reference.value_span(attribute)
-            self.clashes.append(Diagnostic("duplicate-tree-id", message, reference.source, span, hint=hint))
+            # Files that were only named together may be those of several robots.
+            severity = Severity.ERROR if self.tree_set.is_declared else Severity.WARNING
+            self.clashes.append(
+                Diagnostic("duplicate-tree-id", message, reference.source, span, None, hint, severity)
+            )
         if first is not self.forest:
             self.found.setdefault(id(target), (target, first))
 

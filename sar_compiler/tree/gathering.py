@@ -3,7 +3,7 @@
 import glob
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from sar_compiler.tree.content import read_bytes
@@ -22,6 +22,9 @@ _FIRST_ELEMENT = re.compile(rb"(?:\s|<\?.*?\?>|<!--.*?-->|<![^>]*>)*<([\w:.-]+)(
 _FIRST_KEY = re.compile(rb"(?:\s|#[^\n]*\n|---|%[^\n]*\n)*\{?\s*[\"']?root[\"']?\s*:")
 _ROOT_ATTRIBUTES = re.compile(rb"\b(?:BTCPP_format|main_tree_to_execute)\b")
 _SECTIONS = re.compile(rb"\b(?:BehaviorTree|TreeNodesModel|include)\b")
+_MODEL, _TREE = re.compile(rb"<TreeNodesModel\b"), re.compile(rb"<BehaviorTree\b")
+_PROJECT = ".btproj"
+"""The ending of Groot2's projects."""
 _ALONE = (b"BehaviorTree", b"TreeNodesModel")
 
 
@@ -34,6 +37,29 @@ def tree_files_in(folder: Path) -> list[Path]:
         UnreadableFileError: If a folder or a file cannot be read.
     """
     return sorted(path for path in _files_in(folder) if is_tree_file(path))
+
+
+def palettes_in(folder: Path, trees: Iterable[Path]) -> list[Path]:
+    """Return the files in a folder and below it that only describe nodes, and Groot2's projects that do.
+
+    Args:
+        folder: The folder.
+        trees: The tree files in it, as `tree_files_in` returns them.
+
+    Raises:
+        UnreadableFileError: If a folder or a file cannot be read.
+    """
+    projects = [path for path in _files_in(folder) if path.suffix.lower() == _PROJECT and path.is_file()]
+    palettes = [path for path in trees if _describes(path) and not _has(path, _TREE)]
+    return sorted([*palettes, *filter(_describes, projects)])
+
+
+def _describes(path: Path) -> bool:
+    return path.suffix.lower() in (".xml", _PROJECT) and _has(path, _MODEL)
+
+
+def _has(path: Path, what: re.Pattern[bytes]) -> bool:
+    return what.search(read_bytes(path).replace(b"\0", b"")) is not None
 
 
 def files_meant(folder: Path, pattern: str) -> list[Path]:

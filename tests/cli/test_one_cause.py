@@ -23,6 +23,11 @@ def tree_of(*tags):
     return document(f"<Sequence>{''.join(f'<{tag}/>' for tag in tags)}</Sequence>")
 
 
+def palette_of(tag, port="strength"):
+    model = f'<Action ID="{tag}"><input_port name="{port}"/></Action>'
+    return f'<root BTCPP_format="4"><TreeNodesModel>{model}</TreeNodesModel></root>'
+
+
 def test_a_name_that_is_unknown_in_several_files_is_told_once_with_the_other_places(capsys):
     for name in "abc":
         write(f"ws/{name}.xml", tree_of("Grasp"))
@@ -61,19 +66,56 @@ def test_an_error_and_a_warning_are_not_told_as_one(capsys):
 
 
 def test_json_has_every_place_and_equal_causes_for_those_of_one(capsys):
-    write("ws/a.xml", tree_of("Grasp", "Place"))
+    write("ws/a.xml", tree_of("Grasp", "Sequence"))
     write("ws/b.xml", tree_of("Grasp"))
     found = json.loads(run(capsys, "--format", "json", "ws")[1])
-    grasp, place, other = [each["cause"] for each in found]
-    assert (grasp, grasp == other, grasp == place) == ("unknown-node: no node is called 'Grasp'", True, False)
+    grasp, empty, other = [each["cause"] for each in found]
+    assert (grasp == other, grasp == empty) == (True, False)
+
+
+def test_names_that_are_all_unknown_are_one_cause_if_there_are_more_than_three(capsys):
+    write("a.xml", tree_of("Grasp", "Place", "Lift", "Grasp"))
+    assert len(heads(run(capsys, "a.xml")[1])) == 4
+    write("a.xml", tree_of("Grasp", "Place", "Lift", "Grasp", "Weld"))
+    (told,) = heads(run(capsys, "a.xml")[1])
+    names = "'Grasp' (2), 'Place' (1), 'Lift' (1), 'Weld' (1), in 5 places"
+    assert told.endswith(f"no nodes are called like these: {names}")
+
+
+def test_a_palette_in_a_folder_describes_the_nodes_of_its_trees_and_is_named(capsys):
+    write("ws/trees/a.xml", tree_of("Grasp"))
+    write("ws/arm_tree_nodes.xml", palette_of("Grasp"))
+    status, _, err = run(capsys, "ws")
+    assert (status, err.splitlines()[0]) == (0, "note: nodes are described by ws/arm_tree_nodes.xml")
+    assert run(capsys, "ws/trees/a.xml")[0] == 1
+
+
+def test_a_project_of_groot2_describes_nodes_as_well(capsys):
+    write("ws/a.xml", tree_of("Grasp"))
+    write("ws/arm.btproj", palette_of("Grasp"))
+    assert run(capsys, "ws")[0] == 0
+
+
+def test_of_several_palettes_the_nearest_one_counts(capsys):
+    for robot, port in (("one", "force"), ("two", "width")):
+        write(f"ws/{robot}/nodes.xml", palette_of("Grasp", port))
+        write(f"ws/{robot}/tree.xml", document(f'<Grasp {port}="1"/>'))
+    assert run(capsys, "--format", "json", "ws")[1] == "[]\n"
+
+
+def test_a_tree_that_several_files_of_a_folder_have_is_no_error(capsys):
+    write("ws/main.xml", document('<SubTree ID="Grip"/>'))
+    for robot in "ab":
+        write(f"ws/{robot}/grip.xml", document(f'<AlwaysSuccess name="{robot}"/>', main="Grip"))
+    status, out, _ = run(capsys, "ws")
+    assert (status, "warning[duplicate-tree-id]" in out) == (0, True)
 
 
 def test_sarif_has_every_place_with_its_cause(capsys):
     write("a.xml", tree_of(*["Grasp"] * 5))
     results = json.loads(run(capsys, "--format", "sarif", "a.xml")[1])["runs"][0]["results"]
-    assert [each["properties"]["cause"] for each in results] == [
-        "unknown-node: no node is called 'Grasp'"
-    ] * 5
+    causes = [each["properties"]["cause"] for each in results]
+    assert causes == ["unknown-node: no nodes are called like these"] * 5
 
 
 @pytest.mark.parametrize(("options", "told"), [((), 1), (("--all",), 5)])

@@ -85,7 +85,7 @@ def test_json_has_the_fields_that_scripts_rely_on(capsys, broken):
             "message": "no node is called 'Sey'",
             "suggestion": None,
             "hint": "sar-compile nodes lists them; --nodes adds a module of leaves, --model a palette",
-            "cause": "unknown-node: no node is called 'Sey'",
+            "cause": "unknown-node: no nodes are called like these",
         }
     ]
 

@@ -131,7 +131,51 @@ def test_a_mistake_in_the_model_of_a_subtree_is_an_error_because_it_counts(name)
 def test_a_port_of_another_name_than_the_three_may_be_read_and_written():
     model = palette('<Action ID="Do"><bidirectional_port name="x"/></Action>')
     assert found(document('<Sequence><Do x="1"/><Do x="{x}"/></Sequence>'), model) == []
-    assert found(document('<Do y="1"/>'), model) == [("unknown-attribute", "test.xml", 3, None)]
+
+
+ARM = palette('<Action ID="Grip"><input_port name="strength"/></Action>')
+MADE = '<MetadataFields><Metadata made="from use"/></MetadataFields>'
+ARM_AS_USED = palette(f'<Action ID="Grip"><input_port name="strength" type="int"/>{MADE}</Action>')
+
+
+@pytest.mark.parametrize(
+    ("model", "attribute", "severity"),
+    [
+        (ARM, "strenght", "error"),
+        (ARM, "server_timeout", "warning"),
+        (ARM_AS_USED, "strenght", "warning"),
+        (ARM_AS_USED, "server_timeout", "info"),
+    ],
+)
+def test_an_attribute_that_a_description_lacks_weighs_as_much_as_the_description(model, attribute, severity):
+    findings = check(
+        forest_of(document(f'<Grip {attribute}="1"/>')), REGISTRY, [parse_xml(model, "palette.xml")]
+    )
+    assert [(each.code, each.severity.value) for each in findings] == [("unknown-attribute", severity)]
+
+
+def test_what_an_unlisted_attribute_may_read_is_not_taken_for_unread():
+    tree = document(
+        '<Sequence><SetBlackboard output_key="x" value="1"/><Grip server_timeout="{x}"/></Sequence>'
+    )
+    findings = check(forest_of(tree), REGISTRY, [parse_xml(ARM, "palette.xml")])
+    assert [each.code for each in findings] == ["unknown-attribute"]
+
+
+def test_a_palette_made_from_use_says_nothing_of_types():
+    assert found(document('<Grip strength="very"/>'), ARM_AS_USED) == []
+
+
+def test_the_files_own_model_wins_over_a_palette():
+    own = '<TreeNodesModel><Action ID="Grip"><input_port name="force"/></Action></TreeNodesModel>'
+    tree = document('<Grip force="1"/>').replace("</root>", f"{own}</root>")
+    findings = check(forest_of(tree), REGISTRY, [parse_xml(ARM, "palette.xml")])
+    assert [each.code for each in findings] == ["wrong-model"]
+
+
+def test_a_node_that_is_only_called_as_one_of_py_trees_is_told_once():
+    tree = document('<ForEach vector_in="{a}" out="{b}" index="{i}"><AlwaysSuccess/></ForEach>')
+    assert found(tree) == [("unknown-node", "test.xml", 3, None)]
 
 
 def test_a_node_whose_name_cannot_be_a_tag_is_written_by_its_id():

@@ -191,7 +191,7 @@ def test_each_file_of_a_set_means_the_nodes_that_its_own_models_describe():
     write("main.xml", using("Main", "B").replace("<AlwaysSuccess/>", '<Grip hard="1"/>'), described("hard"))
     write("more.xml", '<BehaviorTree ID="B"><Grip soft="1"/></BehaviorTree>', described("soft"))
     assert errors(load("main.xml", set_of("main.xml", "more.xml"))) == []
-    write("more.xml", '<BehaviorTree ID="B"><Grip hard="1"/></BehaviorTree>', described("soft"))
+    write("more.xml", '<BehaviorTree ID="B"><Grip sofd="1"/></BehaviorTree>', described("soft"))
     assert [error[:2] for error in errors(load("main.xml", set_of("more.xml")))] == [
         ("unknown-attribute", "more.xml")
     ]

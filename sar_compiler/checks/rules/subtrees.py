@@ -1,6 +1,7 @@
 """Unused trees, and keys that are passed to subtrees but not used there."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 from sar_compiler.checks.rules.check_context import CheckContext, warning
 from sar_compiler.checks.rules.key_accesses import KeyAccesses
@@ -9,7 +10,7 @@ from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.nesting import trees_in
 from sar_compiler.nodes.spec import Direction
 from sar_compiler.nodes.values import listed
-from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.diagnostic import Cause, Diagnostic, Severity
 
 
 def check_subtrees(context: CheckContext) -> Iterator[Diagnostic]:
@@ -115,7 +116,9 @@ def _unused_arguments(use: BoundNode, context: CheckContext, wanted: _Wanted) ->
         message = f"{name}: the tree '{tree.name}' does nothing with this key"
         near = "_autoremap" if name == "autoremap" else underscored(name)
         near = near or context.guesses.nearest(name, missing)
-        yield warning("unused-argument", message, use, use.element.name_span(name), near, hint)
+        cause = Cause(f"the tree '{tree.name}' does nothing with these keys", name)
+        found = warning("unused-argument", message, use, use.element.name_span(name), near, hint)
+        yield found if near else replace(found, common_cause=cause)
 
 
 def _undeclared_arguments(use: BoundNode, context: CheckContext) -> Iterator[Diagnostic]:

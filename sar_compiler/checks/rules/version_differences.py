@@ -21,8 +21,8 @@ def check_versions(context: CheckContext) -> Iterator[Diagnostic]:
     for tree in (tree for tree_file in context.forest.files for tree in tree_file.trees):
         fault = fault_of(tree.attributes.get("ID", ""))
         if fault is not None:
-            message, hint = fault
-            collector.refused_since(NAMES, tree, tree.value_span("ID"), message, hint)
+            span = tree.value_span("ID")
+            collector.refused_since(NAMES, tree, span, fault.message, fault.hint, cause=fault.cause)
     _report_tags(context, collector)
     for bound, attribute, script in _scripts(context):
         if '"' in script.text:

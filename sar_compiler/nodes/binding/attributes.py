@@ -6,7 +6,7 @@ from typing import Any, Literal, TypeAlias
 
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.collector import Collector
-from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, any_port
 from sar_compiler.nodes.values import CONDITION, ConversionError, ValueType, blackboard_key, listed, type_of
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.tree.guessing import Guesses
@@ -212,6 +212,9 @@ class AttributeBinder:
         else:
             free = [other for other in known if other not in element.attributes]
             near = self._collector.guesses.nearest(name, free) or underscored(name)
+        if spec.is_only_described:
+            self._unlisted(bound, name, message, near)
+            return near
         missing = [p.name for p in spec.required if p.name not in element.attributes]
         if near is not None or not is_only or len(missing) != 1:
             self._collector.name(element, name, "unknown-attribute", message, suggestion=near)
@@ -222,6 +225,18 @@ class AttributeBinder:
         hint = f"write {' or '.join([*missing, *others])} instead"
         self._collector.name(element, name, "unknown-attribute", message, suggestion=suggestion, hint=hint)
         return missing[0]
+
+    def _unlisted(self, bound: BoundNode, name: str, message: str, near: str | None) -> None:
+        """Report an attribute that a file's description does not list, and take it for a port if no other was meant."""
+        severity = bound.spec.provenance.unlisted(is_near=near is not None)
+        hint = "if the node has it, add the port to the description"
+        self._collector.name(
+            bound.element, name, "unknown-attribute", message, suggestion=near, hint=hint, severity=severity
+        )
+        if near is None:
+            port = any_port(name)
+            bound.spec = bound.spec.listing(port)
+            self._value(bound, port, bound.element.attributes[name])
 
 
 def slip_in_note(name: str, guesses: Guesses) -> str | None:

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from sar_compiler.nodes.binding.attributes import AUTOREMAP, KIND_TAGS, AttributeBinder
+from sar_compiler.nodes.binding.attributes import AUTOREMAP, KIND_TAGS, ONESHOT, AttributeBinder
 from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree, Remapping
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.instances import Instance, expand, report_shared_keys
@@ -21,16 +21,21 @@ from sar_compiler.nodes.btcpp.versions import NEWEST, Version
 from sar_compiler.nodes.models.model_comparison import compare
 from sar_compiler.nodes.models.models import Model, Models, read_models, yielding
 from sar_compiler.nodes.palettes import palettes_with
-from sar_compiler.nodes.registry import Registry, subtree
+from sar_compiler.nodes.registry import Registry, is_own_word, subtree
 from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.nodes.values import blackboard_key, listed
-from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.diagnostic import Cause, Diagnostic, Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.guessing import Guesses
 from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, ROOT_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
 
 _KEYS = re.compile(r"\{(@?[A-Za-z_]\w*)\}|(?<![\w@])(@?[A-Za-z_]\w*)\s*:=", re.ASCII)
+
+_OF_ANY = ("ID", "name", ONESHOT)
+"""Attributes that say nothing of whose node it is."""
+_UNKNOWN = "no nodes are called like these"
+_UNKNOWN_HINT = "sar-compile nodes lists them; --nodes adds a module of leaves, --model a palette"
 
 _Vocabulary = tuple[Registry, Models, dict[str, list[NodeSpec]], dict[str, str | None]]
 """The nodes and models of a file, the meanings of the tags in it, and the tags meant by unknown ones."""
@@ -62,7 +67,7 @@ def bind(forest: Forest, registry: Registry, tree: Element, palettes: Iterable[T
     """
     collector = Collector()
     palettes = tuple(palettes)
-    models = read_models([*palettes, *forest.files], Collector())
+    models = read_models([*forest.files, *palettes], Collector())
     binder = Binder(forest, registry, models, collector, palettes)
     with gc_paused(_characters(forest)):
         main = binder.tree(tree)
@@ -88,7 +93,7 @@ def bind_all(
         The bound trees and their findings, in the order of the files.
     """
     collector, palettes = Collector(btcpp), tuple(palettes)
-    models = read_models([*palettes, *forest.files], collector)
+    models = read_models([*forest.files, *palettes], collector)
     compare(models, yielding(registry, models), collector)
     binder = Binder(forest, registry, models, collector, palettes)
     with gc_paused(_characters(forest)):
@@ -179,7 +184,7 @@ class Binder:
     def _words_of(self, home: Forest | None) -> _Vocabulary:
         if home not in self._words:
             files = home.files if home is not None else ()
-            models = read_models([*self._palettes, *files], Collector())
+            models = read_models([*files, *self._palettes], Collector())
             self._words[home] = yielding(self._registered, models), models, {}, {}
         return self._words[home]
 
@@ -237,6 +242,9 @@ class Binder:
         if not variants:
             return self._unknown(element, tag)
         spec = variants[0] if len(variants) == 1 else _best(variants, element, self._guesses)
+        if spec.required and is_own_word(tag) and _is_anothers(element, variants, self._guesses):
+            self._anothers(element, spec)
+            return None
         bound = BoundNode(element, spec, element.attributes.get("name") or tag)
         if tag != element.tag:
             self._kind(bound)
@@ -318,11 +326,15 @@ class Binder:
             self._without_id(element, f"<{element.tag}> does not say which node it is", "the node's name")
         else:
             message = f"no node is called '{tag}'{self._was_called(tag, near)}"
-            hint = "sar-compile nodes lists them; --nodes adds a module of leaves, --model a palette"
+            hint, cause = _UNKNOWN_HINT, _UNKNOWN
             if known := palettes_with(tag):
-                near, hint = None, f"a palette knows it: --model {' or '.join(known)}"
+                names = " or ".join(known)
+                near, hint = None, f"a palette knows it: --model {names}"
+                cause = f"these are nodes of {names}"
             span = element.tag_span() if tag == element.tag else element.value_span("ID")
-            self._collector.at(element, span, "unknown-node", message, suggestion=near, hint=hint)
+            common = None if near else Cause(cause, tag)
+            advice = {"suggestion": near, "hint": hint, "common_cause": common}
+            self._collector.at(element, span, "unknown-node", message, **advice)
         variants = self._variants(
             element.attributes["ID"] if near in KIND_TAGS and "ID" in element.attributes else near or ""
         )
@@ -336,6 +348,15 @@ class Binder:
         bound = BoundNode(element, variants[0], name)
         self._take_in(bound)
         return bound
+
+    def _anothers(self, element: Element, spec: NodeSpec) -> None:
+        """Report a node of another library that is called as one of py_trees."""
+        needed = " and ".join(f"'{each.name}'" for each in spec.required)
+        message = f"<{spec.tag}> with {needed} is py_trees'; this one is another library's"
+        hint = "describe it in a palette (--model), and that counts"
+        self._collector.tag(element, "unknown-node", message, hint=hint)
+        for child in element.children:
+            self._node(child)
 
     def _without_id(self, element: Element, message: str, what: str) -> None:
         """Report an element without its required ID; `id` in another case does not count."""
@@ -433,7 +454,9 @@ class Binder:
             trees = self._forest.known_ids
             message, near = f"there is no tree '{tree_id}'", self._guesses.nearest(tree_id, trees)
             hint = f"the trees are {listed(trees)}; <include> adds those of other files, and so does [project] trees"
-            self._collector.value(element, "ID", "unknown-tree", message, suggestion=near, hint=hint)
+            cause = None if near else Cause("there are no such trees", tree_id)
+            advice = {"suggestion": near, "hint": hint, "common_cause": cause}
+            self._collector.value(element, "ID", "unknown-tree", message, **advice)
         self._file_away(bound)
         return bound
 
@@ -490,6 +513,15 @@ def _best(variants: list[NodeSpec], element: Element, guesses: Guesses) -> NodeS
         return len(unknown), strangers, -written.index(unknown[0]) if unknown else 0
 
     return min(variants, key=strangeness)
+
+
+def _is_anothers(element: Element, variants: Sequence[NodeSpec], guesses: Guesses) -> bool:
+    """Return whether a node has nothing of any meaning of its tag: several attributes, and none that is known or near."""
+    written = [name for name in element.attributes if name not in _OF_ANY and not name.startswith("_")]
+    known = {name for spec in variants for name in spec.parameters}
+    return len(written) > 1 and not any(
+        name in known or guesses.nearest(name, known) is not None for name in written
+    )
 
 
 def _amount(least: int, most: int | None) -> str:

@@ -2,7 +2,7 @@
 
 from sar_compiler.nodes.btcpp.versions import NEWEST, OLDEST, Version, VersionChange
 from sar_compiler.nodes.values import ConversionError
-from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.diagnostic import Cause, Diagnostic, Severity
 from sar_compiler.tree.guessing import Guesses
 from sar_compiler.tree.model import Element
 from sar_compiler.tree.source import Span
@@ -28,17 +28,22 @@ class Collector:
         self.guesses = Guesses()
 
     def at(
-        self, element: Element, span: Span, code: str, message: str, **advice: str | Severity | None
+        self, element: Element, span: Span, code: str, message: str, **advice: str | Severity | Cause | None
     ) -> None:
         """Report a finding about a place in an element; *advice* as in `Diagnostic`."""
         self.findings.append(Diagnostic(code, message, element.source, span, **advice))  # type: ignore[arg-type]
 
-    def tag(self, element: Element, code: str, message: str, **advice: str | Severity | None) -> None:
+    def tag(self, element: Element, code: str, message: str, **advice: str | Severity | Cause | None) -> None:
         """Report a finding about an element as a whole."""
         self.at(element, element.tag_span(), code, message, **advice)
 
     def value(
-        self, element: Element, attribute: str, code: str, message: str, **advice: str | Severity | None
+        self,
+        element: Element,
+        attribute: str,
+        code: str,
+        message: str,
+        **advice: str | Severity | Cause | None,
     ) -> None:
         """Report a finding about the value of an attribute."""
         self.at(element, element.value_span(attribute), code, message, **advice)
@@ -51,16 +56,18 @@ class Collector:
         message: str,
         hint: str,
         suggestion: str | None = None,
+        cause: Cause | None = None,
     ) -> None:
         """Report what BehaviorTree.CPP refuses since a version, if the trees are for that or a later one."""
         if self.btcpp >= change.since:
-            message += f"; BehaviorTree.CPP refuses that since {change.release}"
+            refused = f"BehaviorTree.CPP refuses that since {change.release}"
             hint += f', or say that the trees are for an older one: [language] btcpp = "{OLDEST}"'
+            common = cause and Cause(f"{cause.text}; {refused}", cause.subject)
             advice = {"suggestion": suggestion, "hint": hint, "severity": Severity.WARNING}
-            self.at(element, span, "btcpp-version", message, **advice)
+            self.at(element, span, "btcpp-version", f"{message}; {refused}", common_cause=common, **advice)
 
     def slip_in_model(
-        self, element: Element, attribute: str | None, message: str, **advice: str | Severity | None
+        self, element: Element, attribute: str | None, message: str, **advice: str | Severity | Cause | None
     ) -> None:
         """Report a slip in the description of a node, which BehaviorTree.CPP does not read.
 
@@ -89,7 +96,12 @@ class Collector:
         self.value(element, attribute, "wrong-value", message, suggestion=suggestion, hint=hint)
 
     def name(
-        self, element: Element, attribute: str, code: str, message: str, **advice: str | Severity | None
+        self,
+        element: Element,
+        attribute: str,
+        code: str,
+        message: str,
+        **advice: str | Severity | Cause | None,
     ) -> None:
         """Report a finding about the name of an attribute."""
         self.at(element, element.name_span(attribute), code, message, **advice)

@@ -100,7 +100,7 @@ class _Conversion:
     def root(self, tree_file: TreeFile, palettes: Iterable[TreeFile]) -> Element:
         palettes = tuple(palettes)
         own = read_models([tree_file], Collector()).nodes
-        self._registry = yielding(self._registry, read_models([*palettes, tree_file], Collector()))
+        self._registry = yielding(self._registry, read_models([tree_file, *palettes], Collector()))
         root = tree_file.root
         others = read_models(palettes, Collector()).nodes
         self._models = {**others, **own}

@@ -1,20 +1,24 @@
 """Models of nodes, read from the `TreeNodesModel` of a tree file or a palette."""
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 from sar_compiler.nodes.answers import answers_of
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT
 from sar_compiler.nodes.binding.collector import Collector, file_of
 from sar_compiler.nodes.registry import Registry, is_own_word
-from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Signature
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Signature, any_port
 from sar_compiler.nodes.values import ANYTHING, type_of_cpp_name, value_type_of
+from sar_compiler.tree.diagnostic import Cause
 from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
 from sar_compiler.tree.xml_names import is_name
 
 _KINDS = {kind.value: kind for kind in Kind}
 _DIRECTIONS = {direction.value: direction for direction in Direction}
 METADATA_TAG = "MetadataFields"
+FROM_USE = {"made": "from use"}
+"""What is noted beside a description that was made from the use of a node, and guesses its types and directions."""
 LIBRARY = {"library": "py_trees"}
 """What is noted beside the description of a node of py_trees', so that it is not taken for somebody's own."""
 # The assumed outcomes of a leaf that is only described.
@@ -62,10 +66,18 @@ class Model(NamedTuple):
     @property
     def is_of_py_trees(self) -> bool:
         """Whether it is a description of py_trees' node, as `sar-compile` writes them."""
+        return self._has_note(LIBRARY)
+
+    @property
+    def is_from_use(self) -> bool:
+        """Whether it was made from the use of the node."""
+        return self._has_note(FROM_USE)
+
+    def _has_note(self, attributes: Mapping[str, str]) -> bool:
         notes = (
             note for child in self.element.children if child.tag == METADATA_TAG for note in child.children
         )
-        return any(note.attributes == LIBRARY for note in notes)
+        return any(note.attributes == attributes for note in notes)
 
     @property
     def says(self) -> object:
@@ -77,14 +89,15 @@ class Model(NamedTuple):
         """Return the spec of a node that is only described."""
         kind = self.kind or Kind.ACTION
         name = Parameter("name", Role.NAME, required=False, value_type=value_type_of(str))
-        parameters = {"name": name, **{port.name: _parameter(port) for port in self.ports.values()}}
+        parameter = _used_port if self.is_from_use else _parameter
+        parameters = {"name": name, **{port.name: parameter(port) for port in self.ports.values()}}
         return NodeSpec(
             self.tag,
             None,
             kind,
             frozenset({"SUCCESS", "FAILURE", "RUNNING", "SKIPPED"}),
             answers=answers_of(_ANSWERS.get(kind, ())) if kind.is_leaf else (),
-            signature=Signature(described=parameters),
+            signature=Signature(described=parameters, from_use=self.is_from_use),
         )
 
 
@@ -120,16 +133,31 @@ def _descriptions(files: Iterable[TreeFile]) -> Iterator[Element]:
                 yield from (child for child in section.children if child.tag != METADATA_TAG)
 
 
+def supplements(palettes: Iterable[TreeFile], files: Iterable[TreeFile]) -> Iterator[TreeFile]:
+    """Yield palettes with what neither the files nor the palettes before them describe."""
+    known = set(map(_described, _descriptions(files)))
+    for palette in palettes:
+        new = [each for each in _descriptions([palette]) if _described(each) not in known]
+        known.update(map(_described, new))
+        section = replace(palette.root, tag=MODEL_TAG, attributes={}, children=tuple(new))
+        yield replace(palette, root=replace(palette.root, children=(section,)))
+
+
+def _described(description: Element) -> tuple[bool, str | None]:
+    return description.tag == SUBTREE_TAG, description.attributes.get("ID")
+
+
 def _compare_twice(first: Model, second: Model, collector: Collector) -> None:
     """Report a second description that differs, or a second one of a subtree in the same file."""
-    element = second.element
-    same_file = element.source is first.element.source
+    same_file = second.element.source is first.element.source
     if first.says == second.says and not (second.kind is None and same_file):
         return
-    where = f"line {first.element.line}{file_of(first.element, element)}"
+    # Of two files, the one whose description counts is spoken of.
+    here, there = (second.element, first.element) if same_file else (first.element, second.element)
     differs = ", differently" if first.says != second.says else ""
-    message = f"'{second.tag}' is described in {where} already{differs}"
-    collector.slip_in_model(element, "ID", message, hint="delete one of the two")
+    message = f"'{second.tag}' is described in line {there.line}{file_of(there, here)} already{differs}"
+    cause = Cause("these are described elsewhere already, differently", second.tag) if not same_file else None
+    collector.slip_in_model(here, "ID", message, hint="delete one of the two", common_cause=cause)
 
 
 def yielding(registry: Registry, models: Models) -> Registry:
@@ -220,6 +248,11 @@ def _report(
         collector.tag(element, "missing-attribute", message, hint=hint)
     else:
         collector.value(element, attribute, "wrong-value", message, hint=hint)
+
+
+def _used_port(port: Port) -> Parameter:
+    """Return a port whose description was made from its use: its type and its direction are guesses."""
+    return any_port(port.name, port.element.text)
 
 
 def _parameter(port: Port) -> Parameter:
