@@ -4,6 +4,7 @@ import argparse
 import importlib
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import Parser
@@ -105,6 +106,12 @@ def _add_nodes(parser: argparse.ArgumentParser) -> None:
         default="text",
         help="for people, for scripts, or as a palette for Groot2",
     )
+    parser.add_argument(
+        "--from-use",
+        type=Path,
+        metavar="FOLDER",
+        help="print a palette of the nodes that the trees in a folder use and nobody describes, with guesses of their ports",
+    )
     _add_vocabulary_options(parser)
     parser.set_defaults(run=_nodes)
 
@@ -156,6 +163,11 @@ def _show(arguments: argparse.Namespace) -> int:
 
 
 def _nodes(arguments: argparse.Namespace) -> int:
+    if arguments.from_use is not None and arguments.format != "json":
+        return _nodes_from_use(arguments)
+    if arguments.from_use is not None:
+        print_error(f"{PROG}: --from-use prints a palette, which is XML: leave --format json out")
+        return USAGE
     from sar_compiler.nodes.models.palette import palette
     from sar_compiler.views.nodes import nodes_as_json, nodes_as_text
 
@@ -176,6 +188,30 @@ def _nodes(arguments: argparse.Namespace) -> int:
         print(palette(specs), end="")
         return OK
     print_text(nodes_as_json(specs) if arguments.format == "json" else nodes_as_text(specs))
+    return OK
+
+
+def _nodes_from_use(arguments: argparse.Namespace) -> int:
+    """Print a palette of the nodes that the trees in a folder use and nobody describes.
+
+    Raises:
+        UnreadableFileError: If the folder, or a file in it, cannot be read.
+        TreeError: If a configuration or a palette that somebody has named is malformed.
+    """
+    from sar_compiler.nodes.models.from_use import UseOfNodes
+    from sar_compiler.nodes.models.palette import palette_of
+    from sar_compiler.tree.gathering import palettes_in, tree_files_in
+
+    files = tree_files_in(arguments.from_use)
+    loader = workspace(arguments, found_models=tuple(palettes_in(arguments.from_use, files)))
+    uses = UseOfNodes()
+    for path in files:
+        tree = loader.load_file(path)
+        if tree.is_malformed:
+            print_error(f"{PROG}: {path} is passed over; `{PROG} validate` says what is wrong with it")
+        else:
+            uses.add(tree.forest.main, tree.palettes, tree.project.registry)
+    print(palette_of(uses.models(arguments.tag)), end="")
     return OK
 
 

@@ -321,6 +321,11 @@ class LoadedTree:
         return f"<{type(self).__name__} {self.path}>"
 
     @property
+    def is_malformed(self) -> bool:
+        """Whether the file cannot be understood at all."""
+        return self._forest is None
+
+    @property
     def forest(self) -> Forest:
         """The file and what it includes.
 
@@ -349,11 +354,17 @@ class LoadedTree:
         if self._forest is None:
             return self._findings_before()
         project, decide = self.project, self.project.configuration.decide
-        found = check(self._forest, project.registry, self._palettes, project.configuration.btcpp)
+        found = check(self._forest, project.registry, self.palettes, project.configuration.btcpp)
         return decide(first_of_each(decide(found)))
 
     @functools.cached_property
-    def _palettes(self) -> tuple[TreeFile, ...]:
+    def palettes(self) -> tuple[TreeFile, ...]:
+        """The palettes that are files, without what is one of the files itself.
+
+        Raises:
+            UnreadableFileError: If a palette does not exist or cannot be read.
+            TreeError: If the file, or a palette that somebody has named, is malformed.
+        """
         return self.project.palettes_for(self.forest.files)
 
     def _findings_before(self) -> list[Diagnostic]:
@@ -431,7 +442,7 @@ class LoadedTree:
         from sar_compiler.compiler import bind_main
 
         self._require_no_errors()
-        return bind_main(self.forest, self.project.registry, tree_id, self._palettes)
+        return bind_main(self.forest, self.project.registry, tree_id, self.palettes)
 
     def _require_no_errors(self) -> None:
         errors = [each for each in self._findings_of_the_tree if each.severity is Severity.ERROR]
@@ -461,7 +472,7 @@ class LoadedTree:
 
         self._require_no_errors()
         start = functools.partial(self._start_values, params)
-        return Stage(self.forest, self.project.registry, self._palettes, tree_id, start)
+        return Stage(self.forest, self.project.registry, self.palettes, tree_id, start)
 
     def compile(
         self,

@@ -242,7 +242,7 @@ class Binder:
         if not variants:
             return self._unknown(element, tag)
         spec = variants[0] if len(variants) == 1 else _best(variants, element, self._guesses)
-        if spec.required and is_own_word(tag) and _is_anothers(element, variants, self._guesses):
+        if spec.required and is_own_word(tag) and is_anothers(element, variants, self._guesses):
             self._anothers(element, spec)
             return None
         bound = BoundNode(element, spec, element.attributes.get("name") or tag)
@@ -515,7 +515,7 @@ def _best(variants: list[NodeSpec], element: Element, guesses: Guesses) -> NodeS
     return min(variants, key=strangeness)
 
 
-def _is_anothers(element: Element, variants: Sequence[NodeSpec], guesses: Guesses) -> bool:
+def is_anothers(element: Element, variants: Sequence[NodeSpec], guesses: Guesses) -> bool:
     """Return whether a node has nothing of any meaning of its tag: several attributes, and none that is known or near."""
     written = [name for name in element.attributes if name not in _OF_ANY and not name.startswith("_")]
     known = {name for spec in variants for name in spec.parameters}

@@ -173,10 +173,11 @@ def yielding(registry: Registry, models: Models) -> Registry:
 def described_specs(files: Iterable[TreeFile], registry: Registry) -> list[NodeSpec]:
     """Return the nodes that files describe, that are not registered, and whose names can be tags."""
     models = read_models(files, Collector())
-    return [model.spec() for tag, model in models.nodes.items() if tag not in registry and _can_be_tag(tag)]
+    return [model.spec() for tag, model in models.nodes.items() if tag not in registry and can_be_tag(tag)]
 
 
-def _can_be_tag(name: str) -> bool:
+def can_be_tag(name: str) -> bool:
+    """Return whether a node or a port of this name can be written in a file."""
     return is_name(name) and ":" not in name
 
 
@@ -224,7 +225,7 @@ def _port(element: Element, kind: Kind | None, collector: Collector) -> Port | N
         _report(element, None, f"<{element.tag}> has no name", kind, collector, 'write name="..."')
         return None
     taken = name in (*_NAMES, *CONDITIONS)
-    if taken or not _can_be_tag(name):
+    if taken or not can_be_tag(name):
         why = "it has a meaning already" if taken else "a name has letters, digits and _ only"
         _report(element, "name", f"a port cannot be called '{name}': {why}", kind, collector)
         return None

@@ -18,7 +18,12 @@ from sar_compiler.tree.xml_writer import write_xml
 
 def palette(specs: Iterable[NodeSpec]) -> str:
     """Return a file for Groot2 with the `TreeNodesModel` of all nodes that are not built into BehaviorTree.CPP."""
-    return write_xml(synthetic_file(synthetic_element(ROOT_TAG, {"BTCPP_format": "4"}, [describe(specs)])))
+    return palette_of(describe(specs))
+
+
+def palette_of(models: Element) -> str:
+    """Return a file for Groot2 with a `TreeNodesModel`."""
+    return write_xml(synthetic_file(synthetic_element(ROOT_TAG, {"BTCPP_format": "4"}, [models])))
 
 
 def describe(specs: Iterable[NodeSpec]) -> Element:

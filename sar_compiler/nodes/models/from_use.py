@@ -1,0 +1,151 @@
+"""A palette of the nodes that trees use and nobody describes: kinds, types and directions are guessed, and marked so."""
+
+import re
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from sar_compiler.nodes.binding.attributes import KIND_TAGS, ONESHOT
+from sar_compiler.nodes.binding.binder import is_anothers
+from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.models.models import FROM_USE, METADATA_TAG, can_be_tag, read_models
+from sar_compiler.nodes.registry import Registry, is_own_word
+from sar_compiler.nodes.spec import Direction, Kind
+from sar_compiler.tree.guessing import Guesses
+from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
+from sar_compiler.tree.showing import shortened
+from sar_compiler.tree.synthetic import synthetic_element
+
+_KEY = re.compile(r"\{(@?[^{}\s]+)\}")
+_MADE_BY_SCRIPT = re.compile(r"(?<![\w@])(@?[A-Za-z_]\w*)\s*:?=(?!=)", re.ASCII)
+_OF_ANY = ("ID", "name", ONESHOT)
+_NOT_NODES = (SUBTREE_TAG, TREE_TAG, INCLUDE_TAG, MODEL_TAG)
+_TYPES = (
+    ("bool", re.compile(r"true|false", re.IGNORECASE)),
+    ("int", re.compile(r"[+-]?\d{1,9}")),
+    ("double", re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)),
+)
+_NOTE = synthetic_element(METADATA_TAG, children=[synthetic_element("Metadata", FROM_USE)])
+
+
+class _PortUse(NamedTuple):
+    """The use of a port in one place.
+
+    Attributes:
+        text: What is written.
+        is_key: Whether that is a key, and no value.
+        makes_key: Whether it is one that nothing before it in the tree has, and something after it has.
+    """
+
+    text: str
+    is_key: bool
+    makes_key: bool
+
+
+class _NodeUse:
+    """The use of a node in all places.
+
+    Attributes:
+        kinds: The kinds that explicit forms name.
+        children: The largest number of children.
+        ports: The uses of each port.
+    """
+
+    def __init__(self) -> None:
+        self.kinds: Counter[str] = Counter()
+        self.children = 0
+        self.ports: dict[str, list[_PortUse]] = {}
+
+    def add(self, node: Element, made: Collection[str]) -> None:
+        """Add a place.
+
+        Args:
+            node: The element.
+            made: The keys in it that nothing before it has, and something after it has.
+        """
+        self.kinds.update([node.tag] if node.tag in KIND_TAGS else [])
+        self.children = max(self.children, len(node.children))
+        for name, text in node.attributes.items():
+            if name not in _OF_ANY and not name.startswith("_") and can_be_tag(name):
+                key = _KEY.fullmatch(text.strip())
+                self.ports.setdefault(name, []).append(
+                    _PortUse(text, key is not None, bool(key and key[1] in made))
+                )
+
+    @property
+    def kind(self) -> str:
+        """The kind that this use implies; of a leaf that could be both, an action, of which less is sure."""
+        fitting = [kind for kind, _ in self.kinds.most_common() if Kind(kind).takes(self.children)]
+        guess = {0: Kind.ACTION, 1: Kind.DECORATOR}.get(self.children, Kind.CONTROL)
+        return fitting[0] if fitting else str(guess.value)
+
+
+class UseOfNodes:
+    """Gathers what trees use and nobody describes."""
+
+    def __init__(self) -> None:
+        self._guesses = Guesses()
+        self._used: dict[str, _NodeUse] = {}
+
+    def add(self, tree_file: TreeFile, palettes: Iterable[TreeFile], registry: Registry) -> None:
+        """Add the trees of a file, in which its own models, those of palettes and registered nodes count."""
+        described = read_models([tree_file, *palettes], Collector()).nodes
+        handed_over = _handed_over(tree_file)
+        for tree in tree_file.trees:
+            order = list(tree.iterate())[1:]
+            before = set(handed_over.get(tree.attributes.get("ID", ""), ()))
+            last = {key: place for place, node in enumerate(order) for key in _keys_of(node)}
+            for place, node in enumerate(order):
+                tag = node.attributes.get("ID", "") if node.tag in KIND_TAGS else node.tag
+                if tag and tag not in described and not self._is_known(tag, node, registry):
+                    made = {key for key in _keys_of(node) if key not in before and last[key] > place}
+                    self._used.setdefault(tag, _NodeUse()).add(node, made)
+                before.update(_keys_of(node))
+
+    def models(self, only: str | None = None) -> Element:
+        """Return the models, in the order of their names; only that of one node if it is named."""
+        used = [(tag, self._used[tag]) for tag in sorted(self._used) if only in (None, tag)]
+        return synthetic_element(MODEL_TAG, children=[_model(tag, use) for tag, use in used])
+
+    def _is_known(self, tag: str, node: Element, registry: Registry) -> bool:
+        if tag in _NOT_NODES:
+            return True
+        variants = registry.variants(tag)
+        return bool(variants) and not (is_own_word(tag) and is_anothers(node, variants, self._guesses))
+
+
+def _handed_over(tree_file: TreeFile) -> Mapping[str, set[str]]:
+    """Return the keys that the uses of each subtree of a file hand over to it."""
+    keys: dict[str, set[str]] = {}
+    for node in tree_file.root.iterate():
+        if node.tag == SUBTREE_TAG:
+            keys.setdefault(node.attributes.get("ID", ""), set()).update(node.attributes)
+    return keys
+
+
+def _keys_of(node: Element) -> Iterator[str]:
+    for name, text in node.attributes.items():
+        yield from _KEY.findall(text)
+        yield from _MADE_BY_SCRIPT.findall(text)
+        if name == "output_key":  # SetBlackboard's
+            yield text
+
+
+def _model(tag: str, use: _NodeUse) -> Element:
+    ports = [_port(name, uses) for name, uses in use.ports.items()]
+    return synthetic_element(use.kind, {"ID": tag, "editable": "true"}, [*ports, _NOTE])
+
+
+def _port(name: str, uses: Sequence[_PortUse]) -> Element:
+    values = [each.text for each in uses if not each.is_key]
+    makes = bool(uses) and all(each.makes_key for each in uses)
+    direction = Direction.OUTPUT if makes and not values else Direction.INPUT
+    attributes = {"name": name, **({"type": _type_of(values)} if values else {})}
+    example = shortened((values or [each.text for each in uses])[0])
+    return synthetic_element(
+        direction.value, attributes, text=f"guessed; such as {example}" if example else "guessed"
+    )
+
+
+def _type_of(values: Sequence[str]) -> str:
+    return next((name for name, form in _TYPES if all(map(form.fullmatch, values))), "std::string")
