@@ -22,18 +22,49 @@ _CONNECTIONS, _BACKLOG = 32, 16
 _LAST_WORDS_SEC = 1.0
 
 
+# How long a browser may take to say what it wants, in seconds.
+_REQUEST_SEC = 10.0
+
+
 class PageError(SarError):
     """A page cannot be served; nothing has moved."""
 
 
 class _Protocol(H11Protocol):
-    """Lets go of whoever comes when there are too many already."""
+    """Lets go of whoever comes when there are too many already, or does not come to the end of the head of a request."""
+
+    _deadline: asyncio.TimerHandle | None = None
+    _answered: object = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Begin with a connection."""
         super().connection_made(transport)
         if len(self.connections) > _CONNECTIONS:
             transport.abort()
+        self._watch()
+
+    def data_received(self, data: bytes) -> None:
+        """Take what has come."""
+        super().data_received(data)
+        self._watch()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """End with a connection."""
+        super().connection_lost(exc)
+        self._forget()
+
+    def _watch(self) -> None:
+        """Give the head of a request its time from its first byte on, however slowly the others come."""
+        if self.cycle is not self._answered:  # the head is whole, and is being answered
+            self._answered = self.cycle
+            self._forget()
+        elif self._deadline is None and (self.cycle is None or self.cycle.response_complete):
+            self._deadline = self.loop.call_later(_REQUEST_SEC, self.transport.abort)
+
+    def _forget(self) -> None:
+        if self._deadline is not None:
+            self._deadline.cancel()
+            self._deadline = None
 
 
 class PageServer:

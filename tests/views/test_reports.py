@@ -296,6 +296,10 @@ class TestThePage:
         assert "@import" not in page
         assert "url(" not in page
         assert "<script" not in page
+        policy = re.search('<meta http-equiv="Content-Security-Policy" content="([^"]*)">', page)
+        assert policy is not None
+        assert policy[1].startswith("default-src 'none'; style-src 'unsafe-inline'; img-src data:;")
+        assert page.index(policy[0]) < page.index("<title>")
 
     def test_it_says_what_has_come_of_the_mission_and_who_was_found_where(self):
         read = texts(html_report(mission()))

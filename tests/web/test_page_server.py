@@ -1,5 +1,6 @@
 """Who may look at a page, who may give orders, and what a late browser is told."""
 
+import itertools
 import json
 import selectors
 import socket
@@ -13,7 +14,7 @@ import pytest
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.web import feed as feed_module
-from sar_compiler.web import page_app
+from sar_compiler.web import page_app, page_server
 from sar_compiler.web.feed import RecordedFeed
 from sar_compiler.web.kept_entries import KeptEntries
 from sar_compiler.web.page_server import PORT, PageError, PageServer
@@ -231,6 +232,39 @@ def test_connections_take_few_of_the_file_descriptors_of_the_mission(live):
             (key, _), *_ = let_go.select(timeout=SILENCE_SEC)
             let_go.unregister(key.fileobj)
         assert let_go.select(timeout=0.0) == []
+
+
+def test_who_does_not_come_to_the_end_of_a_request_is_let_go_and_who_listens_is_not(live, monkeypatch):
+    monkeypatch.setattr(page_server, "_REQUEST_SEC", 0.2)
+    run = live().begin()
+    listener = urllib.request.urlopen(f"http://127.0.0.1:{run.server.port}/events", timeout=SILENCE_SEC)
+    assert listener.readline() == b"event: hello\n"
+    with ExitStack() as stack:
+        slow = [
+            stack.enter_context(socket.create_connection(("127.0.0.1", run.server.port), timeout=SILENCE_SEC))
+            for _ in range(31)
+        ]
+        for each in slow[1:]:
+            each.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: ")
+        dripping = slow[-1]
+        dripping.settimeout(0.01)
+        assert any(has_ended(dripping) for _ in range(int(SILENCE_SEC * 100)))
+        assert all(has_ended(each) for each in slow[:-1])
+    assert run.ask("/")[0] == 200
+    run.journal.note("zone_visited", zone="zone_a")
+    assert any(b"zone_visited" in line for line in itertools.islice(listener, 300))
+    listener.close()
+
+
+def has_ended(connection):
+    """Send a byte more, and return whether the other side has ended the connection."""
+    try:
+        connection.sendall(b"x")
+        return connection.recv(1) == b""
+    except TimeoutError:
+        return False
+    except ConnectionError:
+        return True
 
 
 def test_the_end_of_a_run_is_told_before_the_server_goes(live):
