@@ -136,6 +136,7 @@ class ZoneState:
         started: When it was set out for last.
         searched: When a search of it was finished; None if none was, whatever the state is.
         left: When it was visited or abandoned.
+        unplaced: Why somebody whom its last search has found cannot be where that says, in words; empty if there is nobody.
     """
 
     name: str
@@ -146,6 +147,7 @@ class ZoneState:
     started: Instant | None = None
     searched: Instant | None = None
     left: Instant | None = None
+    unplaced: str = ""
 
     @property
     def said(self) -> str:
@@ -270,6 +272,7 @@ class MissionState:
             "zone_added": self._zone_added,
             "zone_started": self._zone_started,
             "zone_searched": self._zone_searched,
+            "survivor_unplaced": self._survivor_unplaced,
             "zone_visited": lambda zone: self._zone_left(zone, "visited"),
             "zone_postponed": lambda zone: self._zone_left(zone, "open"),
             "zone_abandoned": self._zone_abandoned,
@@ -406,12 +409,15 @@ class MissionState:
 
     def _zone_searched(self, zone: str, survivor: Any) -> None:
         state = self._zone(zone)
-        state.state, state.searched = "searched", self.now
+        state.state, state.searched, state.unplaced = "searched", self.now, ""
         if survivor is None:
             return
         found = SurvivorState(_position(*survivor), str(zone), found=self.now)
         if not any((each.zone, each.place) == (found.zone, found.place) for each in self.survivors):
             self.survivors.append(found)
+
+    def _survivor_unplaced(self, zone: str, reason: str) -> None:
+        self._zone(zone).unplaced = str(reason)
 
     def _zone_left(self, zone: str, end: str) -> None:
         state = self._zone(zone)

@@ -152,6 +152,7 @@ def _zone(zone: ZoneState, place: _PlacesInTheWorld) -> dict[str, Any]:
         "started": _at(zone.started),
         "searched": _at(zone.searched),
         "left": _at(zone.left),
+        "unplaced": zone.unplaced or None,
     }
 
 

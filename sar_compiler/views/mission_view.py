@@ -121,8 +121,9 @@ def _going_on(state: MissionState, root: str) -> str:
 def _found(state: MissionState) -> Iterator[Line]:
     """Yield a line with the survivors; of a mission that looks for none, with the latest that it has written of its own."""
     told = [_survivor(each) for each in reversed(state.survivors)]
-    if told:
-        yield [Piece(in_one_line(f"survivors: {len(told)}; {'; '.join(told)}"))]
+    unplaced = [f"one at no usable position in {each.name}" for each in state.zones.values() if each.unplaced]
+    if told or unplaced:
+        yield [Piece(in_one_line(f"survivors: {len(told)}; {'; '.join([*unplaced, *told])}"))]
     elif state.zones:
         yield [Piece("survivors: none", "quiet")]
     elif state.noted:

@@ -148,7 +148,11 @@ def _survivors(state: MissionState) -> Iterator[str]:
         yield "<h2>Survivors</h2>"
         heads = ("who", "state", "zone", *_position_heads(state), "found", "base has acknowledged")
         rows = ((each.standing, _survivor(state, each)) for each in state.survivors)
-        yield _table(heads, rows, "Nobody was found.")
+        unplaced = [zone for zone in state.zones.values() if zone.unplaced]
+        yield _table(heads, rows, "" if unplaced else "Nobody was found.")
+        for zone in unplaced:
+            said = f"There is a survivor at no usable position in {zone.name}: {zone.unplaced}."
+            yield f'<p class="bad">{_text(said)}</p>'
 
 
 def _survivor(state: MissionState, survivor: SurvivorState) -> list[str]:

@@ -86,6 +86,18 @@ class TestDetectSurvivor:
             "'DetectSurvivor' failed: detect_survivor found a survivor, and ("
         )
         assert stage.wakes == 0
+        told = [line for line in stage.record.shortfalls(stage.zones) if "no usable position" in line]
+        assert len(told) == 1
+        assert told[0].startswith("There is a survivor at no usable position in zone_a: (")
+
+    def test_a_survivor_without_a_usable_position_is_told_until_the_next_answer(self, stage: "Stage") -> None:
+        detect = stage.detect_service({"zone_a": (math.nan, 0.0)})
+        leaf = search(stage)
+        assert stage.run(leaf) is Status.FAILURE
+        assert "no usable position in zone_a" in str(stage.record.shortfalls(stage.zones))
+        detect.answer = lambda _, response: setattr(response, "found", False)
+        assert stage.run(leaf) is Status.SUCCESS
+        assert "no usable position" not in str(stage.record.shortfalls(stage.zones))
 
     @pytest.mark.parametrize(("place", "expected"), [((-0.9, 5.9), "SUCCESS"), ((1.1, 2.5), "FAILURE")])
     def test_a_survivor_beyond_the_map_is_no_answer(

@@ -328,6 +328,16 @@ class TestThePage:
         said = re.findall(r'<text class="(?:said)?" [^>]*>([^<]*)</text>', report_map(mission()))
         assert said == ["zone_a", "zone_b", "not searched, given up", "zone_c", "not searched"]
 
+    def test_a_survivor_whose_position_cannot_be_used_is_told_until_the_zone_is_searched_again(self):
+        unplaced = ("survivor_unplaced", {"zone": "zone_c", "reason": "(nan, 1.0) is no position"})
+        again = ("zone_searched", {"zone": "zone_c", "survivor": None})
+        said = "There is a survivor at no usable position in zone_c: (nan, 1.0) is no position."
+        assert said in html_report(mission(unplaced))
+        assert said not in html_report(mission(unplaced, again))
+        zones = {zone["name"]: zone["unplaced"] for zone in report_data(mission(unplaced))["zones"]}
+        assert zones["zone_c"] == "(nan, 1.0) is no position"
+        assert zones["zone_a"] is None
+
     def test_everything_on_the_map_and_nothing_else_is_in_its_legend(self):
         found = ("survivor_named", {"survivor": "survivor_2", "x": 1.0, "y": 1.0})
         page = html_report(mission(found, REJECTED, ("zone_visited", {"zone": "zone_c"})))

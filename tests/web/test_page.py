@@ -45,6 +45,8 @@ def test_a_browser_that_comes_late_sees_the_truth(live, browser):
     ]
     assert "Drive" in browser.text("#now")
     assert browser.text("#progress") == "zones 1 of 2"
+    run.journal.note("survivor_unplaced", zone="zone_b", reason="(nan, 0.0) is no position")
+    browser.wait_for("#progress", "zones 1 of 2 · a survivor at no usable position in zone_b")
     label = browser.driver.find_element("id", "map").get_attribute("aria-label")
     assert label is not None
     assert "zone_a visited, zone_b open" in label
@@ -647,6 +649,7 @@ def told(count):
                 ("zone_added", {"id": f"zone_{tick % 7}", "x": x, "y": 0.0}),
                 (chance.choice(kinds), {"zone": f"zone_{chance.choice('ab12')}"}),
                 ("zone_searched", {"zone": "zone_a", "survivor": [x, 0.0]}),
+                ("survivor_unplaced", {"zone": "zone_a", "reason": name}),
                 ("survivor_named", {"survivor": name, "x": x, "y": 0.0}),
                 ("survivor_judged", {"survivor": name, "standing": message}),
                 ("report_kept", {"survivor": name}),

@@ -47,6 +47,7 @@ class _Recollection:
             "zone_added": self._zone_added,
             "zone_started": self._zone_started,
             "zone_searched": self._zone_searched,
+            "survivor_unplaced": lambda zone, reason: record.survivor_unplaced(str(zone), str(reason)),
             "zone_visited": self._zone_visited,
             "zone_postponed": self._zone_postponed,
             "zone_abandoned": self._zone_abandoned,

@@ -90,6 +90,7 @@ class MissionRecord:
         self._duplicate_radius_m = duplicate_radius_m
         self._zones_visited: list[str] = []
         self._abandoned: dict[str, str] = {}
+        self._unplaced: dict[str, str] = {}
         self._alarm = ""
         self._survivors: list[FoundSurvivor] = []
         self._home = False
@@ -128,8 +129,20 @@ class MissionRecord:
             survivor: x and y of the survivor that was found, in the frame `map`, metres; None if nobody was.
         """
         self.journal.note("zone_searched", zone=zone_id, survivor=survivor)
+        self._unplaced.pop(zone_id, None)
         if survivor is not None:
             self.survivor_found(zone_id, *survivor)
+
+    def survivor_unplaced(self, zone_id: str, reason: str) -> None:
+        """Note that a search has found somebody where nobody can be; the next answer about the zone takes its place.
+
+        Args:
+            zone_id: The zone.
+            reason: Why nobody can be there, in words.
+        """
+        if zone_id not in self._unplaced:
+            self.journal.note("survivor_unplaced", zone=zone_id, reason=reason)
+        self._unplaced[zone_id] = reason
 
     def zone_visited(self, zone_id: str) -> None:
         """Note that a zone was visited."""
@@ -211,6 +224,10 @@ class MissionRecord:
         """Return in sentences what is missing for a complete mission; empty if it is complete."""
         lacking = [f"{zone['id']} was not visited." for zone in zones.remaining_zones()]
         lacking += [f"{zone_id} {what}" for zone_id, what in self._abandoned.items()]
+        lacking += [
+            f"There is a survivor at no usable position in {zone_id}: {why}."
+            for zone_id, why in self._unplaced.items()
+        ]
         lacking += [
             f"The base station did not acknowledge {survivor}."
             for survivor in self._survivors

@@ -160,7 +160,8 @@ function progress() {
   const people = [...run.survivors.values()];
   const told = people.filter((each) => each.report === "acknowledged").length;
   const done = zones.filter((zone) => zone.state === "visited").length;
-  return [zones.length ? `zones ${done} of ${zones.length}` : "", people.length ? `survivors ${people.length}, ${told} acknowledged` : ""].filter(Boolean).join(" · ");
+  const unplaced = zones.filter((zone) => zone.unplaced).map((zone) => `a survivor at no usable position in ${zone.id}`);
+  return [zones.length ? `zones ${done} of ${zones.length}` : "", people.length ? `survivors ${people.length}, ${told} acknowledged` : "", ...unplaced].filter(Boolean).join(" · ");
 }
 
 function running() {

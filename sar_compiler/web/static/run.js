@@ -89,12 +89,14 @@ export class Run {
   place(kind, data) {
     if (kind === "zone_added") this.zones = new Map(this.zones).set(data.id, { ...data, state: "open" });
     const zone = this.zones.get(data.zone);
+    if (zone && kind === "survivor_unplaced") this.zones = new Map(this.zones).set(data.zone, { ...zone, unplaced: data.reason });
     if (!zone || !ZONES[kind]) return;
     this.zones = new Map(this.zones);
     if (kind === "zone_started") {
       for (const [id, each] of this.zones) if (each.state === "under way") this.zones.set(id, { ...each, state: "open" });
     }
-    this.zones.set(data.zone, { ...zone, state: ZONES[kind], reason: data.reason ?? "" });
+    const unplaced = kind === "zone_searched" ? "" : zone.unplaced;
+    this.zones.set(data.zone, { ...zone, state: ZONES[kind], reason: data.reason ?? "", unplaced });
   }
 
   find(kind, data) {

@@ -115,6 +115,7 @@ class DetectSurvivor(ServiceLeaf):
     def on_response(self, response: Any) -> Status:
         """Keep the answer, with or without a survivor; one at an impossible place is none."""
         if objection := self._objection(response):
+            self._record.survivor_unplaced(self._zone_id, objection)
             return self.on_failure(f"{self.service_name} found a survivor, and {objection}")
         survivor = (response.survivor_x, response.survivor_y) if response.found else None
         self._record.zone_searched(self._zone_id, survivor)
