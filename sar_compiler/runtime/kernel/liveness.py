@@ -23,7 +23,7 @@ class Endings:
     """Whether the runs end.
 
     Attributes:
-        stuck: The first state from which no end can be reached; None if there is none.
+        stuck: The first state behind which no end can be reached, whether it is an end itself or not; None if there is none.
         circling: The states of the first component that a run can go round in for ever without an end; None if
             there is none.
     """
@@ -49,6 +49,9 @@ def endings(graph: Graph) -> Endings:
             stuck = _first(component, stuck)
         if is_fair(graph, component):
             circling = _sooner(graph, component, circling)
+    for state in range(len(can_end) if stuck is None else stuck):
+        if graph.ends[state] and not _goes_on(graph, state, can_end):
+            return Endings(state, circling)
     return Endings(stuck, circling)
 
 

@@ -76,6 +76,14 @@ def test_a_timer_is_up_one_day():
     assert verification.proved
 
 
+def test_the_run_to_a_dead_end_stops_at_the_last_end_that_there_is():
+    latch = '<Precondition if="x == 0" else="RUNNING"><Sequence><A/><Script code="x := 1"/></Sequence></Precondition>'
+    found = verdict(
+        verified(f'<Sequence><Script code="x := 0" oneshot="ON_COMPLETION"/>{latch}</Sequence>'), AN_END
+    )
+    assert (found.outcome, told(found.trace)) == (BROKEN, ["A:SUCCESS"])
+
+
 def test_a_time_out_ends_the_wait_for_a_leaf():
     body = '<Timeout msec="100"><A/></Timeout>'
     answers = "answers: {A: [RUNNING]}"

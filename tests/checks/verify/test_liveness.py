@@ -30,6 +30,11 @@ def test_a_state_behind_which_no_end_comes_is_found():
     assert numbers(graph)[endings(graph).stuck] == 1
 
 
+def test_an_end_behind_which_no_other_comes_is_found_itself():
+    graph = explored({0: [1], 1: [2, 3], 2: [3], 3: [2]}, ends=[1])
+    assert numbers(graph)[endings(graph).stuck] == 1
+
+
 def test_a_round_that_can_be_left_but_need_not_be_is_a_livelock():
     graph = explored({0: [1], 1: [2, 3], 2: [1]}, ends=[3])
     found = endings(graph)
