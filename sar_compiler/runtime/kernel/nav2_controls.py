@@ -4,7 +4,7 @@ from typing import Final
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.kernel.cells import CALLED, ENDED, FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
-from sar_compiler.runtime.kernel.tree_nodes import ControlNode, Part, Ticker, reset, reset_all
+from sar_compiler.runtime.kernel.tree_nodes import ControlNode, Part, Ticker, is_reset, reset, reset_all
 
 
 class Nav2ControlError(SarError):
@@ -366,11 +366,12 @@ class PauseResumeNode(ControlNode):
         super().__init__(part)
         self.asked, self.branches = part.children[0], part.children[1:]
         self.asking, self.mode = part.cell(), part.cell(_RESUMED)
+        self.is_reset = self.heeds_end = is_reset(part.behaviour)
 
     def begin(self, ticker: Ticker) -> int:
         """Ask what was requested."""
         cells = ticker.cells
-        if cells[self.at] == INVALID:
+        if cells[self.at] == INVALID or (cells[self.at] != RUNNING and not self.is_reset):
             cells[self.mode] = _RESUMED
         cells[self.at] = RUNNING
         cells[self.asking] = 1
