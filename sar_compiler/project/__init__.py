@@ -162,7 +162,7 @@ class Project:
         from sar_compiler.nodes.models.models import supplements
 
         nearest = sorted(found, key=lambda each: -len(os.path.commonpath([_real_path(each).parent, own[0]])))
-        return (*named, *supplements(nearest, [*files, *named]))
+        return (*named, *supplements(nearest, named))
 
     @functools.cached_property
     def findings(self) -> list[Diagnostic]:

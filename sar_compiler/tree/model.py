@@ -120,12 +120,14 @@ class TreeFile:
         root: Its outermost element.
         comments: The comments before (index 0) and behind it (index 1).
         findings: What reading it has mended.
+        is_named: Whether somebody has named it, and it does not only lie beside others.
     """
 
     source: Source
     root: Element
     comments: tuple[Comment, ...] = field(default=(), repr=False, compare=False)
     findings: "tuple[Diagnostic, ...]" = field(default=(), repr=False, compare=False)
+    is_named: bool = True
 
     @functools.cached_property
     def trees(self) -> tuple[Element, ...]:

@@ -103,6 +103,22 @@ def test_of_several_palettes_the_nearest_one_counts(capsys):
     assert run(capsys, "--format", "json", "ws")[1] == "[]\n"
 
 
+def test_a_palette_describes_the_nodes_of_every_file_whatever_one_of_them_describes_itself(capsys):
+    own = palette_of("Grasp").partition("<TreeNodesModel>")[2].partition("</root>")[0]
+    main = document('<Sequence><Grasp strength="1"/><SubTree ID="Other"/></Sequence>')
+    write("ws/a.xml", main.replace("</root>", f"<TreeNodesModel>{own}</root>"))
+    write("ws/b.xml", document('<Grasp strength="1"/>', main="Other"))
+    write("ws/nodes.xml", palette_of("Grasp"))
+    assert run(capsys, "--format", "json", "ws")[1] == "[]\n"
+
+
+def test_what_a_palette_in_a_folder_says_of_a_subtree_is_of_another_tree(capsys):
+    inner = '<BehaviorTree ID="Other"><AlwaysSuccess/></BehaviorTree>'
+    write("ws/a.xml", document('<SubTree ID="Other"/>').replace("</root>", f"{inner}</root>"))
+    write("ws/old/nodes.xml", palette_of("Other").replace("Action", "SubTree"))
+    assert run(capsys, "ws")[0] == 0
+
+
 def test_a_tree_that_several_files_of_a_folder_have_is_no_error(capsys):
     write("ws/main.xml", document('<SubTree ID="Grip"/>'))
     for robot in "ab":

@@ -114,15 +114,19 @@ class Models(NamedTuple):
 
 
 def read_models(files: Iterable[TreeFile], collector: Collector) -> Models:
-    """Read the models of some files; the first description of a node counts."""
+    """Read the models of some files; the first description of a node counts.
+
+    What a file says that nobody has named is not compared with what others say.
+    """
     nodes: dict[str, Model] = {}
     subtrees: dict[str, Model] = {}
-    for element in _descriptions(files):
-        model = _model(element, collector)
-        if model is not None:
-            first = (subtrees if model.kind is None else nodes).setdefault(model.tag, model)
-            if first is not model:
-                _compare_twice(first, model, collector)
+    for tree_file in files:
+        for element in _descriptions([tree_file]):
+            model = _model(element, collector)
+            if model is not None:
+                first = (subtrees if model.kind is None else nodes).setdefault(model.tag, model)
+                if first is not model and tree_file.is_named:
+                    _compare_twice(first, model, collector)
     return Models(nodes, subtrees)
 
 
@@ -133,18 +137,21 @@ def _descriptions(files: Iterable[TreeFile]) -> Iterator[Element]:
                 yield from (child for child in section.children if child.tag != METADATA_TAG)
 
 
-def supplements(palettes: Iterable[TreeFile], files: Iterable[TreeFile]) -> Iterator[TreeFile]:
-    """Yield palettes with what neither the files nor the palettes before them describe."""
-    known = set(map(_described, _descriptions(files)))
+def supplements(palettes: Iterable[TreeFile], named: Iterable[TreeFile]) -> Iterator[TreeFile]:
+    """Yield palettes with the nodes that neither those that are named nor those before them describe.
+
+    What they say of subtrees is left out: it is of the trees of some file, and another may have one of that name.
+    """
+    known = {SUBTREE_TAG, *map(_described, _descriptions(named))}
     for palette in palettes:
         new = [each for each in _descriptions([palette]) if _described(each) not in known]
         known.update(map(_described, new))
         section = replace(palette.root, tag=MODEL_TAG, attributes={}, children=tuple(new))
-        yield replace(palette, root=replace(palette.root, children=(section,)))
+        yield replace(palette, root=replace(palette.root, children=(section,)), is_named=False)
 
 
-def _described(description: Element) -> tuple[bool, str | None]:
-    return description.tag == SUBTREE_TAG, description.attributes.get("ID")
+def _described(description: Element) -> str:
+    return SUBTREE_TAG if description.tag == SUBTREE_TAG else description.attributes.get("ID", "")
 
 
 def _compare_twice(first: Model, second: Model, collector: Collector) -> None:
