@@ -82,10 +82,12 @@ def _why(options: argparse.Namespace) -> int:
 
 def _report(options: argparse.Namespace) -> int:
     from sar_compiler.cli.run_report import write_reports
+    from sar_compiler.journal.database import JournalFile
     from sar_compiler.journal.mission_state import MissionState
     from sar_compiler.views.mission_report import georeference
 
-    state = MissionState.of(read_stream(options.journal))
+    with closing(JournalFile.read(options.journal)) as file:
+        state = MissionState.of(file.stream())
     write_reports(state, options.to, georeference(state))
     return OK
 
@@ -102,13 +104,14 @@ def _serve(options: argparse.Namespace) -> int:
 
 def _show(options: argparse.Namespace) -> int:
     from sar_compiler.journal.database import JournalFile
-    from sar_compiler.views.journals import journal_data, journal_text
+    from sar_compiler.views.journals import journal_data, journal_lines
 
     with closing(JournalFile.read(options.journal)) as file:
         if options.format == "json":
             print(as_json(journal_data(file, with_watched=options.all)))
         else:
-            print(journal_text(file, with_watched=options.all))
+            for line in journal_lines(file, with_watched=options.all):
+                print(line)
     return OK
 
 

@@ -98,7 +98,7 @@ def read_stream(place: Path) -> "Stream":
     from sar_compiler.journal.database import JournalFile
 
     with closing(JournalFile.read(place)) as file:
-        return file.stream()
+        return [*file.stream()]
 
 
 class Otherwise(NamedTuple):

@@ -1,6 +1,7 @@
 """The file of a journal: an SQLite database, whose schema has a version."""
 
 import errno
+import itertools
 import math
 import os
 import sqlite3
@@ -287,10 +288,47 @@ class JournalFile:
         query = f"SELECT number, run, wall, time, kind, data FROM watched {chosen}ORDER BY number"  # noqa: S608
         return self._entries(query, kinds)
 
-    def stream(self) -> list[JournalEntry]:
-        """Return all that has happened, in its order: what `Journal.listen` tells of while it happens."""
-        entries, _ = self.news(StreamMark())
-        return [entry._replace(number=number) for number, entry in enumerate(entries, 1)]
+    def stream(self) -> Iterator[JournalEntry]:
+        """Yield all that has happened, in its order, one by one: what `Journal.listen` tells of while it happens."""
+        with self.snapshot():
+            entries = itertools.chain.from_iterable(map(self._of_run, self.runs()))
+            for number, entry in enumerate(entries, 1):
+                yield JournalEntry(number, *entry[1:])
+
+    def _of_run(self, run: JournalRun) -> Iterator[JournalEntry]:
+        yield self._begin_of(run, self.about())
+        yield from self.entries(run.number)
+        if (end := self._end_of(run)) is not None:
+            yield end
+
+    def entries(self, run: int, *, with_watched: bool = True) -> Iterator[JournalEntry]:
+        """Yield the facts of a run in their order, one by one, with what was watched among them or without."""
+        query = "SELECT number, run, wall, time, kind, data FROM fact WHERE run = ?1"
+        if with_watched:
+            query += " UNION ALL SELECT number, run, wall, time, kind, data FROM watched WHERE run = ?1"
+        with self._reading():
+            for number, of_run, wall, time_, kind, data in self._connection.execute(
+                f"{query} ORDER BY number", (run,)
+            ):
+                yield JournalEntry(number, of_run, _finite(wall), _finite(time_), str(kind), _mapping(data))
+
+    def widest_kind(self, run: int, *, with_watched: bool) -> int:
+        """Return the length of the longest kind among the entries of a run; 0 if there are none."""
+        query = "SELECT max(length(kind)) FROM fact WHERE run = ?1"
+        if with_watched:
+            query += " UNION ALL SELECT max(length(kind)) FROM watched WHERE run = ?1"
+        with self._reading():
+            return max(int(widest or 0) for (widest,) in self._connection.execute(query, (run,)))
+
+    def _begin_of(self, run: JournalRun, about: Mapping[str, Any]) -> JournalEntry:
+        return JournalEntry(0, run.number, run.began, _start(run), RUN_BEGAN, {**about, "run": run.about})
+
+    def _end_of(self, run: JournalRun) -> JournalEntry | None:
+        if run.ended is None or run.ending is None:
+            return None
+        data = {"ending": run.ending.value, "status": run.status, "reason": run.reason}
+        last = max(_start(run), self._last_time(run.number))
+        return JournalEntry(0, run.number, run.ended, last, RUN_ENDED, data)
 
     def news(self, mark: "StreamMark") -> "tuple[list[JournalEntry], StreamMark]":
         """Return what has happened since a mark, in its order, and the next mark.
@@ -323,16 +361,10 @@ class JournalFile:
         watched = self._entries(f"{columns} watched WHERE number > ? ORDER BY number", (mark.watched,))
         entries = [*facts, *watched]
         for run in runs:
-            began = run.about.get("time")
-            at = float(began) if isinstance(began, (int, float)) else 0.0
             if run.number not in mark.begun:
-                entries.append(
-                    JournalEntry(0, run.number, run.began, at, RUN_BEGAN, {**about, "run": run.about})
-                )
-            if run.ended is not None and run.ending is not None and run.number not in mark.ended:
-                data = {"ending": run.ending.value, "status": run.status, "reason": run.reason}
-                last = max(at, self._last_time(run.number))
-                entries.append(JournalEntry(0, run.number, run.ended, last, RUN_ENDED, data))
+                entries.append(self._begin_of(run, about))
+            if run.number not in mark.ended and (end := self._end_of(run)) is not None:
+                entries.append(end)
         # The system's clock may be set; the order of runs, and of their beginnings and ends, may not.
         rank = {RUN_BEGAN: 0, RUN_ENDED: 2}
         entries.sort(key=lambda entry: (entry.run, rank.get(entry.kind, 1), entry.number))
@@ -513,6 +545,12 @@ def _size(path: str | Path) -> int:
     with suppress(OSError):
         return os.stat(path).st_size  # noqa: PTH116 - also of a text
     return 0
+
+
+def _start(run: JournalRun) -> float:
+    """Return the mission's time at the beginning of a run; 0 if that is not known."""
+    began = run.about.get("time")
+    return float(began) if isinstance(began, (int, float)) else 0.0
 
 
 def _mapping(text: str) -> dict[str, Any]:

@@ -141,7 +141,7 @@ class Journal:
 
     def earlier(self) -> list[JournalEntry]:
         """Return all that has happened in earlier runs, in its order: what `listen` does not tell of."""
-        return self._file.stream() if self._file is not None and self.is_resumed else []
+        return [*self._file.stream()] if self._file is not None and self.is_resumed else []
 
     def facts(self) -> list[JournalEntry]:
         """Return the facts of earlier runs, in their order."""

@@ -1,6 +1,6 @@
 """A mission's journal, as text and as plain data."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from sar_compiler.journal.database import VERSION, JournalFile, is_locked
@@ -30,8 +30,8 @@ def journal_data(file: JournalFile, *, with_watched: bool = False) -> dict[str, 
     return {**data, "watched": [each._asdict() for each in file.watched()]} if with_watched else data
 
 
-def journal_text(file: JournalFile, *, with_watched: bool = False) -> str:
-    """Return a journal in words: the mission, its runs, and the facts of each, with the seconds since its beginning.
+def journal_lines(file: JournalFile, *, with_watched: bool = False) -> Iterator[str]:
+    """Yield a journal in words: the mission, its runs, and the facts of each, with the seconds since its beginning.
 
     Args:
         file: The journal.
@@ -39,14 +39,13 @@ def journal_text(file: JournalFile, *, with_watched: bool = False) -> str:
     """
     runs, about = file.runs(), file.about()
     mission = about.get("mission") or "a tree of no mission"
-    entries = [*file.facts(), *(file.watched() if with_watched else ())]
-    entries.sort(key=lambda entry: (entry.run, entry.number))
     nodes = [node.name for node in tree_nodes(about.get("tree"))] if with_watched else []
-    lines = [f"{mission}, {_state(file, runs)}"]
+    yield in_one_line(f"{mission}, {_state(file, runs)}")
     for run in runs:
-        own = [entry for entry in entries if entry.run == run.number]
-        lines += [_headline(run), *_table(run, own, nodes)]
-    return "\n".join(in_one_line(line) for line in lines)
+        width = file.widest_kind(run.number, with_watched=with_watched)
+        entries = file.entries(run.number, with_watched=with_watched)
+        yield in_one_line(_headline(run))
+        yield from map(in_one_line, _table(run, entries, nodes, width))
 
 
 def _state(file: JournalFile, runs: Sequence[JournalRun]) -> str:
@@ -65,10 +64,11 @@ def _headline(run: JournalRun) -> str:
     return f"run {run.number}, begun {began}, {run.ending and run.ending.value} with status {run.status}{reason}:"
 
 
-def _table(run: JournalRun, entries: Sequence[JournalEntry], nodes: Sequence[str]) -> Iterator[str]:
+def _table(
+    run: JournalRun, entries: Iterable[JournalEntry], nodes: Sequence[str], width: int
+) -> Iterator[str]:
     began = run.about.get("time")
     start = began if isinstance(began, (int, float)) else 0.0
-    width = max((len(entry.kind) for entry in entries), default=0)
     for entry in entries:
         words = shortened(", ".join(entry_words(entry.data, nodes)))
         yield f"{entry.time - start:9.1f} s  {entry.kind:{width}}  {words}".rstrip()

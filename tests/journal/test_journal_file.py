@@ -17,7 +17,7 @@ from sar_compiler.journal.database import VERSION, JournalFile, is_locked
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal_entries import Ending
 from sar_compiler.journal.reserve import Row, RunEnd
-from sar_compiler.views.journals import journal_data, journal_text
+from sar_compiler.views.journals import journal_data, journal_lines
 
 NUMBERS = itertools.count(1)
 
@@ -230,7 +230,7 @@ def test_a_damaged_journal_is_told_or_refused_in_words(tmp_path_factory, data):
     with suppress(JournalError):  # anything else is a traceback for somebody
         reader = JournalFile.read(place)
         try:
-            journal_text(reader, with_watched=True)
+            [*journal_lines(reader, with_watched=True)]
             journal_data(reader, with_watched=True)
         finally:
             reader.close()

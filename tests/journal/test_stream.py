@@ -1,6 +1,7 @@
 """Who listens to a journal is told what can be read from its file afterwards, with or without a file."""
 
 import time
+import tracemalloc
 from contextlib import closing
 
 import pytest
@@ -8,8 +9,10 @@ import pytest
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
+from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.opening import open_journal
-from sar_compiler.views.journals import journal_text
+from sar_compiler.journal.reserve import Row
+from sar_compiler.views.journals import journal_lines
 
 
 def live(journal):
@@ -88,7 +91,7 @@ def test_what_has_happened_keeps_its_order_though_the_system_s_clock_is_set_back
         journal.close()
     with closing(JournalFile.read(place)) as file:
         happened = [entry for entry in file.stream() if entry.kind != "run_began"]
-        told = journal_text(file, with_watched=True).splitlines()
+        told = [*journal_lines(file, with_watched=True)]
     assert [(entry.run, entry.kind) for entry in happened] == written
     assert [entry.data for entry in happened[:2]] == [{"x": 0.0}, {"zone": "zone_0"}]
     assert [line.split()[2] for line in told if " s  " in line] == [kind for _, kind in written]
@@ -103,3 +106,36 @@ def test_a_value_that_is_no_json_is_the_callers_mistake_without_a_file_too():
         with pytest.raises(TypeError, match="not JSON serializable"):
             tell("odd", value={1, 2})
     assert [entry.kind for entry in entries] == ["run_began"]
+
+
+def held_at_most(read):
+    """Return how many bytes are held at most while something is read."""
+    tracemalloc.start()
+    try:
+        read()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_long_journal_is_shown_and_reported_without_holding_it(tmp_path):
+    def long(count):
+        place = tmp_path / f"{count}.journal"
+        file = JournalFile.create(place)
+        file.begin_run({"mission": "patrol", "tree": {"name": "Root", "children": []}}, {"time": 0.0}, 9.0)
+        data = '{"node": 0, "tick": 1, "status": "RUNNING", "message": ""}'
+        file.write([Row(number, 1, 9.0, 1.0, "status", data) for number in range(1, count + 1)])
+        file.close()
+        return JournalFile.read(place)
+
+    with closing(long(1_000)) as short, closing(long(20_000)) as file:
+        for read in (
+            lambda file: MissionState.of(file.stream()),
+            lambda file: [None for _ in journal_lines(file, with_watched=True) if not _],
+        ):
+            read(short)  # what is imported and cached is no part of it
+            # An entry takes more than 500 bytes.
+            assert (
+                held_at_most(lambda read=read: read(file))
+                < held_at_most(lambda read=read: read(short)) + 1_000_000
+            )

@@ -449,7 +449,7 @@ def replay(tmp_path):
         journal.end(Ending.STOPPED, 130, "Stopped.")
         journal.close()
     with closing(JournalFile.read(place)) as file:
-        server = PageServer(RecordedFeed([file.stream()], {"mode": "replay"}), quiet_port())
+        server = PageServer(RecordedFeed([[*file.stream()]], {"mode": "replay"}), quiet_port())
     with closing(server):
         server.start()
         yield server
