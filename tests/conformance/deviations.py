@@ -185,6 +185,11 @@ def _set_over_another(_: Case, difference: Difference) -> bool:
     return match is not None and match.group(1) in {*_NUMBERS, _TEXT} and match.group(2) in {*_NUMBERS, _ANY}
 
 
+def _never_reached(_: Case, difference: Difference, refusal: Refusal) -> bool:
+    """Whether a count out of reach is refused of a node that was never ticked there; there, it raises in its tick."""
+    return refusal.code == "out-of-reach" and not any(difference.exceptions)
+
+
 def _of_two_types(case: Case, _: Difference, refusal: Refusal) -> bool:
     text_given = any(isinstance(value, str) for value in case.get("bb", {}).values())
     return refusal.code == "key-of-two-types" and text_given
@@ -295,6 +300,7 @@ def _explicit_under_reactive(_: Case, difference: Difference) -> bool:
 
 _REFUSALS: tuple[tuple[str, RefusalRule], ...] = (
     ("a mistake that is met while ticking there is refused before here", _refused_before),
+    ("a count out of reach is refused here; there it is only met where the node is ticked", _never_reached),
     ("a node without a port that it needs is refused here; there it fails when it is ticked", _port_missing),
     ("of a text that begins with a number, the rest is dropped there", _front_of_literal),
     ("a number of a script that is too large is 0 there", _too_large),

@@ -313,6 +313,27 @@ def test_halting_the_tree_leaves_to_a_node_at_rest_what_outlasts_its_end():
     assert "halts nodes at rest" in (reason_for(case, difference) or "")
 
 
+@pytest.mark.parametrize("around", ["Fallback", "Sequence"])
+def test_a_condition_that_fails_without_an_else_goes_on_after_it_below_any_parent(around):
+    loop = '<LoopInt queue="1;2;3" value="{x}"><Scripted id="a" outcomes="F"/></LoopInt>'
+    case = case_of(
+        f'<{around}><IfThenElse>{loop}<Scripted id="b"/></IfThenElse></{around}>',
+        *[("FAILURE", events("a FAILURE"))] * 3,
+        ("SUCCESS", events("b SUCCESS")),
+        ("FAILURE", events("a FAILURE")),
+    )
+    assert list(replay(case)) == []
+
+
+def test_a_count_out_of_reach_of_a_node_that_is_never_ticked_is_refused_here_alone():
+    case = case_of(
+        '<Fallback><Scripted id="a"/><ParallelAll max_failures="3"><Scripted id="b"/></ParallelAll></Fallback>',
+        ("SUCCESS", events("a SUCCESS")),
+    )
+    (difference,) = replay(case)
+    assert "only met where the node is ticked" in (reason_for(case, difference) or "")
+
+
 @python_only
 def test_only_children_that_are_skipped_in_one_run_of_a_fallback_are_counted():
     case = case_of(
