@@ -8,6 +8,7 @@ import time
 import tracemalloc
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
 from typing import NamedTuple, ParamSpec, TypeVar
 
 T = TypeVar("T")
@@ -16,7 +17,7 @@ P = ParamSpec("P")
 LOOP = "a loop in Python"
 """The reference of what has no other: a fixed piece of work, so that a faster machine makes no difference."""
 
-# getrusage counts in these.
+# Linux counts the memory of a process in these.
 _KIBIBYTE = 1024
 _AT_LEAST_SEC = 0.05
 _LOOPS = 200_000
@@ -134,7 +135,14 @@ def compared(
 
 
 def plain(subject: str, value: float, unit: str) -> Figure:
-    """Return a figure without a reference."""
+    """Return a figure without a reference.
+
+    Raises:
+        ValueError: If it is not above 0: then its gauge does not work.
+    """
+    if value <= 0:
+        message = f"{subject}: {value} {unit} is no figure; what it is measured with does not work"
+        raise ValueError(message)
     return Figure(subject, "", value, value, value, value, unit)
 
 
@@ -164,8 +172,21 @@ def traced_peak(action: Callable[[], object]) -> int:
 
 
 def most_memory() -> int:
-    """Return the most memory that this process had, in bytes."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * _KIBIBYTE
+    """Return the most memory that this process had since its program was started, in bytes.
+
+    `getrusage` would say what the process had before as well, as a copy of the one that has started it.
+    """
+    return _memory("VmHWM")
+
+
+def memory_now() -> int:
+    """Return the memory that this process has now, in bytes."""
+    return _memory("VmRSS")
+
+
+def _memory(field: str) -> int:
+    status = Path("/proc/self/status").read_text(encoding="ascii")
+    return int(status.partition(f"{field}:")[2].split()[0]) * _KIBIBYTE
 
 
 def cpu_of_children() -> float:

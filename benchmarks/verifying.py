@@ -29,7 +29,7 @@ from benchmarks.figures import (
     cpu_of_children,
     in_turns,
     loop,
-    most_memory,
+    memory_now,
     plain,
 )
 from benchmarks.trees import document, sequence
@@ -118,7 +118,7 @@ def _searched(
         zones: How many zones there are at the start.
         most: How many states to find at most.
         forgets: Whether states are the same that differ only in how nodes have ended.
-        sizes: Is filled with the most memory that the process had, in bytes, by the number of states.
+        sizes: Is filled with the memory that the process has, in bytes, by the number of states.
     """
     registry = default_registry()
     binding = bind_main(load_forest(Path(shipped("trees", f"{tree}.xml")), read_tree_file), registry)
@@ -128,7 +128,7 @@ def _searched(
 
     def note(progress: Progress) -> None:
         if sizes is not None:
-            sizes[progress.states] = most_memory()
+            sizes[progress.states] = memory_now()
 
     start = time.process_time() + cpu_of_children()
     found = verify(simulated, properties, tags, most, note, forgets=forgets)
@@ -138,10 +138,11 @@ def _searched(
 def _bytes_a_state(most: int) -> float:
     """Return how much the process grows for each state, in bytes, over the second half of a search."""
     sizes: dict[int, int] = {}
-    found = _searched(RESILIENT, 9, most, forgets=False, sizes=sizes).states
-    sizes[found] = most_memory()
-    half = min(sizes, key=lambda states: abs(states - found / 2))
-    return (sizes[found] - sizes[half]) / (found - half)
+    _searched(RESILIENT, 9, most, forgets=False, sizes=sizes)
+    # Not behind its end: the states are gone by then.
+    last = max(sizes)
+    half = min(sizes, key=lambda states: abs(states - last / 2))
+    return (sizes[last] - sizes[half]) / (last - half)
 
 
 def _beside_spin(effort: Effort) -> Iterator[Result]:

@@ -7,7 +7,16 @@ import pytest
 
 import sar_compiler
 from benchmarks import binary_tree, peer, peers, running
-from benchmarks.figures import Effort, Missing, compared, in_turns
+from benchmarks.figures import (
+    Effort,
+    Missing,
+    alone,
+    compared,
+    in_turns,
+    memory_now,
+    most_memory,
+    plain,
+)
 from benchmarks.leaves import registry_with_leaves
 from benchmarks.trees import SHAPES, document
 from sar_compiler.compiler import bind_main, compile_tree
@@ -28,6 +37,27 @@ def test_what_is_compared_is_measured_in_turns():
 def test_a_figure_is_the_median_of_the_ratios_of_each_round():
     (figure,) = compared("it", [2.0, 30.0, 8.0], {"another": [1.0, 10.0, 2.0]})
     assert (figure.ratio, figure.low, figure.high, figure.ours) == (3.0, 2.5, 3.5, 8.0)
+
+
+def test_a_gauge_that_shows_nothing_fails():
+    with pytest.raises(ValueError, match=r"memory: 0\.0 bytes/state is no figure"):
+        plain("memory", 0.0, "bytes/state")
+
+
+def growth_of(size: int) -> int:
+    before = memory_now()
+    kept = b"x" * size
+    grown = memory_now() - before
+    assert len(kept) == size
+    assert most_memory() >= before + grown
+    return grown
+
+
+def test_the_memory_of_a_process_is_its_own_and_not_that_of_the_one_that_has_started_it():
+    held = b"x" * 300_000_000
+    size = 20_000_000
+    assert size * 0.9 < alone(growth_of, size) < size * 1.5
+    assert alone(most_memory) < len(held)
 
 
 @pytest.fixture
