@@ -21,7 +21,7 @@ from sar_compiler.checks.rules.reach import check_reach
 from sar_compiler.checks.rules.reactive import check_reactive
 from sar_compiler.checks.rules.scripts import check_scripts
 from sar_compiler.checks.rules.subtrees import check_subtrees
-from sar_compiler.checks.rules.texts import check_texts
+from sar_compiler.checks.rules.texts import check_bounds, check_texts
 from sar_compiler.checks.rules.version_differences import check_versions
 from sar_compiler.checks.suppressions import without_suppressed
 from sar_compiler.nodes.binding.collector import Collector
@@ -59,6 +59,7 @@ RULES: tuple[Callable[[CheckContext], Iterable[Diagnostic]], ...] = (
     check_keys,
     check_scripts,
     check_texts,
+    check_bounds,
     check_subtrees,
     check_names,
     check_versions,

@@ -1,10 +1,12 @@
-"""Numbers and durations as files write them, and the one number that another notation can mean."""
+"""Numbers, durations and units as files write them, and the one number that another notation can mean."""
 
+import math
 import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from decimal import Decimal
+    from fractions import Fraction
 
 INTEGER = r"[+\-]?[0-9]+"
 """A regular expression (as XSD and JSON Schema both read it) of whole numbers."""
@@ -26,14 +28,63 @@ _SPELT = {
     **dict.fromkeys(("min", "mins", "minute", "minutes"), ("1", "min")),
     **dict.fromkeys(("h", "hour", "hours"), ("60", "min")),
 }
+# For each unit that a port can have: what it is called, and what others there are for the same thing, of which each is so many.
+_UNITS: dict[str, tuple[str, dict[str, str]]] = {
+    "s": ("seconds", {}),
+    "ms": ("milliseconds", {}),
+    "rad": ("radians", dict.fromkeys(("rad", "radian", "radians"), "1")),
+    "m": (
+        "metres",
+        {
+            "mm": "1/1000",
+            "cm": "1/100",
+            "km": "1000",
+            **dict.fromkeys(("m", "metre", "metres", "meter", "meters"), "1"),
+        },
+    ),
+    "m/s": (
+        "metres per second",
+        {"m/s": "1", "mm/s": "1/1000", "cm/s": "1/100", "km/h": "5/18", "kmh": "5/18"},
+    ),
+    "hz": ("hertz", {"hz": "1", "hertz": "1", "khz": "1000"}),
+}
+_DEGREES = frozenset({"deg", "degs", "degree", "degrees", "°"})
+_DIGITS = 5
+"""How many digits are written of a number that has no end: 90 degrees are 1.5708 radians."""
 LONGEST = 100
 """No number that a robot needs has more digits."""
-_AMBIGUOUS = re.compile(r"\s*([+\-]?[1-9][0-9]{0,2}),([0-9]{3})\s*[^\W\d_]*\s*")
+_AMBIGUOUS = re.compile(r"\s*([+\-]?[1-9][0-9]{0,2}),([0-9]{3})\s*([^\W\d_]*)\s*")
 _THOUSANDS = re.compile(r"[+\-]?[1-9][0-9]{0,2}(?:,[0-9]{3}){2,}(?:\.[0-9]+)?")
 _UNDERSCORES = re.compile(r"[+\-]?[0-9]+(?:_[0-9]+)+(?:\.[0-9]+)?")
 _DECIMAL_COMMA = re.compile(r"[+\-]?[0-9]*,[0-9]+")
 _HEXADECIMAL = re.compile(r"[+\-]?0[xX][0-9a-fA-F]+")
-_SPACED = re.compile(r"([+\-]?[0-9.,][0-9.,_eE+\-]*?)\s*([^\W\d_]+)")
+_SPACED = re.compile(r"([+\-]?[0-9.,][0-9.,_eE+\-]*?)\s*([^\W\d_]+(?:/[^\W\d_]+)?|°)")
+
+
+class SensibleNumbers(NamedTuple):
+    """The numbers that make sense to a node which takes others as well.
+
+    Attributes:
+        least: The smallest one.
+        most: The largest one.
+        is_open: Whether the smallest one itself does not.
+    """
+
+    least: float
+    most: float = math.inf
+    is_open: bool = False
+
+    def __contains__(self, number: object) -> bool:
+        """Return whether a number makes sense."""
+        if not isinstance(number, (int, float)) or math.isnan(number):
+            return False
+        return number <= self.most and (number > self.least if self.is_open else number >= self.least)
+
+    def __str__(self) -> str:
+        """Return it in words: `more than 0`, `0 or more`, `from 0 to 255`."""
+        if self.most != math.inf:
+            return f"from {self.least:g} to {self.most:g}"
+        return f"more than {self.least:g}" if self.is_open else f"{self.least:g} or more"
 
 
 def milliseconds_in(text: str) -> "Decimal | None":
@@ -48,7 +99,7 @@ def milliseconds_in(text: str) -> "Decimal | None":
 
 def plain_duration(text: str, unit: str) -> str:
     """Return a duration as the plain number that it is in another unit; any other text as it is."""
-    milliseconds = milliseconds_in(text)
+    milliseconds = milliseconds_in(text) if unit in _MILLISECONDS else None
     return text if milliseconds is None else _written(milliseconds / _MILLISECONDS[unit])
 
 
@@ -96,14 +147,65 @@ def meant_duration(text: str) -> str | None:
     return f"{_written(value)}{spelt[1]}" if abs(value.adjusted()) < LONGEST else None
 
 
-def number_hint(text: str) -> str | None:
-    """Return what to do about a text that is no number, where no replacement is sure to mean the same."""
+def number_hint(text: str, unit: str = "") -> str | None:
+    """Return what to do about a text that is no number, where no replacement is sure to mean the same.
+
+    Args:
+        text: The text.
+        unit: The unit that it is to have; empty if that is unknown.
+    """
     match = _AMBIGUOUS.fullmatch(text)
     if match is not None:
-        return f"a comma may mean either: write {match[1]}{match[2]}, or {match[1]}.{match[2]}"
+        readings = [f"{match[1]}{point}{match[2]}{match[3]}" for point in ("", ".")]
+        numbers = [number_in(each, unit) or each for each in readings] if unit else readings
+        return f"a comma may mean either: write {', or '.join(numbers)}"
+    if unit:
+        return f"write the number alone, in {words_of(unit)}"
     if re.match(r"\s*" + REAL + r"\s*[^\W\d]", text[:LONGEST]):
-        return "write the number alone: this attribute has no unit"
+        return "write the number alone; if it has a unit, the author of the node knows which"
     return None
+
+
+def words_of(unit: str) -> str:
+    """Return what a unit is called: `metres per second` for `m/s`."""
+    return _UNITS[unit][0] if unit in _UNITS else unit
+
+
+def number_in(text: str, unit: str) -> str | None:
+    """Return the one number that a text means where numbers have a unit (`90deg` in rad); None if there is none.
+
+    A number without an end is rounded to five digits.
+    """
+    match = _SPACED.fullmatch(text.strip()) if len(text) <= LONGEST else None
+    if match is None:
+        return meant_plain_number(text)
+    from fractions import Fraction
+
+    number, one = meant_plain_number(match[1]), _one(match[2].lower(), unit)
+    return _rounded(Fraction(number) * one) if number is not None and one is not None else None
+
+
+def _one(spelt: str, unit: str) -> "Fraction | None":
+    """Return how many of a unit one of another is; None where these are of different things, or one is unknown."""
+    from fractions import Fraction
+
+    if unit in _MILLISECONDS:
+        count, known = _SPELT.get(spelt, ("", ""))
+        return Fraction(count) * _MILLISECONDS[known] / _MILLISECONDS[unit] if known else None
+    if unit == "rad" and spelt in _DEGREES:
+        return Fraction(math.pi) / 180
+    count = _UNITS[unit][1].get(spelt, "") if unit in _UNITS else ""
+    return Fraction(count) if count else None
+
+
+def _rounded(value: "Fraction") -> str:
+    """Write a number with all its digits if there are few, else the first ones."""
+    from decimal import Decimal
+
+    short = Decimal(value.numerator) / Decimal(value.denominator)
+    if short * value.denominator == value.numerator and len(short.as_tuple().digits) <= 2 * _DIGITS:
+        return _written(short)
+    return _written(Decimal(f"{float(value):.{_DIGITS}g}"))
 
 
 def _written(value: "Decimal") -> str:

@@ -3,7 +3,7 @@
 import functools
 import importlib
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, KeysView, Sequence
 from pathlib import Path
 from types import ModuleType
 
@@ -38,6 +38,7 @@ class Registry:
 
     def __init__(self, specs: Iterable[NodeSpec | Record] = ()) -> None:
         self._specs: dict[str, list[NodeSpec | Record]] = {}
+        self._installed: dict[str, str] = {}
         for spec in specs:
             self.add(spec)
 
@@ -56,6 +57,15 @@ class Registry:
             raise RegistryError(message)
         known.append(spec)
 
+    def belongs_to(self, tag: str, entry_point: str) -> None:
+        """Note that a tag is known because it is installed, and by which entry point; nobody has asked for it."""
+        self._installed.setdefault(tag, entry_point)
+
+    def called_for(self, tags: Iterable[str]) -> list[str]:
+        """Return the tags that a file with some tags may mean: of what is merely installed, only what comes with one of them."""
+        used = {self._installed.get(tag) for tag in tags}
+        return [tag for tag in self._specs if tag not in self._installed or self._installed[tag] in used]
+
     def add_module(self, module: ModuleType) -> int:
         """Add every class of a module that is marked by `register`; return their number."""
         classes = [value for value in vars(module).values() if isinstance(value, type) and is_marked(value)]
@@ -73,6 +83,11 @@ class Registry:
             message = f"{_name_of(cls)} is not registered: write @register above the class"
             raise RegistryError(message)
         self.add(vars(cls)[MARK])
+
+    @property
+    def tags(self) -> KeysView[str]:
+        """All tags."""
+        return self._specs.keys()
 
     def __contains__(self, tag: str) -> bool:
         return tag in self._specs
@@ -114,6 +129,7 @@ class Registry:
         """Return a registry that does not have some tags."""
         left = Registry()
         left._specs = {tag: variants for tag, variants in self._specs.items() if tag not in tags}
+        left._installed = self._installed
         return left
 
     def today(self, former_tag: str) -> str | None:
@@ -151,11 +167,13 @@ def load_registry(
 
     registry = Registry(each for each in language() if each.tag != SUBTREE_TAG)
     for entry_point in entry_points(ENTRY_POINTS, checkout):
-        known = recorded(entry_point.value)
+        known, before = recorded(entry_point.value), set(registry.tags)
         if known is None:
             registry.add_module(_import(entry_point.value, f"entry point '{entry_point.name}'", installed))
         for record in known or ():
             registry.add(record)
+        for tag in registry.tags - before:
+            registry.belongs_to(tag, entry_point.value)
     for module in configured:
         _add_import(registry, module, "nodes of the configuration", installed)
     for each in named:

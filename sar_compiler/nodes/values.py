@@ -23,6 +23,7 @@ from sar_compiler.nodes.numbers import (
     LONGEST,
     REAL,
     WITH_UNIT,
+    SensibleNumbers,
     meant_duration,
     meant_number,
     meant_plain_number,
@@ -103,6 +104,7 @@ class ValueType:
         names_key: Whether it is the name of a key: `{goal}` is then equivalent to `goal`.
         keys_in: Returns the names of the keys in a value that is not itself a name; None if there are none.
         unit: For a duration, the unit of its plain numbers: `ms` or `s`.
+        usual: The numbers that make sense to whoever reads them, where others are values as well.
     """
 
     name: str
@@ -118,6 +120,7 @@ class ValueType:
     names_key: bool = False
     keys_in: Callable[[object], Iterable[str]] | None = None
     unit: str = ""
+    usual: SensibleNumbers | None = None
 
     def fit(self, value: object) -> object:
         """Convert a value on the blackboard to this type.
@@ -348,7 +351,7 @@ def _at_least(least: int, label: str, text: str) -> int:
     value = whole_number(text, least)
     if value < least:
         message = f"'{text}' is not {label}"
-        raise ConversionError(message, str(least))
+        raise ConversionError(message)
     return value
 
 

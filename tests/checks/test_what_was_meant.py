@@ -286,3 +286,26 @@ def test_a_condition_that_nothing_asks_there_is_no_note(place):
 )
 def test_a_name_that_a_node_once_had_is_known(former, today):
     assert found(document(f"<{former}><Success/></{former}>"))[0] == ("unknown-node", 3, 1, today)
+
+
+@pytest.mark.parametrize("tag", ["CheckCondition", "LogTextAction", "NavigateToPose", "IsSurvivorFound"])
+def test_a_node_of_somebody_else_is_not_taken_for_a_leaf_of_the_mission(tag):
+    [(code, _, _, suggestion)] = found(document(f"<{tag}/>"))
+    assert (code, suggestion) == ("unknown-node", None)
+
+
+def test_a_leaf_is_guessed_where_another_one_of_its_mission_is_used():
+    [alone] = found(document("<NavigateZones/>"))
+    beside = found(document("<Sequence><NavigateToBase/>\n<NavigateZones/></Sequence>"))
+    assert (alone[3], [each[3] for each in beside]) == (None, ["NavigateToZone"])
+
+
+def test_nearly_its_own_name_is_meant_by_no_other_word():
+    assert found(document("<NavigateToBse/>")) == [("unknown-node", 3, 1, "NavigateToBase")]
+
+
+def test_a_tag_that_is_the_id_of_a_tree_is_told_as_a_subtree():
+    text = SUBTREE.format(main="<Rest/>", rest="<NavigateToBase/>")
+    [finding] = [each for each in check(forest_of(text), default_registry()) if each.code == "unknown-node"]
+    assert finding.message == "no node is called 'Rest'; that is a tree"
+    assert (finding.suggestion, finding.hint) == (None, 'write <SubTree ID="Rest"/>')

@@ -6,10 +6,12 @@ import pytest
 from py_trees.common import Status
 
 from sar_compiler import Kind, TreeError, load, register
-from sar_compiler.nodes.nav2.described import facts
+from sar_compiler.checks import check
+from sar_compiler.nodes.nav2.types import facts
 from sar_compiler.nodes.palettes import PaletteError, is_palette_name, load_palettes
 from sar_compiler.nodes.registry import load_registry
 from sar_compiler.runtime.skipping import SkippableLeaf
+from sar_compiler.tree.diagnostic import Severity
 from tests.trees import document, errors, forest
 
 DISTRIBUTIONS = ("jazzy", "kilted", "main")
@@ -79,6 +81,65 @@ class TestTheDistributions:
     def test_the_usual_answer_comes_first(self):
         assert REGISTRIES["jazzy"]["GoalUpdated"].answers[0].status == "FAILURE"
         assert REGISTRIES["jazzy"]["IsPathValid"].answers[0].status == "SUCCESS"
+
+
+class TestNumbers:
+    @pytest.mark.parametrize(
+        ("body", "suggestion", "hint"),
+        [
+            ('<Spin spin_dist="90deg"/>', "1.5708", "write the number alone, in radians"),
+            ('<Spin spin_dist="-90°"/>', "-1.5708", "write the number alone, in radians"),
+            ('<Wait wait_duration="500ms"/>', "0.5", "write the number alone, in seconds"),
+            ('<Wait wait_duration="2 V"/>', None, "write the number alone, in seconds"),
+            ('<Wait wait_duration="1,500ms"/>', None, "a comma may mean either: write 1.5, or 0.0015"),
+            ('<BackUp backup_speed="0,1"/>', "0.1", "write the number alone, in metres per second"),
+            ('<Wait server_timeout="5s"/>', "5000", "write whole milliseconds, without a unit"),
+            ('<Wait server_timeout="0.5ms"/>', None, "write whole milliseconds, without a unit"),
+        ],
+    )
+    def test_a_unit_is_worked_out_where_nav2_has_another_one_or_none(self, body, suggestion, hint):
+        [finding] = errors(forest(body), REGISTRIES["jazzy"])
+        assert (finding.suggestion, finding.hint) == (suggestion, hint)
+
+    @pytest.mark.parametrize(
+        ("node", "name", "numbers", "bounds"),
+        [
+            ("RateController", "hz", ("0", "-2", "-inf", "nan"), "more than 0"),
+            ("RecoveryNode", "number_of_retries", ("-1",), "0 or more"),
+            ("RemoveInCollisionGoals", "cost_threshold", ("-1", "256"), "from 0 to 255"),
+        ],
+    )
+    def test_a_number_that_makes_no_sense_is_a_warning(self, node, name, numbers, bounds):
+        children = "<IsStuck/>" * {"RateController": 1, "RecoveryNode": 2}.get(node, 0)
+        for number in numbers:
+            body = f'<{node} {name}="{number}">{children}</{node}>'
+            found = check(forest(body), REGISTRIES["kilted"])
+            [finding] = [each for each in found if each.code == "out-of-range"]
+            assert (finding.severity, finding.hint) == (Severity.WARNING, f"write a number, {bounds}")
+
+    def test_a_port_has_the_unit_that_its_description_says(self):
+        said = {
+            "s": "in seconds",
+            "rad": "in radians",
+            "m": "in metres",
+            "m/s": "in metres per second",
+            "hz": "in hertz",
+        }
+        known = {name: unit for unit, names in facts()["units"].items() for name in names}
+        for name, doc in facts()["ports"].items():
+            units = [unit for unit, words in said.items() if re.search(rf"{words}\b(?! per)", doc)]
+            assert known.get(name, "") in (units or [""]), name
+
+    @pytest.mark.parametrize("version", DISTRIBUTIONS)
+    def test_every_default_makes_sense(self, version):
+        for spec in load_palettes([f"nav2:{version}"]):
+            for each in spec.attributes:
+                if (
+                    each.value_type is not None
+                    and each.value_type.usual is not None
+                    and each.default is not None
+                ):
+                    assert each.default in each.value_type.usual, (spec.tag, each.name)
 
 
 class TestValues:

@@ -155,7 +155,7 @@ def test_what_is_suggested_for_a_number_is_accepted_and_keeps_its_digits(text, a
     ("annotation", "text", "hint"),
     [
         (int, "1,000", "a comma may mean either: write 1000, or 1.000"),
-        (int, "500ms", "write the number alone: this attribute has no unit"),
+        (int, "500ms", "write the number alone; if it has a unit, the author of the node knows which"),
         (Seconds, "2m", "write a number with ms, s or min: 500ms, 1.5s, 2min"),
     ],
 )

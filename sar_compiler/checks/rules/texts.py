@@ -1,10 +1,11 @@
-"""Texts that were probably meant as keys."""
+"""Values that nodes take, and that were hardly meant: texts in place of keys, and numbers that make no sense."""
 
 from collections.abc import Iterator
 
 from sar_compiler.checks.rules.check_context import CheckContext, warning
 from sar_compiler.nodes.binding.attributes import closed
 from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.nodes.numbers import SensibleNumbers
 from sar_compiler.nodes.spec import NodeSpec, Role
 from sar_compiler.tree.diagnostic import Diagnostic
 
@@ -37,3 +38,27 @@ def _unclosed(bound: BoundNode, names: list[str]) -> Iterator[Diagnostic]:
             message = f"{name}: '{element.attributes[name]}' is a text; a key of the blackboard is written between two braces"
             span = element.value_span(name)
             yield warning("unclosed-key", message, bound, span, suggestion)
+
+
+def check_bounds(context: CheckContext) -> Iterator[Diagnostic]:
+    """Yield numbers that make no sense to a node, though it takes them."""
+    bounded = {id(spec): found for spec in context.bound.specs if (found := _bounds(spec))}
+    for tree in context.trees if bounded else ():
+        for bound in tree.nodes:
+            if bound.values and id(bound.spec) in bounded:
+                yield from _beyond(bound, bounded[id(bound.spec)])
+
+
+def _bounds(spec: NodeSpec) -> dict[str, SensibleNumbers]:
+    types = ((parameter.name, parameter.value_type) for parameter in spec.parameters.values())
+    return {name: each.usual for name, each in types if each is not None and each.usual is not None}
+
+
+def _beyond(bound: BoundNode, bounded: dict[str, SensibleNumbers]) -> Iterator[Diagnostic]:
+    for name, bounds in bounded.items():
+        number = bound.values.get(name)
+        if number is not None and number not in bounds:
+            written = bound.element.attributes[name]
+            message = f"{name}: <{bound.spec.tag}> takes {written}, and can do nothing sensible with it"
+            span, hint = bound.element.value_span(name), f"write a number, {bounds}"
+            yield warning("out-of-range", message, bound, span, hint=hint)

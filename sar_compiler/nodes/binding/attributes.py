@@ -6,10 +6,11 @@ from typing import Any, Literal, TypeAlias
 
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.numbers import number_in, words_of
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, any_port
 from sar_compiler.nodes.values import CONDITION, ConversionError, ValueType, blackboard_key, listed, type_of
 from sar_compiler.runtime.expressions import Script
-from sar_compiler.tree.guessing import Guesses
+from sar_compiler.tree.guessing import Guesses, unit_in
 from sar_compiler.tree.model import SUBTREE_TAG, Element
 
 ONESHOT = "oneshot"
@@ -217,12 +218,15 @@ class AttributeBinder:
             return near
         missing = [p.name for p in spec.required if p.name not in element.attributes]
         if near is not None or not is_only or len(missing) != 1:
-            self._collector.name(element, name, "unknown-attribute", message, suggestion=near)
+            hint = in_its_unit(name, element.attributes[name], spec)
+            self._collector.name(element, name, "unknown-attribute", message, suggestion=near, hint=hint)
             return near
         # The one that is strange was meant for the one that is missing, or for that of another meaning of the tag.
         others = [p.name for other in other_variants for p in other.attributes if p.required]
-        suggestion = None if others else missing[0]
-        hint = f"write {' or '.join([*missing, *others])} instead"
+        unit = _unit_of(spec.parameters[missing[0]])
+        suggestion = missing[0] if not others and unit == unit_in(name) else None
+        hint = in_its_unit(name, element.attributes[name], spec)
+        hint = hint or f"write {' or '.join([*missing, *others])} instead{unit and f', in {words_of(unit)}'}"
         self._collector.name(element, name, "unknown-attribute", message, suggestion=suggestion, hint=hint)
         return missing[0]
 
@@ -237,6 +241,20 @@ class AttributeBinder:
             port = any_port(name)
             bound.spec = bound.spec.listing(port)
             self._value(bound, port, bound.element.attributes[name])
+
+
+def in_its_unit(name: str, text: str, spec: NodeSpec) -> str | None:
+    """Return what to write for a number whose attribute is to have another unit (`sec="5"`: `msec="5000"`); None if unknown."""
+    written = unit_in(name)
+    ways = {p.name: number_in(f"{text}{written}", unit) for p in spec.attributes if (unit := _unit_of(p))}
+    known = [f'write {other}="{number}"' for other, number in ways.items() if number is not None]
+    return known[0] if written and len(known) == 1 else None
+
+
+def _unit_of(parameter: Parameter) -> str:
+    """Return the unit of an attribute's plain numbers; empty if none is known."""
+    unit = parameter.value_type.unit if parameter.value_type is not None else ""
+    return unit or unit_in(parameter.name)
 
 
 def slip_in_note(name: str, guesses: Guesses) -> str | None:

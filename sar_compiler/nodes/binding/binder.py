@@ -36,6 +36,8 @@ _OF_ANY = ("ID", "name", ONESHOT)
 """Attributes that say nothing of whose node it is."""
 _UNKNOWN = "no nodes are called like these"
 _UNKNOWN_HINT = "sar-compile nodes lists them; --nodes adds a module of leaves, --model a palette"
+_LIKE_TAGS, _LIKE_UNUSED = 0.8, 0.9
+"""How alike two tags are of which one is a slip for the other."""
 
 _Vocabulary = tuple[Registry, Models, dict[str, list[NodeSpec]], dict[str, str | None]]
 """The nodes and models of a file, the meanings of the tags in it, and the tags meant by unknown ones."""
@@ -325,12 +327,7 @@ class Binder:
         elif element.tag in KIND_TAGS and not element.attributes.get("ID"):
             self._without_id(element, f"<{element.tag}> does not say which node it is", "the node's name")
         else:
-            message = f"no node is called '{tag}'{self._was_called(tag, near)}"
-            hint, cause = _UNKNOWN_HINT, _UNKNOWN
-            if known := palettes_with(tag):
-                names = " or ".join(known)
-                near, hint = None, f"a palette knows it: --model {names}"
-                cause = f"these are nodes of {names}"
+            message, near, hint, cause = self._no_such_node(tag, near)
             span = element.tag_span() if tag == element.tag else element.value_span("ID")
             common = None if near else Cause(cause, tag)
             advice = {"suggestion": near, "hint": hint, "common_cause": common}
@@ -358,6 +355,17 @@ class Binder:
         for child in element.children:
             self._node(child)
 
+    def _no_such_node(self, tag: str, near: str | None) -> tuple[str, str | None, str, str]:
+        """Return what to say of an unknown tag: the message, the tag to write instead, what to do, the cause of several."""
+        message = f"no node is called '{tag}'{self._was_called(tag, near)}"
+        if tag in self._forest.known_ids:
+            hint = f'write <{SUBTREE_TAG} ID="{tag}"/>'
+            return f"{message}; that is a tree", None, hint, "these are trees, not nodes"
+        if known := palettes_with(tag):
+            names = " or ".join(known)
+            return message, None, f"a palette knows it: --model {names}", f"these are nodes of {names}"
+        return message, near, _UNKNOWN_HINT, _UNKNOWN
+
     def _without_id(self, element: Element, message: str, what: str) -> None:
         """Report an element without its required ID; `id` in another case does not count."""
         written = [name for name in element.attributes if name.upper() == "ID"]
@@ -376,9 +384,14 @@ class Binder:
                 return explicit
         if tag not in self._meant:
             today = SUBTREE_TAG if tag in subtree().former_tags else self._registry.today(tag)
-            known = self._tags if tag != SUBTREE_TAG else self._tags[:-1]
-            self._meant[tag] = today or self._guesses.nearest(tag, known)
+            self._meant[tag] = today or self._alike(tag)
         return self._meant[tag]
+
+    def _alike(self, tag: str) -> str | None:
+        """Return the tag that an unknown one is a slip for; what no file here uses is only meant by nearly its own name."""
+        known = self._tags if tag != SUBTREE_TAG else self._tags[:-1]
+        near = self._guesses.nearest(tag, known, _LIKE_TAGS)
+        return near or self._guesses.nearest(tag, list(self._registry.tags), _LIKE_UNUSED)
 
     def _was_called(self, tag: str, today: str | None) -> str:
         """Return a phrase about a name of BehaviorTree.CPP 3; empty for any other."""
@@ -402,7 +415,13 @@ class Binder:
 
     @functools.cached_property
     def _tags(self) -> list[str]:
-        return [*(spec.tag for spec in self._registry.specs()), *self._models.nodes, SUBTREE_TAG]
+        """The tags that may be meant."""
+        elements = (element for tree in self._forest.iterate() for element in tree.iterate())
+        used = {
+            element.attributes.get("ID", element.tag) if element.tag in KIND_TAGS else element.tag
+            for element in elements
+        }
+        return [*self._registry.called_for(used), *self._models.nodes, SUBTREE_TAG]
 
     def _count_children(self, bound: BoundNode) -> None:
         element = bound.element

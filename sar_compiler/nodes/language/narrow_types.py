@@ -54,7 +54,7 @@ def _nth(text: str) -> int:
     number = whole_number(text)
     if number == 0:
         message = "there is no 0th tick; write 1 to succeed in every tick"
-        raise ConversionError(message, "1")
+        raise ConversionError(message)
     return number
 
 
@@ -62,7 +62,7 @@ def _chance(text: str) -> float:
     number = real_number(text)
     if number < 0:
         message = f"'{text}' is less than 0; write 0 for never"
-        raise ConversionError(message, "0")
+        raise ConversionError(message)
     return number
 
 

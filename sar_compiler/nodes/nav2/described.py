@@ -1,16 +1,14 @@
 """The nodes of Nav2 that only Nav2 can run, read from `nodes.yaml`."""
 
-import functools
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from sar_compiler.nodes.answers import answers_of
 from sar_compiler.nodes.nav2 import outcomes
 from sar_compiler.nodes.nav2.free_nodes import IN_CPP
-from sar_compiler.nodes.nav2.types import type_of_port
+from sar_compiler.nodes.nav2.types import facts, of_port, type_of_port
 from sar_compiler.nodes.outcome_sets import F, S, adding, passing
 from sar_compiler.nodes.palettes import KnownSpec
 from sar_compiler.nodes.semantics import Semantics
@@ -29,16 +27,6 @@ _STRUCTURE = {
     Kind.CONTROL: Parameter("children", Role.CHILDREN, required=True),
     Kind.DECORATOR: Parameter("child", Role.CHILD, required=True),
 }
-
-
-@functools.cache
-def facts() -> Mapping[str, Any]:
-    """Return what the file says."""
-    import yaml
-
-    text = Path(__file__).with_name("nodes.yaml").read_text(encoding="utf-8")
-    found: Mapping[str, Any] = yaml.load(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))  # noqa: S506 - safe ones
-    return found
 
 
 def specs(version: str) -> Iterator[NodeSpec]:
@@ -90,7 +78,7 @@ def _ports(texts: Sequence[str], version: str) -> dict[str, Parameter]:
 
 
 def _parameter(match: "re.Match[str]") -> Parameter:
-    value_type = type_of_port(match["type"])
+    value_type = of_port(match["name"], type_of_port(match["type"]))
     default: object = None
     if match["has_default"]:
         text = match["default"] or ""

@@ -3,14 +3,17 @@
 from dataclasses import replace
 
 from sar_compiler.nodes.nav2 import outcomes
+from sar_compiler.nodes.nav2.types import of_port
 from sar_compiler.nodes.outcome_sets import S
 from sar_compiler.nodes.semantics import Counterpart, Order, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Signature, Skipping, Skips
+from sar_compiler.nodes.values import PLAIN, REAL_NUMBER
 from sar_compiler.runtime import nav2
 
 _ALL = frozenset({"SUCCESS", "FAILURE", "RUNNING"})
 IN_CPP = Counterpart(hint="")
 """Nav2 has the node itself."""
+_RATE, _RETRIES = of_port("hz", REAL_NUMBER), of_port("number_of_retries", PLAIN["integer"])
 
 
 def specs(version: str) -> list[NodeSpec]:
@@ -50,14 +53,14 @@ _EVERYWHERE: tuple[NodeSpec, ...] = (
     _control(
         nav2.RecoveryNode,
         Semantics(outcomes.recovery, gates=outcomes.after_a_failure, resumes=True),
-        signature=Signature(defaults={"number_of_retries": 1}),
+        signature=Signature(defaults={"number_of_retries": 1}, types={"number_of_retries": _RETRIES}),
         child_count=(2, 2),
     ),
     _control(nav2.PipelineSequence, Semantics(outcomes.pipeline, Order.IN_ORDER, S)),
     _decorator(
         nav2.RateController,
         Semantics(outcomes.now_and_then(), steady=True),
-        signature=Signature(defaults={"hz": 10.0}),
+        signature=Signature(defaults={"hz": 10.0}, types={"hz": _RATE}),
     ),
     _decorator(nav2.SingleTrigger, Semantics(outcomes.once_until_reset, steady=True)),
 )

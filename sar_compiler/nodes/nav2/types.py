@@ -2,13 +2,17 @@
 
 import functools
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
+from sar_compiler.nodes.numbers import SensibleNumbers, number_hint, number_in, words_of
 from sar_compiler.nodes.values import (
     ANYTHING,
     JSON,
     PLAIN,
+    REAL_NUMBER,
     UNSIGNED,
     ConversionError,
     ValueType,
@@ -22,6 +26,7 @@ _POSE = 9
 _STATUS = 13
 _HEADER = 2
 _SEPARATOR = ";"
+_HIGHEST_COST = 255
 _MILLISECONDS = re.compile(r"\+?(\d+)(ms)?")
 
 
@@ -36,11 +41,56 @@ def type_of_port(name: str) -> ValueType:
     return known
 
 
+def of_port(name: str, value_type: ValueType) -> ValueType:
+    """Return the type of a port whose name has a unit, or bounds, in `nodes.yaml`."""
+    unit, bounds = _units().get(name), _bounds().get(name)
+    if unit is not None and value_type.python is float:
+        label = f"a number of {words_of(unit)}"
+        value_type = replace(
+            value_type, label=label, convert=functools.partial(_with_unit, unit, label), unit=unit
+        )
+    return replace(value_type, usual=bounds) if value_type.python in (int, float) else value_type
+
+
+@functools.cache
+def facts() -> Mapping[str, Any]:
+    """Return what `nodes.yaml` says."""
+    import yaml
+
+    text = Path(__file__).with_name("nodes.yaml").read_text(encoding="utf-8")
+    found: Mapping[str, Any] = yaml.load(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))  # noqa: S506 - safe ones
+    return found
+
+
+@functools.cache
+def _units() -> Mapping[str, str]:
+    return {name: unit for unit, names in facts()["units"].items() for name in names}
+
+
+@functools.cache
+def _bounds() -> Mapping[str, SensibleNumbers]:
+    kinds = {
+        "positive": SensibleNumbers(0, is_open=True),
+        "not negative": SensibleNumbers(0),
+        "cost": SensibleNumbers(0, _HIGHEST_COST),
+    }
+    return {name: kinds[kind] for kind, names in facts()["bounds"].items() for name in names}
+
+
+def _with_unit(unit: str, label: str, text: str) -> object:
+    try:
+        return REAL_NUMBER.convert(text)
+    except ConversionError:
+        message = f"'{text}' is not {label}"
+        raise ConversionError(message, number_in(text, unit), number_hint(text, unit)) from None
+
+
 def _milliseconds(text: str) -> int:
     match = _MILLISECONDS.fullmatch(text)
     if match is None:
-        message = f"'{text}' is not a number of milliseconds"
-        raise ConversionError(message, hint="write whole milliseconds, without a unit")
+        message, meant = f"'{text}' is not a number of milliseconds", number_in(text, "ms")
+        suggestion = meant if meant is not None and meant.isdecimal() else None
+        raise ConversionError(message, suggestion, "write whole milliseconds, without a unit")
     return int(match[1])
 
 
@@ -95,6 +145,7 @@ _TYPES = {
         convert=_milliseconds,
         pattern=r"\+?[0-9]+(ms)?",
         cpp="std::chrono::milliseconds",
+        unit="ms",
     ),
     "PoseStamped": _of_fields("PoseStamped", "a pose", "geometry_msgs::msg::PoseStamped", 0, -_POSE),
     "PoseStamped[]": _of_fields(
