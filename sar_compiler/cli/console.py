@@ -18,7 +18,7 @@ def sar_compile() -> int:
 
 def sar_run() -> int:
     """Run `sar-run` and return its exit status."""
-    return _command("cli.run")
+    return _command("cli.run", "command")
 
 
 def sar_sim() -> int:

@@ -3,9 +3,10 @@
 import sys
 from argparse import BooleanOptionalAction, Namespace
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from sar_compiler.cli.arguments import Parser, pair_of_ports, port, seed, speed
 from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options
@@ -13,6 +14,7 @@ from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import USAGE, add_version, print_error, run
 from sar_compiler.resources import find
 from sar_compiler.ros.arguments import split_arguments
+from sar_compiler.ros.leaving import leave
 from sar_compiler.ros.middleware import require_middleware
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.tree.gc_pause import gc_paused
@@ -96,17 +98,29 @@ class Options:
     ros: Sequence[str]
 
 
+def command() -> NoReturn:
+    """Be `sar-run`: the process ends with its exit status, however ROS is taken down."""
+    with ExitStack() as ros:
+        status = _main(sys.argv[1:], ros)
+        leave(status, ros.pop_all().close)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run `sar-run` and return its exit status."""
+    """Run `sar-run` in this process and return its exit status."""
+    with ExitStack() as ros:
+        return _main(sys.argv[1:] if argv is None else argv, ros)
+
+
+def _main(argv: Sequence[str], ros: ExitStack) -> int:
     # Before anything that takes time, so that Ctrl-C ends the command in order from its first moment.
     signals = StopSignals()
     try:
-        return run(lambda: _run(_options(sys.argv[1:] if argv is None else argv), signals), PROG)
+        return run(lambda: _run(_options(argv), signals, ros), PROG)
     finally:
         signals.give_back()
 
 
-def _run(options: Options, signals: StopSignals) -> int:
+def _run(options: Options, signals: StopSignals, ros: ExitStack) -> int:
     require_middleware()
     with gc_paused():  # in what is imported there is nothing to collect
         from sar_compiler.cli.run_mission import run_mission
@@ -114,7 +128,7 @@ def _run(options: Options, signals: StopSignals) -> int:
 
     options = replace(options, tree=options.tree or _default_tree(options.mission))
     try:
-        return run_mission(options, signals)
+        return run_mission(options, signals, ros)
     except TreeError as error:
         print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
         print_error(f"{PROG}: {options.tree} cannot be run like this; nothing has moved")

@@ -75,8 +75,13 @@ _TURN_SEC = 0.05
 _SIMULATED_TIME_LIMIT_SEC = 900.0
 
 
-def run_mission(options: "Options", signals: StopSignals) -> int:
+def run_mission(options: "Options", signals: StopSignals, ros: ExitStack) -> int:
     """Check the tree, wait for its requirements, tick it to the end, and return the exit status.
+
+    Args:
+        options: The options of the command line.
+        signals: The requests to stop.
+        ros: Takes down what is native, in the end, when all that the run has to write is written.
 
     Raises:
         TreeError: If the tree is not valid; the robot has not moved.
@@ -95,7 +100,7 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
     output = RunOutput()
     view = _view(options, output)
     with ExitStack() as stack:
-        context = stack.enter_context(_ros(options, signals, mission))
+        context = ros.enter_context(_ros(options, signals, mission))
         if signals.came:
             return signals.exit_status
         node = DataNode(
@@ -104,7 +109,7 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
             cli_args=node_arguments(options.ros),
             parameter_overrides=_simulated_time(options),
         )
-        stack.callback(node.destroy_node)
+        ros.callback(node.destroy_node)
         if options.traceback:
             show_tracebacks(node)
         reader = ParameterReader(flat_parameters(node), _sections_elsewhere(options, node))
@@ -139,8 +144,10 @@ def run_mission(options: "Options", signals: StopSignals) -> int:
         try:
             if world is not None:
                 _require_navigation(tree, world)
-                run.simulation = stack.enter_context(_simulation(options, world, node, begun, faults))
-            return run.run(tree)
+                run.simulation = ros.enter_context(_simulation(options, world, node, begun, faults))
+            executor = SingleThreadedExecutor(context=context)
+            ros.callback(executor.shutdown)
+            return run.run(tree, executor)
         except NotReadyError as error:
             print_error(f"sar-run: {error}")
             return NOT_READY
@@ -308,15 +315,18 @@ class _TreeRun:
             limit = _SIMULATED_TIME_LIMIT_SEC
         return EndCondition(until, self.mission, limit, self.node.get_logger().info)
 
-    def run(self, tree: CompiledTree) -> int:
+    def run(self, tree: CompiledTree, executor: SingleThreadedExecutor) -> int:
         """Wait, tick, stop and sum up; returns the exit status.
+
+        Args:
+            tree: The tree.
+            executor: Gets the node.
 
         Raises:
             NotReadyError: If a requirement of the tree is not fulfilled in time.
         """
         for line in self.mission.greeting() if self.mission is not None else []:
             self.node.get_logger().info(in_one_line(line))
-        executor = SingleThreadedExecutor(context=self.node.context)
         executor.add_node(self.node)
         route = self._route_check(tree) if self.options.check else None
         try:
@@ -330,8 +340,6 @@ class _TreeRun:
             if route is not None:
                 route.tell(executor, self.output.say)
             raise
-        finally:
-            executor.shutdown()
 
     def _wait(self, executor: SingleThreadedExecutor, tree: CompiledTree) -> None:
         # A check changes nothing on an existing robot.
