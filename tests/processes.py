@@ -93,6 +93,11 @@ class Command:
         assert not over or text in self.output, f"{self.name} ended without printing '{text}':\n{self.output}"
         return self
 
+    def wait_until(self, wanted, what):
+        """Wait, as long as it prints, until something is so; `what` says what never came."""
+        with self._news:
+            self._news.wait_until(wanted, lambda: f"{what} of {self.name} did not come:\n{self.output}")
+
     def _is_over(self):
         return self._process.poll() is not None and not self._reader.is_alive()
 

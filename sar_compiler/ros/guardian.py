@@ -2,37 +2,42 @@
 
 A mission that is killed (SIGKILL, the kernel's own when memory is short, a crash) can cancel nothing, and a robot
 drives on to its goal. The mission tells its guardian through a pipe which goals it sends and which have ended; the
-system closes the pipe, however the mission ends, and the guardian then cancels, by their ids, those that have not.
+system closes the pipe, however the mission ends, and the guardian then cancels, by their ids, those that have not,
+and waits for their ends. A guardian that ends while its mission lives is replaced.
 """
 
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from sar_compiler.ros.leaves.goals_under_way import GoalNews
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from rclpy.executors import Executor
     from rclpy.node import Node
 
+    from sar_compiler.ros.left_goals import CancelPort
+
+ADRIFT_SIGN = b"!"
+"""What a guardian writes to who supervises its mission where it has not seen the end of a goal."""
+
 _SENT, _OVER = "+", "-"
-# How long the guardian tries to reach a server, seconds; a goal may be accepted only after its client's death.
+# How long the guardian tries to have the goals ended, seconds.
 _TRYING_SEC = 10.0
-_AGAIN_EVERY_SEC = 0.5
-_ANSWER_SEC = 2.0
+# How long a server must say that it does not know a goal: it may be accepted only after its client's death; seconds.
+_UNKNOWN_SEC = 3.0
+_TURN_SEC = 0.1
 # How long an orderly end waits for the guardian's, seconds; one that still has goals to cancel needs no mission.
 _ENDING_SEC = 1.0
+# A guardian that has ended so many times, each within so many seconds of its beginning, cannot be had.
+_ATTEMPTS, _BRIEF_SEC = 3, 10.0
 # The program: its first statement keeps the current folder, from which `-c` would import, out of the way.
-_PROGRAM = (
-    "import sys; sys.path[:] = {path!r}; from sar_compiler.ros.guardian import main; main(sys.argv[1:])"
-)
+_PROGRAM = "import sys; sys.path[:] = {path!r}; from sar_compiler.ros.guardian import main; main({signs}, sys.argv[1:])"
 
 
 class Guardian:
@@ -40,52 +45,97 @@ class Guardian:
 
     Args:
         security: The ROS arguments that a second participant of this mission needs (`--enclave`).
-        complain: Called once, with a message, if the guardian is gone.
+        complain: Called with a message, in any thread, if the guardian has ended.
+        signs: The descriptor of the pipe to who supervises the mission; None if nobody does.
     """
 
-    def __init__(self, security: Sequence[str], complain: "Callable[[str], None]") -> None:
-        self._complain = complain
-        self._is_lost = False
+    def __init__(
+        self, security: Sequence[str], complain: Callable[[str], object], signs: int | None = None
+    ) -> None:
+        self._security, self._complain, self._signs = security, complain, signs
+        self._active: dict[str, str] = {}
+        self._brief = 0
+        self._is_closing = False
+        self._lock = threading.Lock()
+        self._begin()
+
+    def note(self, news: GoalNews) -> None:
+        """Tell the guardian of a goal; never blocks."""
+        with self._lock:
+            if news.is_over:
+                self._active.pop(news.goal_id, None)
+            else:
+                self._active[news.goal_id] = news.canceller
+            self._write(_OVER if news.is_over else _SENT, news.goal_id, news.canceller)
+
+    def close(self) -> None:
+        """Let the guardian end; it first cancels what was not seen to end."""
+        with self._lock:
+            self._is_closing = True
+            self._close_pipe()
+        self._minder.join(_ENDING_SEC)
+
+    def _begin(self) -> None:
+        signs = () if self._signs is None else (self._signs,)
         self._process = subprocess.Popen(  # noqa: S603 - this interpreter, and nothing from outside
-            [sys.executable, "-c", _PROGRAM.format(path=sys.path), *security],
+            [sys.executable, "-c", _PROGRAM.format(path=sys.path, signs=signs), *self._security],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             # Ctrl-C, and the end of a terminal, are for whole groups of processes.
             start_new_session=True,
             bufsize=0,
+            pass_fds=signs,
         )
         assert self._process.stdin is not None  # noqa: S101 - asked for
-        self._pipe = self._process.stdin.fileno()
-        os.set_blocking(self._pipe, False)
+        os.set_blocking(self._process.stdin.fileno(), False)
+        for goal_id, canceller in self._active.items():
+            self._write(_SENT, goal_id, canceller)
+        self._minder = threading.Thread(target=self._mind, name="guardian", daemon=True)
+        self._minder.start()
 
-    def note(self, news: GoalNews) -> None:
-        """Tell the guardian of a goal; never blocks."""
-        line = f"{_OVER if news.is_over else _SENT} {news.goal_id} {news.canceller}\n"
-        try:
-            os.write(self._pipe, line.encode())
-        except OSError as error:
-            if not self._is_lost:
-                self._is_lost = True
-                self._complain(
-                    f"the guardian is gone ({error.strerror}): nobody cancels the goals of a mission that dies"
-                )
+    def _write(self, sign: str, goal_id: str, canceller: str) -> None:
+        assert self._process.stdin is not None  # noqa: S101 - asked for
+        with suppress(OSError, ValueError):  # one that has ended is replaced, and told of what is active then
+            os.write(self._process.stdin.fileno(), f"{sign} {goal_id} {canceller}\n".encode())
 
-    def close(self) -> None:
-        """Let the guardian end; it first cancels what was not seen to end."""
+    def _close_pipe(self) -> None:
         assert self._process.stdin is not None  # noqa: S101 - asked for
         self._process.stdin.close()
-        with suppress(subprocess.TimeoutExpired):
-            self._process.wait(_ENDING_SEC)
+
+    def _mind(self) -> None:
+        """Wait for the guardian's end; where the mission has not asked for it, begin another one."""
+        began = time.monotonic()
+        status = self._process.wait()
+        with self._lock:
+            if self._is_closing:
+                return
+            self._close_pipe()
+            self._brief = self._brief + 1 if time.monotonic() - began < _BRIEF_SEC else 0
+            how = f"by {signal.Signals(-status).name}" if status < 0 else f"with status {status}"
+            if self._brief < _ATTEMPTS:
+                self._begin()
+                self._complain(f"the guardian has ended, {how}: another one takes its place")
+            else:
+                self._complain(
+                    f"the guardian is gone ({how}): nobody cancels the goals of a mission that dies"
+                )
 
 
-def main(security: Sequence[str]) -> None:
-    """Be the guardian of the process at the other end of standard input, until that ends."""
+def main(signs: Sequence[int], security: Sequence[str]) -> None:
+    """Be the guardian of the process at the other end of standard input, until that ends.
+
+    Args:
+        signs: The descriptor of the pipe to who supervises the mission, if anybody does.
+        security: ROS arguments.
+    """
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     import rclpy
     from rclpy.context import Context
     from rclpy.node import Node
     from rclpy.signals import SignalHandlerOptions
+
+    from sar_compiler.ros.leaving import leave
 
     context = Context()
     arguments = ["--ros-args", *security] if security else []
@@ -94,10 +144,10 @@ def main(security: Sequence[str]) -> None:
     node = Node(name, context=context, start_parameter_services=False, enable_rosout=False)
     cancels = _Cancels(node)
     cancels.follow(sys.stdin)
-    cancels.send()
-    # Nothing is left to tidy up, and what DDS does at the end may take long.
-    sys.stderr.flush()
-    os._exit(0)
+    if not cancels.send():
+        for descriptor in signs:
+            os.write(descriptor, ADRIFT_SIGN)
+    leave(0, node.destroy_node)
 
 
 class _Cancels:
@@ -105,65 +155,51 @@ class _Cancels:
 
     def __init__(self, node: "Node") -> None:
         self._node = node
-        self._active: dict[str, str] = {}
+        self._active: dict[str, CancelPort] = {}
         # Made with the first goal of an action, so that it has found the server when it is needed.
-        self._clients: dict[str, Any] = {}
+        self._ports: dict[str, CancelPort] = {}
 
     def follow(self, lines: Iterable[str]) -> None:
         """Keep count of the goals, to the end of the mission."""
-        from action_msgs.srv import CancelGoal
+        from sar_compiler.ros.left_goals import CancelPort
 
         for line in lines:
             sign, goal_id, canceller = line.split()
             if sign == _OVER:
                 self._active.pop(goal_id, None)
                 continue
-            self._active[goal_id] = canceller
-            if canceller not in self._clients:
-                self._clients[canceller] = self._node.create_client(CancelGoal, canceller)
+            action = canceller.removesuffix("/_action/cancel_goal")
+            if action not in self._ports:
+                self._ports[action] = CancelPort(self._node, action)
+            self._active[goal_id] = self._ports[action]
 
-    def send(self) -> None:
-        """Cancel what is active: again, until a server has answered that it does, or that the goal has ended."""
+    def send(self) -> bool:
+        """Cancel what is active, until the ends are seen; return whether all were."""
         from rclpy.executors import SingleThreadedExecutor
 
+        from sar_compiler.ros.left_goals import LeftGoal
+
         executor = SingleThreadedExecutor(context=self._node.context)
-        deadline = time.monotonic() + _TRYING_SEC
-        while self._active and time.monotonic() < deadline:
-            for goal_id, canceller in list(self._active.items()):
-                if news := self._cancel(goal_id, self._clients[canceller], executor):
-                    del self._active[goal_id]
-                    self._say(f"the mission is gone: {_action(canceller)} {news}")
-            if self._active:
-                time.sleep(_AGAIN_EVERY_SEC)
-        for canceller in self._active.values():
-            self._say(
-                f"the mission is gone, and {_action(canceller)} does not cancel its goal: the robot may still be moving"
-            )
-
-    def _cancel(self, goal_id: str, client: Any, executor: "Executor") -> str:
-        """Ask a server to cancel a goal; return what it says where it does, or the goal has ended, else an empty text."""
-        from action_msgs.srv import CancelGoal
-
-        if not client.wait_for_service(_AGAIN_EVERY_SEC):
-            return ""
-        request = CancelGoal.Request()
-        request.goal_info.goal_id.uuid = list(bytes.fromhex(goal_id))
-        answer = client.call_async(request)
         executor.add_node(self._node)
-        executor.spin_until_future_complete(answer, _ANSWER_SEC)
-        executor.remove_node(self._node)
-        if not answer.done():
-            client.remove_pending_request(answer)
-            return ""
-        response = answer.result()
-        if response.goals_canceling:
-            return "was told to cancel its goal, and does"
-        # Of a goal that it does not know yet it may learn in a moment.
-        return "has ended its goal" if response.return_code == response.ERROR_GOAL_TERMINATED else ""
+        left = {
+            LeftGoal(port, goal_id, self._teller(port), _UNKNOWN_SEC): port
+            for goal_id, port in self._active.items()
+        }
+        deadline = time.monotonic() + _TRYING_SEC
+        while (missing := [goal for goal in left if goal.missing()]) and time.monotonic() < deadline:
+            executor.spin_once(_TURN_SEC)
+        for goal in missing:
+            self._say(
+                f"the mission is gone, and {left[goal].action} does not end its goal: the robot may still be moving"
+            )
+        return not missing
+
+    def _teller(self, port: "CancelPort") -> Callable[[int], None]:
+        from sar_compiler.ros.leaves.goal_statuses import end_in_words
+
+        return lambda status: self._say(
+            f"the mission is gone: {port.action} was told to cancel its goal, which {end_in_words(status)}"
+        )
 
     def _say(self, text: str) -> None:
         self._node.get_logger().warning(text)
-
-
-def _action(canceller: str) -> str:
-    return canceller.removesuffix("/_action/cancel_goal")

@@ -1,6 +1,8 @@
-"""The goals of a mission in its journal: what a run has left behind is cancelled before the mission goes on."""
+"""Goals that a process has left behind: cancelled, and their ends awaited; those in a journal before its mission goes on."""
 
+import math
 import time
+from collections.abc import Callable
 from typing import Any
 
 from action_msgs.msg import GoalStatusArray
@@ -10,9 +12,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 from unique_identifier_msgs.msg import UUID
 
-from sar_compiler.journal.journal import Journal, SentGoal
+from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT
-from sar_compiler.ros.leaves.goal_statuses import FINAL
+from sar_compiler.ros.leaves.goal_statuses import FINAL, UNKNOWN
 from sar_compiler.ros.leaves.goals_under_way import GoalNews, goals_under_way
 from sar_compiler.ros.requirements import Requirement
 
@@ -35,15 +37,21 @@ def note_goals(node: Node, journal: Journal) -> None:
 class LeftGoals(Requirement):
     """The goals that earlier runs have sent, each of which must have ended.
 
-    A goal counts as ended when its server says so, or does not know it: it has been restarted, or the goal never came.
-
     Args:
         node: The node to cancel them from.
         journal: Has the goals, and is told of their ends.
     """
 
     def __init__(self, node: Node, journal: Journal) -> None:
-        self._goals = [_LeftGoal(node, goal, journal) for goal in journal.goals_left()]
+        left = journal.goals_left()
+        self._ports = {action: CancelPort(node, action) for action in {goal.action for goal in left}}
+        self._goals = [
+            LeftGoal(self._ports[goal.action], goal.goal_id, self._teller(journal, goal.goal_id))
+            for goal in left
+        ]
+
+    def _teller(self, journal: Journal, goal_id: str) -> Callable[[int], None]:
+        return lambda status: journal.watch(GOAL_ENDED, goal=goal_id, status=status)
 
     def missing(self) -> str | None:
         """Cancel what is still to be cancelled; describe the first goal that has not ended, None if all have."""
@@ -51,57 +59,103 @@ class LeftGoals(Requirement):
 
     def close(self) -> None:
         """Destroy the clients and subscriptions."""
-        for goal in self._goals:
-            goal.close()
+        for port in self._ports.values():
+            port.close()
 
 
-class _LeftGoal:
-    def __init__(self, node: Node, goal: SentGoal, journal: Journal) -> None:
-        self._node, self._goal, self._journal = node, goal, journal
-        self._id = bytes.fromhex(goal.goal_id)
-        self._is_over = False
-        self._asked_at: float | None = None
-        self._future: Future | None = None
-        self._client = node.create_client(CancelGoal, f"{goal.action}/_action/cancel_goal")
+class CancelPort:
+    """A node's means to cancel others' goals of an action, and to see their ends.
+
+    Args:
+        node: The node.
+        action: The action's full name.
+
+    Attributes:
+        client: Cancels.
+    """
+
+    def __init__(self, node: Node, action: str) -> None:
+        self._node, self.action = node, action
+        self._statuses: dict[bytes, int] = {}
+        self.client = node.create_client(CancelGoal, f"{action}/_action/cancel_goal")
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._subscription = node.create_subscription(
-            GoalStatusArray, f"{goal.action}/_action/status", self._on_statuses, latched
+            GoalStatusArray, f"{action}/_action/status", self._take, latched
         )
 
+    def end_of(self, goal_id: bytes) -> int | None:
+        """Return the final status of a goal; None if none was seen."""
+        return self._statuses.get(goal_id)
+
+    def close(self) -> None:
+        """Destroy the client and the subscription."""
+        self._node.destroy_client(self.client)
+        self._node.destroy_subscription(self._subscription)
+
+    def _take(self, message: Any) -> None:
+        final = (each for each in message.status_list if each.status in FINAL)
+        self._statuses = {bytes(each.goal_info.goal_id.uuid): each.status for each in final}
+
+
+class LeftGoal:
+    """A goal of a process that is gone.
+
+    It has ended when the status topic says so, or when its server does not know it: it has been restarted, or the goal never came.
+
+    Args:
+        port: The means to cancel it.
+        goal_id: Its id, 32 hexadecimal digits.
+        on_end: Called with its final status; 0 where the server does not know it any more, or how it has ended.
+        patience_sec: How long a server must say that it does not know the goal: one that was sent just before its
+            client's death may be accepted after it.
+    """
+
+    def __init__(
+        self, port: CancelPort, goal_id: str, on_end: Callable[[int], None], patience_sec: float = 0.0
+    ) -> None:
+        self._port, self._id = port, bytes.fromhex(goal_id)
+        self._on_end, self._patience_sec = on_end, patience_sec
+        self._is_over = False
+        self._asked_at = -math.inf
+        self._unknown_since: float | None = None
+        self._future: Future | None = None
+
     def missing(self) -> str | None:
+        """Cancel it if that is due; return why it may be active, None once it has ended."""
+        self._look()
         if self._is_over:
             return None
-        if not self._client.service_is_ready():
-            return f"action {self._goal.action}: no server, to cancel the goal that was left active"
-        now = time.monotonic()
-        if self._asked_at is None or now - self._asked_at >= _PERIOD_SEC:
-            self._asked_at = now
+        if not self._port.client.service_is_ready():
+            return f"action {self._port.action}: no server, to cancel the goal that was left active"
+        if time.monotonic() - self._asked_at >= _PERIOD_SEC:
+            self._asked_at = time.monotonic()
             self._ask()
-        return f"action {self._goal.action}: the goal that was left active has not ended; the robot may be moving"
+        return f"action {self._port.action}: the goal that was left active has not ended; the robot may be moving"
+
+    def _look(self) -> None:
+        status = self._port.end_of(self._id)
+        if status is not None:
+            self._end(status)
 
     def _ask(self) -> None:
         if self._future is not None:
-            self._client.remove_pending_request(self._future)
+            self._port.client.remove_pending_request(self._future)
         request = CancelGoal.Request()
         request.goal_info.goal_id = UUID(uuid=list(self._id))
-        self._future = self._client.call_async(request)
+        self._future = self._port.client.call_async(request)
         self._future.add_done_callback(self._on_answer)
 
     def _on_answer(self, future: Future) -> None:
-        code = future.result().return_code
-        if code in (CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID, CancelGoal.Response.ERROR_GOAL_TERMINATED):
-            self._end(0)
-
-    def _on_statuses(self, message: Any) -> None:
-        for each in message.status_list:
-            if bytes(each.goal_info.goal_id.uuid) == self._id and each.status in FINAL:
-                self._end(each.status)
+        code, now = future.result().return_code, time.monotonic()
+        if code != CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID:
+            self._unknown_since = None
+        elif self._unknown_since is None:
+            self._unknown_since = now
+        # A goal that is being cancelled is "terminated" in an answer: that is no end yet.
+        if self._unknown_since is not None and now - self._unknown_since >= self._patience_sec:
+            self._end(UNKNOWN)
 
     def _end(self, status: int) -> None:
         if not self._is_over:
             self._is_over = True
-            self._journal.watch(GOAL_ENDED, goal=self._goal.goal_id, status=status)
-
-    def close(self) -> None:
-        self._node.destroy_client(self._client)
-        self._node.destroy_subscription(self._subscription)
+            self._on_end(status)

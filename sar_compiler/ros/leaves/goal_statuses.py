@@ -16,7 +16,19 @@ ABORTED, CANCELED, SUCCEEDED, UNKNOWN = 6, 5, 4, 0
 FINAL = (SUCCEEDED, CANCELED, ABORTED)
 """Those of a goal that has ended."""
 
+_ENDS = {
+    SUCCEEDED: "has arrived",
+    CANCELED: "is cancelled",
+    ABORTED: "was aborted",
+    UNKNOWN: "it does not know (any more)",
+}
+
 StatusListener = Callable[[int], None]
+
+
+def end_in_words(status: int) -> str:
+    """Return what has become of a goal, by its final status."""
+    return _ENDS.get(status, f"has ended with status {status}")
 
 
 class GoalStatuses:
