@@ -85,20 +85,23 @@ class Command:
         def came():
             nonlocal searched
             new, searched = self._lines[searched:], len(self._lines)
-            return any(text in line for line in new) or self._is_over()
+            return any(text in line for line in new) or self.is_over
 
         with self._news:
             self._news.wait_until(came, lambda: f"{self.name} did not print '{text}':\n{self.output}")
-            over = self._is_over()
+            over = self.is_over
         assert not over or text in self.output, f"{self.name} ended without printing '{text}':\n{self.output}"
         return self
 
-    def wait_until(self, wanted, what):
+    def wait_until(self, wanted, what, silence_sec=SILENCE_SEC):
         """Wait, as long as it prints, until something is so; `what` says what never came."""
         with self._news:
-            self._news.wait_until(wanted, lambda: f"{what} of {self.name} did not come:\n{self.output}")
+            complaint = lambda: f"{what} of {self.name} did not come:\n{self.output}"  # noqa: E731
+            self._news.wait_until(wanted, complaint, silence_sec)
 
-    def _is_over(self):
+    @property
+    def is_over(self):
+        """Whether it has ended, and all that it has printed was read."""
         return self._process.poll() is not None and not self._reader.is_alive()
 
     def send(self, number):

@@ -92,7 +92,9 @@ def configuration_for(
     for folder in tree_file.parents:
         for name, table in ((OWN_FILE, ()), (SHARED_FILE, _SHARED_TABLE)):
             path = folder / name
-            if not path.is_file() or (table and not _OWN_WORD.search(read_bytes(path))):
+            # What is there and is no file (a named pipe, a folder) cannot be read, and that is told of the project's own.
+            is_there = path.is_file() if table else path.exists()
+            if not is_there or (table and not _OWN_WORD.search(read_bytes(path))):
                 continue
             if not _counts(path, tree_file):
                 passed_over(path)

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from sar_compiler.cli.arguments import Parser, pair_of_ports, port, seed, speed
+from sar_compiler.cli.arguments import Parser, count, pair_of_ports, port, seed, speed
 from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options
+from sar_compiler.cli.supervision import Supervision, own_supervision
 from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import USAGE, add_version, print_error, run
 from sar_compiler.resources import find
@@ -27,6 +28,7 @@ PROG = "sar-run"
 ENGINES = ("own", "py_trees_ros")
 _DEFAULT_TREE = "search_and_rescue"
 _DEFAULT_WORLD = "disaster_zone"
+_RESUMED = 3
 
 
 @dataclass(frozen=True)
@@ -89,6 +91,7 @@ class Options:
     no_journal: bool
     resume: bool
     new: bool
+    supervise: int | None
     fault: Sequence[str]
     nodes: Sequence[str]
     model: Sequence[Path]
@@ -96,6 +99,7 @@ class Options:
     trust: bool
     traceback: bool
     ros: Sequence[str]
+    supervision: Supervision | None = None
 
 
 def command() -> NoReturn:
@@ -115,12 +119,17 @@ def _main(argv: Sequence[str], ros: ExitStack) -> int:
     # Before anything that takes time, so that Ctrl-C ends the command in order from its first moment.
     signals = StopSignals()
     try:
-        return run(lambda: _run(_options(argv), signals, ros), PROG)
+        return run(lambda: _run(argv, signals, ros), PROG)
     finally:
         signals.give_back()
 
 
-def _run(options: Options, signals: StopSignals, ros: ExitStack) -> int:
+def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack) -> int:
+    options = _of_this_run(_options(argv), own_supervision())
+    if options.supervise is not None and options.supervision is None:
+        from sar_compiler.cli.supervisor import supervise
+
+        return supervise(argv, options.supervise, signals)
     require_middleware()
     with gc_paused():  # in what is imported there is nothing to collect
         from sar_compiler.cli.run_mission import run_mission
@@ -133,6 +142,18 @@ def _run(options: Options, signals: StopSignals, ros: ExitStack) -> int:
         print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
         print_error(f"{PROG}: {options.tree} cannot be run like this; nothing has moved")
         return USAGE
+
+
+def _of_this_run(options: Options, supervision: Supervision | None) -> Options:
+    """Return the options of a run that somebody may supervise: one that has died is resumed, and recorded in another file."""
+    if supervision is None:
+        return options
+    if supervision.has_begun:
+        options = replace(options, resume=True, new=False)
+    record = options.record
+    if record is not None and supervision.deaths:
+        record = record.with_stem(f"{record.stem}.{len(supervision.deaths) + 1}")
+    return replace(options, supervision=supervision, record=record)
 
 
 def _options(argv: Sequence[str]) -> Options:
@@ -191,6 +212,10 @@ def _contradictions(given: Namespace) -> Iterator[tuple[object, str]]:
     yield (
         given.no_journal and (given.journal or given.resume or given.new),
         "--no-journal does not go with --journal, --resume or --new",
+    )
+    yield (
+        given.supervise is not None and (given.no_journal or given.check),
+        "--supervise resumes a mission from its journal: leave --no-journal and --check out",
     )
     yield (
         given.sim is not None and _looks_like_a_tree(given.sim),
@@ -335,6 +360,15 @@ def _parser() -> Parser:
     begun.add_argument("--resume", action="store_true", help="go on with the mission in the journal")
     begun.add_argument(
         "--new", action="store_true", help="begin anew, and keep an unfinished journal under another name"
+    )
+    parser.add_argument(
+        "--supervise",
+        nargs="?",
+        const=_RESUMED,
+        type=count,
+        metavar="N",
+        help="resume the mission when its process has died, stands still for 10 s, or has not found what it needs, at most N times "
+        f"(default {_RESUMED})",
     )
     parser.add_argument(
         "--fault",

@@ -38,6 +38,10 @@ class RunJournal:
         self._run_about: dict[str, object] = {}
         self.context: dict[type, object] = {Journal: journal}
 
+    def supervised_after(self, death: str) -> None:
+        """Take how the run before has died, of which its supervisor knows."""
+        self._run_about["after"] = death
+
     def keep_facts(self, run: MissionRun | None, parameters: Mapping[str, object]) -> None:
         """Let a mission take over the facts of earlier runs, and keep its own from now on.
 
@@ -109,11 +113,11 @@ class RunJournal:
         from importlib.metadata import version
 
         from sar_compiler.journal.status_watch import StatusWatch
-        from sar_compiler.ros.clock import RosClock
+        from sar_compiler.ros.clock import mission_clock
         from sar_compiler.ros.left_goals import note_goals
         from sar_compiler.ros.robot_watch import RobotWatch
 
-        self.journal.clock = RosClock(self._node)
+        self.journal.clock = mission_clock(self._node)
         self.journal.on_failure = self._node.get_logger().error
         self.journal.on_recovery = self._node.get_logger().info
         run_about = {"version": version("sar_compiler"), "node": self._node.get_fully_qualified_name()}
@@ -147,14 +151,17 @@ def open_run_journal(options: "Options", mission: Mission | None, node: "Node") 
     """
     journal = _opened(options, mission, node)
     about = {"mission": mission.name if mission is not None else None, "simulated": options.sim is not None}
+    run_journal = RunJournal(node, journal, about)
+    if options.supervision is not None and options.supervision.deaths:
+        run_journal.supervised_after(options.supervision.deaths[-1])
     try:
-        yield RunJournal(node, journal, about)
+        yield run_journal
     finally:
         journal.close()
 
 
 def _opened(options: "Options", mission: Mission | None, node: "Node") -> Journal:
-    asked = options.journal is not None or options.resume or options.new
+    asked = options.journal is not None or options.resume or options.new or options.supervise is not None
     by_itself = mission is not None and mission.is_resumable and options.sim is None
     if options.no_journal or options.check or not (asked or by_itself):
         return Journal()

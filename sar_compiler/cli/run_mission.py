@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 from py_trees.common import Status
 from py_trees.trees import BehaviourTree
+from rclpy.clock import Clock as RosTime
+from rclpy.clock import ClockType
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -19,6 +21,7 @@ from sar_compiler.cli.output import RunOutput
 from sar_compiler.cli.run_journal import RunJournal, open_run_journal
 from sar_compiler.cli.run_mission_check import RouteCheck
 from sar_compiler.cli.run_watchers import RunWatchers, open_watchers
+from sar_compiler.cli.supervision import PERIOD_SEC
 from sar_compiler.commands import FINDINGS, OK, print_error
 from sar_compiler.compiler import CompiledTree, compile_tree, require_classes
 from sar_compiler.errors import SarError
@@ -36,7 +39,7 @@ from sar_compiler.ros.arguments import (
     parameter_files,
     security_arguments,
 )
-from sar_compiler.ros.clock import RosClock
+from sar_compiler.ros.clock import mission_clock
 from sar_compiler.ros.engine import Engine, EngineFactory, find_engine
 from sar_compiler.ros.errors import readable_ros_errors
 from sar_compiler.ros.failure_reports import described, failure_text, show_tracebacks, tell
@@ -116,6 +119,8 @@ def run_mission(options: "Options", signals: StopSignals, ros: ExitStack) -> int
         begun, parameters, notes = begin_run(mission, reader, binding)
         fixed = fixed_parameters(mission, binding)
         journal = stack.enter_context(open_run_journal(options, mission, node))
+        if options.supervision is not None:
+            options.supervision.tell_journal(journal.journal.place)
         watchers = stack.enter_context(
             open_watchers(options, node, journal.journal, begun, view, parameters.georeference)
         )
@@ -173,7 +178,8 @@ def _wants_guardian(options: "Options", journal: RunJournal) -> bool:
 
 
 def _guardian(options: "Options", node: Node) -> Guardian:
-    return Guardian(security_arguments(options.ros), node.get_logger().warning)
+    signs = options.supervision and options.supervision.signs
+    return Guardian(security_arguments(options.ros), node.get_logger().warning, signs)
 
 
 def _loaded(options: "Options") -> LoadedTree:
@@ -286,7 +292,7 @@ class _TreeRun:
     simulation: "Simulation | None" = None
 
     def __post_init__(self) -> None:
-        self._clock = RosClock(self.node)
+        self._clock = mission_clock(self.node)
         self._end = self._end_condition()
         self._result: RunResult | None = None
         self._reason = ""
@@ -328,6 +334,10 @@ class _TreeRun:
         for line in self.mission.greeting() if self.mission is not None else []:
             self.node.get_logger().info(in_one_line(line))
         executor.add_node(self.node)
+        if self.options.supervision is not None:
+            steady = RosTime(clock_type=ClockType.STEADY_TIME)
+            self.node.create_timer(PERIOD_SEC, self.options.supervision.tell_alive, clock=steady)
+            self.options.supervision.tell_alive()
         route = self._route_check(tree) if self.options.check else None
         try:
             self._wait(executor, tree)
@@ -417,6 +427,8 @@ class _TreeRun:
             return status
         finally:
             self.signals.last_words = None
+            if self.options.supervision is not None:
+                self.options.supervision.tell_end()
             if self._watch is not None:
                 self._watch.close()
             engine.shutdown()
@@ -476,9 +488,14 @@ class _TreeRun:
         as_json = self.options.summary == "json"
         if not as_json and (summary := mission.summary(elapsed_sec, engine.count)):
             self.output.say(summary)
+        supervision = self.options.supervision
+        if not as_json and supervision is not None and (words := supervision.in_words()):
+            self.output.say(words)
         status = self._status(engine)
         if as_json:
             said = {"status": status, "reason": self._reason, "duration": elapsed_sec, "ticks": engine.count}
+            if supervision is not None:
+                said["deaths"] = list(supervision.deaths)
             self.output.say(json_text({**said, "figures": dict(mission.figures())}))
         return status
 

@@ -38,11 +38,13 @@ def serve_run(
         PageError: If the port cannot be had.
     """
     from sar_compiler.missions.verb_calls import VerbCalls
-    from sar_compiler.ros.clock import RosClock
+    from sar_compiler.ros.clock import NodeTime
 
     verbs = mission.verbs() if mission is not None else ()
     calls = VerbCalls(node, verbs)
-    clock = RosClock(node)
+    clock = NodeTime(
+        node
+    )  # its own, for it is read in the server's thread; the mission's says what becomes of it
     hello: dict[str, object] = {
         "mode": "live",
         "robots": [node.get_fully_qualified_name()],

@@ -502,10 +502,10 @@ class LoadedTree:
         of_node: dict[str, object] = {}
         clock: dict[type, object] = {}
         if node is not None:
-            from sar_compiler.ros.clock import RosClock
+            from sar_compiler.ros.clock import mission_clock
             from sar_compiler.ros.parameters import flat_parameters
 
-            of_node, clock = flat_parameters(node), {Clock: RosClock(node)}
+            of_node, clock = flat_parameters(node), {Clock: mission_clock(node)}
         return compile_tree(binding, {**clock, **(context or {})}, {**of_node, **(parameters or {})})
 
     def preview(self, tree_id: str | None = None) -> "CompiledTree":

@@ -5,6 +5,8 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from sar_compiler.ros.of_node import of_node
+
 if TYPE_CHECKING:
     from rclpy.node import Node
 
@@ -103,3 +105,8 @@ class RosClock(NodeTime):
 
     def __init__(self, node: "Node") -> None:
         super().__init__(node, say=lambda text: node.get_logger().warning(text))
+
+
+def mission_clock(node: "Node") -> RosClock:
+    """Return the mission's clock on a node, the same object in every call: what becomes of it is said once."""
+    return of_node(node, RosClock, lambda: RosClock(node))

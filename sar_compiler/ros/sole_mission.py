@@ -1,6 +1,7 @@
 """One mission for a robot: each says in the ROS graph which actions it drives, and heeds what others say."""
 
 import json
+import math
 import os
 import platform
 import time
@@ -13,6 +14,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from sar_compiler.errors import SarError
+from sar_compiler.ros.readiness import SHADOW_SEC
 from sar_compiler.ros.requirements import Requirement
 
 # How long to look for another mission before the first message that changes anything, seconds: twice what half of
@@ -20,6 +22,8 @@ from sar_compiler.ros.requirements import Requirement
 LOOK_SEC = 1.0
 # What somebody else writes is shown up to this length.
 _SHOWN = 80
+# So many other missions are kept and told: whoever is in the domain can claim as often as he likes.
+_MOST = 8
 
 
 class AnotherMissionError(SarError):
@@ -86,6 +90,8 @@ class SoleMission(Requirement):
         self._clear_at = time.monotonic() + look_sec
         self._others: dict[str, MissionClaim] = {}
         self._told: set[str] = set()
+        # When another node of this name was first seen: infinity for not yet, None once it was told.
+        self._named_since: float | None = math.inf
         latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         own = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._mine = MissionClaim(
@@ -131,8 +137,28 @@ class SoleMission(Requirement):
             self._node.get_logger().warning(
                 f"Another mission wants this robot: {self._others[key].describe()}."
             )
+            if len(self._told) == _MOST:
+                self._node.get_logger().warning("No more missions that want this robot are told.")
+        self._look_for_namesake()
         rival = self._rival()
         return "" if rival is None else str(AnotherMissionError(rival))
+
+    def _look_for_namesake(self) -> None:
+        """Tell, once, of another node of this one's name: parameters and orders reach one of the two, whichever it is."""
+        own, now = self._mine.node, time.monotonic()
+        if self._named_since is None:
+            return
+        names = (f"{space.rstrip('/')}/{name}" for name, space in self._node.get_node_names_and_namespaces())
+        if sum(name == own for name in names) < 2:  # noqa: PLR2004 - this one and another
+            self._named_since = math.inf
+        elif self._named_since == math.inf:
+            self._named_since = now
+        elif now - self._named_since > SHADOW_SEC:
+            self._named_since = None
+            self._node.get_logger().warning(
+                f"Another node is called {own}, too: what is sent to its parameters and services reaches one of the two. "
+                "Give this one another name: --ros-args -r __node:=NAME"
+            )
 
     def close(self) -> None:
         """Give the claim up."""
@@ -152,8 +178,15 @@ class SoleMission(Requirement):
 
     def _take(self, message: String) -> None:
         claim = _read(message.data)
-        if claim is not None and claim.key != self._mine.key:
-            self._others[claim.key] = claim
+        if claim is None or claim.key == self._mine.key:
+            return
+        if len(self._others) >= _MOST and claim.key not in self._others:
+            # One that goes before this mission is all that matters.
+            if self._rival() is not None or not claim.goes_before(self._mine):
+                return
+            self._told.add(claim.key)
+            del self._others[next(iter(self._others))]
+        self._others[claim.key] = claim
 
 
 def _read(text: str) -> MissionClaim | None:

@@ -17,6 +17,9 @@ MAX_DEPTH = 200
 MAX_ELEMENTS = 300_000
 """A file with more elements is refused, before they are understood: no tree may have so many nodes."""
 
+MAX_ATTRIBUTES = 1000
+"""An element with more attributes is refused, before they are understood: each unknown one is a finding, with what was meant."""
+
 _START = Span(1, 1, 1, 1)
 _MARK = "\ufeff"
 _BYTE_ORDER_MARKS = [

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from xml.parsers import expat
 
 from sar_compiler.tree.comments import text_of_xml
-from sar_compiler.tree.content import MAX_DEPTH, MAX_ELEMENTS, source_of
+from sar_compiler.tree.content import MAX_ATTRIBUTES, MAX_DEPTH, MAX_ELEMENTS, source_of
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import MODEL_TAG, Comment, Element, FileBeginning, OpenTag, TreeFile
@@ -141,7 +141,9 @@ class _XmlReader:
             nonlocal count
             count += 1
             if count > MAX_ELEMENTS:
-                self._too_many(tag)
+                self._too_many(tag, f"the file has more than {MAX_ELEMENTS:,} elements")
+            if len(attributes) > MAX_ATTRIBUTES:
+                self._too_many(tag, f"<{tag}> has more than {MAX_ATTRIBUTES:,} attributes")
             if recovered is not None:
                 attributes = {name: recovered.original(value) for name, value in attributes.items()}
             opened.append((tag, attributes, parser.CurrentLineNumber, parser.CurrentColumnNumber + 1))
@@ -166,8 +168,7 @@ class _XmlReader:
         message = f"elements are nested more than {MAX_DEPTH} deep"
         self._refuse("too-deep", message, self._here(), self._here() + len(tag) + 1)
 
-    def _too_many(self, tag: str) -> None:
-        message = f"the file has more than {MAX_ELEMENTS:,} elements"
+    def _too_many(self, tag: str, message: str) -> None:
         self._refuse("too-many-nodes", message, self._here(), self._here() + len(tag) + 1)
 
     def _extras(self) -> tuple[str, tuple[Comment, ...]]:

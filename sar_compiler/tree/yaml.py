@@ -5,12 +5,12 @@ A node with nothing in it is its bare tag. What an attribute says is the text as
 """
 
 import re
-from typing import Any
+from typing import Any, NoReturn
 
 import yaml
 
 from sar_compiler.tree.comments import text_of_yaml
-from sar_compiler.tree.content import MAX_DEPTH, MAX_ELEMENTS, source_of
+from sar_compiler.tree.content import MAX_ATTRIBUTES, MAX_DEPTH, MAX_ELEMENTS, source_of
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
 from sar_compiler.tree.model import (
     CHILDREN_KEY,
@@ -206,15 +206,19 @@ class _YamlReader:
             self._unfinished.append(OpenTag(*self._source.place(tag.start_mark.index), tag.value))
         return self._element(tag, parts, number)
 
+    def _too_many(self, tag: Any, message: str) -> NoReturn:
+        self._report("too-many-nodes", message, *_place(tag))
+        raise TreeError(self._events.findings)
+
     def _element(self, tag: Any, parts: _Parts, number: int) -> Element | None:
         if not is_name(tag.value):
             self._wrong_name(tag, "a tag")
             return None
         self._count += 1
         if self._count > MAX_ELEMENTS:
-            message = f"the file has more than {MAX_ELEMENTS:,} elements"
-            self._report("too-many-nodes", message, *_place(tag))
-            raise TreeError(self._events.findings)
+            self._too_many(tag, f"the file has more than {MAX_ELEMENTS:,} elements")
+        if len(parts.attributes) > MAX_ATTRIBUTES:
+            self._too_many(tag, f"'{tag.value}' has more than {MAX_ATTRIBUTES:,} attributes")
         self._spans.finish(number, parts.places)
         place = self._source.place(tag.start_mark.index)
         children, comments = tuple(parts.children), tuple(parts.comments)

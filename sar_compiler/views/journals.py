@@ -57,7 +57,10 @@ def _state(file: JournalFile, runs: Sequence[JournalRun]) -> str:
 
 
 def _headline(run: JournalRun) -> str:
-    began = day_and_time(run.began)
+    death = run.about.get("after")
+    began = day_and_time(run.began) + (
+        f" by its supervisor (the one before has died: {death})" if death else ""
+    )
     if run.ended is None:
         return f"run {run.number}, begun {began}:"
     reason = f", {run.reason}" if run.reason else ""

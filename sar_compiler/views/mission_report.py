@@ -87,6 +87,7 @@ def report_data(state: MissionState) -> dict[str, Any]:
                 "status": run.status,
                 "reason": run.reason,
                 "version": run.about.get("version"),
+                "after": run.about.get("after"),
             }
             for run in state.runs
         ],

@@ -75,6 +75,7 @@ def test_the_limits_are_those_of_the_code():
     figures = [
         content.MAX_BYTES // 2**20,
         content.MAX_ELEMENTS,
+        content.MAX_ATTRIBUTES,
         content.MAX_DEPTH,
         forest.MAX_FILES,
         forest.MAX_INCLUDE_DEPTH,

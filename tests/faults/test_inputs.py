@@ -71,6 +71,13 @@ def test_what_is_no_file_is_told_and_not_read(reader, path, reason, capsys):
     assert f"cannot read {path}: {reason}" in capsys.readouterr().err
 
 
+def test_a_configuration_that_is_no_file_is_told_and_not_passed_over(capsys):
+    os.mkfifo("sar.toml")
+    Path("tree.xml").write_text(document("<AlwaysSuccess/>"), encoding="utf-8")
+    assert compile_command(["validate", "tree.xml"]) == 2
+    assert "sar.toml: it is a pipe, not a file" in capsys.readouterr().err
+
+
 def map_of(world):
     path = load_world(Path(world)).map_path
     assert path is not None
@@ -158,6 +165,22 @@ def test_a_file_with_too_many_elements_is_not_read_to_its_end(form, monkeypatch,
     out = capsys.readouterr().out
     assert "error[too-many-nodes]: the file has more than 100 elements" in out
     assert out.count("error") == 1
+
+
+@pytest.mark.parametrize("form", ["xml", "yaml"])
+def test_an_element_with_too_many_attributes_is_one_finding_at_once(form, capsys):
+    names = [f"a{number}" for number in range(200_000 if form == "xml" else 2_000)]
+    if form == "xml":
+        text = document("<AlwaysSuccess " + " ".join(f'{name}="1"' for name in names) + "/>")
+    else:
+        written = "".join(f"        {name}: 1\n" for name in names)
+        text = f"root:\n  children:\n  - BehaviorTree:\n      ID: A\n{written}"
+    Path(f"wide.{form}").write_text(text, encoding="utf-8")
+    assert compile_command(["validate", f"wide.{form}"]) == 1
+    out = capsys.readouterr().out
+    assert "has more than 1,000 attributes" in out
+    assert out.count("error") == 1
+    assert len(out) < 10_000
 
 
 def test_a_map_that_does_not_fit_on_the_disk_is_told_and_nothing_of_it_is_left():

@@ -21,16 +21,19 @@ def test_a_clock_that_stops_ends_the_waits_and_is_told(fly, serve):
     assert "Timeout" not in run.output
 
 
-def test_a_clock_that_jumps_is_told_and_changes_no_duration(fly, serve):
+def test_a_clock_that_jumps_is_told_once_and_changes_no_duration(fly, serve, tmp_path):
     clock = serve("clock")
     navigation = serve("navigation", goals=[{"drive": 3.0}, {}])
-    run = fly(RESILIENT, use_sim_time="true", time_limit_sec=1000.0)
+    # With all that looks at the time: the run, its journal and its page.
+    watched = ("--journal", tmp_path / "run.journal", "--view", "web", "--web-port", 0)
+    run = fly(RESILIENT, *watched, use_sim_time="true", time_limit_sec=1000.0)
     navigation.wait_for("accepted")
     clock.order(jump=5000.0)
     run.wait_for("The clock has jumped forward by 5000.")
     clock.order(jump=-5090.0)
     run.wait_for("The clock has jumped back by 50")
     assert run.end() == 0, run.output
+    assert run.output.count("The clock has jumped") == 2
     assert "time limit" not in run.output
 
 

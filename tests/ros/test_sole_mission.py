@@ -2,8 +2,11 @@
 
 import json
 from collections.abc import Callable
+from typing import Any
 
 import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import String
 
 from sar_compiler.ros.sole_mission import AnotherMissionError, MissionClaim, SoleMission
 from tests.ros.conftest import Ros, Said
@@ -97,8 +100,6 @@ def test_one_that_has_ended_says_nothing_to_the_next(make_ros: Callable[[], Ros]
     ],
 )
 def test_what_is_no_claim_is_not_heeded(ros: Ros, text: str) -> None:
-    from std_msgs.msg import String
-
     alone = mission(ros)
     alone._take(String(data=text))
     assert alone.missing() is None
@@ -107,3 +108,50 @@ def test_what_is_no_claim_is_not_heeded(ros: Ros, text: str) -> None:
 def test_what_another_says_of_itself_is_shown_without_what_a_terminal_would_obey() -> None:
     claim = MissionClaim("a", runs=True, since=1, key="k", node="\x1b[2J\nfine", host="h" * 500, pid=7)
     assert claim.describe() == f"node \\x1b[2J\\nfine (process 7 on {'h' * 80})"
+
+
+def claims(ros: Ros, count: int, **changes: Any) -> None:
+    """Claim the robot again and again, each time as somebody else."""
+    node = ros.node("stranger")
+    latched = QoSProfile(depth=count, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    publisher = node.create_publisher(String, "/navigate_to_pose/_mission", latched)
+    for number in range(count):
+        claim = MissionClaim("/navigate_to_pose", False, 2**62, f"key{number}", "/flood", "here", number)  # noqa: FBT003
+        publisher.publish(String(data=json.dumps(claim._replace(**changes)._asdict())))
+
+
+def test_claims_without_end_are_told_eight_times_and_forgotten(ros: Ros, said: Said) -> None:
+    running = mission(ros, "running")
+    running.run()
+    claims(ros, 300)
+    ros.spin_until(lambda: running.trouble() == "" and said.has("No more missions"), "the end of it")
+    ros.spin_for(0.3)
+    assert running.trouble() == ""
+    assert len(running._others) == len(running._told) == 8
+    assert len([line for line in said.lines() if "Another mission wants this robot" in line]) == 8
+
+
+def test_one_that_goes_before_is_heeded_among_claims_without_end(ros: Ros) -> None:
+    running = mission(ros, "running")
+    running.run()
+    claims(ros, 300)
+    ros.spin_until(lambda: len(running._others) == 8, "the claims")
+    claims(ros, 1, runs=True, since=1, key="older")
+    ros.spin_until(running.trouble, "the older mission's claim")
+    assert len(running._others) == 8
+
+
+def test_a_node_of_the_same_name_is_told_once_when_it_is_no_shadow(
+    ros: Ros, said: Said, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sar_compiler.ros.sole_mission.SHADOW_SEC", 0.2)
+    running = mission(ros, "search_and_rescue")
+    assert running.trouble() == ""
+    ros.node("search_and_rescue")
+    ros.spin_until(
+        lambda: running.trouble() == "" and said.has("Another node is called /search_and_rescue, too"),
+        "the word of the other node",
+    )
+    ros.spin_for(0.5)
+    assert running.trouble() == ""
+    assert len([line for line in said.lines() if "is called" in line]) == 1

@@ -1,0 +1,68 @@
+"""What a run of `sar-run` and who supervises it tell each other: through the environment, and through a pipe."""
+
+import json
+import os
+from collections.abc import MutableMapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import NamedTuple
+
+ALIVE, ENDING, JOURNAL = b".", b"=", b"/"
+"""The signs of a run, each the first letter of a line: it lives, it comes to its end, and where its journal is. One more is the
+guardian's (`ros.guardian.ADRIFT_SIGN`)."""
+
+_VARIABLE = "SAR_SUPERVISION"
+PERIOD_SEC = 1.0
+"""How often a run tells that it lives, steady seconds."""
+
+
+class Supervision(NamedTuple):
+    """The supervision of this process.
+
+    Attributes:
+        signs: The descriptor of the pipe to who supervises it.
+        deaths: How the runs before it have ended, in words.
+        has_begun: Whether the mission has begun, so that it is resumed.
+    """
+
+    signs: int
+    deaths: Sequence[str] = ()
+    has_begun: bool = False
+
+    def environment(self) -> dict[str, str]:
+        """Return the environment that hands this to a process."""
+        return {_VARIABLE: json.dumps(self)}
+
+    def tell_alive(self) -> None:
+        """Tell, each `PERIOD_SEC`, that the thread that ticks the tree does not stand still."""
+        self._write(ALIVE)
+
+    def tell_journal(self, place: Path) -> None:
+        """Tell where the journal is."""
+        self._write(JOURNAL + json.dumps(str(place.resolve())).encode())
+
+    def tell_end(self) -> None:
+        """Tell that the run has ended, and has only to be written and taken down."""
+        self._write(ENDING)
+
+    def in_words(self) -> str:
+        """Return what the summary says of it; empty for the first run."""
+        if not self.deaths:
+            return ""
+        times = "once" if len(self.deaths) == 1 else f"{len(self.deaths)} times"
+        return f"The mission was begun again {times} by its supervisor: {'; '.join(self.deaths)}."
+
+    def _write(self, line: bytes) -> None:
+        with suppress(OSError):  # who supervises is gone, or sleeps
+            os.write(self.signs, line + b"\n")
+
+
+def own_supervision(environment: MutableMapping[str, str] = os.environ) -> Supervision | None:
+    """Return the supervision of this process, once; None if nobody supervises it."""
+    text = environment.pop(_VARIABLE, None)
+    if text is None:
+        return None
+    supervision = Supervision(*json.loads(text))
+    os.set_inheritable(supervision.signs, False)  # noqa: FBT003 - its only form
+    os.set_blocking(supervision.signs, False)
+    return supervision

@@ -1,0 +1,212 @@
+"""`sar-run --supervise`: begins a run of the mission, and resumes it when it has died."""
+
+import json
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sar_compiler.cli.supervision import ALIVE, ENDING, JOURNAL, Supervision
+from sar_compiler.commands import print_error
+from sar_compiler.journal.errors import JournalError
+from sar_compiler.ros.guardian import ADRIFT_SIGN
+from sar_compiler.ros.signals import StopSignals
+
+if TYPE_CHECKING:
+    from sar_compiler.journal.journal_entries import JournalRun
+
+NOT_READY, ADRIFT = 3, 4
+
+# A run that ticks says so each second. What comes before and after, imports and reports, is given longer; seconds.
+_SILENCE_SEC, _PATIENCE_SEC = 10.0, 60.0
+_TURN_SEC = 0.2
+# A turn that has taken so long was this process's own standstill: nobody is judged by it; seconds.
+_OWN_PAUSE_SEC = 2.0
+# The guardian of a run that has died has ten seconds for its goals, and its own end; seconds.
+_GUARDIAN_SEC = 20.0
+_LOCK_SEC = 10.0
+_LAST_WORDS_SEC = 0.9
+# The program: its first statement keeps the current folder, from which `-c` would import, out of the way.
+_PROGRAM = (
+    "import sys; sys.path[:] = {path!r}; from sar_compiler.cli.console import sar_run; sys.exit(sar_run())"
+)
+
+
+def supervise(argv: Sequence[str], limit: int, signals: StopSignals) -> int:
+    """Run a mission to its end, and resume it if it dies; return the exit status.
+
+    What counts as its death: a signal that nobody has asked for, status 3, and 10 s without a sign of life, after which it is
+    killed. Then its guardian cancels its goals; when their ends are seen and the journal is free, the next run begins.
+
+    Args:
+        argv: The command line.
+        limit: How often it is begun again, at most.
+        signals: The requests to stop, which are passed on.
+    """
+    deaths: list[str] = []
+    has_begun = False
+    while True:
+        life = _Life(argv, deaths, has_begun=has_begun)
+        signals.last_words = lambda life=life: life.hurry(signals)
+        life.watch(signals)
+        status, death = life.end()
+        if life.is_adrift:
+            print_error("sar-run: the mission has died, and a goal that it has left may still be active")
+            return ADRIFT
+        if signals.came and death:
+            return signals.exit_status
+        if not death:
+            return signals.exit_status if signals.came and status > 128 else status  # noqa: PLR2004
+        if len(deaths) == limit:
+            print_error(f"sar-run: the mission has died ({death}), and was begun again {limit} times already")
+            return status
+        deaths.append(death)
+        has_begun = has_begun or life.has_begun
+        how = "resumed" if has_begun else "begun again"
+        print_error(f"sar-run: the mission has died ({death}): it is {how} ({len(deaths)} of {limit})")
+
+
+class _Life:
+    """One run of the mission.
+
+    Args:
+        argv: The command line.
+        deaths: How those before it have ended.
+        has_begun: Whether the mission is resumed.
+
+    Attributes:
+        is_adrift: Whether a goal that it has left may be active.
+    """
+
+    def __init__(self, argv: Sequence[str], deaths: Sequence[str], *, has_begun: bool) -> None:
+        self.is_adrift = False
+        self._began = time.time()
+        self._signs, theirs = os.pipe()
+        os.set_blocking(self._signs, False)
+        handed = Supervision(theirs, deaths, has_begun).environment()
+        self._process = subprocess.Popen(  # noqa: S603 - this interpreter, and the user's own command line
+            [sys.executable, "-c", _PROGRAM.format(path=sys.path), *argv],
+            env={**os.environ, **handed},
+            # Ctrl-C is for whole groups of processes, and is passed on once.
+            start_new_session=True,
+            pass_fds=(theirs,),
+        )
+        os.close(theirs)
+        self._poll = select.poll()
+        self._poll.register(self._signs, select.POLLIN)
+        self._rest = b""
+        self._is_open, self._has_spoken, self._is_frozen = True, False, False
+        self._limit_sec = _PATIENCE_SEC
+        self._heard_at = time.monotonic()
+        self._place: Path | None = None
+
+    def watch(self, signals: StopSignals) -> None:
+        """Wait for the end of the run, or end it where it gives no sign of life; pass a request to stop on."""
+        is_asked = False
+        turned_at = time.monotonic()
+        while self._process.poll() is None:
+            self._hear()
+            now = time.monotonic()
+            if now - turned_at > _OWN_PAUSE_SEC:
+                self._heard_at = now
+            turned_at = now
+            if signals.came and not is_asked:
+                is_asked = True
+                self._ask(signals)
+            if now - self._heard_at > self._limit_sec:
+                self._is_frozen = True
+                self._process.kill()
+                self._process.wait()
+        self._wait_until(lambda: not self._is_open, _GUARDIAN_SEC)
+        if self._place is not None:
+            self._wait_for_lock(self._place)
+        self._poll.unregister(self._signs)
+        os.close(self._signs)
+
+    def end(self) -> tuple[int, str]:
+        """Return the exit status, and in words how the run has died; empty if it has ended."""
+        status = self._process.returncode
+        ended = self._run_in_journal()
+        if ended is not None and ended.status is not None and ended.status != NOT_READY:
+            return ended.status, ""
+        if self._is_frozen:
+            return 128 + signal.SIGKILL, f"no sign of life for {self._limit_sec:g} s"
+        if status < 0:
+            return 128 - status, f"by {signal.Signals(-status).name}"
+        return status, "what it needs was not there: status 3" if status == NOT_READY else ""
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether the mission has begun in it, so that it can be resumed."""
+        return self._run_in_journal() is not None
+
+    def hurry(self, signals: StopSignals) -> int | None:
+        """Pass a second request to stop on; return the status of the run's end, if it comes at once."""
+        self._ask(signals)
+        with suppress(subprocess.TimeoutExpired):
+            status = self._process.wait(_LAST_WORDS_SEC)
+            return status if status >= 0 else None
+        return None
+
+    def _ask(self, signals: StopSignals) -> None:
+        # Before its first sign Python itself would answer a SIGINT, with a traceback.
+        self._process.send_signal(signals.exit_status - 128 if self._has_spoken else signal.SIGTERM)
+
+    def _hear(self) -> None:
+        """Read the signs that come within a turn."""
+        if not self._is_open:
+            time.sleep(_TURN_SEC)
+            return
+        if not self._poll.poll(_TURN_SEC * 1000.0):
+            return
+        data = os.read(self._signs, 4096)
+        self._is_open = bool(data)
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        for line in lines:
+            self._take(line)
+
+    def _take(self, line: bytes) -> None:
+        self._has_spoken, self._heard_at = True, time.monotonic()
+        if line.startswith(ALIVE):
+            self._limit_sec = _SILENCE_SEC
+        elif line.startswith(ENDING):
+            self._limit_sec = _PATIENCE_SEC
+        elif line.startswith(JOURNAL):
+            self._place = Path(json.loads(line[1:]))
+        self.is_adrift = self.is_adrift or line.startswith(ADRIFT_SIGN)
+
+    def _wait_until(self, wanted: Callable[[], bool], limit_sec: float) -> None:
+        deadline = time.monotonic() + limit_sec
+        while not wanted() and time.monotonic() < deadline:
+            self._hear()
+
+    def _wait_for_lock(self, place: Path) -> None:
+        """Wait until nobody holds the journal."""
+        from sar_compiler.journal.database import is_locked
+
+        deadline = time.monotonic() + _LOCK_SEC
+        while is_locked(place) and time.monotonic() < deadline:
+            time.sleep(_TURN_SEC)
+
+    def _run_in_journal(self) -> "JournalRun | None":
+        """Return what the journal has of this run; None if it had not begun."""
+        from sar_compiler.journal.database import JournalFile
+
+        if self._place is None:
+            return None
+        try:
+            file = JournalFile.read(self._place)
+        except JournalError:
+            return None
+        runs = file.runs()
+        file.close()
+        last = runs[-1] if runs else None
+        # An earlier run may have had the same number as a process.
+        is_own = last is not None and last.about.get("pid") == self._process.pid and last.began >= self._began
+        return last if is_own else None

@@ -1,0 +1,170 @@
+"""Whatever a mission dies of, its supervisor brings it to its end: nobody is lost, named or reported twice."""
+
+import logging
+import os
+import random
+import signal
+import threading
+from contextlib import suppress
+
+import pytest
+
+from tests.faults.test_guardian import children_of
+from tests.faults.worlds import arguments, end, hold, world
+from tests.processes import Command
+from tests.trees import document
+
+__all__ = ["world"]
+
+pytestmark = pytest.mark.ros
+
+# A process that is stopped before its first sign is killed after a minute.
+_STOPPED_SEC = 150.0
+TREES = ("search_and_rescue", "search_and_rescue_resilient")
+LEAVES = """
+import os, pathlib, signal, time
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+from sar_compiler import Kind, register
+
+
+@register("Misbehave", kind=Kind.ACTION)
+class Misbehave(Behaviour):
+    def __init__(self, name: str, times: int, how: str) -> None:
+        super().__init__(name)
+        self._times, self._how = times, how
+
+    def update(self):
+        count = pathlib.Path("count")
+        lives = int(count.read_text()) if count.exists() else 0
+        count.write_text(str(lives + 1))
+        if lives >= self._times:
+            return Status.SUCCESS
+        print(f"life {lives + 1}", flush=True)
+        if self._how == "block":
+            time.sleep(600)
+        os.kill(os.getpid(), getattr(signal, self._how))
+        return Status.RUNNING
+"""
+
+
+@pytest.fixture
+def misbehave(start, tmp_path, monkeypatch):
+    """Start a supervised mission whose leaf misbehaves in its first lives."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "misbehaving.py").write_text(LEAVES, encoding="utf-8")
+
+    def start_mission(times, how, *more):
+        body = f'<Misbehave times="{times}" how="{how}"/>'
+        (tmp_path / "tree.xml").write_text(document(body), encoding="utf-8")
+        command = ("tree.xml", "--nodes", "misbehaving", "--until", "end", "--journal", "run.journal")
+        return start("sar-run", *command, *more, env={"PYTHONPATH": str(tmp_path)})
+
+    return start_mission
+
+
+def shown():
+    """Return what is told of the journal."""
+    command = Command("sar-journal", "show", "run.journal")
+    assert command.end() == 0
+    return command.output
+
+
+@pytest.mark.parametrize("how", ["SIGKILL", "SIGSEGV"])
+def test_a_mission_that_has_died_is_resumed_and_it_is_told(misbehave, how):
+    run = misbehave(2, how, "--supervise")
+    assert run.end() == 0, run.output
+    for number in (1, 2):
+        assert f"sar-run: the mission has died (by {how}): it is resumed ({number} of 3)" in run.output
+    assert f"The mission was begun again 2 times by its supervisor: by {how}; by {how}." in run.output
+    assert shown().count(f"by its supervisor (the one before has died: by {how})") == 2
+
+
+def test_a_mission_that_stands_still_is_killed_and_resumed(misbehave):
+    run = misbehave(1, "block", "--supervise")
+    assert run.end() == 0, run.output
+    assert "the mission has died (no sign of life for 10 s): it is resumed (1 of 3)" in run.output
+
+
+def test_a_process_that_is_stopped_is_killed_and_its_mission_resumed(misbehave):
+    run = misbehave(1, "SIGSTOP", "--supervise", "1")
+    assert run.end() == 0, run.output
+    assert "(no sign of life for 10 s): it is resumed (1 of 1)" in run.output
+
+
+def test_one_that_dies_again_and_again_is_given_up_with_the_status_of_its_last_death(misbehave):
+    run = misbehave(9, "SIGKILL", "--supervise", "1")
+    assert run.end() == 128 + signal.SIGKILL, run.output
+    assert "the mission has died (by SIGKILL), and was begun again 1 times already" in run.output
+    assert "life 2" in run.output
+    assert "life 3" not in run.output
+
+
+def test_what_the_mission_needs_and_does_not_find_is_looked_for_again(start, tmp_path):
+    place = tmp_path / "run.journal"
+    more = ("--supervise", 1, "--journal", place, "--ros-args", "-p", "startup_timeout_sec:=1.0")
+    run = start("sar-run", *more)
+    assert run.end() == 3, run.output
+    assert "(what it needs was not there: status 3): it is begun again (1 of 1)" in run.output
+    assert run.output.count("not ready after") == 2
+
+
+def test_an_end_of_its_own_is_the_end(misbehave):
+    run = misbehave(0, "SIGKILL", "--supervise", "--until", "failure")
+    run.wait_for("starting again")
+    assert run.stop(within_sec=5.0) == 130, run.output
+    assert "has died" not in run.output
+
+
+def kill_after(run, child, seconds, how):
+    """Have a run's process end in a while, however far it is then."""
+
+    def kill():
+        with suppress(ProcessLookupError):
+            os.kill(child, how)
+
+    timer = threading.Timer(seconds, kill)
+    timer.daemon = True
+    timer.start()
+
+
+def harass(run, chance, kills, hows=(signal.SIGKILL,)):
+    """Kill the processes of a supervised mission at random moments; return how often that came before its end."""
+    for number in range(1, kills + 1):
+        run.wait_until(lambda: children_of(run.pid) or run.is_over, "a process")
+        if run.is_over:
+            return number - 1
+        kill_after(run, children_of(run.pid)[0], chance.uniform(0.0, 6.0), chance.choice(hows))
+        told = f"({number} of "
+        run.wait_until(lambda told=told: told in run.output or run.is_over, "the next life", _STOPPED_SEC)
+        if run.is_over and told not in run.output:
+            return number - 1
+    return kills
+
+
+def fly(start, world, witness, place, seed, *, kills, hows):
+    chance = random.Random(seed)  # noqa: S311 - as many as there are seeds
+    base = world.base()
+    run = start("sar-run", *arguments(place, chance.choice(TREES), "--supervise", kills))
+    done = harass(run, chance, kills, hows)
+    end(run)
+    hold(witness(), base, place)
+    return done
+
+
+def test_a_supervised_mission_killed_at_random_moments_gets_to_its_end(world, start, witness, tmp_path):
+    fly(start, world, witness, tmp_path / "run.journal", 0, kills=3, hows=[signal.SIGKILL])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(1, 13))
+def test_supervised_missions_killed_and_stopped_get_to_their_ends(world, start, witness, tmp_path, seed):
+    hows = [*[signal.SIGKILL] * 4, signal.SIGSTOP]
+    done = fly(start, world, witness, tmp_path / "run.journal", seed, kills=5, hows=hows)
+    logging.getLogger(__name__).info("killed or stopped %d times", done)
+
+
+def test_who_cannot_resume_says_so(start):
+    run = start("sar-run", "--supervise", "--no-journal")
+    assert run.end() == 2
+    assert "--supervise resumes a mission from its journal: leave --no-journal and --check out" in run.output

@@ -1,0 +1,83 @@
+"""A robot, its Nav2 and a base station that outlive missions, and what must have become of a mission in the end."""
+
+import re
+
+import pytest
+
+from tests.faults.mortal import ONCE, kinds
+from tests.processes import Command
+
+ACKNOWLEDGED = "survivors found: survivor_1 in zone_a at (-2.50, 3.20), acknowledged"
+
+
+def is_over(place):
+    """Return whether the mission in a journal is over."""
+    from sar_compiler.journal.database import JournalFile
+
+    file = JournalFile.read(place)
+    try:
+        return file.runs()[-1].is_over
+    finally:
+        file.close()
+
+
+class World:
+    """A robot, its Nav2 and the detector, which outlive missions; and a base station for each mission.
+
+    Args:
+        begin: Starts a command.
+    """
+
+    def __init__(self, begin):
+        self._begin = begin
+        self._base = None
+        begin("sar-sim", "run", "--speed", 20).wait_for("runs")
+        self.detector = begin("sar-detect-survivor-server").wait_for("ready")
+
+    def base(self):
+        """Return a base station that has heard of nobody."""
+        if self._base is not None:
+            self._base.stop()
+        self._base = self._begin("sar-report-survivor-server").wait_for("ready")
+        return self._base
+
+
+@pytest.fixture(scope="module")
+def world():
+    """Start a world once."""
+    commands = []
+
+    def begin(*command):
+        commands.append(Command(*command))
+        return commands[-1]
+
+    yield World(begin)
+    for command in reversed(commands):
+        command.kill()
+
+
+def arguments(place, tree, *more):
+    """Return the arguments of a mission in a world of its own."""
+    zones = ("-p", "zone_order:=[zone_a, zone_b]", "-p", "use_sim_time:=true")
+    return (tree, "--until", "complete", "--journal", place, *more, "--ros-args", *zones)
+
+
+def end(run):
+    """Wait for the end of a mission that must be complete."""
+    assert run.end() == 0, run.output
+    assert ACKNOWLEDGED in run.output
+
+
+def hold(watching, base, place):
+    """Hold what became of a mission that has ended against an undisturbed one."""
+    received = re.findall(r"Report received: (\S+ at \(.*?\))", base.output)
+    assert received == ["survivor_1 at (-2.50, 3.20)"]
+    found = kinds(place)
+    assert {key: count for key, count in found.items() if count > 1 and key[0] in ONCE} == {}
+    for fact in (
+        ("zone_visited", "zone_a"),
+        ("zone_visited", "zone_b"),
+        ("report_acknowledged", "survivor_1"),
+    ):
+        assert found[fact] == 1
+    watching.wait_for_goals(lambda goals: goals and all(status > 3 for status in goals))
