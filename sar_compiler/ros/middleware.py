@@ -48,7 +48,7 @@ def require_middleware() -> None:
 
 @contextmanager
 def ros_up(arguments: Sequence[str]) -> "Iterator[Context]":
-    """Initialise ROS in a context of its own, and shut that down in the end.
+    """Initialise ROS in a context of its own, and shut that down in the end; what killed processes have left is removed before.
 
     Signals are left to the caller: rclpy's handlers would take ROS down before a goal in flight could be cancelled.
     Meanwhile rclpy does not warn of an answer that its client does not hear, because it has just been taken down.
@@ -61,7 +61,9 @@ def ros_up(arguments: Sequence[str]) -> "Iterator[Context]":
     from rclpy.signals import SignalHandlerOptions
 
     from sar_compiler.ros.errors import readable_ros_errors
+    from sar_compiler.ros.shared_memory import remove_what_the_dead_left
 
+    remove_what_the_dead_left()
     context = Context()
     try:
         with readable_ros_errors():

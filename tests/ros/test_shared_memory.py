@@ -1,0 +1,66 @@
+"""What killed processes leave in shared memory goes with the next start, and what anybody holds stays."""
+
+import fcntl
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.ros.shared_memory import _remove_if_dead, remove_what_the_dead_left
+
+LIVES = "import rclpy; rclpy.init(); node = rclpy.create_node('alive'); print(flush=True); input()"
+
+
+def left(folder: Path, name: str, *, age_sec: float = 3600.0) -> Path:
+    """Leave a segment and its lock, as a process does that was killed."""
+    segment = folder / f"fastrtps_{name}"
+    segment.write_bytes(b"0" * 1000)
+    lock = folder / f"fastrtps_{name}_el"
+    lock.touch()
+    then = lock.stat().st_mtime - age_sec
+    os.utime(lock, (then, then))
+    return segment
+
+
+def test_the_segments_of_the_dead_are_removed_with_their_locks(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        left(tmp_path, name)
+    assert remove_what_the_dead_left(tmp_path) == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_held_or_new_or_somebody_elses_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    held, new = left(tmp_path, "held"), left(tmp_path, "new", age_sec=0.0)
+    (tmp_path / "fastrtps_port7412").write_bytes(b"port")
+    with Path(f"{held}_el").open("rb") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        assert remove_what_the_dead_left(tmp_path) == 0
+    monkeypatch.setattr("os.geteuid", lambda: 4711)
+    assert remove_what_the_dead_left(tmp_path) == 0
+    assert held.exists()
+    assert new.exists()
+    assert len(list(tmp_path.iterdir())) == 5
+
+
+@pytest.mark.ros
+def test_what_a_living_participant_has_stays_and_goes_when_it_was_killed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("sar_compiler.ros.shared_memory._NEW_SEC", 0.0)
+    folder = Path("/dev/shm")  # noqa: S108 - where Linux has it
+    before = set(folder.glob("fastrtps_*_el"))
+    process = subprocess.Popen([sys.executable, "-c", LIVES], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert process.stdout is not None
+    process.stdout.readline()
+    opened = {each.readlink() for each in Path(f"/proc/{process.pid}/fd").iterdir()}
+    held = opened & set(folder.glob("fastrtps_*_el")) - before
+    assert held, "Fast DDS holds no lock: its names have changed"
+    assert not any(_remove_if_dead(each) for each in held)
+    assert all(each.exists() for each in held)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    assert all(_remove_if_dead(each) for each in held)
+    assert not any(each.exists() for each in held)
