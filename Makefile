@@ -13,6 +13,8 @@ COUNT ?= 60
 ONLY ?=
 QUICK ?=
 SAVE ?=
+# For `make nav2-test`: where Nav2 is installed.
+NAV2_PREFIX ?=
 # Each cell is Python/py_trees: the versions of a robot's apt with the Python that is here, and every Python
 # (where pythonX.Y starts it) with the newest py_trees.
 MATRIX ?= $(WANTED)/2.3.0 $(WANTED)/2.5.0 3.10/2.6.0 3.11/2.6.0 3.12/2.6.0 3.13/2.6.0
@@ -25,12 +27,13 @@ PEERS := build/peers
 INTERFACES := $(shell find interfaces pip_interfaces -type f 2>/dev/null)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help env demo test test-matrix lint format schemas golden pictures bench soak mutants wheels clean require
+.PHONY: help env demo test nav2-test test-matrix lint format schemas golden pictures bench soak mutants wheels clean require
 
 help:
 	@echo "make demo         run the search-and-rescue mission in the embedded simulator (SPEED=$(SPEED) times real time)"
 	@echo "make test         run the tests"
 	@echo "make test-matrix  run the tests with every Python of this machine and older py_trees, too"
+	@echo "make nav2-test    missions and faults on an installed Nav2: NAV2_PREFIX=/opt/ros/jazzy"
 	@echo "make lint         style and types"
 	@echo "make soak         the long tests"
 	@echo "make bench        the benchmarks, against the record and other libraries (QUICK=1 a trial, ONLY=verify some, SAVE=1 a new record)"
@@ -67,6 +70,12 @@ test-matrix:
 	done; \
 	echo "passed:$${passed:- none}"; echo "failed:$${failed:- none}"; echo "not on this machine:$${left:- none}"; \
 	[ -z "$$failed" ] && [ -n "$$passed" ]
+
+# On a Nav2 that is installed, in real time: some 40 minutes (docs/nav2.md).
+nav2-test: export NAV2_PREFIX := $(NAV2_PREFIX)
+nav2-test: env
+	@$(BIN)/python -m tests.nav2.prefix
+	$(BIN)/python -m pytest -v -m nav2 tests/nav2
 
 lint: env
 	$(BIN)/ruff check .

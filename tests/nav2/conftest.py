@@ -1,0 +1,61 @@
+"""One Nav2 for a module, a robot that is at home before each flight, and what was promised against what was seen."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.conftest import start
+from tests.nav2.prefix import missing
+
+__all__ = ["start"]
+
+_ROWS: list[tuple[str, str, str]] = []
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory):
+    lacking = missing(os.environ.get("NAV2_PREFIX", ""))
+    if lacking:
+        pytest.fail("\n".join(lacking), pytrace=False)
+    from tests.nav2.stack import Nav2
+
+    stack = Nav2(Path(os.environ["NAV2_PREFIX"]), tmp_path_factory.mktemp("nav2"))
+    yield stack
+    stack.stop()
+
+
+@pytest.fixture
+def nav2(running):
+    """Nav2, with the robot at its start."""
+    running.be_home()
+    return running
+
+
+@pytest.fixture
+def fly(start):
+    """Start a mission in simulated time."""
+
+    def start_mission(*arguments, **parameters):
+        given = {"use_sim_time": "true", "startup_timeout_sec": "120.0", **parameters}
+        assigned = [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
+        return start("sar-run", *arguments, "--until", "complete", "--ros-args", *assigned)
+
+    return start_mission
+
+
+@pytest.fixture
+def seen(request):
+    """Note what was seen beside what was promised; the rows are printed at the end, also of what failed."""
+
+    def note(promised, what):
+        _ROWS.append((request.node.name, promised, what))
+
+    return note
+
+
+def pytest_terminal_summary(terminalreporter):
+    if _ROWS:
+        terminalreporter.section("promised, and seen on Nav2")
+        for name, promised, what in _ROWS:
+            terminalreporter.write_line(f"{name}\n    promised: {promised}\n    seen:     {what}")

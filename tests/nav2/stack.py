@@ -1,0 +1,245 @@
+"""A robot without a mission: the simulated world, Nav2's nodes as processes that can be killed, and who watches them."""
+
+import math
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import yaml
+from action_msgs.msg import GoalStatus, GoalStatusArray
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from nav2_msgs.action import NavigateToPose
+from nav_msgs.msg import Odometry
+from rclpy.action import ActionClient
+
+from tests.e2e.witness import LATCHED, Watcher
+from tests.nav2.prefix import MANAGER, SERVERS, environment, executable
+from tests.processes import Command
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+PARAMS = ROOT / "config" / "nav2_params.yaml"
+LOCALISATION, NAVIGATION = (
+    ["map_server", "amcl"],
+    [name for name in SERVERS if name not in ("map_server", "amcl")],
+)
+
+# A robot that is slower than this stands, m/s and rad/s.
+STANDS_V, STANDS_W = 0.02, 0.05
+# So long after the end of a goal, or of the process, nothing may move any more, seconds.
+GRACE_SEC = 1.0
+# How near to its start a robot is at home, metres.
+_HOME = 0.5
+_ENDED = (GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED, GoalStatus.STATUS_ABORTED)
+
+
+class Robot(Watcher):
+    """What odometry and goals say of a robot, with the machine's times, from the beginning on."""
+
+    def __init__(self):
+        super().__init__("witness_of_nav2")
+        self.speeds = []  # (time, m/s, rad/s)
+        self.goals = {}  # of each goal: (time, status) for each change
+        self.place = self.pose = None
+        self._action = ActionClient(self.node, NavigateToPose, "navigate_to_pose")
+        self.node.create_subscription(Odometry, "odometry/filtered", self._on_odometry, 100)
+        self.node.create_subscription(PoseWithCovarianceStamped, "amcl_pose", self._on_pose, LATCHED)
+        self.node.create_subscription(
+            GoalStatusArray, "navigate_to_pose/_action/status", self._on_statuses, LATCHED
+        )
+        self._tell = self.node.create_publisher(PoseWithCovarianceStamped, "initialpose", 1)
+        self.watch()
+
+    def _on_odometry(self, message, info):
+        twist, position = message.twist.twist, message.pose.pose.position
+        with self._news:
+            when = info["source_timestamp"] / 1e9
+            self.speeds.append((when, abs(twist.linear.x), abs(twist.angular.z)))
+            self.place = (position.x, position.y)
+            self._news.tell()
+
+    def _on_pose(self, message):
+        with self._news:
+            self.pose = (message.pose.pose.position.x, message.pose.pose.position.y)
+            self._news.tell()
+
+    def _on_statuses(self, message, info):
+        with self._news:
+            for each in message.status_list:
+                changes = self.goals.setdefault(bytes(each.goal_info.goal_id.uuid), [])
+                if not changes or changes[-1][1] != each.status:
+                    changes.append((info["source_timestamp"] / 1e9, each.status))
+            self._news.tell()
+
+    def wait_until_moving(self):
+        self.wait_until(lambda: self.speeds and self.speeds[-1][1] > 0.1, "movement")
+
+    def wait_until_active(self):
+        """Wait for a goal that is under way."""
+        self.wait_until(lambda: any(not self._is_over(each) for each in self.goals.values()), "a goal")
+
+    def ends_since(self, began):
+        """The statuses with which goals have ended since a time."""
+        with self._news:
+            return [
+                each[-1][1] for each in self.goals.values() if self._is_over(each) and each[-1][0] >= began
+            ]
+
+    @staticmethod
+    def _is_over(changes):
+        return changes[-1][1] in _ENDED
+
+    def still_after(self, when):
+        """Watch for three seconds; return how long after a time the robot still moved, seconds."""
+        deadline = max(time.time(), when) + 3.0
+        self.wait_until(lambda: time.time() > deadline, "the time")
+        with self._news:
+            moving = [at for at, v, w in self.speeds if when < at and (v > STANDS_V or w > STANDS_W)]
+        return max(moving) - when if moving else 0.0
+
+    def drives_without_goal(self, since):
+        """Return for how long at most the robot has moved while no goal was active, seconds: how often it did beyond `GRACE_SEC`, too."""
+        with self._news:
+            spans = [
+                (each[0][0], each[-1][0] if self._is_over(each) else math.inf) for each in self.goals.values()
+            ]
+            moving = [at for at, v, w in self.speeds if at >= since and (v > STANDS_V or w > STANDS_W)]
+        late = []
+        for at in moving:
+            if not any(begin <= at <= end for begin, end in spans):
+                ended = max((end for _, end in spans if end < at), default=since)
+                late.append(at - ended)
+        return max(late, default=0.0)
+
+    def drive_home(self):
+        """Send the robot back to its start, and wait until it is there."""
+        self.wait_until(self._action.server_is_ready, "the server of navigate_to_pose")
+        goal = NavigateToPose.Goal()
+        goal.pose.header.frame_id, goal.pose.pose.orientation.w = "map", 1.0
+        sent = self._action.send_goal_async(goal)
+        self.wait_until(sent.done, "the answer to the goal for home")
+        result = sent.result().get_result_async()
+        self.wait_until(result.done, "the robot's coming home")
+        return result.result().status == GoalStatus.STATUS_SUCCEEDED
+
+    def send(self, x, y):
+        """Send a goal as another client does."""
+        self.wait_until(self._action.server_is_ready, "the server of navigate_to_pose")
+        goal = NavigateToPose.Goal()
+        goal.pose.header.frame_id, goal.pose.pose.orientation.w = "map", 1.0
+        goal.pose.pose.position.x, goal.pose.pose.position.y = x, y
+        sent = self._action.send_goal_async(goal)
+        self.wait_until(sent.done, "the answer to the goal")
+
+    def tell_pose(self, x, y):
+        """Tell the localisation where the robot is, as RViz does."""
+        message = PoseWithCovarianceStamped()
+        message.header.frame_id, message.pose.pose.orientation.w = "map", 1.0
+        message.pose.pose.position.x, message.pose.pose.position.y = x, y
+        message.pose.covariance[0] = message.pose.covariance[7] = message.pose.covariance[35] = 0.05
+        self.wait_until(self._tell.get_subscription_count, "a localisation")
+        self._tell.publish(message)
+
+    def is_home(self):
+        """Whether the robot is localised, and at its start."""
+        with self._news:
+            return (
+                self.place is not None
+                and self.pose is not None
+                and max(math.hypot(*self.place), math.hypot(*self.pose)) < _HOME
+            )
+
+
+class Nav2:
+    """The world, the robot, the survivors' servers, and Nav2.
+
+    Args:
+        prefix: Where Nav2 is installed.
+        folder: For its logs and files.
+    """
+
+    def __init__(self, prefix, folder):
+        self._prefix, self._folder = prefix, folder
+        self._environment = environment(prefix)
+        self._processes, self._commands = {}, []
+        self.start()
+
+    def start(self):
+        """Start everything, with the robot at its start and not localised."""
+        self.is_whole = True
+        simulated = ["--ros-args", "-p", "use_sim_time:=true"]
+        self.simulator = Command("sar-sim", "run", self._world(), "--speed", "1")
+        self.simulator.wait_for("runs")
+        params = ["--params-file", ROOT / "config" / "mission_params.yaml"]
+        self._commands = [
+            self.simulator,
+            Command("sar-detect-survivor-server", *simulated, *params),
+            Command("sar-report-survivor-server", *simulated),
+        ]
+        for name, package in SERVERS.items():
+            self._run(name, package, name, "--params-file", PARAMS, *self._map(name))
+        for kind, names in (("localization", LOCALISATION), ("navigation", NAVIGATION)):
+            manager = f"lifecycle_manager_{kind}"
+            listed = f"node_names:=[{', '.join(names)}]"
+            self._run(manager, *MANAGER, "-r", f"__node:={manager}", "-p", "autostart:=true", "-p", listed)
+        self.robot = Robot()
+
+    def _world(self):
+        """Write the world without its map: Nav2 has it, and the simulator's stand-in stays away."""
+        world = yaml.safe_load((ROOT / "worlds" / "disaster_zone.yaml").read_text(encoding="utf-8"))
+        del world["map"]
+        path = self._folder / "disaster_zone.yaml"
+        path.write_text(yaml.safe_dump(world), encoding="utf-8")
+        return path
+
+    def _map(self, name):
+        return (
+            ["-p", f"yaml_filename:={ROOT / 'maps' / 'disaster_zone.yaml'}"] if name == "map_server" else []
+        )
+
+    def _run(self, name, package, program, *arguments):
+        log = (self._folder / f"{name}.log").open("a")
+        words = [
+            executable(self._prefix, package, program),
+            "--ros-args",
+            "-p",
+            "use_sim_time:=true",
+            *arguments,
+        ]
+        self._processes[name] = subprocess.Popen(
+            [str(word) for word in words],
+            env=self._environment,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+
+    def kill(self, name):
+        """Kill one of Nav2's processes; the machine's time at which that was."""
+        self.is_whole = False
+        self._processes[name].kill()
+        self._processes[name].wait()
+        return time.time()
+
+    def log(self, name):
+        """What a node has said."""
+        return (self._folder / f"{name}.log").read_text(encoding="utf-8", errors="replace")
+
+    def be_home(self):
+        """See that everything runs, with the robot at its start: drive it there, or start everything anew."""
+        runs = self.is_whole and all(each.poll() is None for each in self._processes.values())
+        if runs and not self.robot.goals and self.robot.pose is None:
+            return
+        if not (runs and (self.robot.is_home() or self.robot.drive_home())):
+            self.stop()
+            self.start()
+
+    def stop(self):
+        """End everything, in whatever state it is."""
+        self.robot.close()
+        self.simulator.send(signal.SIGCONT)
+        for process in self._processes.values():
+            process.kill()
+            process.wait()
+        for command in self._commands:
+            command.kill()

@@ -1,0 +1,254 @@
+"""Missions on an installed Nav2: what the pages promise, with its own nodes, codes, times and recoveries (`make nav2-test`)."""
+
+import json
+import signal
+import time
+
+import pytest
+import yaml
+
+from tests.nav2.stack import GRACE_SEC, ROOT
+from tests.processes import in_order
+
+pytestmark = [pytest.mark.nav2, pytest.mark.ros]
+
+TREES = ("search_and_rescue", "search_and_rescue_resilient", "search_and_rescue_guarded")
+RESILIENT = TREES[1]
+ZONES = ("zone_a", "zone_b", "zone_c", "zone_d")
+SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
+MISSIONS_IN_A_ROW = 10
+# How long Nav2 is away in the tests of a server that is killed, seconds.
+AWAY_SEC = 45.0
+
+
+def end(run, nav2):
+    """Wait for a mission's end as long as its robot is heard of: a drive in real time prints nothing for a minute."""
+    nav2.robot.wait_until(lambda: run.is_over, "the mission's end")
+    return run.end()
+
+
+def until(run, nav2, text):
+    """Wait likewise for a line."""
+    nav2.robot.wait_until(lambda: text in run.output or run.is_over, f"'{text}'")
+    assert text in run.output, run.output
+
+
+def given_up(run):
+    """The lines that give a zone an end without a visit, or put it off."""
+    return [line for line in run.log if "postponed" in line.lower() or "abandon" in line.lower()]
+
+
+def summary(run):
+    """What `--summary json` has printed."""
+    return json.loads(
+        next(line for line in reversed(run.output.splitlines()) if line.startswith('{"status"'))
+    )
+
+
+def wait_and_watch(robot, sec):
+    """Let a time pass in which something must not happen."""
+    deadline = time.time() + sec
+    robot.wait_until(lambda: time.time() > deadline, "the time")
+
+
+@pytest.mark.parametrize("tree", TREES)
+def test_a_tree_is_flown_and_nothing_moves_without_a_goal(tree, nav2, fly, seen):
+    began = time.time()
+    run = fly(tree, "--summary", "json")
+    status, ended = end(run, nav2), time.time()
+    figures, loose = summary(run), nav2.robot.drives_without_goal(began)
+    still = nav2.robot.still_after(ended)
+    aborted = nav2.robot.ends_since(began).count(ABORTED)
+    seen(
+        "status 0, 4 zones, 2 survivors; nothing moves 1 s after a goal or the process",
+        f"status {status}, {figures['figures']}, {figures['duration']:.1f} s simulated, {figures['ticks']} ticks, "
+        f"{aborted} goals aborted, moved without a goal for {loose:.1f} s, after the end for {still:.1f} s",
+    )
+    assert status == 0, run.output
+    expected = [word for zone in ZONES for word in (f"Navigating to {zone}...", f"Reached {zone}.")]
+    assert in_order([*expected, "Reached base station."], run.log) is None, run.output
+    assert figures["figures"]["survivors reported"] == 2
+    assert max(loose, still) <= GRACE_SEC
+
+
+def test_a_zone_in_a_wall_is_given_up_and_the_robot_comes_home(nav2, fly, seen, tmp_path):
+    params = yaml.safe_load((ROOT / "config" / "mission_params.yaml").read_text(encoding="utf-8"))
+    params["/**"]["ros__parameters"]["zones"]["zone_b"] = {"x": 6.2, "y": 0.0, "yaw": 0.0}
+    params["/**"]["ros__parameters"]["zone_order"] = ["zone_a", "zone_b"]
+    file = tmp_path / "params.yaml"
+    file.write_text(yaml.safe_dump(params), encoding="utf-8")
+    began = time.time()
+    run = fly(RESILIENT, "--summary", "json", "--params", file)
+    status = end(run, nav2)
+    aborted = nav2.robot.ends_since(began).count(ABORTED)
+    seen(
+        "status 1, the zone named, home",
+        f"status {status}, {aborted} goals aborted, {summary(run)['duration']:.1f} s",
+    )
+    assert status == 1, run.output
+    assert any("zone_b" in line for line in given_up(run)), run.output
+    assert "Reached base station." in run.log
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGHUP, 129)])
+def test_a_signal_on_the_way_cancels_the_goal_and_the_robot_stands(nav2, fly, seen, number, status):
+    began, run = time.time(), fly(RESILIENT)
+    nav2.robot.wait_until_moving()
+    sent = time.time()
+    run.send(number)
+    came, ended = end(run, nav2), time.time()
+    still = nav2.robot.still_after(ended)
+    seen(
+        f"status {status}, the goal cancelled, still within 1 s of the end",
+        f"status {came} after {ended - sent:.1f} s, moved for {still:.1f} s after it",
+    )
+    assert came == status, run.output
+    assert CANCELED in nav2.robot.ends_since(began)
+    assert still <= GRACE_SEC
+
+
+def test_a_mission_that_is_killed_leaves_no_goal_and_is_resumed(nav2, fly, seen, tmp_path):
+    journal = tmp_path / "m.journal"
+    began, run = time.time(), fly(RESILIENT, "--journal", journal)
+    until(run, nav2, "Reached zone_a.")
+    until(run, nav2, "Navigating to zone_b...")
+    nav2.robot.wait_until_moving()
+    run.kill()
+    killed = time.time()
+    nav2.robot.wait_until(lambda: CANCELED in nav2.robot.ends_since(began), "the goal's end")
+    canceled = time.time() - killed
+    still = nav2.robot.still_after(killed)
+    resumed = fly(RESILIENT, "--journal", journal, "--resume", "--summary", "json")
+    status = end(resumed, nav2)
+    seen(
+        "the guardian cancels at once; --resume completes",
+        f"cancelled after {canceled:.1f} s, still after {still:.1f} s, resumed with status {status}",
+    )
+    assert still <= 2 * GRACE_SEC
+    assert status == 0, resumed.output
+    assert "Navigating to zone_a..." not in resumed.log
+
+
+def test_another_clients_goal_is_waited_for(nav2, fly, seen):
+    began, run = time.time(), fly(RESILIENT)
+    nav2.robot.wait_until_moving()
+    nav2.robot.send(0.8, 0.8)
+    status = end(run, nav2)
+    seen("waited for, the mission's goal sent again", f"status {status}, {nav2.robot.ends_since(began)}")
+    assert status == 0, run.output
+    assert not given_up(run)
+
+
+def test_a_second_mission_is_refused(nav2, fly, seen):
+    first = fly(RESILIENT)
+    nav2.robot.wait_until_moving()
+    asked = time.time()
+    status = end(fly(RESILIENT, "--no-journal"), nav2)
+    seen("refused, status 2", f"status {status} after {time.time() - asked:.1f} s")
+    assert status == 2
+    first.send(signal.SIGINT)
+    assert end(first, nav2) == 130
+
+
+def test_a_mission_begun_anew_away_from_the_base_tells_the_robot_no_pose(nav2, fly, seen):
+    run = fly(RESILIENT, "--no-journal")
+    until(run, nav2, "Reached zone_a.")
+    run.send(signal.SIGINT)
+    assert end(run, nav2) == 130
+    told = nav2.log("amcl").count("Setting pose")
+    status = end(fly(RESILIENT, "--no-journal"), nav2)
+    again = nav2.log("amcl").count("Setting pose") - told
+    seen("status 3, the robot is told nothing", f"status {status}, told {again} times")
+    assert (status, again) == (3, 0)
+
+
+def test_a_pose_that_is_given_late_is_waited_for(running, fly, seen):
+    running.stop()
+    running.start()
+    run = fly(RESILIENT, set_initial_pose="false", zone_order="[zone_a]")
+    wait_and_watch(running.robot, 15.0)
+    told = time.time()
+    running.robot.tell_pose(0.0, 0.0)
+    running.robot.wait_until_moving()
+    drove = time.time() - told
+    status = end(run, running)
+    seen("waited for", f"drives {drove:.1f} s after the pose; status {status}")
+    assert status == 0, run.output
+
+
+def test_a_clock_that_stops_is_told_and_the_mission_goes_on(nav2, fly, seen):
+    run = fly(RESILIENT)
+    nav2.robot.wait_until_moving()
+    stopped = time.time()
+    nav2.simulator.send(signal.SIGSTOP)
+    until(run, nav2, "clock")
+    told = time.time() - stopped
+    nav2.simulator.send(signal.SIGCONT)
+    status = end(run, nav2)
+    seen("told after 10 s, the goal not harmed", f"told after {told:.1f} s, status {status}")
+    assert status == 0, run.output
+
+
+def killed_on_the_way(nav2, fly, name):
+    """Kill one of Nav2's processes on the way to a zone; the run, and when that was."""
+    run = fly(RESILIENT, "--no-journal")
+    until(run, nav2, "Reached zone_a.")
+    until(run, nav2, "Navigating to zone_b...")
+    nav2.robot.wait_until_moving()
+    return run, nav2.kill(name)
+
+
+@pytest.mark.parametrize("name", ["bt_navigator", "controller_server", "planner_server", "behavior_server"])
+def test_no_zone_is_given_up_while_a_server_of_nav2_is_away(name, nav2, fly, seen):
+    run, killed = killed_on_the_way(nav2, fly, name)
+    still = nav2.robot.still_after(killed)
+    wait_and_watch(nav2.robot, AWAY_SEC)
+    lost = given_up(run)
+    run.send(signal.SIGINT)
+    status, ended = end(run, nav2), time.time()
+    after = nav2.robot.still_after(ended)
+    seen(
+        "no zone is postponed or given up; nothing moves after the end",
+        f"still {still:.1f} s after the kill; {lost or 'none given up'} in {AWAY_SEC:.0f} s; status {status}, moved for {after:.1f} s",
+    )
+    assert not lost
+    assert after <= GRACE_SEC
+
+
+def test_a_localisation_that_dies_is_told_within_four_seconds(nav2, fly, seen):
+    run, killed = killed_on_the_way(nav2, fly, "amcl")
+    before = len(run.log)
+    nav2.robot.wait_until(lambda: tells_of_localisation(run, before), "a word of the localisation")
+    told = time.time() - killed
+    lost = given_up(run)
+    run.send(signal.SIGINT)
+    end(run, nav2)
+    line = tells_of_localisation(run, before)
+    seen("told within 4 s, no zone given up", f"after {told:.1f} s: {line}; {lost or 'none given up'}")
+    assert told <= 4.0
+    assert not lost
+
+
+def tells_of_localisation(run, since):
+    """The first line about a localisation that is gone."""
+    words = ("localisation", "amcl", "No transform from 'map'")
+    return next((line for line in run.log[since:] if any(word in line for word in words)), "")
+
+
+def test_ten_missions_in_a_row_lose_no_drive(nav2, fly, seen):
+    ends = []
+    for _ in range(MISSIONS_IN_A_ROW):
+        began = time.time()
+        run = fly(RESILIENT, "--no-journal", "--summary", "json")
+        status = end(run, nav2)
+        aborted = nav2.robot.ends_since(began).count(ABORTED)
+        ends.append(
+            (status, summary(run)["duration"], aborted, round(nav2.robot.drives_without_goal(began), 1))
+        )
+        nav2.be_home()
+    seen(
+        "status 0, no drive aborted, nothing moves without a goal",
+        f"(status, s, aborted, s without goal): {ends}",
+    )
+    assert [(status, aborted) for status, _, aborted, _ in ends] == [(0, 0)] * MISSIONS_IN_A_ROW
+    assert max(loose for *_, loose in ends) <= GRACE_SEC
