@@ -61,11 +61,6 @@ class Command:
         return self._process.pid
 
     @property
-    def is_over(self):
-        """Whether it has ended."""
-        return self._process.poll() is not None
-
-    @property
     def output(self):
         """All that was printed so far."""
         with self._news:
