@@ -587,3 +587,16 @@ def test_every_meaning_of_a_tag_says_whether_behaviortree_cpp_has_the_tag():
     assert [
         spec.tag for spec in specs if spec.semantics.counterpart.built_in is not (spec.tag in BUILT_IN)
     ] == []
+
+
+def test_a_node_that_is_called_as_a_kind_stays_in_explicit_form_where_that_is_not_found():
+    model = '<TreeNodesModel><Action ID="Action"/></TreeNodesModel>'
+    text = document('<ReactiveSequence><Action ID="Action"/></ReactiveSequence>').replace(
+        "</root>", f"{model}</root>"
+    )
+    converted, notes = to_btcpp(parse_xml(text), default_registry())
+    [node] = converted.trees[0].children[0].children
+    assert (node.tag, node.attributes) == ("Action", {"ID": "Action"})
+    assert [(note.code, note.hint) for note in notes] == [
+        ("no-counterpart", "put it into a Sequence of its own")
+    ]

@@ -297,7 +297,7 @@ class _Conversion:
             return True  # its own name would be taken for the explicit form
         if draft.explicit and parent == _DROPS_EXPLICIT:
             message = f"BehaviorTree.CPP does not find <{draft.element.tag}> directly in <{parent}>"
-            if refused_in(draft.tag):
+            if refused_in(draft.tag) or draft.tag in _KIND_TAGS:
                 self.notes.no_counterpart(draft.element, message, "put it into a Sequence of its own")
                 return True
             self.notes.differs(draft.element, f"{message}; written as <{draft.tag}>")
