@@ -84,7 +84,8 @@ def test_json_has_the_fields_that_scripts_rely_on(capsys, broken):
             "code": "unknown-node",
             "message": "no node is called 'Sey'",
             "suggestion": None,
-            "hint": "sar-compile nodes lists them; --nodes adds a module of leaves, --model a palette",
+            "hint": "sar-compile nodes lists them; --nodes adds a module of leaves, --model a palette "
+            "(nodes --from-use makes one)",
             "cause": "unknown-node: no nodes are called like these",
         }
     ]

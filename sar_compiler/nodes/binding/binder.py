@@ -35,7 +35,7 @@ _KEYS = re.compile(r"\{(@?[A-Za-z_]\w*)\}|(?<![\w@])(@?[A-Za-z_]\w*)\s*:=", re.A
 _OF_ANY = ("ID", "name", ONESHOT)
 """Attributes that say nothing of whose node it is."""
 _UNKNOWN = "no nodes are called like these"
-_UNKNOWN_HINT = "sar-compile nodes lists them; --nodes adds a module of leaves, --model a palette"
+_UNKNOWN_HINT = "sar-compile nodes lists them; --nodes adds a module of leaves, --model a palette (nodes --from-use makes one)"
 _LIKE_TAGS, _LIKE_UNUSED = 0.8, 0.9
 """How alike two tags are of which one is a slip for the other."""
 
