@@ -1,6 +1,7 @@
 """One run of `sar-run`, from the tree file to the exit status."""
 
 import sys
+import time
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
@@ -52,6 +53,7 @@ from sar_compiler.ros.parameter_file import sections_elsewhere
 from sar_compiler.ros.parameter_reader import ParameterReader
 from sar_compiler.ros.parameters import DataNode, flat_parameters
 from sar_compiler.ros.readiness import NotReadyError, Readiness, wait_until_ready
+from sar_compiler.ros.robot_estimate import RobotEstimate, robot_estimate
 from sar_compiler.ros.run_parameters import RunParameters
 from sar_compiler.ros.setting_up import SetupFailedError
 from sar_compiler.ros.signals import StopSignals
@@ -297,10 +299,11 @@ class _TreeRun:
         self._result: RunResult | None = None
         self._reason = ""
         self._started = 0.0
-        self._adrift: list[str] = []
+        self._adrift = ""
         self._callback_failure: Exception | None = None
         self._sole: SoleMission | None = None
         self._watch: Watch | None = None
+        self._robot: RobotEstimate | None = None
         own = self.mission.context if self.mission is not None else {}
         self.context: dict[type, object] = {Clock: self._clock, **own, **self.journal.context}
 
@@ -416,7 +419,7 @@ class _TreeRun:
                 self._turn(executor)
                 self.watchers.refresh(self._clock.now())
             elapsed = self._clock.now() - self._started
-            self._adrift = engine.settle(executor, self.parameters.settle_timeout_sec)
+            self._come_to_rest(engine, executor)
         except SetupFailedError as error:
             tell(self.node, str(error), error.__cause__)
             status = self._failed(
@@ -443,6 +446,23 @@ class _TreeRun:
         self.watchers.end()
         return status
 
+    def _come_to_rest(self, engine: Engine, executor: SingleThreadedExecutor) -> None:
+        """Stop the tree, and wait until its goals have ended and, as far as the odometry says it, the robot stands."""
+        limit_sec = self.parameters.settle_timeout_sec
+        deadline = time.monotonic() + limit_sec
+        names = engine.settle(executor, limit_sec)
+        if names:
+            self._adrift = (
+                f"a goal may still be active, and the robot may still be moving: {', '.join(names)}"
+            )
+        robot = self._robot
+        while robot is not None and robot.stands is False and time.monotonic() < deadline:
+            if not self.node.context.ok():
+                return
+            self._turn(executor)
+        if robot is not None and robot.moves and not names:
+            self._adrift = f"no goal of this mission is active, and the robot still moves ({robot.speed_in_words})"
+
     def _turn(self, executor: SingleThreadedExecutor) -> None:
         try:
             executor.spin_once(timeout_sec=_TURN_SEC)
@@ -453,7 +473,7 @@ class _TreeRun:
             tell(self.node, f"A callback failed: {described(error)}. The tree is stopped.", error)
 
     def _leave_at_once(self, tree: CompiledTree) -> int | None:
-        active = len(goals_under_way(self.node))
+        active = len(goals_under_way(self.node)) or (self._robot is not None and self._robot.moves)
         # Before anything that may take its time, which there is little of.
         send_cancels(tree.root, self.node)
         self.watchers.leave_terminal()
@@ -468,7 +488,12 @@ class _TreeRun:
     def _begin_watching(self, tree: CompiledTree) -> None:
         if self._sole is not None:
             self._sole.run()
-        self._watch = Watch(self.node, tree.uses(), sole=self._sole)
+        types = declared_types(tree.root)
+        drives = [use.name for use, kind in types.items() if kind.startswith("nav2_msgs/action/")]
+        self._watch = Watch(self.node, tree.uses(), sole=self._sole, drives=drives)
+        self._robot = robot_estimate(self.node) if drives else None
+        if self._robot is not None:
+            self._robot.settle_timeout_sec = self.parameters.settle_timeout_sec
         refuse_parameters(self.node, self.fixed_parameters)
 
     @property
@@ -503,9 +528,8 @@ class _TreeRun:
         status = self._status_of_run(engine)
         if not self._adrift or (self.simulation is not None and self.simulation.failure is not None):
             return status
-        reason = f"a goal may still be active, and the robot may still be moving: {', '.join(self._adrift)}"
-        print(f"sar-run: {reason}", file=sys.stderr)
-        self._reason = " ".join([*filter(None, [self._reason]), reason])
+        print(f"sar-run: {self._adrift}", file=sys.stderr)
+        self._reason = " ".join([*filter(None, [self._reason]), self._adrift])
         return ADRIFT
 
     def _status_of_run(self, engine: Engine) -> int:

@@ -247,12 +247,12 @@ class _Asked:
 
     Attributes:
         answer: The last answer; None while there is none, or since one was lost.
-        lost: How many answers were lost.
+        is_silent: Whether the last question was not answered in time.
     """
 
     def __init__(self, node: Node, service_type: Any, name: str) -> None:
         self.answer: Any = None
-        self.lost = 0
+        self.is_silent = False
         self._node = node
         self._type = service_type
         self._client: Any = node.create_client(service_type, name)
@@ -266,13 +266,13 @@ class _Asked:
 
     @property
     def is_awaited(self) -> bool:
-        """Whether a question was asked and may still be answered in time."""
-        return self.answer is None and self._call is not None
+        """Whether a question was asked, and it is not known yet whether it is answered in time."""
+        return self.answer is None and self._call is not None and not self.is_silent
 
     def forget(self) -> None:
         """Forget the last answer."""
         self._drop()
-        self.answer, self._asked_at = None, -math.inf
+        self.answer, self.is_silent, self._asked_at = None, False, -math.inf
 
     def ask(self) -> bool:
         """Take the answer, and ask again if it is due; return whether there is a server."""
@@ -295,10 +295,9 @@ class _Asked:
         if self._call is None:
             return
         if self._call.done():
-            self.answer, self._call = self._call.result(), None
+            self.answer, self.is_silent, self._call = self._call.result(), False, None
         elif time.monotonic() - self._asked_at > _ANSWER_DEADLINE_SEC:
-            self.lost += 1
-            self.answer = None
+            self.answer, self.is_silent = None, True
             self._drop()
 
     def _drop(self) -> None:
@@ -334,8 +333,13 @@ class NodeActive(Requirement):
 
     @property
     def is_awaited(self) -> bool:
-        """Whether the node was asked and may still answer in time."""
+        """Whether the node was asked, and it is not known yet whether it answers in time."""
         return self._asked.is_awaited
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether the node has not answered in time: it was killed, or hangs."""
+        return self._asked.is_silent
 
     def forget(self) -> None:
         """Forget the last answer."""
@@ -351,7 +355,7 @@ class NodeActive(Requirement):
         if not self._asked.ask():
             return f"node {self.name}: not there (no service {self._service})"
         if self.state is None:
-            late = " in time" if self._asked.lost else ""
+            late = f" for {_ANSWER_DEADLINE_SEC:g} s" if self.is_silent else ""
             return f"node {self.name}: {self._service} has not answered{late}"
         return None if self.state == "active" else f"{self.title}: state '{self.state}', must be 'active'"
 

@@ -12,6 +12,7 @@ from sar_compiler.ros.leaves.deadline import deadline_clock
 from sar_compiler.ros.leaves.interfaces import qos_profile
 from sar_compiler.ros.of_node import of_node
 from sar_compiler.ros.poses import yaw_of
+from sar_compiler.ros.run_parameters import SETTLE_SEC
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -38,6 +39,7 @@ class RobotEstimate:
         odometry: The pose of the last message of `odometry/filtered`, frame `odom`; None if none has come.
         odometry_at_pose: The same as it was when `pose` came.
         speed: What the last odometry says: m/s and rad/s.
+        settle_timeout_sec: How long it is waited for that the robot stands, seconds.
         transform_at: When the last transform from `map` came, steady seconds; None if none has come.
     """
 
@@ -52,6 +54,7 @@ class RobotEstimate:
         self.odometry: Any = None
         self.odometry_at_pose: Any = None
         self.speed = (0.0, 0.0)
+        self.settle_timeout_sec = SETTLE_SEC
         self.transform_at: float | None = None
         self._clock = deadline_clock(node)
         self._frames = ("", "")
@@ -59,6 +62,7 @@ class RobotEstimate:
         self._slow_since: float | None = None
         self._transforms = b""
         self._listeners: list[PoseListener] = []
+        self._awaiting: list[Callable[[], None]] = []
         latched = qos_profile(type(self).__name__, "transient_local")
         # A robot that stands still, and may be held there, has said where before; AMCL says it again only when it has moved.
         node.create_subscription(PoseWithCovarianceStamped, "amcl_pose", self._on_pose, latched)
@@ -79,6 +83,15 @@ class RobotEstimate:
         if self.moves is None or self._slow_since is None:
             return None if self.moves is None else False
         return self._clock.now() - self._slow_since >= _STANDS_SEC
+
+    @property
+    def speed_in_words(self) -> str:
+        """What the last odometry says."""
+        return f"{self.speed[0]:.2f} m/s, {self.speed[1]:.2f} rad/s"
+
+    def call_when_it_stands(self, listener: Callable[[], None]) -> None:
+        """Have a function called once, when the robot stands."""
+        self._awaiting.append(listener)
 
     @property
     def is_localised(self) -> bool:
@@ -116,6 +129,10 @@ class RobotEstimate:
             self._slow_since = None
         elif self._slow_since is None:
             self._slow_since = self._clock.now()
+        elif self._awaiting and self.stands:
+            awaiting, self._awaiting = self._awaiting, []
+            for listener in awaiting:
+                listener()
 
     def _on_transforms(self, message: bytes) -> None:
         if FROM_MAP in message:

@@ -20,12 +20,14 @@ from sar_compiler.ros.readiness import SHADOW_SEC
 from sar_compiler.ros.requirements import NodeActive, OneServer, with_full_name
 from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.ros.sole_mission import SoleMission
+from sar_compiler.ros.unasked_motion import UnaskedMotion
 
-_PERIOD_SEC = 1.0
+_PERIOD_SEC = 0.5
 # How long a transform from `map` may be missing; AMCL sends some ten a second while the robot's scanner works.
-_TRANSFORM_SEC = 5.0
-# How long Nav2 may not be active, and a new localisation say nothing, before that is told.
-_LOST_SEC = 3.0
+_TRANSFORM_SEC = 3.0
+# How long Nav2 may not be active before that is told (a node that answers nothing is told at once: that took 2 s), and how long
+# a new localisation may say nothing.
+_LOST_SEC = 2.0
 # Less movement than this is none for AMCL either (its update_min_d and update_min_a): metres, radians.
 _MOVED, _TURNED = 0.25, 0.2
 
@@ -41,12 +43,14 @@ class Watch:
     * The localisation is gone: said. When it is back and has no pose, it is given the last `amcl_pose` again, if the
       odometry shows that the robot has not moved since; else the operator is asked for the pose. Leaves that use Nav2
       wait meanwhile (`ActionLeaf.hold_timeout_sec`).
-    * No transform from `map` for 5 s: said.
+    * The robot moves without a goal of the mission: said, or stopped (`UnaskedMotion`).
+    * No transform from `map` for 3 s: said, whatever the nodes answer.
 
     Args:
         node: The node that the tree runs on.
         uses: What the tree's leaves use, with resolved names.
         sole: The claim of the mission to its robot.
+        drives: Those of the actions that drive the robot.
 
     Attributes:
         trouble: Why the run must end; empty if it need not.
@@ -58,8 +62,9 @@ class Watch:
         uses: Iterable[Use],
         *,
         sole: SoleMission | None = None,
+        drives: Iterable[str] = (),
     ) -> None:
-        uses = list(dict.fromkeys(uses))
+        uses, drives = list(dict.fromkeys(uses)), list(drives)
         self.trouble = ""
         self._node = node
         self._sole = sole
@@ -68,6 +73,7 @@ class Watch:
         ]
         self._contested: dict[OneServer, float] = {}
         self._localisation = _Localisation(node) if any(use.kind == "nav2" for use in uses) else None
+        self._motion = UnaskedMotion(node, drives) if drives else None
         # Steady: what has stopped may be the node's clock.
         self._timer = node.create_timer(_PERIOD_SEC, self.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -102,8 +108,9 @@ class Watch:
             return
         self._timer.cancel()
         self._node.destroy_timer(self._timer)
-        if self._localisation is not None:
-            self._localisation.close()
+        for each in (self._localisation, self._motion):
+            if each is not None:
+                each.close()
 
 
 class _Localisation:
@@ -129,23 +136,23 @@ class _Localisation:
 
     def look(self) -> Iterable[str]:
         """Yield what has changed."""
-        missing = [line for line in [each.missing() for each in self._nodes] if line is not None]
-        if any(each.is_awaited for each in self._nodes):
-            return
-        if not missing:
+        looked = [(each, each.missing()) for each in self._nodes]
+        missing = [line for each, line in looked if line is not None and not each.is_awaited]
+        if missing:
+            yield from self._miss(missing)
+        elif not any(each.is_awaited for each in self._nodes):
             self._lost_since = None
             if self._is_lost:
                 self._is_lost = False
                 yield "Nav2 is active again."
-        else:
-            yield from self._miss(missing)
         yield from self._look_for_new_localizer()
         yield from self._look_for_transform()
 
     def _miss(self, missing: list[str]) -> Iterable[str]:
         now = time.monotonic()
         self._lost_since = self._lost_since or now
-        if not self._is_lost and now - self._lost_since >= _LOST_SEC:
+        is_sure = now - self._lost_since >= _LOST_SEC or any(each.is_silent for each in self._nodes)
+        if not self._is_lost and is_sure:
             self._is_lost = True
             yield f"Nav2 is no longer active: {'; '.join(missing)}. Leaves that drive wait for it."
 

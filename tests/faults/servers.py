@@ -5,6 +5,7 @@ Roles: `navigation` (the action `navigate_to_pose`, and Nav2's two lifecycle nod
 """
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -107,8 +108,10 @@ class Navigation:
         goals: How each goal is served, in the order of their arrival; the last entry serves all that follow.
             `accept` (true), `accept_after` (0.0 s), `drive` (0.2 s; null: for ever), `feedback` (true), `end` ("succeed" or
             "abort"), `code` (of an abort), `cancel` ("grant", "ignore": granted and not heeded, "refuse", "mute": not
-            answered), `result` ("send" or "lose").
+            answered), `result` ("send" or "lose"), `drives_on` (0.0 s after its end, unless `follow_path` is cancelled).
         states: The states of the lifecycle nodes by name; null: a node that is not there.
+        odometry: Whether the robot has odometry, which says 0.3 m/s while it drives (false).
+        runs_away: Whether a robot that drives on does so whatever is cancelled (false).
         pose: x and y that the localisation has from the start on (none).
         preempts: Whether a goal that is accepted aborts the one under way (false).
 
@@ -165,12 +168,34 @@ class Navigation:
                     GetState, f"{name}/get_state", lambda _, response, name=name: self._state(name, response)
                 )
         self._serve_poses(node, script.get("pose"))
+        self._drives_until = -math.inf
+        if script.get("odometry", False):
+            self._serve_odometry(node, runs_away=script.get("runs_away", False))
 
     def obey(self, order: "dict[str, Any]") -> None:
         self._states.update(order.get("state", {}))
         self._goals = order.get("goals", self._goals)
         if "goals" in order:
             self._count = 0  # numbers of goals begin anew
+
+    def _serve_odometry(self, node: Any, *, runs_away: bool) -> None:
+        """Publish the odometry, and have `follow_path` cancelled as Nav2's controller does."""
+        from action_msgs.srv import CancelGoal
+        from nav_msgs.msg import Odometry
+
+        publisher, message = node.create_publisher(Odometry, "odometry/filtered", 10), Odometry()
+
+        def publish() -> None:
+            message.twist.twist.linear.x = 0.3 if time.monotonic() < self._drives_until else 0.0
+            publisher.publish(message)
+
+        def stop(request: Any, response: Any) -> Any:
+            tell("follow_path cancelled", all=not any(request.goal_info.goal_id.uuid))
+            self._drives_until = self._drives_until if runs_away else -math.inf
+            return response
+
+        node.create_timer(0.05, publish)
+        node.create_service(CancelGoal, "follow_path/_action/cancel_goal", stop)
 
     def _serve_poses(self, node: Any, pose: "list[float] | None") -> None:
         from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -229,6 +254,7 @@ class Navigation:
         how = script.get("end", "succeed")
         self._newest = script["number"]
         while drive is None or time.monotonic() - began < drive:
+            self._drives_until = time.monotonic() + 0.1
             if handle.is_cancel_requested and heeds:
                 how = "cancel"
                 break
@@ -241,6 +267,7 @@ class Navigation:
                 tell("feedback")
             time.sleep(_TICK_SEC)
         ends = {"succeed": handle.succeed, "abort": handle.abort, "cancel": handle.canceled}
+        self._drives_until = time.monotonic() + script.get("drives_on", 0.0)
         ends[how]()
         tell("ended", number=script["number"], how=how)
         return self._type.Result(error_code=script.get("code", 0) if how == "abort" else 0)
@@ -250,6 +277,42 @@ class Navigation:
 
     def _loses(self, goal: bytes) -> bool:
         return self._scripts.get(goal, {}).get("result") == "lose"
+
+
+class Localiser:
+    """Node `amcl`, alone in its process: its state, `amcl_pose`, and transforms from `map`.
+
+    Orders: `{"transforms": false}`.
+    """
+
+    def __init__(self, node: Any, script: "dict[str, Any]") -> None:
+        from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
+        from lifecycle_msgs.srv import GetState
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+        from tf2_msgs.msg import TFMessage
+
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        poses = node.create_publisher(PoseWithCovarianceStamped, "amcl_pose", latched)
+        pose, offset = PoseWithCovarianceStamped(), TransformStamped()
+        pose.header.frame_id, pose.pose.pose.orientation.w = "map", 1.0
+        poses.publish(pose)
+        offset.header.frame_id, offset.child_frame_id = "map", "odom"
+        self._sends = script.get("transforms", True)
+        transforms = node.create_publisher(TFMessage, "/tf", 10)
+
+        def publish() -> None:
+            if self._sends:
+                transforms.publish(TFMessage(transforms=[offset]))
+
+        def answer(_: Any, response: Any) -> Any:
+            response.current_state.label = "active"
+            return response
+
+        node.create_timer(0.1, publish)
+        node.create_service(GetState, "amcl/get_state", answer)
+
+    def obey(self, order: "dict[str, Any]") -> None:
+        self._sends = order["transforms"]
 
 
 class Survivors:
@@ -333,7 +396,12 @@ class Clock:
             self._publisher.publish(message)
 
 
-_ROLES: "dict[str, Any]" = {"navigation": Navigation, "survivors": Survivors, "clock": Clock}
+_ROLES: "dict[str, Any]" = {
+    "navigation": Navigation,
+    "localiser": Localiser,
+    "survivors": Survivors,
+    "clock": Clock,
+}
 
 
 def main(role: str, script: str) -> None:

@@ -129,3 +129,30 @@ def test_a_rehearsed_server_that_stays_dead_is_given_up_as_the_tree_says(start):
     assert run.end() == 1, run.output
     assert "zone_b was abandoned after attempt 3." in run.output
     assert "time limit" not in run.output
+
+
+def test_a_robot_that_drives_on_after_an_abort_is_stopped_before_the_next_attempt(fly, serve):
+    drives_on = {"drive": 0.5, "end": "abort", "code": 105, "drives_on": 60.0}
+    navigation = serve("navigation", odometry=True, goals=[drives_on, {}])
+    run = fly(RESILIENT, settle_timeout_sec=30.0)
+    run.wait_for(
+        "The robot moves (0.30 m/s, 0.00 rad/s) although its goal has ended and nobody else's is active"
+    )
+    assert navigation.wait_for("follow_path cancelled")["all"]
+    run.wait_for("The robot stands.")
+    assert run.end() == 0, run.output
+    assert "postponed" not in run.output
+
+
+@pytest.mark.parametrize(("runs_away", "status"), [(False, 130), (True, 4)])
+def test_a_run_ends_when_the_robot_stands_and_with_4_if_it_does_not(fly, serve, runs_away, status):
+    goals = [{"drive": None, "drives_on": 60.0}]
+    navigation = serve("navigation", odometry=True, runs_away=runs_away, goals=goals)
+    run = fly(settle_timeout_sec=8.0 if runs_away else 30.0)
+    navigation.wait_for("accepted")
+    run.send(signal.SIGINT)
+    assert run.end() == status, run.output
+    navigation.wait_for("ended", how="cancel")
+    navigation.wait_for("follow_path cancelled")
+    still = "no goal of this mission is active, and the robot still moves (0.30 m/s, 0.00 rad/s)"
+    assert (still in run.output) is runs_away

@@ -192,6 +192,58 @@ class TestTheLog:
         assert stage.record.home
 
 
+class Odometry:
+    """The odometry of the stage's robot."""
+
+    def __init__(self, stage: "Stage") -> None:
+        from nav_msgs.msg import Odometry as Message
+
+        self.speed = 0.3
+        self._message = Message()
+        node = stage.host().node
+        self._publisher = node.create_publisher(Message, "odometry/filtered", 10)
+        node.create_timer(0.02, self._publish)
+
+    def _publish(self) -> None:
+        self._message.twist.twist.linear.x = self.speed
+        self._publisher.publish(self._message)
+
+
+class TestComingToRest:
+    @pytest.mark.parametrize(("order", "end"), [("succeed", Status.SUCCESS), ("abort", Status.FAILURE)])
+    def test_a_goal_that_has_ended_is_over_when_the_robot_stands(
+        self, stage: "Stage", order: str, end: Status
+    ) -> None:
+        server, odometry = stage.nav_server(), Odometry(stage)
+        leaf = drive(stage)
+        under_way(stage, leaf, server)
+        robot = leaf._robot
+        assert robot is not None
+        stage.until(lambda: robot.moves, "the movement")
+        robot.settle_timeout_sec = 60.0
+        server.order(order)
+        stage.tick_until(leaf, lambda: leaf.feedback_message.startswith("waiting for the robot"), "the wait")
+        assert leaf.status is Status.RUNNING
+        wakes, odometry.speed = stage.wakes, 0.0
+        stage.until(lambda: stage.wakes > wakes, "the wake")
+        assert stage.run(leaf) is end
+
+    def test_a_robot_that_does_not_stand_is_waited_for_no_longer_than_said(self, stage: "Stage") -> None:
+        server, _ = stage.nav_server(), Odometry(stage)
+        leaf = drive(stage)
+        under_way(stage, leaf, server)
+        robot = leaf._robot
+        assert robot is not None
+        stage.until(lambda: robot.moves, "the movement")
+        robot.settle_timeout_sec = 0.3
+        server.order("succeed")
+        assert stage.run(leaf) is Status.SUCCESS
+        assert (
+            "the robot still moves (0.30 m/s, 0.00 rad/s) 0.3 s after the end of its goal"
+            in stage.warnings[0]
+        )
+
+
 class TestTheRecord:
     def test_setting_out_for_a_zone_is_leaving_home(self, stage: "Stage") -> None:
         stage.record.base_reached()

@@ -205,3 +205,58 @@ def test_transforms_between_other_frames_are_none_from_map(scene: Scene) -> None
     frame = TransformStamped()
     frame.header.frame_id, frame.child_frame_id = "odom", "base_link"
     assert robot_estimate.FROM_MAP not in serialize_message(TFMessage(transforms=[frame]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("transforms", [True, False])
+def test_a_localisation_that_is_killed_alone_is_told_within_four_seconds(
+    ros: Ros, said: Said, *, transforms: bool
+) -> None:
+    from lifecycle_msgs.srv import GetState
+
+    from sar_compiler.nodes.spec import Use
+    from sar_compiler.ros.watch import Watch
+    from tests.faults.servers import Servers
+    from tests.waiting import Stopwatch
+
+    def active(_: Any, response: Any) -> Any:
+        response.current_state.label = "active"
+        return response
+
+    ros.node("nav2").create_service(GetState, "bt_navigator/get_state", active)
+    localiser = Servers("localiser", transforms=transforms)
+    watch = Watch(ros.node("mission"), [Use.nav2()])
+    known = watch._localisation
+    assert known is not None
+    ros.spin_until(lambda: all(each.state == "active" for each in known._nodes), "Nav2's being active")
+    if transforms:
+        ros.spin_until(lambda: known._robot.transform_at is not None, "a transform")
+    localiser.kill()
+    stopwatch = Stopwatch()
+    ros.spin_until(lambda: said.has("Nav2 is no longer active: node amcl: /amcl/get_state"), "the loss")
+    assert stopwatch.own_sec < 4.0
+    if transforms:
+        ros.spin_until(lambda: said.has("No transform from 'map' has come for 3 s"), "their silence")
+        assert stopwatch.own_sec < 4.0
+    watch.close()
+
+
+@pytest.mark.slow
+def test_transforms_that_stop_are_told_while_a_node_of_nav2_answers_nothing(ros: Ros, said: Said) -> None:
+    from sar_compiler.nodes.spec import Use
+    from sar_compiler.ros.watch import Watch
+    from tests.faults.servers import Servers
+
+    navigation = Servers("navigation", states={"amcl": None})
+    localiser = Servers("localiser")
+    watch = Watch(ros.node("mission"), [Use.nav2()])
+    known = watch._localisation
+    assert known is not None
+    ros.spin_until(lambda: known._robot.transform_at is not None, "a transform")
+    navigation.freeze()
+    localiser.order(transforms=False)
+    ros.spin_until(lambda: said.has("No transform from 'map' has come for 3 s"), "their silence")
+    navigation.thaw()
+    for each in (navigation, localiser):
+        each.kill()
+    watch.close()

@@ -12,6 +12,7 @@ from sar_compiler.ros.leaves.goal import ActionGoal, ActionPort, GoalDeadlines, 
 from sar_compiler.ros.leaves.goal_statuses import SUCCEEDED
 from sar_compiler.ros.leaves.leaf import alive
 from sar_compiler.ros.leaves.lifecycle import NAV2_NODES, LifecycleNodes
+from sar_compiler.ros.robot_estimate import RobotEstimate, robot_estimate
 
 _NAV2 = "nav2_msgs."
 # Nav2's codes for an end without a reason, and for a pose that cannot be transformed: the localisation may be gone.
@@ -29,6 +30,9 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
     What is not the goal's fault is waited for, RUNNING, before the goal is sent again: lifecycle nodes that are not active
     (those of Nav2, for a leaf that uses `Use.nav2()`), and another client's goal. After a second attempt that was
     rejected or aborted at once the leaf pauses before the next one, whatever the tree does.
+
+    A goal that has ended is no proof that the robot stands: a leaf that uses Nav2 is RUNNING until the odometry says so, for
+    `settle_timeout_sec` at most; without odometry the goal's end counts.
 
     A subclass has the attributes `action_type` and `action_name`, of the class or set by its constructor, and the
     method `goal`; also `on_result`, if the result matters beyond success or failure.
@@ -78,6 +82,8 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         self._pause: Deadline | None = None
         self._failures = 0
         self._has_asked = False
+        self._robot: RobotEstimate | None = None
+        self._rest: Deadline | None = None
 
     @abstractmethod
     def goal(self) -> Any:
@@ -142,6 +148,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         self._port = ActionPort(self.node, self.interface, self.action_name)
         if self._needs_nav2:
             self._lifecycle = LifecycleNodes(self.node, NAV2_NODES)
+            self._robot = robot_estimate(self.node)
 
     @property
     def _needs_nav2(self) -> bool:
@@ -158,7 +165,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
             self.feedback_timeout_sec,
             self.absence_timeout_sec,
         )
-        port = cast("ActionPort", self._port)
+        port, self._rest = cast("ActionPort", self._port), None
         return ActionGoal(port, message, deadlines, self._announce, self._hear, self._clock)
 
     def _begin(self) -> Status:
@@ -179,11 +186,28 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         super().initialise()
 
     def _judge(self, exchange: ActionGoal) -> Status:
+        if (exchange.over or exchange.rejected) and exchange.sent and self._comes_to_rest():
+            return Status.RUNNING
         if exchange.rejected or (exchange.answer is not None and exchange.answer.status != SUCCEEDED):
             return self._fail_or_hold(exchange)
         if exchange.answer is not None:
             self._failures = 0
         return super()._judge(exchange)
+
+    def _comes_to_rest(self) -> bool:
+        """Whether the robot still moves, and is waited for."""
+        if self._robot is None or self._robot.stands is not False:
+            return False
+        if self._rest is None:
+            self._rest = Deadline(self._robot.settle_timeout_sec, self._clock)
+            self._robot.call_when_it_stands(self._wake)
+            self.feedback_message = "waiting for the robot to stand"
+        if self._rest.passed:
+            self.complain(
+                f"'{self.name}': the robot still moves ({self._robot.speed_in_words}) "
+                f"{self._robot.settle_timeout_sec:g} s after the end of its goal."
+            )
+        return not self._rest.passed
 
     def _fail_or_hold(self, goal: ActionGoal) -> Status:
         """Go by what keeps the server from taking goals: wait until it is over and send again, or fail at once."""

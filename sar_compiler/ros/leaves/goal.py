@@ -289,6 +289,7 @@ class ActionGoal(Exchange):
             self._lose(f"the server has answered nothing for {self._deadlines.silence_sec:g} s")
 
     def _lose(self, trouble: str) -> None:
+        self._port.goals.lost(self._id)
         self._give_up(f"{trouble}; the robot may still be moving")
 
     def _on_answer(self, answer: "Future") -> None:

@@ -1,6 +1,6 @@
 """The goals of a node that may be active: sent, and no end of them seen."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from sar_compiler.ros.of_node import of_node
@@ -39,11 +39,26 @@ class GoalsUnderWay:
 
     def __init__(self) -> None:
         self._active: dict[str, str] = {}
+        self._lost: set[str] = set()
         self._listeners: list[Callable[[GoalNews], None]] = []
 
     def __len__(self) -> int:
         """Return how many there are."""
         return len(self._active)
+
+    def drives(self, cancellers: Collection[str]) -> bool:
+        """Return whether a goal that is not lost may be active; *cancellers*: the services by which such are cancelled."""
+        return any(
+            canceller in cancellers and goal not in self._lost for goal, canceller in self._active.items()
+        )
+
+    def lost(self, goal_id: Any) -> None:
+        """Note that the server of a goal has fallen silent: its end will not be seen.
+
+        Args:
+            goal_id: Its id, a `unique_identifier_msgs/msg/UUID`.
+        """
+        self._lost.add(bytes(goal_id.uuid).hex())
 
     def listen(self, listener: Callable[[GoalNews], None]) -> None:
         """Have a function called before each goal is sent, and after its end is seen."""
@@ -68,6 +83,7 @@ class GoalsUnderWay:
             status: How, a constant of `action_msgs/msg/GoalStatus`; 0 where it was rejected, or no server knows it.
         """
         digits = bytes(goal_id.uuid).hex()
+        self._lost.discard(digits)
         canceller = self._active.pop(digits, None)
         if canceller is not None:
             self._tell(GoalNews(digits, canceller, status))

@@ -1,0 +1,167 @@
+"""A robot that moves although no goal of its mission is active."""
+
+import time
+import uuid
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from tests.ros.conftest import Ros, Said
+
+pytestmark = pytest.mark.ros
+
+SERVERS = ("navigate_to_pose", "follow_path", "spin", "backup")
+CANCELLER = "/navigate_to_pose/_action/cancel_goal"
+
+
+class Robot:
+    """A robot that moves as a test says, servers that count who cancels, and the goals of a mission."""
+
+    def __init__(self, ros: Ros) -> None:
+        from action_msgs.msg import GoalStatusArray
+        from action_msgs.srv import CancelGoal
+        from nav_msgs.msg import Odometry
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        from sar_compiler.ros.leaves.goals_under_way import goals_under_way
+        from sar_compiler.ros.robot_estimate import robot_estimate
+        from sar_compiler.ros.unasked_motion import UnaskedMotion
+
+        self.ros = ros
+        self.speed: float | None = 0.0
+        self.cancelled: list[tuple[str, Any]] = []
+        other, node = ros.node("nav2"), ros.node("mission")
+        self._type, self._odometry = Odometry, other.create_publisher(Odometry, "odometry/filtered", 10)
+        other.create_timer(0.02, self._publish)
+        for name in SERVERS:
+            other.create_service(CancelGoal, f"{name}/_action/cancel_goal", self._cancel_of(name))
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.statuses = other.create_publisher(GoalStatusArray, "navigate_to_pose/_action/status", latched)
+        self.estimate, self._goals = robot_estimate(node), goals_under_way(node)
+        self.motion = UnaskedMotion(node, ["navigate_to_pose"])
+        ros.spin_until(lambda: self.estimate.stands, "the first odometry")
+        ros.spin_until(self._sees_all_servers, "the servers")
+
+    def _sees_all_servers(self) -> bool:
+        return all(client.service_is_ready() for client in self.motion._cancellers.values())
+
+    def _publish(self) -> None:
+        if self.speed is not None:
+            message = self._type()
+            message.twist.twist.linear.x = self.speed
+            self._odometry.publish(message)
+
+    def _cancel_of(self, name: str) -> Any:
+        def cancel(request: Any, response: Any) -> Any:
+            self.cancelled.append((name, request.goal_info))
+            return response
+
+        return cancel
+
+    def drive(self) -> Any:
+        """Begin a goal of the mission, and return its id."""
+        from unique_identifier_msgs.msg import UUID
+
+        goal = UUID(uuid=list(uuid.uuid4().bytes))
+        self._goals.sending(goal, CANCELLER)
+        return goal
+
+    def end(self, goal: Any) -> None:
+        self._goals.ended(goal, 6)
+
+
+@pytest.fixture
+def robot(ros: Ros) -> Iterator[Robot]:
+    robot = Robot(ros)
+    yield robot
+    robot.motion.close()
+
+
+def test_a_robot_that_drives_on_after_an_abort_is_told_within_a_second_and_gets_everything_cancelled(
+    robot: Robot, said: Said
+) -> None:
+    robot.end(robot.drive())
+    ended = time.monotonic()
+    robot.speed = 0.25
+    robot.ros.spin_until(lambda: said.has("The robot moves (0.25 m/s, 0.00 rad/s) although"), "the warning")
+    assert time.monotonic() - ended < 2.0  # a second, and what others had the processor for
+    robot.ros.spin_until(lambda: len(robot.cancelled) >= len(SERVERS), "the cancels")
+    assert {name for name, _ in robot.cancelled} == set(SERVERS)
+    for _, info in robot.cancelled:
+        assert not any(info.goal_id.uuid)
+        assert (info.stamp.sec, info.stamp.nanosec) == (0, 0)
+    robot.speed = 0.0
+    robot.ros.spin_until(lambda: said.has("The robot stands."), "its stop")
+
+
+def test_a_robot_that_does_not_stop_is_cancelled_again(robot: Robot) -> None:
+    robot.end(robot.drive())
+    robot.speed = 0.25
+    robot.ros.spin_until(lambda: len(robot.cancelled) >= 2 * len(SERVERS), "the second cancels")
+
+
+def test_what_a_silent_server_leaves_driving_is_stopped_as_well(robot: Robot) -> None:
+    goal = robot.drive()
+    robot.speed = 0.25
+    robot._goals.lost(goal)
+    robot.ros.spin_until(lambda: robot.cancelled, "the cancels")
+
+
+def test_nothing_is_cancelled_while_a_goal_of_the_mission_is_active(robot: Robot, said: Said) -> None:
+    robot.end(robot.drive())
+    robot.drive()
+    robot.speed = 0.25
+    robot.ros.spin_until(lambda: robot.estimate.moves, "the movement")
+    robot.ros.spin_for(1.0)
+    assert robot.cancelled == []
+    assert not said.has("The robot moves")
+
+
+def test_another_client_s_goal_is_not_cancelled_and_its_movement_is_told(robot: Robot, said: Said) -> None:
+    from action_msgs.msg import GoalStatus, GoalStatusArray
+
+    foreign = GoalStatus(status=GoalStatus.STATUS_EXECUTING)
+    foreign.goal_info.goal_id.uuid = list(uuid.uuid4().bytes)
+    robot.statuses.publish(GoalStatusArray(status_list=[foreign]))
+    robot.ros.spin_until(lambda: robot.motion._statuses[0].has_foreign_goal, "the other client's goal")
+    robot.end(robot.drive())
+    robot.speed = 0.25
+    robot.ros.spin_until(lambda: said.has("no goal of this mission is active"), "the warning")
+    assert robot.cancelled == []
+
+
+def test_a_robot_that_somebody_drives_by_hand_is_only_told(robot: Robot, said: Said) -> None:
+    robot.speed = 0.25
+    robot.ros.spin_until(
+        lambda: said.has("The robot moves (0.25 m/s, 0.00 rad/s), and no goal of this mission is active."),
+        "the warning",
+    )
+    assert robot.cancelled == []
+
+
+def test_a_robot_that_brakes_is_no_robot_that_drives_on(robot: Robot, said: Said) -> None:
+    goal = robot.drive()
+    robot.speed = 0.25
+    robot.ros.spin_until(lambda: robot.estimate.moves, "the movement")
+    robot.end(goal)
+    robot.ros.spin_for(0.2)
+    robot.speed = 0.0
+    robot.ros.spin_until(lambda: robot.estimate.stands, "its stop")
+    assert robot.cancelled == []
+    assert not said.has("The robot moves")
+
+
+def test_without_odometry_the_end_of_a_goal_counts_and_that_is_told_once(robot: Robot, said: Said) -> None:
+    robot.speed = None
+    robot.ros.spin_until(lambda: robot.estimate.moves is None, "the silence")
+    robot.end(robot.drive())
+    robot.ros.spin_until(lambda: said.has("No odometry comes on odometry/filtered"), "the note")
+    robot.ros.spin_for(0.5)
+    assert sum("No odometry comes" in line for line in said.lines()) == 1
+    assert robot.estimate.stands is None
+
+
+def test_a_speed_that_is_no_number_says_nothing(robot: Robot) -> None:
+    robot.speed = float("nan")
+    robot.ros.spin_until(lambda: robot.estimate.moves is None, "the end of what it said before")
