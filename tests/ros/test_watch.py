@@ -6,7 +6,10 @@ from typing import Any
 
 import pytest
 
+from tests.faults.conftest import serve
 from tests.ros.conftest import Ros, Said
+
+__all__ = ["serve"]
 
 pytestmark = pytest.mark.ros
 
@@ -210,13 +213,12 @@ def test_transforms_between_other_frames_are_none_from_map(scene: Scene) -> None
 @pytest.mark.slow
 @pytest.mark.parametrize("transforms", [True, False])
 def test_a_localisation_that_is_killed_alone_is_told_within_four_seconds(
-    ros: Ros, said: Said, *, transforms: bool
+    ros: Ros, said: Said, serve: Any, *, transforms: bool
 ) -> None:
     from lifecycle_msgs.srv import GetState
 
     from sar_compiler.nodes.spec import Use
     from sar_compiler.ros.watch import Watch
-    from tests.faults.servers import Servers
     from tests.waiting import Stopwatch
 
     def active(_: Any, response: Any) -> Any:
@@ -224,7 +226,7 @@ def test_a_localisation_that_is_killed_alone_is_told_within_four_seconds(
         return response
 
     ros.node("nav2").create_service(GetState, "bt_navigator/get_state", active)
-    localiser = Servers("localiser", transforms=transforms)
+    localiser = serve("localiser", transforms=transforms)
     watch = Watch(ros.node("mission"), [Use.nav2()])
     known = watch._localisation
     assert known is not None
@@ -242,13 +244,14 @@ def test_a_localisation_that_is_killed_alone_is_told_within_four_seconds(
 
 
 @pytest.mark.slow
-def test_transforms_that_stop_are_told_while_a_node_of_nav2_answers_nothing(ros: Ros, said: Said) -> None:
+def test_transforms_that_stop_are_told_while_a_node_of_nav2_answers_nothing(
+    ros: Ros, said: Said, serve: Any
+) -> None:
     from sar_compiler.nodes.spec import Use
     from sar_compiler.ros.watch import Watch
-    from tests.faults.servers import Servers
 
-    navigation = Servers("navigation", states={"amcl": None})
-    localiser = Servers("localiser")
+    navigation = serve("navigation", states={"amcl": None})
+    localiser = serve("localiser")
     watch = Watch(ros.node("mission"), [Use.nav2()])
     known = watch._localisation
     assert known is not None
@@ -256,7 +259,4 @@ def test_transforms_that_stop_are_told_while_a_node_of_nav2_answers_nothing(ros:
     navigation.freeze()
     localiser.order(transforms=False)
     ros.spin_until(lambda: said.has("No transform from 'map' has come for 3 s"), "their silence")
-    navigation.thaw()
-    for each in (navigation, localiser):
-        each.kill()
     watch.close()
