@@ -461,7 +461,9 @@ class _TreeRun:
                 return
             self._turn(executor)
         if robot is not None and robot.moves and not names:
-            self._adrift = f"no goal of this mission is active, and the robot still moves ({robot.speed_in_words})"
+            self._adrift = (
+                f"no goal of this mission is active, and the robot still moves ({robot.speed_in_words})"
+            )
 
     def _turn(self, executor: SingleThreadedExecutor) -> None:
         try:

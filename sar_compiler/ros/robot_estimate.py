@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 # Slower than this a robot stands, m/s and rad/s, once it has been for so long, seconds of its own clock.
 _STANDS_MPS, _STANDS_RADPS, _STANDS_SEC = 0.02, 0.05, 0.5
+# How long a transform from `map` may be missing; AMCL sends some ten a second while the robot's scanner works.
+TRANSFORM_SEC = 3.0
 # Older odometry says nothing of now, steady seconds.
 _FRESH_SEC = 1.0
 # What `map` looks like as the frame of a transform, in the message as it came.
@@ -97,6 +99,12 @@ class RobotEstimate:
     def is_localised(self) -> bool:
         """Whether the localisation has said where the robot is, as a pose or by transforms."""
         return self.pose is not None or self.transform_at is not None
+
+    def lost_transforms(self) -> str:
+        """Return in words that transforms from `map` have stopped; empty if they come, or never have."""
+        if self.transform_at is None or time.monotonic() - self.transform_at <= TRANSFORM_SEC:
+            return ""
+        return f"No transform from 'map' has come for {TRANSFORM_SEC:g} s: the localisation has stopped"
 
     def place(self) -> tuple[float, float, float] | None:
         """Return where the robot is by its localisation: x and y (m), yaw (rad), frame `map`; None if that is not known."""

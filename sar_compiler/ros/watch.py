@@ -23,8 +23,6 @@ from sar_compiler.ros.sole_mission import SoleMission
 from sar_compiler.ros.unasked_motion import UnaskedMotion
 
 _PERIOD_SEC = 0.5
-# How long a transform from `map` may be missing; AMCL sends some ten a second while the robot's scanner works.
-_TRANSFORM_SEC = 3.0
 # How long Nav2 may not be active before that is told (a node that answers nothing is told at once: that took 2 s), and how long
 # a new localisation may say nothing.
 _LOST_SEC = 2.0
@@ -200,16 +198,10 @@ class _Localisation:
         )
 
     def _look_for_transform(self) -> Iterable[str]:
-        if self._robot.transform_at is None:
-            return
-        is_lost = time.monotonic() - self._robot.transform_at > _TRANSFORM_SEC
-        if is_lost != self._transform_is_lost:
-            self._transform_is_lost = is_lost
-            yield (
-                f"No transform from 'map' has come for {_TRANSFORM_SEC:g} s: the localisation has stopped."
-                if is_lost
-                else "Transforms from 'map' come again."
-            )
+        lost = self._robot.lost_transforms()
+        if bool(lost) != self._transform_is_lost:
+            self._transform_is_lost = bool(lost)
+            yield f"{lost}." if lost else "Transforms from 'map' come again."
 
 
 def _between(there: Any, here: Any) -> tuple[float, float]:

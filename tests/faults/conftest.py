@@ -38,9 +38,9 @@ def fly(start, serve):
 
     served: list[object] = []
 
-    def start_mission(*arguments, env=None, zones=("zone_a",), **parameters):
+    def start_mission(*arguments, env=None, zones=("zone_a",), survivors=None, **parameters):
         if not served:
-            served.append(serve("survivors", env))
+            served.append(serve("survivors", env, **(survivors or {})))
         given = {**dict(QUICK), "zone_order": f"[{', '.join(zones)}]", **parameters}
         assigned = [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
         return start("sar-run", *arguments, "--until", "complete", "--ros-args", *assigned, env=env)

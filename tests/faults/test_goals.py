@@ -1,6 +1,7 @@
 """A goal is over when its end was seen, or said not to be; and what is not its fault costs no attempt."""
 
 import signal
+from pathlib import Path
 
 import pytest
 
@@ -8,6 +9,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 RESILIENT = "search_and_rescue_resilient"
 STILL_MOVING = "a goal may still be active, and the robot may still be moving: NavigateToZone"
+ENDLESS = [{"drive": None}]
 LOST = "the robot may still be moving"
 
 
@@ -156,3 +158,46 @@ def test_a_run_ends_when_the_robot_stands_and_with_4_if_it_does_not(fly, serve, 
     navigation.wait_for("follow_path cancelled")
     still = "no goal of this mission is active, and the robot still moves (0.30 m/s, 0.00 rad/s)"
     assert (still in run.output) is runs_away
+
+
+def test_a_navigation_server_that_dies_and_comes_back_costs_no_attempt(fly, serve):
+    dies = serve("navigation", goals=ENDLESS)
+    run = fly(RESILIENT, zones=("zone_a", "zone_b"))
+    dies.wait_for("feedback")
+    dies.kill()
+    run.wait_for("waits to send its goal again:")
+    serve("navigation")
+    assert run.end() == 0, run.output
+    assert "postponed" not in run.output
+
+
+def test_a_navigation_server_that_stays_dead_ends_the_mission_and_no_zone_is_given_up_for_itself(
+    fly, serve, tmp_path
+):
+    impatient = 'feedback_timeout_sec="2" acceptance_timeout_sec="1" hold_timeout_sec="3"'
+    text = Path("trees/search_and_rescue_resilient.xml").read_text()
+    text = text.replace("<NavigateToZone/>", f"<NavigateToZone {impatient}/>").replace(
+        "<NavigateToBase/>", f"<NavigateToBase {impatient}/>"
+    )
+    tree = tmp_path / "impatient.xml"
+    tree.write_text(text.replace('num_attempts="5"', 'num_attempts="1"').replace("10000", "100"))
+    navigation = serve("navigation", goals=ENDLESS)
+    run = fly(tree, zones=("zone_a", "zone_b"))
+    navigation.wait_for("feedback")
+    navigation.kill()
+    run.wait_for("Navigation to zone_a is unavailable:")
+    assert run.end() in (1, 4), run.output
+    assert "postponed" not in run.output
+    for zone in ("zone_a", "zone_b"):
+        assert f"{zone} was given up: navigation is unavailable (" in run.output
+
+
+def test_a_goal_that_was_sent_to_a_dead_server_is_over_when_another_server_does_not_know_it(fly, serve):
+    dead = serve("navigation", goals=[{}])
+    run = fly(RESILIENT, zones=("zone_a", "zone_b"), survivors={"detect": [{"after": 2.0}]})
+    dead.wait_for("ended")
+    dead.kill()
+    run.wait_for("waits to send its goal again: ")
+    serve("navigation")
+    assert run.end() == 0, run.output
+    assert "the robot may still be moving: " not in run.output

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.missions.search_and_rescue import NavigateToBase, NavigateToZone
+from sar_compiler.missions.search_and_rescue import NavigateToBase, NavigateToZone, NavigationAvailable
 from sar_compiler.runtime.clock import ManualClock
 
 if TYPE_CHECKING:
@@ -323,7 +323,7 @@ class TestFailure:
         assert "canceled by somebody else (status 5)" in stage.warnings[0]
 
     def test_no_server_within_the_deadline(self, stage: "Stage") -> None:
-        leaf = drive(stage, server_timeout_sec=0.05)
+        leaf = drive(stage, server_timeout_sec=0.05, hold_timeout_sec=0.0)
         leaf.tick_once()
         assert leaf.status is Status.RUNNING
         assert "Waiting for the action server navigate_to_pose..." in stage.lines
@@ -351,7 +351,7 @@ class TestFailure:
     def test_a_server_that_never_answers_costs_the_acceptance_deadline(self, stage: "Stage") -> None:
         server = stage.nav_server()
         acceptance = server.hold()
-        leaf = drive(stage, acceptance_timeout_sec=0.05)
+        leaf = drive(stage, acceptance_timeout_sec=0.05, hold_timeout_sec=0.0)
         assert stage.run(leaf) is Status.FAILURE
         assert "no answer to the goal within 0.05 s" in stage.warnings[0]
         assert not leaf.settled()
@@ -365,7 +365,7 @@ class TestFailure:
     def test_a_server_that_falls_silent_is_given_up_and_its_goal_canceled(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.script = ["feedback"]
-        leaf = drive(stage, feedback_timeout_sec=0.1)
+        leaf = drive(stage, feedback_timeout_sec=0.1, hold_timeout_sec=0.0)
         assert stage.run(leaf) is Status.FAILURE
         assert "no feedback for 0.1 s" in stage.warnings[0]
         stage.until(lambda: server.goals[0].final == "canceled", "the cancel")
@@ -380,7 +380,7 @@ class TestFailure:
     def test_a_server_that_is_gone_is_given_up(self, stage: "Stage") -> None:
         host = stage.host()
         server = stage.nav_server_on(host)
-        leaf = drive(stage)
+        leaf = drive(stage, hold_timeout_sec=0.0)
         under_way(stage, leaf, server)
         host.close()
         assert stage.run(leaf) is Status.FAILURE
@@ -407,6 +407,106 @@ class TestFailure:
         stage.nav_server()
         assert stage.run(leaf) is Status.FAILURE
         assert "unknown to the server (was it restarted?) (status 0)" in stage.warnings[0]
+
+
+class Lifecycle:
+    """A lifecycle node of Nav2 that has the state that a test gives it."""
+
+    def __init__(self, stage: "Stage", name: str, state: str) -> None:
+        from lifecycle_msgs.srv import GetState
+
+        self.state = state
+        stage.host().node.create_service(GetState, f"{name}/get_state", self._answer)
+
+    def _answer(self, _: Any, response: Any) -> Any:
+        response.current_state.label = self.state
+        return response
+
+
+class TestTheMeans:
+    """What fails because nobody is there says nothing of the place."""
+
+    def test_a_server_that_is_away_is_waited_for_and_the_record_knows_it(self, stage: "Stage") -> None:
+        leaf = drive(stage, server_timeout_sec=0.05)
+        stage.tick_until(leaf, lambda: stage.record.navigation_lost, "the wait")
+        assert leaf.status is Status.RUNNING
+        assert "waits to send its goal again: no server for the action" in stage.warnings[0]
+        stage.nav_server().script = ["succeed"]
+        assert stage.run(leaf) is Status.SUCCESS
+        assert stage.record.navigation_lost == ""
+
+    def test_a_server_that_dies_on_the_way_and_comes_back_gets_the_goal_again(self, stage: "Stage") -> None:
+        host, leaf = stage.host(), drive(stage)
+        under_way(stage, leaf, stage.nav_server_on(host))
+        host.close()
+        stage.tick_until(leaf, lambda: stage.record.navigation_lost, "the wait")
+        stage.nav_server().script = ["succeed"]
+        assert stage.run(leaf) is Status.SUCCESS
+        assert not any("failed" in line or "unavailable" in line for line in stage.warnings)
+
+    def test_what_stays_away_is_unavailable_until_somebody_judges_a_drive_again(self, stage: "Stage") -> None:
+        leaf = drive(stage, server_timeout_sec=0.05, hold_timeout_sec=0.1)
+        available = stage.take(NavigationAvailable("NavigationAvailable?", record=stage.record))
+        assert stage.run(available) is Status.SUCCESS
+        assert stage.run(leaf) is Status.FAILURE
+        assert "Navigation to zone_a is unavailable: no server for the action" in stage.warnings[-1]
+        assert stage.run(available) is Status.FAILURE
+        assert stage.record.alarm.startswith("navigation is unavailable (no server for the action")
+        stage.nav_server().script = ["abort"]
+        assert stage.run(leaf) is Status.FAILURE
+        assert stage.run(available) is Status.SUCCESS
+
+    def test_a_drive_that_is_cut_off_while_it_waits_says_nothing_of_its_zone(self, stage: "Stage") -> None:
+        leaf = drive(stage, server_timeout_sec=0.05)
+        stage.tick_until(leaf, lambda: stage.record.navigation_lost, "the wait")
+        leaf.stop(Status.INVALID)
+        available = stage.take(NavigationAvailable("NavigationAvailable?", record=stage.record))
+        assert stage.run(available) is Status.FAILURE
+
+    @pytest.mark.parametrize("name", ["controller_server", "planner_server", "behavior_server", "amcl"])
+    @pytest.mark.parametrize("code", [0, 208])
+    def test_an_abort_while_a_node_of_nav2_is_not_active_is_waited_for(
+        self, stage: "Stage", name: str, code: int
+    ) -> None:
+        server, node = stage.nav_server(), Lifecycle(stage, name, "inactive")
+        server.error_code = code
+        leaf = drive(stage)
+        under_way(stage, leaf, server)
+        assert leaf._lifecycle is not None
+        stage.until(lambda: leaf._lifecycle.look() or leaf._lifecycle._known, "the node")  # type: ignore[union-attr]
+        server.order("abort")
+        stage.tick_until(leaf, lambda: stage.record.navigation_lost, "the wait")
+        assert f"{name}/get_state" not in stage.record.navigation_lost
+        assert f"node {name}" in stage.record.navigation_lost
+        server.script = ["succeed"]
+        node.state = "active"
+        assert stage.run(leaf) is Status.SUCCESS
+
+    def test_an_abort_after_the_transforms_have_stopped_is_waited_for(
+        self, stage: "Stage", monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        from geometry_msgs.msg import TransformStamped
+        from tf2_msgs.msg import TFMessage
+
+        from sar_compiler.ros import robot_estimate
+
+        monkeypatch.setattr(robot_estimate, "TRANSFORM_SEC", 0.3)
+        server, leaf = stage.nav_server(), drive(stage)
+        frame, publisher = TransformStamped(), stage.host().node.create_publisher(TFMessage, "/tf", 10)
+        frame.header.frame_id, frame.child_frame_id = "map", "odom"
+        under_way(stage, leaf, server)
+        robot = leaf._robot
+        assert robot is not None
+
+        def transformed() -> bool:
+            publisher.publish(TFMessage(transforms=[frame]))
+            return robot.transform_at is not None
+
+        stage.until(transformed, "a transform")
+        stage.until(robot.lost_transforms, "their end")
+        server.order("abort")
+        stage.tick_until(leaf, lambda: stage.record.navigation_lost, "the wait")
+        assert "No transform from 'map' has come for 0.3 s" in stage.record.navigation_lost
 
 
 class TestHalting:
@@ -569,7 +669,7 @@ class TestOldGoals:
         server = stage.nav_server()
         server.heed_cancel = False
         server.script = ["feedback"]
-        leaf = drive(stage, feedback_timeout_sec=0.05)
+        leaf = drive(stage, feedback_timeout_sec=0.05, hold_timeout_sec=0.0)
         assert stage.run(leaf) is Status.FAILURE
         wakes = stage.wakes
         server.order("succeed")

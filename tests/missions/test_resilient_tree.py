@@ -61,6 +61,14 @@ DAYS = {
     "every report is refused": ({"NotifyBase": "refused", "DeliverReports": "refused"}, Status.FAILURE),
     "base wakes up at last": ({"NotifyBase": "refused"}, Status.SUCCESS),
     "home is out of reach": ({"NavigateToBase": "aborted"}, Status.FAILURE),
+    "Nav2 stays away": (
+        {"NavigateToZone": "unavailable", "NavigateToBase": "unavailable"},
+        Status.FAILURE,
+    ),
+    "every drive waits for ever": (
+        {"NavigateToZone": "waiting for Nav2", "NavigateToBase": "waiting for Nav2"},
+        Status.FAILURE,
+    ),
     "every drive takes for ever": (
         {"NavigateToZone": "driving", "NavigateToBase": "driving"},
         Status.FAILURE,
@@ -88,6 +96,14 @@ def test_a_zone_out_of_reach_is_tried_twice_in_each_of_three_rounds() -> None:
     assert said.count("NavigateToZone aborted") == 3 * 3 * 2
     assert said.count("PostponeZone postponed") == 3 * 2
     assert said.count("AbandonZone abandoned") == 3
+    assert said.count("NavigateToBase arrived") == 1
+
+
+@pytest.mark.parametrize("answer", ["unavailable", "waiting for Nav2"])
+def test_a_zone_that_nobody_can_drive_to_is_neither_postponed_nor_abandoned(answer: str) -> None:
+    said = answered(flown(NavigateToZone=answer))
+    assert not {"PostponeZone postponed", "AbandonZone abandoned"} & set(said)
+    assert said.count("AbandonZonesUnavailable abandoned") == 1
     assert said.count("NavigateToBase arrived") == 1
 
 

@@ -174,9 +174,9 @@ def test_transforms_that_stop_are_told_and_their_return(
     from rclpy.serialization import serialize_message
     from tf2_msgs.msg import TFMessage
 
-    from sar_compiler.ros import robot_estimate, watch
+    from sar_compiler.ros import robot_estimate
 
-    monkeypatch.setattr(watch, "_TRANSFORM_SEC", 0.3)
+    monkeypatch.setattr(robot_estimate, "TRANSFORM_SEC", 0.3)
     known = scene.watch._localisation
     assert known is not None
     frame = TransformStamped()

@@ -28,6 +28,7 @@ from sar_compiler.missions.search_and_rescue.failsafes import (
     BatterySuffices,
     InsideFence,
     MissionTimeLeft,
+    NavigationAvailable,
     NotAborted,
     NotRecalled,
 )
@@ -56,6 +57,7 @@ __all__ = [
     "MissionTimeLeft",
     "NavigateToBase",
     "NavigateToZone",
+    "NavigationAvailable",
     "NotAborted",
     "NotHeld",
     "NotRecalled",

@@ -134,6 +134,36 @@ class NotRecalled(_OrderCondition):
 
 
 @register(
+    "NavigationAvailable",
+    kind=Kind.CONDITION,
+    outcomes=_YES_OR_NO,
+    answers=[
+        Answer("SUCCESS", "available", "!navigation_lost"),
+        Answer("FAILURE", "unavailable", "navigation_lost"),
+    ],
+    facts={"navigation_lost": False},
+)
+class NavigationAvailable(RosLeaf):
+    """Did somebody judge the last drive? FAILURE if it has failed, or was cut off, while Nav2 or its localisation was away.
+
+    Such a failure says nothing of the place, so it is no reason to postpone or to abandon a zone.
+
+    Args:
+        record: Knows it, and where the reason is noted.
+    """
+
+    def __init__(self, name: str, *, record: MissionRecord | None = None) -> None:
+        super().__init__(name)
+        self._record = record or MissionRecord()
+        self._alarm = _Alarm(self, self._record)
+
+    def update(self) -> Status:
+        """Look at what the last drive has come to."""
+        lost = self._record.navigation_lost
+        return self._alarm.status(f"navigation is unavailable ({lost})" if lost else "")
+
+
+@register(
     "BatterySuffices",
     kind=Kind.CONDITION,
     outcomes=_YES_OR_NO,

@@ -92,6 +92,7 @@ class MissionRecord:
         self._abandoned: dict[str, str] = {}
         self._unplaced: dict[str, str] = {}
         self._alarm = ""
+        self._navigation_lost = ""
         self._survivors: list[FoundSurvivor] = []
         self._home = False
 
@@ -165,6 +166,19 @@ class MissionRecord:
         """Note a reason to cut the mission short, in words."""
         self.journal.note("alarmed", reason=reason)
         self._alarm = reason
+
+    @property
+    def navigation_lost(self) -> str:
+        """Why nobody can judge a drive, in words; empty while somebody can."""
+        return self._navigation_lost
+
+    def navigation_is_lost(self, reason: str) -> None:
+        """Note that nobody can judge a drive, with the reason in words."""
+        self._navigation_lost = reason
+
+    def navigation_is_back(self) -> None:
+        """Note that drives are judged."""
+        self._navigation_lost = ""
 
     def survivor_found(self, zone_id: str, x: float, y: float) -> None:
         """Note that a survivor was found; coordinates in the frame `map`, metres."""

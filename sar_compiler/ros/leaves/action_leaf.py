@@ -10,13 +10,10 @@ from sar_compiler.ros.leaves.client_leaf import ClientLeaf
 from sar_compiler.ros.leaves.deadline import Deadline
 from sar_compiler.ros.leaves.goal import ActionGoal, ActionPort, GoalDeadlines, describe_status
 from sar_compiler.ros.leaves.goal_statuses import SUCCEEDED
-from sar_compiler.ros.leaves.leaf import alive
-from sar_compiler.ros.leaves.lifecycle import NAV2_NODES, LifecycleNodes
+from sar_compiler.ros.leaves.lifecycle import LifecycleNodes, driving_nodes
 from sar_compiler.ros.robot_estimate import RobotEstimate, robot_estimate
 
 _NAV2 = "nav2_msgs."
-# Nav2's codes for an end without a reason, and for a pose that cannot be transformed: the localisation may be gone.
-_UNEXPLAINED = (0, 102, 202, 9002)
 # The longest pause between two attempts, in multiples of the first.
 _LONGEST_PAUSE = 8.0
 
@@ -27,8 +24,9 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
     When the leaf is interrupted the goal is cancelled, even if the server has not accepted it yet. The answers to an
     old goal never affect a new one.
 
-    What is not the goal's fault is waited for, RUNNING, before the goal is sent again: lifecycle nodes that are not active
-    (those of Nav2, for a leaf that uses `Use.nav2()`), and another client's goal. After a second attempt that was
+    What is not the goal's fault is waited for, RUNNING, before the goal is sent again: another client's goal, and for a leaf that uses
+    `Use.nav2()` whatever keeps Nav2 from judging it: no server, no acceptance, silence, a node that is not active or answers
+    nothing, transforms that have stopped. When `hold_timeout_sec` is over, the means are not available (`on_unavailable`). After a second attempt that was
     rejected or aborted at once the leaf pauses before the next one, whatever the tree does.
 
     A goal that has ended is no proof that the robot stands: a leaf that uses Nav2 is RUNNING until the odometry says so, for
@@ -79,6 +77,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         self._lifecycle: LifecycleNodes | None = None
         self._goals_given_up: list[ActionGoal] = []
         self._hold: Deadline | None = None
+        self._held: ActionGoal | None = None
         self._pause: Deadline | None = None
         self._failures = 0
         self._has_asked = False
@@ -112,6 +111,16 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         """
         return Status.SUCCESS if status == SUCCEEDED else self.on_failure(describe_status(status))
 
+    def on_hold(self, obstacle: str) -> None:
+        """Hook called when the leaf begins to wait for what keeps the server from judging its goal, in words."""
+
+    def on_available(self) -> None:
+        """Hook called when the server has accepted the goal, has sent feedback, or has judged it."""
+
+    def on_unavailable(self, reason: str) -> Status:
+        """Return the status when that was waited for in vain; by default as `on_failure`."""
+        return self.on_failure(reason)
+
     def shutdown(self) -> None:
         """Cancel a goal in flight, and release the clients.
 
@@ -122,8 +131,6 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         if self._port is not None and self.settled():
             self._port.release()
         self._port = None
-        if self._lifecycle is not None and alive(self.node):
-            self._lifecycle.close()
         self._lifecycle = None
         super().shutdown()
 
@@ -147,7 +154,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
     def _connect(self) -> None:
         self._port = ActionPort(self.node, self.interface, self.action_name)
         if self._needs_nav2:
-            self._lifecycle = LifecycleNodes(self.node, NAV2_NODES)
+            self._lifecycle = driving_nodes(self.node)
             self._robot = robot_estimate(self.node)
 
     @property
@@ -190,9 +197,23 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
             return Status.RUNNING
         if exchange.rejected or (exchange.answer is not None and exchange.answer.status != SUCCEEDED):
             return self._fail_or_hold(exchange)
+        if exchange.trouble and self._lifecycle is not None:
+            return self._hold_on_for_server(exchange, self._lifecycle)
         if exchange.answer is not None:
             self._failures = 0
+            self.on_available()
         return super()._judge(exchange)
+
+    def _hold_on_for_server(self, goal: ActionGoal, nodes: LifecycleNodes) -> Status:
+        """Wait for a server that has not taken the goal, or has fallen silent, and for its nodes; send the goal again."""
+        if not self._has_asked:
+            self._has_asked = True
+            nodes.ask_anew()
+        obstacle = nodes.obstacle()
+        is_there = obstacle == "" and not goal.server_is_gone
+        if is_there and self._held is goal and self._hold is not None and not self._hold.passed:
+            return self._begin()
+        return self._hold_on(goal, obstacle or goal.trouble)
 
     def _comes_to_rest(self) -> bool:
         """Whether the robot still moves, and is waited for."""
@@ -215,34 +236,40 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
             self._has_asked = True
             if self._lifecycle is not None:
                 self._lifecycle.ask_anew()
-        obstacle = self._obstacle(goal)
+        obstacle = self._obstacle()
         if obstacle is None:
             return Status.RUNNING
         if obstacle:
-            return self._hold_on(obstacle)
-        if self._hold is not None:
+            return self._hold_on(goal, obstacle)
+        if self._held is goal:
             self._hold = None
             return self._begin()
+        self.on_available()
         self._count_failure(goal)
         return super()._judge(goal)
 
-    def _hold_on(self, obstacle: str) -> Status:
+    def _hold_on(self, goal: ActionGoal, obstacle: str) -> Status:
         if self._hold is None:
             self._hold = Deadline(self.hold_timeout_sec, self._clock)
+        if self._held is not goal:
+            self._held = goal
+            self.on_hold(obstacle)
         if self._hold.passed:
             self._hold = None
             cast("ActionPort", self._port).statuses.forget()
-            return self.on_failure(f"{obstacle}, for {self.hold_timeout_sec:g} s")
+            return self.on_unavailable(f"{obstacle}, for {self.hold_timeout_sec:g} s")
         self.complain(f"'{self.name}' waits to send its goal again: {obstacle}.")
         return Status.RUNNING
 
-    def _obstacle(self, goal: ActionGoal) -> str | None:
+    def _obstacle(self) -> str | None:
         """Return what keeps the server from taking this leaf's goals; empty if nothing does, None if not known yet."""
         port = cast("ActionPort", self._port)
         if port.statuses.has_foreign_goal:
             return f"another client's goal is under way on '{port.name}'"
-        code = 0 if goal.rejected else getattr(goal.answer.result, "error_code", 0)
-        return self._lifecycle.obstacle() if self._lifecycle is not None and code in _UNEXPLAINED else ""
+        if self._lifecycle is None or self._robot is None:
+            return ""
+        obstacle = self._lifecycle.obstacle()
+        return self._robot.lost_transforms() if obstacle == "" else obstacle
 
     def _count_failure(self, goal: ActionGoal) -> None:
         self._failures += 1
@@ -255,6 +282,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         feedback = exchange.take_feedback()
         if feedback is None or status is not Status.RUNNING:
             return status
+        self._hold = None
         verdict = self.on_feedback(feedback)
         if verdict is None or verdict is Status.RUNNING:
             return Status.RUNNING
@@ -276,6 +304,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         return self.on_result(answer.status, answer.result)
 
     def _hear(self) -> None:
+        self.on_available()
         self._complaints.clear()
         self._wake()
 

@@ -166,6 +166,7 @@ class ActionGoal(Exchange):
         self._chased: Deadline | None = None
         self._refused = False
         self._sent_at = math.inf
+        self._servers: frozenset[bytes] = frozenset()
 
     @property
     def in_flight(self) -> bool:
@@ -176,6 +177,15 @@ class ActionGoal(Exchange):
     def has_ended(self) -> bool:
         """Whether the goal is active nowhere: it was not sent, or a final status was seen, or it was never taken."""
         return not self.sent or self._final is not None
+
+    @property
+    def _is_too_late(self) -> bool:
+        """Whether a server that does not know the goal will not come to know it: none that was there takes it any more."""
+        limit_sec = self._deadlines.acceptance_sec
+        if self.age_sec <= limit_sec:
+            return False
+        # One that was killed stays in the graph for a while: who answers is the one that came since.
+        return self.age_sec > _LATEST * limit_sec or bool(self._port.statuses.servers() - self._servers)
 
     @property
     def age_sec(self) -> float:
@@ -227,6 +237,7 @@ class ActionGoal(Exchange):
                 client.remove_pending_request(question)
 
     def _send(self) -> None:
+        self._servers = self._port.statuses.servers()
         self._port.goals.sending(self._id, self._port.canceller.service_name)
         self._sent_at = self._clock.now()
         self._port.statuses.follow(bytes(self._id.uuid), self._on_end)
@@ -361,7 +372,7 @@ class ActionGoal(Exchange):
             self._ask_after()
         elif response.return_code == response.ERROR_UNKNOWN_GOAL_ID:
             # Known once and no more: another server. Never known, and long after it was sent: it did not arrive.
-            if self._handle is not None or self.age_sec > _LATEST * self._deadlines.acceptance_sec:
+            if self._handle is not None or self._is_too_late:
                 self._on_end(UNKNOWN)
         elif not self._refused:
             # A server that refuses says so by an empty list; its return code may still be "no error".

@@ -48,12 +48,19 @@ class GoalStatuses:
         self._listeners: dict[bytes, WeakMethod[StatusListener]] = {}
         self._ours: set[bytes] = set()
         self._latest: dict[bytes, int] = {}
+        self._node = node
+        self._topic = node.resolve_topic_name(f"{action}/_action/status")
         node.create_subscription(GoalStatusArray, f"{action}/_action/status", self._take, latched)
 
     @property
     def has_foreign_goal(self) -> bool:
         """Whether the server works on a goal that this node has not sent."""
         return any(status not in FINAL and goal not in self._ours for goal, status in self._latest.items())
+
+    def servers(self) -> frozenset[bytes]:
+        """Return what distinguishes the action's servers that the graph shows: the ids of who publishes their statuses."""
+        there = self._node.get_publishers_info_by_topic(self._topic)
+        return frozenset(bytes(each.endpoint_gid) for each in there)
 
     def forget(self) -> None:
         """Forget the latest statuses: their server may have died, and a new one says nothing before its first goal."""

@@ -3,12 +3,18 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from sar_compiler.ros.of_node import of_node
+
 if TYPE_CHECKING:
     from rclpy.node import Node
 
 
 NAV2_NODES = ("amcl", "bt_navigator")
 """The lifecycle nodes of Nav2 that localise and navigate, by their relative names."""
+
+
+DRIVING_NODES = (*NAV2_NODES, "planner_server", "controller_server", "behavior_server")
+"""Those that a drive needs: while one is not active, or answers nothing, the end of a goal says nothing of its place."""
 
 
 class LifecycleNodes:
@@ -44,7 +50,7 @@ class LifecycleNodes:
             return None
         return "; ".join(line for line in missing if line is not None)
 
-    def close(self) -> None:
-        """Destroy what was created on the node."""
-        for each in self._nodes:
-            each.close()
+
+def driving_nodes(node: "Node") -> LifecycleNodes:
+    """Return the nodes that a drive needs, the same object in every call with a node; they exist as long as it."""
+    return of_node(node, LifecycleNodes, lambda: LifecycleNodes(node, DRIVING_NODES))

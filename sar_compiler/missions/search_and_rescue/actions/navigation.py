@@ -37,7 +37,8 @@ class NavigateTo(ActionLeaf):
         server_timeout_sec: How long to wait for a server, seconds.
         acceptance_timeout_sec: How long to wait for the goal to be accepted, seconds.
         feedback_timeout_sec: How long a server may be silent, seconds.
-        hold_timeout_sec: How long to wait for Nav2 to be active again, or for another client's goal, seconds.
+        hold_timeout_sec: How long to wait for somebody to judge the goal: for Nav2 and its localisation, or the end of another
+            client's goal, seconds.
     """
 
     action_type = "nav2_msgs/action/NavigateToPose"
@@ -100,6 +101,20 @@ class NavigateTo(ActionLeaf):
         self.complain(f"Navigation to {self._target} failed: {reason}")
         return Status.FAILURE
 
+    def on_hold(self, obstacle: str) -> None:
+        """Note that nobody judges the drive."""
+        self._record.navigation_is_lost(obstacle)
+
+    def on_available(self) -> None:
+        """Note that somebody does."""
+        self._record.navigation_is_back()
+
+    def on_unavailable(self, reason: str) -> Status:
+        """Return FAILURE: that says nothing of the target, which `NavigationAvailable` asks for."""
+        self._record.navigation_is_lost(reason)
+        self.complain(f"Navigation to {self._target} is unavailable: {reason}")
+        return Status.FAILURE
+
     def _on_arrival(self) -> None:
         """Handle the arrival."""
 
@@ -127,15 +142,21 @@ class NavigateTo(ActionLeaf):
     effects="drives the robot to the current zone",
     uses=_USES,
     answers=[
-        Answer("SUCCESS", "arrived", "zones_left > 0", "at = 'zone'"),
-        Answer("FAILURE", "aborted", "zones_left > 0"),
+        Answer("SUCCESS", "arrived", "zones_left > 0", "at = 'zone'; navigation_lost = false"),
+        Answer("FAILURE", "unavailable", "zones_left > 0", "navigation_lost = true"),
+        Answer("FAILURE", "aborted", "zones_left > 0", "navigation_lost = false"),
         Answer("FAILURE", "no zone", "zones_left == 0"),
-        Answer("RUNNING", "driving", "zones_left > 0", "at = ''"),
+        Answer("RUNNING", "waiting for Nav2", "zones_left > 0", "at = ''; navigation_lost = true"),
+        Answer("RUNNING", "driving", "zones_left > 0", "at = ''; navigation_lost = false"),
     ],
-    facts={"zones_left": 3, "at": ""},
+    facts={"zones_left": 3, "at": "", "navigation_lost": False},
 )
 class NavigateToZone(NavigateTo):
-    """Drive to the current zone: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there."""
+    """Drive to the current zone: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.
+
+    Where nobody can judge a drive it waits, RUNNING, within `hold_timeout_sec`, and fails then: that says nothing of the zone, and
+    `NavigationAvailable` tells the one from the other.
+    """
 
     def goal(self) -> Any:
         """Return the goal for the current zone; FAILURE if every zone is visited, SUCCESS if it was searched before."""
@@ -159,11 +180,13 @@ class NavigateToZone(NavigateTo):
     effects="drives the robot to the base station",
     uses=_USES,
     answers=[
-        Answer("SUCCESS", "arrived", then="at = 'base'"),
-        Answer("FAILURE", "aborted"),
-        Answer("RUNNING", "driving", then="at = ''"),
+        Answer("SUCCESS", "arrived", then="at = 'base'; navigation_lost = false"),
+        Answer("FAILURE", "unavailable", then="navigation_lost = true"),
+        Answer("FAILURE", "aborted", then="navigation_lost = false"),
+        Answer("RUNNING", "waiting for Nav2", then="at = ''; navigation_lost = true"),
+        Answer("RUNNING", "driving", then="at = ''; navigation_lost = false"),
     ],
-    facts={"at": ""},
+    facts={"at": "", "navigation_lost": False},
 )
 class NavigateToBase(NavigateTo):
     """Drive to the base station: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.
