@@ -16,7 +16,7 @@ from sar_compiler.missions.search_and_rescue.actions.nav2_errors import describe
         (6, 713, "error code 713: a recovery behavior failed"),
         (6, 9001, "error code 9001: Nav2 could not load its behavior tree"),
         (6, 60000, "error code 60000: a code that is not known here"),
-        (6, 0, "error code 0: a pose cannot be transformed, or another client's goal took over"),
+        (6, 0, "error code 0: no code"),
         (5, 0, "canceled by somebody else (status 5), error code 0: none"),
         (0, 0, "unknown to the server (was it restarted?) (status 0)"),
         (2, 0, "not finished (status 2)"),
@@ -33,3 +33,9 @@ def test_what_the_server_says_goes_before_the_table() -> None:
 
 def test_a_result_of_an_older_version_has_no_code() -> None:
     assert "error code 0" in describe_end(6, SimpleNamespace())
+
+
+def test_what_nav2_has_logged_is_quoted() -> None:
+    said = 'bt_navigator: "Initial robot pose is not available."'
+    described = describe_end(6, SimpleNamespace(error_code=0), said)
+    assert described.endswith(f"error code 0: no code ({said})")

@@ -509,6 +509,37 @@ class TestTheMeans:
         assert "No transform from 'map' has come for 0.3 s" in stage.record.navigation_lost
 
 
+class TestNav2sReason:
+    def test_what_nav2_logs_with_an_abort_is_quoted(self, stage: "Stage") -> None:
+        from rcl_interfaces.msg import Log
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        from sar_compiler.ros.nav2_log import nav2_log
+
+        server, leaf = stage.nav_server(), drive(stage)
+        latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        rosout = stage.host().node.create_publisher(Log, "/rosout", latched)
+        prefix = stage.namespace.strip("/")
+        under_way(stage, leaf, server)
+
+        def told() -> str:
+            for name, text in (
+                ("bt_navigator", "Goal failed"),
+                ("bt_navigator", "Initial robot pose is not available."),
+                ("rviz", "is no part of it"),
+            ):
+                rosout.publish(Log(level=Log.ERROR, name=f"{prefix}.{name}", msg=text))
+            return nav2_log(stage.node).quote()
+
+        stage.until(told, "the line")
+        server.order("abort")
+        assert stage.run(leaf) is Status.FAILURE
+        assert (
+            'error code 0: no code (bt_navigator: "Initial robot pose is not available.")'
+            in stage.warnings[0]
+        )
+
+
 class TestHalting:
     def test_a_goal_in_flight_is_canceled(self, stage: "Stage") -> None:
         server = stage.nav_server()

@@ -5,6 +5,7 @@ each bound to its own goal: the answer to an old goal cannot affect a new one.
 """
 
 import math
+import time
 import uuid
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -128,6 +129,7 @@ class ActionGoal(Exchange):
         answer: The server's final answer, with `status` (a constant of `action_msgs/msg/GoalStatus`) and
             `result`; None until then.
         rejected: Whether the server refused the goal.
+        ended_at: When its end was seen, steady seconds; infinite until then.
     """
 
     _server_kind = "action"
@@ -146,6 +148,7 @@ class ActionGoal(Exchange):
 
         super().__init__(port.name, deadlines.server_sec, deadlines.acceptance_sec, on_sending, clock)
         self.rejected = False
+        self.ended_at = math.inf
         self._port = port
         self._message = message
         self._deadlines = deadlines
@@ -349,6 +352,7 @@ class ActionGoal(Exchange):
 
     def _on_end(self, status: int) -> None:
         self._final = status
+        self.ended_at = min(self.ended_at, time.monotonic())
         self._port.goals.ended(self._id, status)
 
     def _on_result(self, answer: "Future") -> None:

@@ -52,19 +52,21 @@ _RANGES = (
 )
 
 
-def describe_end(status: int, result: Any) -> str:
+def describe_end(status: int, result: Any, said: str = "") -> str:
     """Return the description of a failed drive.
 
     Args:
         status: The goal's status, a constant of `action_msgs/msg/GoalStatus` other than success.
         result: The result of `nav2_msgs/action/NavigateToPose`, which has no error code in older versions.
+        said: What Nav2's nodes have logged meanwhile.
 
     Returns:
-        Status and error code, each as a number and in words.
+        Status and error code, each as a number and in words, and Nav2's own reason where it has given one.
     """
     code = int(getattr(result, "error_code", 0))
     words = str(getattr(result, "error_msg", "")) or _describe_code(code, aborted=status == _ABORTED)
-    return f"{describe_status(status)}, error code {code}: {words}{_advice(code)}"
+    quoted = f" ({said})" if said else ""
+    return f"{describe_status(status)}, error code {code}: {words}{quoted}{_advice(code)}"
 
 
 def _advice(code: int) -> str:
@@ -75,8 +77,8 @@ def _advice(code: int) -> str:
 
 def _describe_code(code: int, *, aborted: bool) -> str:
     if code == 0:
-        # The aborts that Nav2 reports without a code.
-        return "a pose cannot be transformed, or another client's goal took over" if aborted else "none"
+        # Nav2 aborts so for many reasons: a server that was late or is dead, a node that is not active, no pose.
+        return "no code" if aborted else "none"
     if code in _CODES:
         return _CODES[code]
     ranges = (words for first, last, words in _RANGES if first <= code <= last)

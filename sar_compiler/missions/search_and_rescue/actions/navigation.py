@@ -14,6 +14,7 @@ from sar_compiler.nodes.values import Seconds
 from sar_compiler.ros.leaves.action_leaf import ActionLeaf
 from sar_compiler.ros.leaves.deadline import Deadline
 from sar_compiler.ros.leaves.goal_statuses import SUCCEEDED
+from sar_compiler.ros.nav2_log import nav2_log
 from sar_compiler.ros.poses import turn_by
 from sar_compiler.runtime.answers import Answer
 
@@ -21,6 +22,8 @@ _OUTCOMES = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
 _USES = [Use.action("{action}"), Use.nav2()]
 # How long a goal in an obstacle is not sent again, seconds: some obstacles go away.
 _OCCUPIED_SEC = 60.0
+# How long before the end of a goal Nav2 may have logged its reason, seconds.
+_SAME_SEC = 1.0
 # How often the journal is told what is left of the drive, seconds.
 _PROGRESS_SEC = 1.0
 
@@ -86,7 +89,7 @@ class NavigateTo(ActionLeaf):
     def on_result(self, status: int, result: Any) -> Status:
         """Return SUCCESS on arrival; else FAILURE, and log Nav2's reason."""
         if status != SUCCEEDED:
-            reason, code = describe_end(status, result), getattr(result, "error_code", 0)
+            reason, code = describe_end(status, result, self._said()), getattr(result, "error_code", 0)
             if code in (*FOR_GOOD, OCCUPIED):
                 seconds = _OCCUPIED_SEC if code == OCCUPIED else math.inf
                 self._hopeless[self._target] = reason, Deadline(seconds, self._clock)
@@ -95,6 +98,16 @@ class NavigateTo(ActionLeaf):
         self.say(f"Reached {self._target}.")
         self._on_arrival()
         return Status.SUCCESS
+
+    def setup(self, **kwargs: Any) -> None:
+        """Listen to Nav2's log from now on, too."""
+        super().setup(**kwargs)
+        nav2_log(self.node)
+
+    def _said(self) -> str:
+        """Return what Nav2 has logged around the end of the goal."""
+        goal = self._exchange
+        return nav2_log(self.node).quote(since=goal.ended_at - _SAME_SEC) if goal is not None else ""
 
     def on_failure(self, reason: str) -> Status:
         """Return FAILURE, and log the target that was not reached."""
