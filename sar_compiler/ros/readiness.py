@@ -82,7 +82,10 @@ class Readiness:
             if initial_pose is not None:
                 self._requirements.append(Localised(node, initial_pose, begins_anew=begins_anew))
             localizer, navigator = NAV2_NODES
-            self._requirements += [NodeActive(node, localizer), NavigatorActive(node, navigator)]
+            self._requirements += [
+                NodeActive(node, localizer),
+                NavigatorActive(node, navigator, tells_pose=initial_pose is not None),
+            ]
         for use in self._uses:
             type_name = (types or {}).get(use)
             if use.kind in ("action", "service"):

@@ -3,7 +3,7 @@
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from typing import Any
 
@@ -15,6 +15,7 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from sar_compiler.errors import SarError
+from sar_compiler.ros.nav2_log import nav2_log
 from sar_compiler.ros.poses import estimated_pose, turn_by
 from sar_compiler.ros.robot_estimate import robot_estimate
 
@@ -40,6 +41,8 @@ _BEFORE_NAVIGATOR = (
     "velocity_smoother",
     "collision_monitor",
 )
+# What a bring-up without an initial pose fails at.
+_WAITS_FOR_POSE = ("planner_server", "activate")
 
 
 class Requirement(ABC):
@@ -374,11 +377,14 @@ class NavigatorActive(NodeActive):
     Args:
         node: The node to ask with.
         name: The relative name of the navigator.
+        tells_pose: Whether the localisation is told a pose meanwhile; if not, it is named where that is what is missing.
     """
 
-    def __init__(self, node: Node, name: str) -> None:
+    def __init__(self, node: Node, name: str, *, tells_pose: bool = True) -> None:
         super().__init__(node, name)
         self._node = node
+        self._log = nav2_log(node)
+        self._robot = None if tells_pose else robot_estimate(node)
         self._manager: _Asked | None = None
         self._before: dict[str, NodeActive] = {}
 
@@ -387,7 +393,7 @@ class NavigatorActive(NodeActive):
         line = super().missing()
         if line is None or self.state is None:
             return line
-        return line + self._reason()
+        return line + self._reason() + self._pose()
 
     def close(self) -> None:
         """Destroy the clients."""
@@ -409,17 +415,35 @@ class NavigatorActive(NodeActive):
         # It does not answer while it is at work.
         if self._manager.answer is None or self._manager.answer.success:
             return f"; {asleep[0]} is '{asleep[1]}', too" if asleep else ""
-        if {self.state, *states.values()} == {"unconfigured"}:
+        if {self.state, *states.values()} == {"unconfigured"} and not self._log.quote():
             call = self._node.resolve_service_name(f"{_MANAGER}/manage_nodes")
             return (
                 f"; {_MANAGER} has not started Nav2 up (autostart is off): "
                 f'ros2 service call {call} nav2_msgs/srv/ManageLifecycleNodes "{{command: 0}}"'
             )
-        stuck = f", {asleep[0]} is '{asleep[1]}'" if asleep else ""
+        stuck, what = _stuck({**states, self.name: str(self.state)})
+        said = self._log.quote(stuck)
+        pose = ", and give the initial pose within its initial_transform_timeout"
         return (
-            f"; {_MANAGER} has given up starting Nav2 up{stuck}: start Nav2 again, "
-            "and give the initial pose within its initial_transform_timeout"
+            f"; {_MANAGER} has given up starting Nav2 up, {stuck} failed to {what}{f' ({said})' if said else ''}: "
+            f"start Nav2 again{pose if (stuck, what) == _WAITS_FOR_POSE else ''}"
         )
+
+    def _pose(self) -> str:
+        """Return that the localisation has no pose, where nobody tells it one: the nodes behind it wait for that."""
+        if self._robot is None or self._robot.is_localised or not self._node.count_publishers("amcl_pose"):
+            return ""
+        poses = with_full_name("initialpose", self._node.resolve_topic_name("initialpose"))
+        return f"; the localisation has no pose yet: give it one ({poses}; in RViz: 2D Pose Estimate)"
+
+
+def _stuck(states: Mapping[str, str]) -> tuple[str, str]:
+    """Return the node that a bring-up has failed at, by the states in its order, and at which step: `configure` or `activate`."""
+    for state, step in (("unconfigured", "configure"), ("inactive", "activate")):
+        for name in states:
+            if states[name] == state:
+                return name, step
+    return next(name for name in states if states[name] != "active"), "activate"
 
 
 def _types_served(node: Node, service: str) -> set[str]:

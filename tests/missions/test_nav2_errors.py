@@ -39,3 +39,5 @@ def test_what_nav2_has_logged_is_quoted() -> None:
     said = 'bt_navigator: "Initial robot pose is not available."'
     described = describe_end(6, SimpleNamespace(error_code=0), said)
     assert described.endswith(f"error code 0: no code ({said})")
+    result = SimpleNamespace(error_code=208, error_msg="the door is shut")
+    assert describe_end(6, result, said).endswith("error code 208: the door is shut")

@@ -339,9 +339,60 @@ class TestTheBringUpOfNav2:
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
             "node bt_navigator: state 'inactive', must be 'active'; lifecycle_manager_navigation has given up starting "
-            "Nav2 up, planner_server is 'inactive': start Nav2 again, and give the initial pose within its "
+            "Nav2 up, planner_server failed to activate: start Nav2 again, and give the initial pose within its "
             "initial_transform_timeout",
         )
+
+    @pytest.mark.parametrize(
+        ("states", "failed"),
+        [
+            (("inactive", "unconfigured", "unconfigured"), "planner_server failed to configure"),
+            (("inactive", "inactive", "unconfigured"), "bt_navigator failed to configure"),
+            (("active", "active", "inactive"), "bt_navigator failed to activate"),
+            (("inactive", "inactive", "inactive"), "controller_server failed to activate"),
+        ],
+    )
+    def test_names_the_node_at_which_the_bring_up_has_failed_and_asks_for_no_pose(
+        self, ros: Ros, states: tuple[str, str, str], failed: str
+    ) -> None:
+        controller, planner, navigator = states
+        self.stack(
+            ros, up=False, controller_server=controller, planner_server=planner, bt_navigator=navigator
+        )
+        comes_to_miss(
+            ros,
+            readiness(ros.node(), Use.nav2(), initial_pose=None),
+            f"node bt_navigator: state '{navigator}', must be 'active'; lifecycle_manager_navigation has given up starting "
+            f"Nav2 up, {failed}: start Nav2 again",
+        )
+
+    def test_quotes_the_node_that_has_failed_even_if_it_was_the_first(self, ros: Ros) -> None:
+        from rcl_interfaces.msg import Log
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        self.stack(ros, up=False, controller_server="unconfigured", bt_navigator="unconfigured")
+        latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        rosout = ros.node("controller").create_publisher(Log, "/rosout", latched)
+        rosout.publish(
+            Log(level=Log.FATAL, name="controller_server", msg="Failed to create controller. No plugin.")
+        )
+        comes_to_miss(
+            ros,
+            readiness(ros.node(), Use.nav2(), initial_pose=None),
+            "node bt_navigator: state 'unconfigured', must be 'active'; lifecycle_manager_navigation has given up starting "
+            'Nav2 up, controller_server failed to configure (controller_server: "Failed to create controller. No plugin."): '
+            "start Nav2 again",
+        )
+
+    def test_a_check_names_the_pose_where_that_is_what_is_missing(self, ros: Ros) -> None:
+        nav2 = FakeNav2(ros.node("nav2"), states=("active", "inactive"))
+        comes_to_miss(
+            ros,
+            readiness(ros.node(), Use.nav2(), initial_pose=None),
+            "node bt_navigator: state 'inactive', must be 'active'; the localisation has no pose yet: give it one "
+            "(initialpose; in RViz: 2D Pose Estimate)",
+        )
+        assert nav2.poses == []
 
     def test_says_which_node_is_waited_for_while_the_manager_is_at_work(self, ros: Ros) -> None:
         self.stack(ros, up=None, planner_server="activating", bt_navigator="inactive")
@@ -567,6 +618,8 @@ class TestNav2:
         assert nav2.poses == []
 
     def test_leaves_nothing_behind_on_the_node(self, ros: Ros) -> None:
+        from sar_compiler.ros.nav2_log import nav2_log
+
         FakeNav2(ros.node("nav2"))
         node = ros.node()
 
@@ -575,7 +628,8 @@ class TestNav2:
                 len(list(kind)) for kind in (node.publishers, node.subscriptions, node.clients, node.timers)
             ]
 
-        robot_of(node)  # which stays
+        robot_of(node)  # which stays, as the log of Nav2 does
+        nav2_log(node)
         before = entities()
         ready = readiness(node, Use.nav2())
         assert entities() != before

@@ -64,8 +64,9 @@ def describe_end(status: int, result: Any, said: str = "") -> str:
         Status and error code, each as a number and in words, and Nav2's own reason where it has given one.
     """
     code = int(getattr(result, "error_code", 0))
-    words = str(getattr(result, "error_msg", "")) or _describe_code(code, aborted=status == _ABORTED)
-    quoted = f" ({said})" if said else ""
+    own = str(getattr(result, "error_msg", ""))
+    words = own or _describe_code(code, aborted=status == _ABORTED)
+    quoted = f" ({said})" if said and not own else ""
     return f"{describe_status(status)}, error code {code}: {words}{quoted}{_advice(code)}"
 
 
