@@ -159,8 +159,8 @@ class NavigateTo(ActionLeaf):
         Answer("FAILURE", "unavailable", "zones_left > 0", "navigation_lost = true"),
         Answer("FAILURE", "aborted", "zones_left > 0", "navigation_lost = false"),
         Answer("FAILURE", "no zone", "zones_left == 0"),
-        Answer("RUNNING", "waiting for Nav2", "zones_left > 0", "at = ''; navigation_lost = true"),
         Answer("RUNNING", "driving", "zones_left > 0", "at = ''; navigation_lost = false"),
+        Answer("RUNNING", "waiting for Nav2", "zones_left > 0", "at = ''; navigation_lost = true"),
     ],
     facts={"zones_left": 3, "at": "", "navigation_lost": False},
 )
@@ -196,8 +196,8 @@ class NavigateToZone(NavigateTo):
         Answer("SUCCESS", "arrived", then="at = 'base'; navigation_lost = false"),
         Answer("FAILURE", "unavailable", then="navigation_lost = true"),
         Answer("FAILURE", "aborted", then="navigation_lost = false"),
-        Answer("RUNNING", "waiting for Nav2", then="at = ''; navigation_lost = true"),
         Answer("RUNNING", "driving", then="at = ''; navigation_lost = false"),
+        Answer("RUNNING", "waiting for Nav2", then="at = ''; navigation_lost = true"),
     ],
     facts={"at": "", "navigation_lost": False},
 )
