@@ -4,9 +4,12 @@ from collections.abc import Iterator
 
 from sar_compiler.checks.rules.check_context import CheckContext, is_misnamed
 from sar_compiler.nodes.binding.attributes import slip_in_note
+from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.main_tree import find_main_tree
 from sar_compiler.nodes.binding.tree_ids import is_node
+from sar_compiler.nodes.models.models import read_models
 from sar_compiler.nodes.registry import Registry
+from sar_compiler.nodes.spec import Provenance
 from sar_compiler.tree.diagnostic import Cause, Diagnostic, Severity, TreeError
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.guessing import Guesses, nearest
@@ -37,6 +40,7 @@ def check_document(context: CheckContext) -> Iterator[Diagnostic]:
     for tree_file in forest.files:
         yield from _frame(tree_file, guesses)
     yield from _tree_ids(forest, registry, guesses)
+    yield from _ids_of_palettes(context)
     yield from forest.clashes
     if forest.main.root.tag == ROOT_TAG and context.is_whole and not _is_palette(forest):
         try:
@@ -110,6 +114,21 @@ def _tree_ids(forest: Forest, registry: Registry, guesses: Guesses) -> Iterator[
                 message = f"'{tree_id}' is a node, and cannot be the ID of a tree as well"
                 hint = "give the tree another one"
                 yield Diagnostic("wrong-tree-id", message, tree.source, tree.value_span("ID"), hint=hint)
+
+
+def _ids_of_palettes(context: CheckContext) -> Iterator[Diagnostic]:
+    """Yield trees with the ID of a node that a palette describes, and that the program registers which runs the tree."""
+    named = [palette for palette in context.palettes if palette.is_named]
+    models = read_models(named, Collector()).nodes if named else {}
+    for tree in context.forest.iterate() if models else ():
+        tree_id = tree.attributes.get("ID", "")
+        model = models.get(tree_id)
+        if model is not None and model.spec().provenance is not Provenance.FROM_USE:
+            message = f"'{tree_id}' is a node of a palette, and BehaviorTree.CPP refuses a tree of that ID"
+            span, hint = tree.value_span("ID"), "give the tree another one"
+            yield Diagnostic(
+                "wrong-tree-id", message, tree.source, span, hint=hint, severity=Severity.WARNING
+            )
 
 
 def _nameless(tree: Element, tree_file: TreeFile) -> Iterator[Diagnostic]:

@@ -3,10 +3,11 @@
 import pytest
 
 from sar_compiler.checks import check
-from sar_compiler.nodes.binding.attributes import NOTES
+from sar_compiler.nodes.binding.attributes import CONDITIONS, NOTES
 from sar_compiler.nodes.registry import default_registry
+from sar_compiler.nodes.values import listed
 from sar_compiler.tree.conversion import convert
-from sar_compiler.tree.diagnostic import TreeError
+from sar_compiler.tree.diagnostic import Severity, TreeError
 from sar_compiler.tree.forest import Forest, load_forest
 from sar_compiler.tree.reading import read_tree_file
 from sar_compiler.tree.source import Form
@@ -262,6 +263,18 @@ def test_a_note_of_an_editor_is_taken_wherever_it_writes_it(note):
     yaml = convert(parse_xml(NOTED.format(f'{note}="1"')), Form.YAML).text
     assert yaml.count(note) == 6
     assert check(Forest.of(parse_yaml(yaml, "test.yaml")), default_registry()) == []
+
+
+@pytest.mark.parametrize(
+    "name", ["_skipWhen", "_onExit", "_whileNot", "_successWhen", "_failureOn", "_postScript"]
+)
+@pytest.mark.parametrize("node", ["<NavigateToBase {}/>", '<SubTree ID="Rest" {}/>'])
+def test_a_note_that_reads_as_a_condition_is_a_warning(node, name):
+    text = SUBTREE.format(main=node.format(f'{name}="true"'), rest="<NavigateToBase/>")
+    [finding] = [each for each in check(forest_of(text), default_registry()) if each.code != "unused-tree"]
+    assert (finding.code, finding.severity) == ("unknown-attribute", Severity.WARNING)
+    assert (finding.span.line, finding.span.column) == (2, node.index("{") + 1)
+    assert finding.hint == f"the conditions are {listed(CONDITIONS)}"
 
 
 @pytest.mark.parametrize("place", ["root", "BehaviorTree", "include"])

@@ -1,5 +1,7 @@
 """Trees that are well-formed and wrong: each mistake gets one finding, where it stands."""
 
+from dataclasses import replace
+
 import pytest
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -11,6 +13,7 @@ from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.semantics import Semantics
 from sar_compiler.nodes.spec import MARK, NodeSpec, Use
 from sar_compiler.tree.diagnostic import Severity
+from sar_compiler.tree.xml import parse_xml
 from tests.trees import document, forest_of
 
 
@@ -337,3 +340,12 @@ def test_a_delay_of_no_time_runs_for_a_tick_and_what_follows_that_is_reached():
 def test_a_branch_that_lacks_a_child_is_all_that_is_said_of_it_and_the_decorator_around_it():
     text = document("<Inverter>\n<WhileDoElse>\n<Ready/>\n</WhileDoElse>\n</Inverter>")
     assert found(text) == [("missing-child", 4, 1)]
+
+
+def test_a_tree_with_the_id_of_a_node_of_a_named_palette_is_a_warning():
+    forest = forest_of(document("<NavigateToBase/>", main="Foo"))
+    palette = parse_xml("<root><TreeNodesModel><Action ID='Foo'/></TreeNodesModel></root>", "palette.xml")
+    assert check(forest, REGISTRY) == check(forest, REGISTRY, [replace(palette, is_named=False)]) == []
+    [finding] = check(forest, REGISTRY, [palette])
+    assert (finding.code, finding.severity) == ("wrong-tree-id", Severity.WARNING)
+    assert (finding.span.line, finding.span.column) == (2, 19)

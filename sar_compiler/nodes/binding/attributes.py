@@ -10,6 +10,7 @@ from sar_compiler.nodes.numbers import number_in, words_of
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, any_port
 from sar_compiler.nodes.values import CONDITION, ConversionError, ValueType, blackboard_key, listed, type_of
 from sar_compiler.runtime.expressions import Script
+from sar_compiler.tree.diagnostic import Severity
 from sar_compiler.tree.guessing import Guesses, unit_in
 from sar_compiler.tree.model import SUBTREE_TAG, Element
 
@@ -36,6 +37,8 @@ AUTOREMAP = "_autoremap"
 
 NOTES = ("_description", "_uid", "_fullpath", "_collapsed", "_favorite", "_hardcoded", "_subtreeOnly")
 """Some attributes in which BehaviorTree.CPP and editors keep notes, for schemas; any that begins with `_` may be one."""
+_LIKE_CONDITION = re.compile(r"_(?:skip|fail|failure|success|while|on|post)[A-Z]\w*")
+"""Notes that read as conditions, though none is near: `_skipWhen`, not `_skip_list`."""
 _LIKENESS = 0.81
 """How alike a note and a condition must be to be taken for a slip: `_failIf` is one, `_hidden` is not."""
 
@@ -94,9 +97,19 @@ class AttributeBinder:
             script = self.convert(bound.element, name, CONDITION)
             if script is not None:
                 bound.conditions = {**bound.conditions, name: script}
-        else:
-            return name.startswith("_") and self.slip_in_note(name) is None
+        elif not name.startswith("_") or self.slip_in_note(name) is not None:
+            return False
+        elif _LIKE_CONDITION.fullmatch(name):
+            self._no_condition(bound.element, name)
         return True
+
+    def _no_condition(self, element: Element, name: str) -> None:
+        """Report a note that reads as a condition, which nothing would ever ask."""
+        message = f"no condition is called '{name}': this is a note, and nothing is done with it"
+        hint = f"the conditions are {listed(CONDITIONS)}"
+        self._collector.name(
+            element, name, "unknown-attribute", message, hint=hint, severity=Severity.WARNING
+        )
 
     def slip_in_note(self, name: str) -> str | None:
         """Return the attribute that was meant by one that begins with `_`; None for a note of an editor."""
