@@ -120,7 +120,7 @@ COMPLETERS: Mapping[str, Callable[..., Iterable[str]]] = {
     **dict.fromkeys(("output", "export", "keep", "record", "report", "to"), FilesCompleter()),
     **dict.fromkeys(("sim", "world"), _worlds),
     "code": _codes,
-    "include_path": DirectoriesCompleter(),
+    **dict.fromkeys(("from_use", "include_path"), DirectoriesCompleter()),
     **dict.fromkeys(("journal", "journals"), FilesCompleter()),
     "mission": _missions,
     "model": _palettes,

@@ -319,9 +319,10 @@ def test_what_a_leaf_answers_is_shown_with_its_facts(capsys):
     assert main(["nodes", "NavigateToZone"]) == 0
     out = capsys.readouterr().out
     assert (
-        "answers: SUCCESS 'arrived' when zones_left > 0, then at = 'zone'\n         FAILURE 'aborted'" in out
+        "answers: SUCCESS 'arrived' when zones_left > 0, then at = 'zone'; navigation_lost = false\n         FAILURE 'aborted'"
+        in out
     )
-    assert "facts:   zones_left = 3, at = ''\n" in out
+    assert "facts:   zones_left = 3, at = '', navigation_lost = false\n" in out
 
 
 def test_what_a_leaf_answers_is_there_for_scripts(capsys):

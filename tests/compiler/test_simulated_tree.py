@@ -79,6 +79,7 @@ def test_facts_begin_as_the_leaves_say():
     assert simulated_tree(PATROL).fact_values() == {
         "zones_left": 3,
         "at": "",
+        "navigation_lost": False,
         "found_by_DetectSurvivor": False,
         "named_by_DetectSurvivor": False,
     }
@@ -107,7 +108,7 @@ def test_an_outcome_policy_decides_for_every_leaf():
     simulated.policy = Last()
     assert isinstance(simulated.policy, Last)
     simulated.root.tick_once()
-    assert simulated.events[-1].answer.name == "driving"
+    assert simulated.events[-1].answer.name == "waiting for Nav2"
     assert simulated_tree("<Success/>").policy is None
 
 

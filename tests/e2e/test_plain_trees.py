@@ -77,7 +77,7 @@ def test_a_service_that_nobody_brings_is_named(start, tree):
         (["--mission", "serch_and_rescue"], "did you mean 'search_and_rescue'?"),
         (
             ["--sim", "--fault", "report_survivor:drop=1"],
-            "'report_survivor' is no target (known: navigate_to_pose)",
+            "'report_survivor' is no target (known: navigate_to_pose, amcl)",
         ),
     ],
 )

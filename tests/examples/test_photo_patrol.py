@@ -66,7 +66,7 @@ def test_a_camera_that_nobody_brings_is_named(start, installed):
     ("arguments", "words"),
     [
         (["--sim", "--fault", "take_photo:refus=1"], "did you mean 'refuse'?"),
-        (["--sim", "--fault", "report_survivor:drop=1"], "(known: take_photo, navigate_to_pose)"),
+        (["--sim", "--fault", "report_survivor:drop=1"], "(known: take_photo, navigate_to_pose, amcl)"),
         (
             ["--ros-args", "-p", "point_order:=[yrd]"],
             "which has no pose: give points.yrd.x, .y and .yaw; did you mean",

@@ -173,7 +173,7 @@ def test_an_element_with_too_many_attributes_is_one_finding_at_once(form, capsys
     if form == "xml":
         text = document("<AlwaysSuccess " + " ".join(f'{name}="1"' for name in names) + "/>")
     else:
-        written = "".join(f"        {name}: 1\n" for name in names)
+        written = "".join(f"      {name}: 1\n" for name in names)
         text = f"root:\n  children:\n  - BehaviorTree:\n      ID: A\n{written}"
     Path(f"wide.{form}").write_text(text, encoding="utf-8")
     assert compile_command(["validate", f"wide.{form}"]) == 1

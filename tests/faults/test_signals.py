@@ -17,6 +17,8 @@ from tests.trees import document
 
 pytestmark = pytest.mark.ros
 
+# The localisation knows where the last mission has left the robot.
+ROS = ("-p", "use_sim_time:=true", "-p", "set_initial_pose:=false")
 CANCELED = 5
 EXECUTING = 2
 BLOCKING = """
@@ -56,7 +58,7 @@ def blocking(tmp_path):
 def servers():
     """All that a mission needs, in processes of their own; the robot stays where the last test has left it."""
     commands = [
-        Command("sar-sim", "run").wait_for("runs"),
+        Command("sar-sim", "run", "--localised").wait_for("runs"),
         Command("sar-detect-survivor-server").wait_for("ready"),
         Command("sar-report-survivor-server").wait_for("ready"),
     ]
@@ -100,7 +102,7 @@ class TestTheTerminalIsClosed:
             fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 
         run = subprocess.Popen(
-            [BIN / "sar-run", "--ros-args", "-p", "use_sim_time:=true"],
+            [BIN / "sar-run", "--ros-args", *ROS],
             stdin=terminal,
             stdout=terminal,
             stderr=log,
@@ -142,7 +144,7 @@ class TestTheSecondRequest:
     ):
         tree, environment = blocking
         watching = witness()
-        arguments = ("--nodes", "blocking_leaves", "--ros-args", "-p", "use_sim_time:=true")
+        arguments = ("--nodes", "blocking_leaves", "--ros-args", *ROS)
         run = start("sar-run", tree, *arguments, env=environment).wait_for("blocked")
         watching.wait_for_goals(driving)
         ask_until_over(run)
@@ -158,7 +160,7 @@ class TestTheSecondRequest:
 
     def test_two_signals_at_once_are_one_request(self, servers, start, witness):
         watching = witness()
-        run = start("sar-run", "--ros-args", "-p", "use_sim_time:=true")
+        run = start("sar-run", "--ros-args", *ROS)
         watching.wait_for_goals(driving)
         run.send(signal.SIGTERM)
         run.send(signal.SIGINT)
@@ -170,7 +172,7 @@ class TestTheSecondRequest:
 class TestAGuardian:
     def test_it_cancels_the_goal_of_a_mission_that_is_killed(self, servers, start, witness):
         watching = witness()
-        run = start("sar-run", "--guardian", "--ros-args", "-p", "use_sim_time:=true")
+        run = start("sar-run", "--guardian", "--ros-args", *ROS)
         watching.wait_for_goals(driving)
         watching.wait_until_moving()
         run.send(signal.SIGKILL)
@@ -179,7 +181,7 @@ class TestAGuardian:
 
     def test_it_ends_with_a_mission_that_ends_in_order(self, servers, start, witness):
         watching = witness()
-        run = start("sar-run", "--guardian", "--ros-args", "-p", "use_sim_time:=true")
+        run = start("sar-run", "--guardian", "--ros-args", *ROS)
         watching.wait_for_goals(driving)
         guardians = children_of(run._process.pid)
         assert len(guardians) == 1
@@ -189,7 +191,7 @@ class TestAGuardian:
 
     def test_ctrl_c_in_a_terminal_does_not_reach_it(self, servers, start, witness):
         watching = witness()
-        run = start("sar-run", "--guardian", "--ros-args", "-p", "use_sim_time:=true")
+        run = start("sar-run", "--guardian", "--ros-args", *ROS)
         watching.wait_for_goals(driving)
         (guardian,) = children_of(run._process.pid)
         assert os.getpgid(guardian) != os.getpgid(run._process.pid)

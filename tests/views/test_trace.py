@@ -57,7 +57,7 @@ def test_facts_and_keys_are_written_as_a_script_would():
         "  facts: at = 'base', zones_left = 2",
         "  keys: goal = 2.5, place = 'here'",
         "ended after tick 1 (0 s): root SUCCESS",
-        "facts at the end: at = 'base', zones_left = 2",
+        "facts at the end: at = 'base', navigation_lost = false, zones_left = 2",
     ]
 
 

@@ -282,7 +282,8 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
         feedback = exchange.take_feedback()
         if feedback is None or status is not Status.RUNNING:
             return status
-        self._hold = None
+        if exchange.is_accepted:
+            self._hold = None
         verdict = self.on_feedback(feedback)
         if verdict is None or verdict is Status.RUNNING:
             return Status.RUNNING

@@ -177,6 +177,11 @@ class ActionGoal(Exchange):
         return self.sent and not self.over and not self._abandoned
 
     @property
+    def is_accepted(self) -> bool:
+        """Whether the server has said that it has the goal."""
+        return self._handle is not None
+
+    @property
     def has_ended(self) -> bool:
         """Whether the goal is active nowhere: it was not sent, or a final status was seen, or it was never taken."""
         return not self.sent or self._final is not None

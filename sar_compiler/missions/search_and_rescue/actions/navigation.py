@@ -156,9 +156,9 @@ class NavigateTo(ActionLeaf):
     uses=_USES,
     answers=[
         Answer("SUCCESS", "arrived", "zones_left > 0", "at = 'zone'; navigation_lost = false"),
-        Answer("FAILURE", "unavailable", "zones_left > 0", "navigation_lost = true"),
         Answer("FAILURE", "aborted", "zones_left > 0", "navigation_lost = false"),
         Answer("FAILURE", "no zone", "zones_left == 0"),
+        Answer("FAILURE", "unavailable", "zones_left > 0", "navigation_lost = true"),
         Answer("RUNNING", "driving", "zones_left > 0", "at = ''; navigation_lost = false"),
         Answer("RUNNING", "waiting for Nav2", "zones_left > 0", "at = ''; navigation_lost = true"),
     ],
@@ -194,8 +194,8 @@ class NavigateToZone(NavigateTo):
     uses=_USES,
     answers=[
         Answer("SUCCESS", "arrived", then="at = 'base'; navigation_lost = false"),
-        Answer("FAILURE", "unavailable", then="navigation_lost = true"),
         Answer("FAILURE", "aborted", then="navigation_lost = false"),
+        Answer("FAILURE", "unavailable", then="navigation_lost = true"),
         Answer("RUNNING", "driving", then="at = ''; navigation_lost = false"),
         Answer("RUNNING", "waiting for Nav2", then="at = ''; navigation_lost = true"),
     ],
