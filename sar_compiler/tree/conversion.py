@@ -39,7 +39,12 @@ def convert(tree_file: TreeFile, form: Form) -> Converted:
         TreeError: If the file has what is no part of a tree and would be lost (text, processing instructions
             in XML), or an attribute that the form cannot have.
     """
-    rest = rest_of(tree_file) if tree_file.source.form is Form.XML else []
+    rest = [
+        dataclasses.replace(each, severity=Severity.ERROR)
+        for each in tree_file.findings
+        if each.code == "stray-text"
+    ]
+    rest += rest_of(tree_file) if tree_file.source.form is Form.XML else []
     if rest:
         raise TreeError(rest)
     if tree_file.source.form is form:

@@ -17,8 +17,8 @@ SKIPPED = ("build", "install", "log")
 _BEGINNING = 65_536
 """The number of bytes that tell what a file is."""
 
-# The first element, after the declaration, comments and a DOCTYPE; the first key, after comments.
-_FIRST_ELEMENT = re.compile(rb"(?:\s|<\?.*?\?>|<!--.*?-->|<![^>]*>)*<([\w:.-]+)([^>]*)", re.DOTALL)
+# The first element, after the declaration, comments, a DOCTYPE and text; the first key, after comments.
+_FIRST_ELEMENT = re.compile(rb"(?:[^<]|<\?.*?\?>|<!--.*?-->|<![^>]*>)*<([\w:.-]+)([^>]*)", re.DOTALL)
 _FIRST_KEY = re.compile(rb"(?:\s|#[^\n]*\n|---|%[^\n]*\n)*\{?\s*[\"']?root[\"']?\s*:")
 _ROOT_ATTRIBUTES = re.compile(rb"\b(?:BTCPP_format|main_tree_to_execute)\b")
 _SECTIONS = re.compile(rb"\b(?:BehaviorTree|TreeNodesModel|include)\b")

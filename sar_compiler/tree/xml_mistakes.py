@@ -1,12 +1,15 @@
 """Characters that XML does not allow at their place, with what to write instead."""
 
 import re
+import unicodedata
 from dataclasses import dataclass
 from xml.parsers import expat
 
 from sar_compiler.tree.xml_recovery import ATTRIBUTE, NAME
 
 _AMPERSANDS = re.compile(r"(&+)[^&;<>\"'\s]*\Z")
+_UNSEEN = re.compile(r"[\u00ad\u180e\u200b-\u200f\u2060\ufeff]|[^\S \t\r\n]")
+"""A character that nobody sees, or that looks like a blank and is none."""
 _NEAR = 200
 """How far before a place an ampersand is looked for."""
 _ENTITY = re.compile(r"&([^#&;\s][^&;\s]*);")
@@ -57,12 +60,33 @@ def _invalid(text: str, place: int) -> XmlMistake | None:
         return XmlMistake(message, place, place + 1, hint="delete it")
     if text.rfind("<!--", 0, place) > text.rfind("-->", 0, place):
         return _in_comment(text, place)
-    return _in_tag(text, place)
+    if _UNSEEN.match(text, place):
+        return _unseen(text, place)
+    return _out_of_place(text, place) or _in_tag(text, place)
+
+
+def _unseen(text: str, place: int) -> XmlMistake:
+    what = "looks like a blank and is none for XML" if text[place].isspace() else "is here, which nobody sees"
+    hint = "write a blank in its place" if text[place].isspace() else "delete it"
+    name = unicodedata.name(text[place], "").lower()
+    message = f"the character U+{ord(text[place]):04X} ({name}) {what}"
+    return XmlMistake(message, place, place + 1, hint=hint)
 
 
 def _in_comment(text: str, place: int) -> XmlMistake:
     start = text.rfind("--", 0, place)
     return XmlMistake("-- is not allowed in a comment of XML", start, start + len("--"), "- -")
+
+
+def _out_of_place(text: str, place: int) -> XmlMistake | None:
+    before = text[max(text.rfind("<", 0, place), 0) : place]
+    if before.startswith("</") and ">" in before:
+        hint = "put it in a comment, or delete it"
+        return XmlMistake("text is not allowed behind the root", place, place + 1, hint=hint)
+    if text[place : place + 1] in (",", ";"):
+        message = f"no {text[place]} stands between the attributes of a tag"
+        return XmlMistake(message, place, place + 1, hint="write a blank in its place")
+    return None
 
 
 def _in_tag(text: str, place: int) -> XmlMistake | None:

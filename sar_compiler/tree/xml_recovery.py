@@ -1,14 +1,15 @@
-"""Recovery of files that only BehaviorTree.CPP's reader takes: with & and < that stand for themselves, and -- in comments.
+"""Recovery of files that only BehaviorTree.CPP's reader takes: & and < as themselves, -- in comments, text before the root.
 
 Each such character is replaced by a stand-in of one character, which nothing else in the file is. So expat can read
 the text, every line and column stays, and what was read gets its characters back. An XML declaration behind empty
-lines becomes empty lines, too.
+lines becomes empty lines, too, and so does text before the root.
 """
 
 import itertools
 import re
 import sys
 from collections.abc import Iterator
+from enum import Enum
 from typing import NamedTuple
 
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
@@ -27,12 +28,22 @@ _NUMBERED = re.compile(r"&#(?:x0*([0-9a-fA-F]{1,6})|0*([0-9]{1,7}));")
 _NAMED = re.compile(r"&[^\W\d][\w.\-]*;")
 _LATE_DECLARATION = re.compile(r"\s+(<\?xml\s[^>]*\?>)")
 _NOT_BLANK = re.compile(r"\S")
+_LINE = re.compile(r"\S(?:[^\r\n]*\S)?")
 _DASHES = re.compile(r"-{2,}|-\Z")
 _PRIVATE = (range(0xE000, 0xF900), range(0xF0000, 0xFFFFE))
 _STANDING_ALONE = "&<-"
 _MOST = 1000
 """The most findings in a file."""
+_TOLD_PASSED = "BehaviorTree.CPP passes over it, other readers of XML do not"
 _TOLD = "BehaviorTree.CPP takes it as it is, other readers of XML do not"
+
+
+class _Stretch(Enum):
+    """What a stretch of a text is, with the regular expression of what is not XML in it."""
+
+    BEFORE_ROOT = _LINE
+    CONTENT = _RAW
+    COMMENT = _DASHES
 
 
 class Recovered(NamedTuple):
@@ -63,14 +74,15 @@ def recover(source: Source) -> Recovered | None:
     if declaration := _LATE_DECLARATION.match(text):
         parts, done = [_NOT_BLANK.sub(" ", declaration[0])], declaration.end()
         findings.append(_late_declaration(source, *declaration.span(1)))
-    for start, end, is_comment in _stretches(text):
-        raw = _DASHES if is_comment else _RAW
+    for start, end, part in _stretches(text):
+        raw = part.value
         if raw.search(text, start, end) is None:
             continue
-        parts += [text[done:start], _replaced(text[start:end], stand_ins, is_comment=is_comment)]
+        parts += [text[done:start], _replaced(text[start:end], stand_ins, part)]
         done = end
         runs = itertools.islice(raw.finditer(text, start, end), _MOST - len(findings))
-        findings += [_finding(source, *run.span()) for run in runs]
+        tell = _stray_text if part is _Stretch.BEFORE_ROOT else _finding
+        findings += [tell(source, *run.span()) for run in runs]
     if not parts:
         return None
     originals = {ord(stand_in): chr(character) for character, stand_in in stand_ins.items()}
@@ -107,21 +119,23 @@ def _stand_ins(text: str) -> dict[int, str] | None:
     return found if len(found) == len(_STANDING_ALONE) else None
 
 
-def _replaced(stretch: str, stand_ins: dict[int, str], *, is_comment: bool) -> str:
-    if is_comment:
+def _replaced(stretch: str, stand_ins: dict[int, str], part: _Stretch) -> str:
+    if part is _Stretch.BEFORE_ROOT:
+        return _NOT_BLANK.sub(" ", stretch)
+    if part is _Stretch.COMMENT:
         return stretch.replace("-", stand_ins[ord("-")])
     return _LONE.sub(stand_ins[ord("&")], stretch).replace("<", stand_ins[ord("<")])
 
 
-def _stretches(text: str) -> Iterator[tuple[int, int, bool]]:
+def _stretches(text: str) -> Iterator[tuple[int, int, _Stretch]]:
     """Yield the places of texts, values and comments, until a tag cannot be understood."""
-    offset = 0
+    offset, part = 0, _Stretch.BEFORE_ROOT
     while (tag := text.find("<", offset)) >= 0:
-        yield offset, tag, False
+        yield offset, tag, part
         if text.startswith("<!--", tag):
             offset = _behind(text, "-->", tag + len("<!--"))
             if offset:
-                yield tag + len("<!--"), offset - len("-->"), True
+                yield tag + len("<!--"), offset - len("-->"), _Stretch.COMMENT
         elif text.startswith("<![CDATA[", tag):
             offset = _behind(text, "]]>", tag)
         elif text.startswith("<?", tag):
@@ -129,7 +143,8 @@ def _stretches(text: str) -> Iterator[tuple[int, int, bool]]:
         elif text.startswith("</", tag):
             offset = _behind(text, ">", tag)
         else:
-            values: list[tuple[int, int, bool]] = []
+            part = _Stretch.CONTENT
+            values: list[tuple[int, int, _Stretch]] = []
             offset = _values(text, tag, values)
             yield from values
         if not offset:
@@ -141,14 +156,14 @@ def _behind(text: str, end: str, start: int) -> int:
     return found + len(end) if found >= 0 else 0
 
 
-def _values(text: str, tag: int, values: list[tuple[int, int, bool]]) -> int:
+def _values(text: str, tag: int, values: list[tuple[int, int, _Stretch]]) -> int:
     """Add the places of a start tag's values, and return its end; 0, and none, if it makes no sense."""
     name = None if text.startswith("<!", tag) else NAME.match(text, tag)
     if name is None:
         return 0
     offset = name.end()
     while match := ATTRIBUTE.match(text, offset):
-        values.append((*match.span(3), False))
+        values.append((*match.span(3), _Stretch.CONTENT))
         offset = match.end()
     end = _TAG_END.match(text, offset)
     if end is None:
@@ -162,6 +177,12 @@ def _late_declaration(source: Source, start: int, end: int) -> Diagnostic:
     message = f"an XML declaration must be at the very beginning of a file: {_TOLD}"
     hint, span = "delete the blanks and lines before it", source.span(start, end)
     return Diagnostic("loose-xml", message, source, span, hint=hint, severity=Severity.WARNING)
+
+
+def _stray_text(source: Source, start: int, end: int) -> Diagnostic:
+    message = f"text is not allowed before the root: {_TOLD_PASSED}"
+    hint, span = "put it in a comment, or delete it", source.span(start, end)
+    return Diagnostic("stray-text", message, source, span, hint=hint, severity=Severity.WARNING)
 
 
 def _finding(source: Source, start: int, end: int) -> Diagnostic:

@@ -58,6 +58,7 @@ def test_two_hyphens_in_a_comment_are_parted_for_xml_and_said():
     [
         ("<root>\n  <A/> text\n</root>", "stray-text", (2, 8)),
         ("<root>\n  <A><![CDATA[text]]></A>\n</root>", "stray-text", (2, 15)),
+        ("// text\n<root/>", "stray-text", (1, 1)),
         ("<?xml-model href='x'?>\n<root/>", "processing-instruction", (1, 1)),
     ],
 )

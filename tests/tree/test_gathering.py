@@ -36,6 +36,7 @@ def names(paths):
         ("a.xml", "<BehaviorTree ID='A'/>"),
         ("a.xml", '<rot BTCPP_format="4"/>'),
         ("a.xml", '<root BTCPP_format="4"><Behav'),
+        ("a.xml", f"// clang-format off\n{TREE}"),
         ("a.xml", f"<!DOCTYPE root>{TREE}"),
         ("a.yaml", "# A tree.\nroot:\n  children: [{BehaviorTree: {}}]\n"),
         ("a.yml", "---\n'root':\n  BTCPP_format: 4\n  children:\n    - TreeNodesModel:\n"),

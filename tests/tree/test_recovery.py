@@ -73,6 +73,24 @@ def test_a_place_in_a_recovered_value_is_that_of_the_text():
     assert cut(element.source, element.within_value("a", value.index("&"), value.index("&") + 2)) == "&&"
 
 
+def test_text_before_the_root_is_told_line_by_line_and_the_places_behind_it_stay():
+    tree_file = parse_xml("// a & b\n<!-- c -- d -->\n  // e >\n<root>\n  <A/>\n</root>")
+    stray, dashes, other = tree_file.findings
+    assert [each.code for each in tree_file.findings] == ["stray-text", "loose-xml", "stray-text"]
+    assert [cut(each.source, each.span) for each in (stray, dashes, other)] == ["// a & b", "--", "// e >"]
+    assert {each.severity for each in tree_file.findings} == {Severity.WARNING}
+    (child,) = tree_file.root.children
+    assert (child.line, child.column) == (5, 3)
+
+
+def test_text_behind_the_root_is_beyond_recovery():
+    with pytest.raises(TreeError) as caught:
+        parse_xml("<root></root>\n// end\n")
+    (finding,) = caught.value.findings
+    assert (finding.span.line, finding.span.column) == (2, 1)
+    assert finding.message.endswith("text is not allowed behind the root")
+
+
 def test_a_comment_with_two_dashes_is_recovered():
     tree_file = parse_xml("<root><!-- a -- b ---><A/></root>")
     assert [comment.text for comment in tree_file.root.comments] == ["a -- b -"]
@@ -202,6 +220,15 @@ WORDS = {
         "",
     ),
     "attributes without a blank between": ("<B c='1'd='2'/>", 9, "a blank is missing before this", ""),
+    "a character that nobody sees": ("<B c\u200b='1'/>", 5, "U+200B (zero width space) is here", "delete it"),
+    "a blank of other kinds": (
+        "<B\u00a0c='1'/>",
+        3,
+        "U+00A0 (no-break space) looks like a blank",
+        "write a blank",
+    ),
+    "a comma behind a tag": ("<B, c='1'/>", 3, "no , stands between the attributes", "write a blank"),
+    "a comma behind an attribute": ("<B c='1', d='2'/>", 9, "no , stands between", "write a blank"),
     "a blank behind the sign": ("< B/>", 1, "a tag's name follows its < directly", ""),
 }
 
