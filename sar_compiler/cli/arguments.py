@@ -62,3 +62,15 @@ def speed(text: str) -> float:
         message = f"'{text}' is not a number above 0"
         raise argparse.ArgumentTypeError(message)
     return value
+
+
+def seconds(text: str) -> float:
+    """Return a time in seconds above 0, for argparse."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < math.inf:
+        message = f"'{text}' is no number of seconds above 0"
+        raise argparse.ArgumentTypeError(message)
+    return value

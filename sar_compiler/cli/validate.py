@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sar_compiler.cli.arguments import seconds
 from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options, tell_note, workspace
 from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.commands import FINDINGS, OK, RULE_FAILED, USAGE, print_error, print_text
@@ -14,6 +15,7 @@ from sar_compiler.tree.showing import visible
 
 if TYPE_CHECKING:
     from sar_compiler.checks.fixing import Fix
+    from sar_compiler.checks.verify.trying import TrialBudget
     from sar_compiler.project import LoadedTree, Workspace
     from sar_compiler.tree.diagnostic import Diagnostic
     from sar_compiler.tree.model import TreeFile
@@ -21,6 +23,8 @@ if TYPE_CHECKING:
 _TEXT, _JSON, _SARIF, _GITHUB = FORMATS = ("text", "json", "sarif", "github")
 _STDIN, _STDIN_NAME = "-", Path("<stdin>")
 _FAILED = "internal-error"
+_TICKS, _TICKS_OF_ALL = 8192, 81_920
+"""How many ticks are tried of a file, and of all files of a command: the same on every machine."""
 _ROUNDS = 20
 """The largest number of passes: a fix may reveal another mistake."""
 
@@ -32,6 +36,14 @@ def add_validate(parser: argparse.ArgumentParser) -> None:
     add_project_options(parser)
     add_mission(parser)
     parser.add_argument("--strict", action="store_true", help="count warnings as errors")
+    trial = parser.add_mutually_exclusive_group()
+    trial.add_argument(
+        "--deep",
+        type=seconds,
+        metavar="SEC",
+        help="try the runs of each file for so long, for errors that a tick raises (default: some thousand ticks)",
+    )
+    trial.add_argument("--no-deep", action="store_true", help="try no runs")
     parser.add_argument("--fix", action="store_true", help="fix obvious slips first, in the files")
     parser.add_argument(
         "--all", action="store_true", help="as text and for GitHub, tell each place, and not each cause once"
@@ -85,6 +97,7 @@ class _Validation:
         self._clean: list[Path] = []
         self._said: set[object] = set()
         self._fixable = 0
+        self._ticks = 0
         self._stdin: bytes | None = None
         self._found_in_folders: set[Path] = set()
         self._found_models: list[Path] = []
@@ -192,9 +205,28 @@ class _Validation:
             return
         found = [*tree.findings, *tree.mission_findings]
         self._report(found)
+        found += self._tried(tree)
+        self._report(found)
         self._count_fixable(tree)
         if self.arguments.format == _TEXT and not found and path not in self._found_in_folders:
             self._clean.append(path)
+
+    def _tried(self, tree: "LoadedTree") -> "list[Diagnostic]":
+        """Return what a tick of some run of a file raises, as far as runs are tried."""
+        deep, left = self.arguments.deep, _TICKS_OF_ALL - self._ticks
+        if self.arguments.no_deep or (deep is None and left <= 0):
+            return []
+        budgets: list[TrialBudget] = []
+
+        def budget() -> "TrialBudget":
+            from sar_compiler.checks.verify.trying import TrialBudget
+
+            budgets.append(TrialBudget(min(_TICKS, left) if deep is None else None, deep))
+            return budgets[0]
+
+        found = tree.try_runs(budget)
+        self._ticks += sum(each.spent for each in budgets)
+        return found
 
     def _report(self, findings: "Iterable[Diagnostic]") -> None:
         """Report findings, each once: a file may be included by several, or have trees that several use."""

@@ -15,15 +15,17 @@ from typing import TYPE_CHECKING, NamedTuple
 from sar_compiler.checks import check, check_palettes, first_of_each
 from sar_compiler.checks.configuration import Configuration, configuration_for, repository_of
 from sar_compiler.missions import ENTRY_POINTS as MISSIONS
+from sar_compiler.nodes.binding.attributes import CONDITIONS
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.nodes.installed import entry_points, ignored_entry_points, is_offered
 from sar_compiler.nodes.palettes import is_palette_name
 from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, load_registry
+from sar_compiler.runtime.expressions import Script
 from sar_compiler.tree.content import as_written, read_bytes, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError, UnreadableFileError
 from sar_compiler.tree.forest import Forest, Read, TreeSet, load_forest
 from sar_compiler.tree.gathering import files_meant
-from sar_compiler.tree.model import FileBeginning, TreeFile
+from sar_compiler.tree.model import Element, FileBeginning, TreeFile
 from sar_compiler.tree.reading import read_tree_file
 from sar_compiler.tree.shipped import find_tree
 from sar_compiler.tree.source import Source
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
     from sar_compiler.checks.assumptions import StartValues
     from sar_compiler.checks.simulate.scenario_files import Stage
     from sar_compiler.checks.verify import Report, Verification
+    from sar_compiler.checks.verify.trying import TrialBudget
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.documents.located import Document
     from sar_compiler.missions.mission import Mission
@@ -443,6 +446,46 @@ class LoadedTree:
 
         self._require_no_errors()
         return bind_main(self.forest, self.project.registry, tree_id, self.palettes)
+
+    def try_runs(self, budget: "Callable[[], TrialBudget]") -> list[Diagnostic]:
+        """Return what a tick of some run raises, if that is found within a budget; nothing for a file with errors.
+
+        A tree whose ticks raise nothing, since it has neither keys nor scripts, is not even compiled.
+
+        Args:
+            budget: Returns how much may be tried; called only where there is something to try.
+        """
+        if self._forest is None or any(
+            each.severity is Severity.ERROR for each in self._findings_of_the_tree
+        ):
+            return []
+        if not any(map(self._may_raise, self._forest.iterate())):
+            return []
+        try:
+            binding = self.binding()
+        except TreeError:
+            return []
+        from sar_compiler.project.proof import tried
+
+        # What a rule has found in the same place is the same mistake.
+        told = {(each.source.path, each.span) for each in self.findings}
+        raised = [
+            each for each in tried(self, binding, budget()) if (each.source.path, each.span) not in told
+        ]
+        return self.project.configuration.decide(raised)
+
+    def _may_raise(self, tree: Element) -> bool:
+        """Return whether a tree has keys or scripts, which have values only in a run."""
+        return any(
+            "{" in text or name in CONDITIONS or self._is_script(element.tag, name)
+            for element in tree.iterate()
+            for name, text in element.attributes.items()
+        )
+
+    def _is_script(self, tag: str, name: str) -> bool:
+        parameters = (spec.parameters.get(name) for spec in self.project.registry.variants(tag))
+        types = (each.value_type for each in parameters if each is not None)
+        return any(each is not None and each.python is Script for each in types)
 
     def _require_no_errors(self) -> None:
         errors = [each for each in self._findings_of_the_tree if each.severity is Severity.ERROR]

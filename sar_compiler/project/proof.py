@@ -3,7 +3,7 @@
 import contextlib
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from sar_compiler.checks.assumptions import (
     StartValues,
@@ -14,17 +14,21 @@ from sar_compiler.checks.assumptions import (
 )
 from sar_compiler.checks.described_controls import take_controls
 from sar_compiler.checks.leaf_words import LeafWords
-from sar_compiler.checks.verify import PropertyFile, Verification, read_property_file
+from sar_compiler.checks.verify import PropertyFile, read_property_file
+from sar_compiler.checks.verify.trying import TrialBudget, finding_of_runs, mark
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.documents.located import Document
 from sar_compiler.documents.yaml_files import document_of
+from sar_compiler.errors import SarError
 from sar_compiler.nodes.binding.bound import Binding
+from sar_compiler.tree.diagnostic import Diagnostic
 
 if TYPE_CHECKING:
     from sar_compiler.project import LoadedTree
 
-TreeSearch = Callable[[SimulatedTree, PropertyFile | None, Collection[str]], Verification]
-"""Verifies a tree, as `checks.verify.verify` does, given what else that takes."""
+SearchResult = TypeVar("SearchResult")
+TreeSearch = Callable[[SimulatedTree, PropertyFile | None, Collection[str]], SearchResult]
+"""Searches the runs of a tree, as `checks.verify.verify` does, given what else that takes."""
 
 
 def verified(
@@ -33,9 +37,9 @@ def verified(
     properties: str | Path | None,
     facts: Mapping[str, object] | Document | None,
     start: StartValues,
-    search: TreeSearch,
-) -> Verification:
-    """Verify a bound tree; see `LoadedTree.verify`."""
+    search: TreeSearch[SearchResult],
+) -> SearchResult:
+    """Return what a search finds in the runs of a bound tree; see `LoadedTree.verify`."""
     path = default_properties(tree, binding) if properties is None else properties
     file = None if path is None else read_property_file(path)
     parameters = {**start.parameters, **({} if file is None else file.parameters)}
@@ -57,6 +61,21 @@ def verified(
             check_answers(file.document, file.answers, LeafWords(simulated))
         tags = {spec.tag for spec in tree.project.registry if spec.kind.is_leaf}
         return search(simulated, file, tags)
+
+
+def tried(tree: "LoadedTree", binding: Binding, budget: TrialBudget) -> list[Diagnostic]:
+    """Return what a tick of some run raises; see `LoadedTree.try_runs`."""
+    mark(binding)
+
+    def search(
+        simulated: SimulatedTree, _file: PropertyFile | None, _tags: Collection[str]
+    ) -> list[Diagnostic]:
+        return finding_of_runs(simulated, binding, budget)
+
+    try:
+        return verified(tree, binding, None, None, StartValues(), search)
+    except SarError:  # a parameter is missing, or nobody knows what a node does: `verify` says it
+        return []
 
 
 def default_properties(tree: "LoadedTree", binding: Binding) -> Path | None:

@@ -25,7 +25,17 @@ Convert = Callable[[object], Any]
 
 
 class PortError(SarError):
-    """A port cannot give its value: nothing was written to its key, or what was does not fit."""
+    """A port cannot give its value: nothing was written to its key, or what was does not fit.
+
+    Attributes:
+        port: The port's name; empty where it is not known.
+        source: The key that it reads, as it belongs to the entry.
+    """
+
+    def __init__(self, message: str, port: str = "", source: str = "") -> None:
+        super().__init__(message)
+        self.port = port
+        self.source = source
 
 
 class Input(Generic[T]):
@@ -70,7 +80,7 @@ class Input(Generic[T]):
         except (SarError, ValueError) as error:
             prefix = f"{self._name}: " if self._name else ""
             message = f"{prefix}{{{source.key}}}: {error}"
-            raise PortError(message) from error
+            raise PortError(message, self._name, source.key) from error
 
 
 class Output(Generic[T]):
@@ -107,7 +117,7 @@ class InOut(Input[T]):
         """
         if self.entry is None:
             message = f"{self._name or 'the port'} is a constant and cannot be written; give it a {{key}}"
-            raise PortError(message)
+            raise PortError(message, self._name)
         _write(self.entry, value)
 
 

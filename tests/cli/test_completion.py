@@ -39,7 +39,7 @@ ASKED = {
 }
 # Words, numbers and names that nobody can know.
 NOTHING_TO_OFFER = {
-    "at_least", "confidence", "count", "dask", "fault", "faults", "groot2", "half_width", "jobs", "max_states", "param", "robot",
+    "at_least", "confidence", "count", "dask", "deep", "fault", "faults", "groot2", "half_width", "jobs", "max_states", "param", "robot",
     "runs", "seed", "set", "speed", "supervise", "ticks", "tree_id", "until", "unusual", "web_port",
 }  # fmt: skip
 
