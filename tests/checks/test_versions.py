@@ -68,6 +68,14 @@ CASES = {
         {"4.8"},
         (2, 50),
     ),
+    "two statements without a semicolon": (
+        MAIN.format(
+            '<Sequence><Script code="a := 1; b := \';\' c := 2;"/><ScriptCondition code="a + b == c"/></Sequence>'
+        )
+        + "</root>",
+        {"4.8"},
+        (2, 66),
+    ),
     "a node of a newer version": (
         MAIN.format("<TryCatch><NavigateToZone/><NavigateToBase/></TryCatch>") + "</root>",
         {"4.8"},

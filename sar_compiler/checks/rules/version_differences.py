@@ -7,7 +7,7 @@ from sar_compiler.checks.rules.check_context import CheckContext, warning
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.tree_ids import fault_of, refused_in
-from sar_compiler.nodes.btcpp.versions import NAMES, QUOTES, SUMS, VERSIONS
+from sar_compiler.nodes.btcpp.versions import NAMES, QUOTES, STATEMENTS, SUMS, VERSIONS
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.runtime.expressions import Expression, Literal, Operation, Script, children
 from sar_compiler.tree.diagnostic import Diagnostic
@@ -29,6 +29,8 @@ def check_versions(context: CheckContext) -> Iterator[Diagnostic]:
             _report_quotes(bound, attribute, script, collector)
         if context.btcpp < SUMS.since and "-" in script.text:
             yield from _sums(context, bound, attribute, script)
+        if context.btcpp < STATEMENTS.since:
+            yield from _touching(context, bound, attribute, script)
     yield from collector.findings
     yield from _newer_nodes(context)
 
@@ -88,6 +90,17 @@ def _sums(context: CheckContext, bound: BoundNode, attribute: str, script: Scrip
                 span = bound.element.within_value(attribute, step.start, step.end)
                 yield warning("btcpp-version", message, bound, span, hint="write parentheses: (a - b) + c")
                 break
+
+
+def _touching(
+    context: CheckContext, bound: BoundNode, attribute: str, script: Script
+) -> Iterator[Diagnostic]:
+    """Yield statements with no `;` between them and the one before."""
+    for before, statement in itertools.pairwise(script.statements):
+        if ";" not in script.text[before.end : statement.start]:
+            message = f"{attribute}: BehaviorTree.CPP {context.btcpp} refuses a statement that follows another without ;"
+            span = bound.element.within_value(attribute, statement.start, statement.end)
+            yield warning("btcpp-version", message, bound, span, hint="write ; between the two")
 
 
 def _newer_nodes(context: CheckContext) -> Iterator[Diagnostic]:

@@ -40,5 +40,7 @@ QUOTES = VersionChange(Version(4, 9), "4.9.0")
 """Texts of scripts in double quotation marks are refused."""
 SUMS = VersionChange(Version(4, 9), "4.9.0")
 """Sums of scripts are worked out from the left; before, `a - b + c` was `a - (b + c)`."""
+STATEMENTS = VersionChange(Version(4, 9), "4.9.0")
+"""Two statements of a script need no `;` between them; before, it was refused without one."""
 NUMBERS = VersionChange(Version(4, 9), "4.9.1")
 """A constant that is given to a subtree and looks like a number is one; before, it was a text."""
