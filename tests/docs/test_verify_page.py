@@ -47,6 +47,7 @@ def test_every_code_of_a_finding_is_explained():
     text = "".join(
         path.read_text(encoding="utf-8") for path in Path("sar_compiler/checks/verify").glob("*.py")
     )
-    written = set(re.findall(r'"([a-z]+(?:-[a-z]+)+)"', text)) - {"script-error"}
+    # What `validate` finds by trying runs is no answer of this command.
+    written = set(re.findall(r'"([a-z]+(?:-[a-z]+)+)"', text)) - {"script-error", "failing-tick"}
     explained = {code for cell in cells("The command") for code in codes(cell)}
     assert written <= explained
