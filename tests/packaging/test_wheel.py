@@ -51,15 +51,6 @@ def test_what_an_index_shows_of_it_has_no_link_that_leads_nowhere(installed):
     assert "![" not in text
 
 
-def test_the_records_of_the_shipped_nodes_are_in_the_package(installed):
-    repository, environment = installed
-    found = [path.parent.name for path in environment.rglob("records.jsonl")]
-    assert found
-    assert sorted(found) == sorted(
-        path.parent.name for path in (repository / "sar_compiler").rglob("records.jsonl")
-    )
-
-
 def test_the_page_is_in_the_package(installed):
     repository, environment = installed
     (page,) = environment.rglob("web/static")
