@@ -146,10 +146,7 @@ def first_of_each(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
         if seen[finding.code] <= MOST:
             kept.append(finding)
         elif seen[finding.code] == MOST + 1:
-            code, message = (
-                "more-findings",
-                f"{counts[finding.code] - MOST:,} more of this kind: {finding.code}",
-            )
+            message = f"{counts[finding.code] - MOST:,} more of this kind: {finding.code}"
             hint = "correct those above, and they appear"
-            kept.append(Diagnostic(code, message, finding.source, finding.span, None, hint, Severity.INFO))
+            kept.append(Diagnostic("more-findings", message, finding.source, finding.span, hint=hint))
     return kept

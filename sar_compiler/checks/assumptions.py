@@ -81,18 +81,18 @@ def _read_facts(
     for key, inner in value.entries or ():
         name, fact = key.text or "", inner.data
         if not is_fact_name(name) or placeholders(name):
-            document.report(key, "wrong-name", "a fact is a word of letters, digits and _")
+            document.report("wrong-name", "a fact is a word of letters, digits and _", key)
         elif name not in known and name not in used:
             listed = ", ".join(known) or "none"
             message = f"no leaf of this tree knows a fact '{name}'; there is {listed}"
-            document.report(key, "unknown-fact", message, suggestion=nearest(name, known))
+            document.report("unknown-fact", message, key, suggestion=nearest(name, known))
         else:
             kind = type(known.get(name, fact))
             if type(fact) is kind or (kind is float and type(fact) is int):
                 facts[name] = kind(fact)
             else:
                 message = f"the fact '{name}' is {_KINDS[kind]}, and this is {inner.kind}"
-                document.report(inner, "wrong-value", message)
+                document.report("wrong-value", message, inner)
     return facts
 
 
@@ -124,7 +124,7 @@ def check_answers(document: Document, value: Value | None, words: LeafWords) -> 
             with suppress(ScriptError):  # reported already
                 for slip in unknown_in(parse(text), words.names):
                     document.report(
-                        part, "unknown-fact", slip.message, slip.place, suggestion=slip.suggestion
+                        "unknown-fact", slip.message, part, slip.place, suggestion=slip.suggestion
                     )
 
 

@@ -46,7 +46,7 @@ class Configuration(NamedTuple):
         severities: The severities of some kinds of findings, by code; None where they are not to be reported.
         path: The file; None where nothing is decided.
         source: Its text.
-        node_spans: Where it names each of the modules.
+        spans: Where it names each of the modules, and each palette.
     """
 
     nodes: tuple[str, ...] = ()
@@ -57,7 +57,7 @@ class Configuration(NamedTuple):
     severities: Mapping[str, Severity | None] = {}
     path: Path | None = None
     source: Source = Source("", "", NO_SPANS)
-    node_spans: Mapping[str, Span] = {}
+    spans: Mapping[str, Span] = {}
     palettes: tuple[str, ...] = ()
 
     def decide(self, findings: Iterable[Diagnostic]) -> list[Diagnostic]:
@@ -159,7 +159,8 @@ def _decided(path: Path, table: tuple[str, ...]) -> Configuration | None:
         },
         path,
         document.source,
-        {str(module.data): document.span(module) for module in modules},
+        {str(path.parent / str(each.data)): document.span(each) for each in files}
+        | {str(each.data): document.span(each) for each in (*written, *modules)},
         palettes,
     )
 
@@ -197,5 +198,5 @@ def path_inside(
         return folder / text
     where = "folder" if repository is None else "repository"
     message = f"{name}: '{text}' lies outside the {where} of this file"
-    document.report(value, "setting-outside", message, hint=f"put it into the {where}{otherwise}")
+    document.report("setting-outside", message, value, hint=f"put it into the {where}{otherwise}")
     return None

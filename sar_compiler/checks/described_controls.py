@@ -1,8 +1,8 @@
-"""Reading of `controls:`, which names, in a file beside a tree, the stand-ins for nodes that only a model describes."""
+"""Reading of `controls:`, which names, in a file beside a tree, the stand-ins for nodes of which nobody here knows what they do."""
 
 from collections.abc import Iterable, Sequence
 
-from sar_compiler.compiler.stand_ins import described, put_in_place
+from sar_compiler.compiler.stand_ins import described, put_in_place, ticked_by_themselves
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.models.models import described_specs
@@ -15,7 +15,7 @@ from sar_compiler.tree.model import TreeFile
 def take_controls(
     document: Document, controls: Value, binding: Binding, registry: Registry, files: Iterable[TreeFile]
 ) -> None:
-    """Put stand-ins in the place of nodes that only a model describes, as a file says; its mistakes become findings.
+    """Put stand-ins in the place of nodes that only a model, or their own methods, describe, as a file says; its mistakes become findings.
 
     Args:
         document: The file.
@@ -24,18 +24,18 @@ def take_controls(
         registry: The registered nodes.
         files: The tree files and palettes whose models describe nodes.
     """
+    own = ticked_by_themselves(binding)
     known = [spec.tag for spec in described_specs(files, registry) if not spec.kind.is_leaf]
+    known += dict.fromkeys(node.spec.tag for node in own)
     stand_ins: dict[str, NodeSpec] = {}
     for key, value in controls.entries or ():
         tag = key.text or ""
         if tag not in known:
             listed = ", ".join(known) or "none"
-            message = (
-                f"no control or decorator that only a model describes is called '{tag}'; there is {listed}"
-            )
-            document.report(key, "unknown-node", message, suggestion=nearest(tag, known))
+            message = f"no control or decorator that only a model or its own methods describe is called '{tag}'; there is {listed}"
+            document.report("unknown-node", message, key, suggestion=nearest(tag, known))
             continue
-        nodes = [node for node in described(binding) if node.spec.tag == tag]
+        nodes = [node for node in (*described(binding), *own) if node.spec.tag == tag]
         spec = _stand_in(document, value, tag, nodes, registry)
         # Where there is a finding, anything may stand there while the others are sought.
         fits = (each for each in registry if not _misfit(each, nodes))
@@ -53,13 +53,13 @@ def _stand_in(
         parents = [spec.tag for spec in registry if not spec.kind.is_leaf]
         message = f"no control or decorator is called '{tag}'"
         hint = "sar-compile nodes lists them"
-        document.report(value, "unknown-node", message, suggestion=nearest(tag, parents), hint=hint)
+        document.report("unknown-node", message, value, suggestion=nearest(tag, parents), hint=hint)
         return None
     faults = [_misfit(spec, nodes) for spec in variants]
     if "" in faults:
         return variants[faults.index("")]
     message = f"<{tag}> cannot replace <{wanted}>: {faults[0]}"
-    document.report(value, "wrong-value", message, hint="sar-compile nodes TAG says what a node needs")
+    document.report("wrong-value", message, value, hint="sar-compile nodes TAG says what a node needs")
     return None
 
 

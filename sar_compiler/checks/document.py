@@ -10,7 +10,7 @@ from sar_compiler.nodes.binding.tree_ids import is_node
 from sar_compiler.nodes.models.models import read_models
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import Provenance
-from sar_compiler.tree.diagnostic import Cause, Diagnostic, Severity, TreeError
+from sar_compiler.tree.diagnostic import Advice, Cause, Diagnostic, Severity, TreeError
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.guessing import Guesses, nearest
 from sar_compiler.tree.model import (
@@ -63,7 +63,7 @@ def _frame(tree_file: TreeFile, guesses: Guesses) -> Iterator[Diagnostic]:
     if root.tag != ROOT_TAG:
         message = f"the outermost element is <{root.tag}>; a tree file has <{ROOT_TAG}> there"
         hint = f'put everything in <{ROOT_TAG} BTCPP_format="{FORMAT}">'
-        yield _finding(root, "wrong-root", message, suggestion=nearest(root.tag, [ROOT_TAG]), hint=hint)
+        yield root.finding("wrong-root", message, suggestion=nearest(root.tag, [ROOT_TAG]), hint=hint)
         return
     own = (PROJECT_ATTRIBUTE,) if is_groot2_project(tree_file) else ()
     yield from _unknown_attributes(root, (*ROOT_ATTRIBUTES, *own), guesses)
@@ -74,11 +74,11 @@ def _frame(tree_file: TreeFile, guesses: Guesses) -> Iterator[Diagnostic]:
             near = nearest(child.tag, SECTIONS)
             hint = f"nodes belong in a <{TREE_TAG}>; BehaviorTree.CPP ignores what is here"
             severity = Severity.ERROR if near else Severity.WARNING  # a slip, or what somebody keeps there
-            yield _finding(child, "unknown-element", message, suggestion=near, hint=hint, severity=severity)
+            yield child.finding("unknown-element", message, suggestion=near, hint=hint, severity=severity)
         elif child.tag == INCLUDE_TAG and "path" in child.attributes:  # the forest speaks of one without
             yield from _unknown_attributes(child, INCLUDE_ATTRIBUTES, guesses)
     for extra in [child for child in root.children if child.tag == MODEL_TAG][1:]:
-        yield _finding(extra, "duplicate-model", f"a file has one <{MODEL_TAG}>; this is another")
+        yield extra.finding("duplicate-model", f"a file has one <{MODEL_TAG}>; this is another")
 
 
 def _format(root: Element) -> Iterator[Diagnostic]:
@@ -87,14 +87,11 @@ def _format(root: Element) -> Iterator[Diagnostic]:
         # Files in YAML have never been of another version.
         is_xml = root.source.form is Form.XML
         if is_xml and any(child.tag in (TREE_TAG, INCLUDE_TAG) for child in root.children):
-            message = f"this file does not say that it is written for BehaviorTree.CPP {FORMAT}, and is taken for that"
-            yield _finding(root, "missing-format", message, hint=_TO_FORMAT, severity=Severity.WARNING)
+            message = f"BTCPP_format is missing; {FORMAT} is assumed"
+            yield root.finding("missing-format", message, hint=_TO_FORMAT)
     elif written != FORMAT:
         message = f"BTCPP_format is '{written}', and the file is taken for one of format {FORMAT}"
-        span = root.value_span("BTCPP_format")
-        yield Diagnostic(
-            "wrong-format", message, root.source, span, hint=_TO_FORMAT, severity=Severity.WARNING
-        )
+        yield root.finding("wrong-format", message, value="BTCPP_format", hint=_TO_FORMAT)
 
 
 def _tree_ids(forest: Forest, registry: Registry, guesses: Guesses) -> Iterator[Diagnostic]:
@@ -107,13 +104,13 @@ def _tree_ids(forest: Forest, registry: Registry, guesses: Guesses) -> Iterator[
                 yield from _nameless(tree, tree_file)
             elif tree_id == "":
                 message = "the ID of a tree must not be empty"
-                yield Diagnostic("missing-tree-id", message, tree.source, tree.value_span("ID"))
+                yield tree.finding("missing-tree-id", message, value="ID")
             elif first.setdefault(tree_id, tree) is not tree:
                 yield _duplicate(tree, first[tree_id])
             elif is_node(tree_id, registry):
                 message = f"'{tree_id}' is a node, and cannot be the ID of a tree as well"
                 hint = "give the tree another one"
-                yield Diagnostic("wrong-tree-id", message, tree.source, tree.value_span("ID"), hint=hint)
+                yield tree.finding("wrong-tree-id", message, value="ID", hint=hint)
 
 
 def _ids_of_palettes(context: CheckContext) -> Iterator[Diagnostic]:
@@ -125,23 +122,20 @@ def _ids_of_palettes(context: CheckContext) -> Iterator[Diagnostic]:
         model = models.get(tree_id)
         if model is not None and model.spec().provenance is not Provenance.FROM_USE:
             message = f"'{tree_id}' is a node of a palette, and BehaviorTree.CPP refuses a tree of that ID"
-            span, hint = tree.value_span("ID"), "give the tree another one"
-            yield Diagnostic(
-                "wrong-tree-id", message, tree.source, span, hint=hint, severity=Severity.WARNING
-            )
+            advice = Advice(hint="give the tree another one", severity=Severity.WARNING)
+            yield tree.finding("wrong-tree-id", message, value="ID", **advice)
 
 
 def _nameless(tree: Element, tree_file: TreeFile) -> Iterator[Diagnostic]:
     if len(tree_file.trees) > 1 and not is_misnamed(tree):
         message = f"this <{TREE_TAG}> has no ID, so nothing can name it"
-        yield _finding(tree, "missing-tree-id", message, hint='write ID="..."')
+        yield tree.finding("missing-tree-id", message, hint='write ID="..."')
 
 
 def _duplicate(tree: Element, first: Element) -> Diagnostic:
     file = "" if first.source is tree.source else f" of {first.source.path}"
     message = f"the tree ID '{tree.attributes['ID']}' is taken by the tree in line {first.line}{file}"
-    span = tree.value_span("ID")
-    return Diagnostic("duplicate-tree-id", message, tree.source, span, hint="give each tree its own")
+    return tree.finding("duplicate-tree-id", message, value="ID", hint="give each tree its own")
 
 
 def _unknown_attributes(element: Element, known: tuple[str, ...], guesses: Guesses) -> Iterator[Diagnostic]:
@@ -150,18 +144,13 @@ def _unknown_attributes(element: Element, known: tuple[str, ...], guesses: Guess
         if name in known or name.startswith(("xmlns", "xsi:")):
             continue
         message = f"<{element.tag}> has no attribute '{name}'; it has {', '.join(known)}"
-        span, is_note = element.name_span(name), name.startswith("_")
+        is_note = name.startswith("_")
         near = None if is_note else guesses.nearest(name, known)
         if name == "name" and is_misnamed(element) and "ID" in known:
             near = "ID"
         if near is not None or (is_note and slip_in_note(name, guesses) is not None):
-            yield Diagnostic("unknown-attribute", message, element.source, span, suggestion=near)
+            yield element.finding("unknown-attribute", message, name=name, suggestion=near)
         elif not is_note:
             hint = "BehaviorTree.CPP passes over it as well; delete it, or begin it with _"
-            severity, cause = Severity.WARNING, Cause(f"<{element.tag}> has no such attributes", name)
-            advice = (None, hint, severity, cause)
-            yield Diagnostic("ignored-attribute", message, element.source, span, *advice)
-
-
-def _finding(element: Element, code: str, message: str, **more: str | None) -> Diagnostic:
-    return Diagnostic(code, message, element.source, element.tag_span(), **more)  # type: ignore[arg-type]
+            cause = Cause(f"<{element.tag}> has no such attributes", name)
+            yield element.finding("ignored-attribute", message, name=name, hint=hint, common_cause=cause)

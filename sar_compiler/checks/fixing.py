@@ -6,11 +6,12 @@ the reader would have to make an effort to think of anything else; `SAFE` says w
 
 import bisect
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, closed
 from sar_compiler.tree.diagnostic import Diagnostic
+from sar_compiler.tree.guessing import is_slip
 from sar_compiler.tree.model import Element, TreeFile
 from sar_compiler.tree.showing import in_one_line, shortened
 from sar_compiler.tree.source import Form, Source
@@ -22,8 +23,6 @@ _TRUTHS = ("true", "false")
 _OTHERWISE_IN_SCRIPTS = frozenset({"not", "=+", "=*", "=/", "=>"})
 """Operators with another meaning in other languages, where `not a == b` is `!(a == b)`."""
 _BLOCK = re.compile(r"[|>][+\-0-9]*[ \t]*(#[^\r\n]*)?(\r\n|\r|\n)[\s]*$")
-_SLIP_LENGTH = 3
-"""In shorter words one letter is too much of the whole."""
 
 
 def _attribute(written: str, suggestion: str) -> bool:
@@ -106,14 +105,20 @@ def fixes(source: Source, tree_file: TreeFile | None, findings: Iterable[Diagnos
         findings: What was found in it, and in others.
     """
     found: list[Fix] = []
-    values = _Values(list(tree_file.root.iterate()) if tree_file is not None else [])
-    for finding in sorted(findings, key=lambda each: (each.span.line, each.span.column)):
-        if finding.source is not source or not _is_safe(finding):
-            continue
-        fix = _fix(finding, values)
-        if fix is not None and (not found or found[-1].end <= fix.start):
+    for fix in each_fix(source, tree_file, findings):
+        if not found or found[-1].end <= fix.start:
             found.append(fix)
     return found
+
+
+def each_fix(source: Source, tree_file: TreeFile | None, findings: Iterable[Diagnostic]) -> Iterator[Fix]:
+    """Yield the fix of each finding that is safe to mend, for somebody who takes one by one; arguments as for `fixes`."""
+    values = _Values(list(tree_file.root.iterate()) if tree_file is not None else [])
+    for finding in sorted(findings, key=lambda each: (each.span.line, each.span.column)):
+        if finding.source is source and _is_safe(finding):
+            fix = _fix(finding, values)
+            if fix is not None:
+                yield fix
 
 
 def fixed(text: str, chosen: Iterable[Fix]) -> str:
@@ -123,25 +128,6 @@ def fixed(text: str, chosen: Iterable[Fix]) -> str:
         parts += [text[done : fix.start], fix.text]
         done = fix.end
     return "".join([*parts, text[done:]])
-
-
-def is_slip(written: str, meant: str) -> bool:
-    """Return whether a word is another one with a slip: letters in the wrong case, or one too many, too few, wrong, or two swapped."""
-    one, other = written.lower(), meant.lower()
-    if one == other:
-        return True
-    if min(len(one), len(other)) < _SLIP_LENGTH or any(each.isdigit() for each in one + other):
-        return False
-    before = 0
-    while one[before : before + 1] == other[before : before + 1] != "":
-        before += 1
-    one, other = one[before:], other[before:]
-    return (
-        one[1:] == other[1:]
-        or one[1:] == other
-        or one == other[1:]
-        or (one[:2] == other[1::-1] and one[2:] == other[2:])
-    )
 
 
 def _same_but_case(written: str, suggestion: str) -> bool:

@@ -5,12 +5,11 @@ from pathlib import Path
 from types import FrameType
 
 from sar_compiler.errors import SarError
+from sar_compiler.nodes.constructors import RegistrationError
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.model import Element
 from sar_compiler.tree.source import Source, Span
 from sar_compiler.tree.synthetic import NO_SPANS
-
-INTERNAL_ERROR = "internal-error"
 
 _EXPECTED = (SarError, ImportError, OSError, UnicodeEncodeError)
 """What commands have a message for: wrong use, what is not installed, and output that cannot be written."""
@@ -18,13 +17,14 @@ _EXPECTED = (SarError, ImportError, OSError, UnicodeEncodeError)
 _HINT = (
     "the check is at fault, not the file: please report it, with the file and what sar-compile --version says"
 )
+_CLASS_HINT = "mend the class; nothing else that depends on this node is checked"
 _START = Span(1, 1, 1, 1)
 
 
 def failure_of_rule(
     name: str, error: Exception, default: Element, found: Iterable[Diagnostic]
 ) -> Iterator[Diagnostic]:
-    """Yield the finding that a rule has failed.
+    """Yield the finding that a rule has failed, or that a user's class has.
 
     Args:
         name: The rule's name.
@@ -35,23 +35,35 @@ def failure_of_rule(
     Raises:
         Exception: The error itself, if commands have a message for it.
     """
-    if isinstance(error, _EXPECTED):
+    element = _looked_at(error) or default
+    if isinstance(error, RegistrationError):
+        told = str(error)
+        finding = element.finding("faulty-class", told, hint=_CLASS_HINT)
+    elif isinstance(error, _EXPECTED):
         raise error
-    told, element = _told(error), _looked_at(error) or default
-    if not any(each.code == INTERNAL_ERROR and each.message.endswith(told) for each in found):
+    else:
+        told = _told(error)
         message = f"the rule {name} failed here: {told}"
-        yield Diagnostic("internal-error", message, element.source, element.tag_span(), hint=_HINT)
+        finding = element.finding("internal-error", message, hint=_HINT)
+    said = (each.message for each in found if each.code == finding.code)
+    if not any(message == finding.message or message.endswith(told) for message in said):
+        yield finding
 
 
-def failure_of_file(path: Path, error: Exception) -> Diagnostic:
+def failure_of_file(path: Path, error: Exception, what: str = "check") -> Diagnostic:
     """Return the finding that something else than a rule has failed on a file.
+
+    Args:
+        path: The file.
+        error: What was raised.
+        what: What has failed.
 
     Raises:
         Exception: The error itself, if commands have a message for it.
     """
     if isinstance(error, _EXPECTED):
         raise error
-    message = f"the check of this file failed: {_told(error)}"
+    message = f"the {what} of this file failed: {_told(error)}"
     return Diagnostic("internal-error", message, Source(str(path), "", NO_SPANS), _START, hint=_HINT)
 
 

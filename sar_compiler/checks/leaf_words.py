@@ -75,7 +75,7 @@ class LeafWords:
         text, known = value.text or "", words_of(leaves)
         if text not in known:
             message = f"'{leaves[0].name}' never answers '{text}'; it answers {', '.join(known)}"
-            document.report(value, "unknown-answer", message, suggestion=nearest(text, known))
+            document.report("unknown-answer", message, value, suggestion=nearest(text, known))
             return None
         return text
 
@@ -96,7 +96,7 @@ class LeafWords:
         found = list(slips(condition, self.names, own, later))
         for slip in found:
             code = "wrong-condition" if slip.hint else "unknown-fact"
-            document.report(value, code, slip.message, slip.place, suggestion=slip.suggestion, hint=slip.hint)
+            document.report(code, slip.message, value, slip.place, suggestion=slip.suggestion, hint=slip.hint)
         return None if found else condition
 
     def deed(self, document: Document, value: Value) -> EventPattern | None:
@@ -112,7 +112,7 @@ class LeafWords:
         if known:
             message = f"'{text}' is a leaf; an event says what it does as well"
             example = f"write {text} {words_of(known)[0]}"
-            document.report(value, "wrong-value", message, hint=example)
+            document.report("wrong-value", message, value, hint=example)
         else:
             self._report_unknown(document, value, words[0])
         return None
@@ -129,13 +129,13 @@ class LeafWords:
         message = f"'{leaves[0].name}' never does '{rest}'; it does {', '.join([*known, *_DEEDS])}"
         near = nearest(rest, [*known, *_DEEDS])
         part = (len(text) - len(rest), len(text))
-        document.report(value, "unknown-answer", message, part, suggestion=near)
+        document.report("unknown-answer", message, value, part, suggestion=near)
         return None
 
     def _report_unknown(self, document: Document, value: Value, key: str) -> None:
         names = list(dict.fromkeys(word for leaf in self.leaves for word in (leaf.name, leaf.tag)))
         message = f"no leaf that can be scripted is called '{key}'; there is {', '.join(names) or 'none'}"
-        document.report(value, "unknown-leaf", message, suggestion=nearest(key, names))
+        document.report("unknown-leaf", message, value, suggestion=nearest(key, names))
 
 
 def words_of(leaves: Iterable[StubLeaf]) -> list[str]:

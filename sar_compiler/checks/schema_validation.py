@@ -140,7 +140,7 @@ def check_schema(
             last = elements[index + 1].line - 1 if index + 1 < len(elements) else sys.maxsize
         following = bisect.bisect_left(spoken_of, element.line)
         if following == len(spoken_of) or spoken_of[following] > last:
-            yield Diagnostic("schema", message, tree_file.source, element.tag_span())
+            yield element.finding("schema", message)
 
 
 def _stray_text(tree_file: TreeFile) -> Iterator[Diagnostic]:
@@ -150,7 +150,7 @@ def _stray_text(tree_file: TreeFile) -> Iterator[Diagnostic]:
     message = "this text is between elements, where it means nothing"
     for finding in rest_of(tree_file):
         if finding.code == "stray-text":
-            yield dataclasses.replace(finding, message=message, severity=Severity.WARNING)
+            yield dataclasses.replace(finding, message=message)
 
 
 def _place(element: Element) -> tuple[int, int]:

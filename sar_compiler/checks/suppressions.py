@@ -130,46 +130,34 @@ def _comments_in(element: Element) -> Iterator[tuple[Element | None, Comment, in
 
 
 def _wrong(suppression: _Suppression, guesses: Guesses, *, unneeded: bool) -> Iterator[Diagnostic]:
-    from sar_compiler.checks.kinds import KINDS, is_firm
+    from sar_compiler.tree.kinds import ERRORS, KINDS
 
-    codes = suppression.codes
+    codes, source = suppression.codes, suppression.tree_file.source
     if not codes:
         message = f"'{suppression.line}' is no comment that allows something"
-        yield _finding(suppression, "wrong-allow", message, hint=f"write '{_FORM}'")
+        yield Diagnostic("wrong-allow", message, source, suppression.span, hint=f"write '{_FORM}'")
         return
     for code in codes:
+        span = _span_of(code, suppression)
         if code not in KINDS:
-            near = guesses.nearest(code, [each for each in KINDS if not is_firm(each)])
-            yield _finding(suppression, "wrong-allow", f"no finding is called '{code}'", code, near)
-        elif is_firm(code):
+            near = guesses.nearest(code, [each for each in KINDS if each not in ERRORS])
+            yield Diagnostic("wrong-allow", f"no finding is called '{code}'", source, span, near)
+        elif code in ERRORS:
             message = f"'{code}' is an error: a tree with it cannot be run, so it cannot be allowed"
-            yield _finding(suppression, "wrong-allow", message, code, hint="mend it, and delete the comment")
+            yield Diagnostic("wrong-allow", message, source, span, hint="mend it, and delete the comment")
         elif unneeded and code not in suppression.used:
-            about = (
-                "no element follows"
-                if suppression.element is None
-                else f"<{suppression.element.tag}> has none"
-            )
+            element = suppression.element
+            about = "no element follows" if element is None else f"<{element.tag}> has none"
             message = f"there is no '{code}' to be allowed here: {about}"
-            yield _finding(suppression, "unneeded-allow", message, code, hint="delete it")
+            yield Diagnostic("unneeded-allow", message, source, span, hint="delete it")
 
 
-def _finding(
-    suppression: _Suppression,
-    kind: str,
-    message: str,
-    code: str = "",
-    suggestion: str | None = None,
-    hint: str | None = None,
-) -> Diagnostic:
-    """Make a finding about a comment, at one of its codes if that is what it is about."""
-    source = suppression.tree_file.source
-    span = suppression.span
+def _span_of(code: str, suppression: _Suppression) -> Span:
+    """Return the place of a code in a comment; that of the comment where it is not found."""
+    source, span = suppression.tree_file.source, suppression.span
     start, end = source.offset(span.line, span.column), source.offset(span.end_line, span.end_column)
     match = re.search(rf"(?<![\w-]){re.escape(code)}(?![\w-])", source.text[start:end]) if code else None
-    if match is not None:
-        span = source.span(start + match.start(), start + match.end())
-    return Diagnostic(kind, message, source, span, suggestion, hint, Severity.WARNING)
+    return source.span(start + match.start(), start + match.end()) if match is not None else span
 
 
 def _place(element: Element) -> tuple[int, int]:

@@ -21,7 +21,7 @@ def word(document: Document, value: Value, known: Iterable[str], what: str) -> s
     if value.text in words:
         return value.text
     message = f"{what} is one of {', '.join(words)}, and this is {value.kind}"
-    document.report(value, "wrong-value", message, suggestion=nearest(value.text or "", words))
+    document.report("wrong-value", message, value, suggestion=nearest(value.text or "", words))
     return None
 
 
@@ -52,8 +52,8 @@ def script(document: Document, value: Value | None) -> Script | None:
 
 def report_script(document: Document, value: Value, error: ScriptError) -> None:
     """Note what is wrong with a script, at its place."""
-    advice = {"suggestion": error.suggestion, "hint": error.hint}
-    document.report(value, "script-error", error.message, (error.start, error.end), **advice)
+    part, suggestion, hint = (error.start, error.end), error.suggestion, error.hint
+    document.report("script-error", error.message, value, part, suggestion=suggestion, hint=hint)
 
 
 def parameters(value: Value | None) -> dict[str, Fact]:

@@ -1,7 +1,7 @@
 """Building the behaviours of a tree."""
 
 import functools
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from py_trees.behaviour import Behaviour
@@ -16,10 +16,11 @@ from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.binding.skips import SkipAnalysis
+from sar_compiler.nodes.imports import load
 from sar_compiler.nodes.registry import is_own_word
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.runtime.conditions import Conditions, ConditionScripts
-from sar_compiler.tree.diagnostic import Diagnostic, TreeError
+from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.model import SUBTREE_TAG
 
 _CONDITIONS = {
@@ -49,7 +50,7 @@ def report_without_class(bound: BoundNode, collector: Collector) -> None:
         hint = "load the module that has it: --nodes package.module"
     if bound.spec.is_only_described and is_own_word(bound.spec.tag):
         hint += f", or delete the model if py_trees' <{bound.spec.tag}> is meant"
-    collector.tag(bound.element, "not-installed", message, hint=hint)
+    collector.add("not-installed", message, bound.element, hint=hint)
 
 
 class Builder:
@@ -75,7 +76,7 @@ class Builder:
         for bound in instance.tree.demanding:
             if bound.references:
                 self._targets.update(bound.references.values())
-            if bound.spec.cls is None:
+            if bound.spec.is_foreign:
                 self.only_described(bound)
             if bound.keys or bound.spec.handed_over:
                 self._arguments[instance, bound] = self._source.of(instance, bound)
@@ -186,14 +187,14 @@ class Builder:
             return None
         return {parameter.name: arguments[parameter.name] for parameter in bound.spec.plain}
 
-    def _maker(self, bound: BoundNode) -> Callable[..., Any]:
+    def _maker(self, bound: BoundNode) -> Any:
         """Return what makes a node: a class of the project's where stock py_trees would misread a skip.
 
         A node that is only described becomes a stock behaviour of its kind (where there is no finding about it).
         """
         spec = bound.spec
-        if spec.skipping.replacement is not None and self._skipping.among_children(bound):
-            return spec.skipping.replacement
+        if spec.skipping.replacement_path and self._skipping.among_children(bound):
+            return load(spec.skipping.replacement_path)
         return spec.maker or functools.partial(_stand_in, spec.kind)
 
 
@@ -230,4 +231,4 @@ def _stand_in(kind: Kind, /, name: str, **structure: Any) -> Behaviour:
 def _cannot_be_made(bound: BoundNode, error: Exception) -> TreeError:
     element = bound.element
     message = f"<{bound.spec.tag}> cannot be made: {type(error).__name__}: {error}"
-    return TreeError([Diagnostic("constructor-failed", message, element.source, element.tag_span())])
+    return TreeError([element.finding("constructor-failed", message)])

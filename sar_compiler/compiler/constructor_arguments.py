@@ -15,6 +15,7 @@ from sar_compiler.runtime.context import preview_of
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.ports import InOut, Input, Output
+from sar_compiler.tree.diagnostic import Advice
 from sar_compiler.tree.guessing import nearest
 
 
@@ -95,7 +96,7 @@ class Arguments:
                 f"{parameter.name}: '{name}' is given as the number {given!r}, and this port reads a text"
             )
             hint = f"give it as a text: '{given}'"
-            self._collector.value(bound.element, parameter.name, "wrong-value", message, hint=hint)
+            self._collector.add("wrong-value", message, bound.element, value=parameter.name, hint=hint)
 
     def _handed_over(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:
         target = parameter.target
@@ -107,7 +108,7 @@ class Arguments:
         if target in self._context or not parameter.required:
             return self._context.get(target, parameter.default)
         message = f"<{bound.spec.tag}> needs a {target.__name__}, which this mission does not have"
-        self._collector.tag(bound.element, "missing-context", message)
+        self._collector.add("missing-context", message, bound.element)
         return None
 
     def _blackboard_value(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:
@@ -125,7 +126,7 @@ class Arguments:
             _, plain = instance.scope.owner(key)
             message = f"{name}: the mission's parameter '{plain}' does not fit: {error.message}"
             hint = f"it must be {parameter.value_type.label}"
-            self._collector.value(bound.element, name, "wrong-value", message, hint=hint)
+            self._collector.add("wrong-value", message, bound.element, value=name, hint=hint)
             return None
 
     def _missing_key(self, instance: Instance, bound: BoundNode, parameter: Parameter, key: str) -> None:
@@ -140,10 +141,8 @@ class Arguments:
             )
             hint = f"this attribute is fixed then: pass a value, or a parameter as {{{ROOT_SIGN}{key}}}"
         near = nearest(name, self._parameters)
-        suggestion = f"{{{prefix}{near}}}" if near else None
-        self._collector.value(
-            bound.element, parameter.name, "unknown-key", message, suggestion=suggestion, hint=hint
-        )
+        advice = Advice(suggestion=f"{{{prefix}{near}}}" if near else None, hint=hint)
+        self._collector.add("unknown-key", message, bound.element, value=parameter.name, **advice)
 
 
 def given(entry: Entry, value: object) -> None:

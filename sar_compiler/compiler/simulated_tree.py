@@ -4,24 +4,31 @@ Controls, decorators and the leaves of the language itself are made for real, on
 other leaf, installed or only described, is a `StubLeaf`: an outcome policy chooses among its possible answers.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any
 
 from py_trees.behaviour import Behaviour
-from py_trees.behaviours import ProbabilisticBehaviour
 
 from sar_compiler.compiler import CompiledTree, compile_with
 from sar_compiler.compiler.building import Builder
 from sar_compiler.compiler.constructor_arguments import Arguments
 from sar_compiler.compiler.origins import Construction
-from sar_compiler.compiler.stand_ins import OnlyDescribedError, described
-from sar_compiler.errors import SarError
+from sar_compiler.compiler.stand_ins import (
+    OnlyDescribedError,
+    Substitute,
+    by_semantics,
+    described,
+    ticked_by_themselves,
+)
+from sar_compiler.errors import SarError, UndecidableError
 from sar_compiler.nodes.answers import NOBODY, SELF, Identifiers, filled, filled_text, number_text
 from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.binding.skips import SkipAnalysis, report_misread
+from sar_compiler.nodes.imports import load
 from sar_compiler.nodes.language import leaves as language
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter
 from sar_compiler.runtime.answers import Answer, Fact
@@ -34,12 +41,13 @@ from sar_compiler.runtime.variables import UnknownVariableError
 from sar_compiler.tree.model import SUBTREE_TAG
 
 # A leaf of the language that answers by chance would make every run another one.
-_LANGUAGE = {(each.tag, each.cls) for each in language.SPECS if each.cls is not ProbabilisticBehaviour}
+_BY_CHANCE = "py_trees.behaviours:ProbabilisticBehaviour"
+_LANGUAGE = {(each.tag, each.class_path) for each in language.SPECS if each.class_path != _BY_CHANCE}
 
 
 def is_answered(spec: NodeSpec) -> bool:
     """Return whether a node is a leaf that acts on something outside the tree, and so becomes a stub leaf."""
-    return spec.kind.is_leaf and (spec.tag, spec.cls) not in _LANGUAGE
+    return spec.kind.is_leaf and (spec.tag, spec.class_path) not in _LANGUAGE
 
 
 @dataclass(frozen=True)
@@ -72,6 +80,7 @@ class SimulatedTree:
         disputes: The facts that leaves start with different values and no file has settled, with what to say of
             them; the first leaf's value counts.
         outputs: The leaves that would write a key in a real run, by the key as it is written in the file.
+        by_semantics: The tags, with their classes, of nodes that do here what their semantics say; see `compile_simulated`.
     """
 
     compiled: CompiledTree
@@ -80,6 +89,7 @@ class SimulatedTree:
     clock: ManualClock
     disputes: Mapping[str, str] = field(default_factory=dict)
     outputs: Mapping[str, str] = field(default_factory=dict)
+    by_semantics: tuple[tuple[str, str], ...] = ()
     events: list[Event] = field(default_factory=list, init=False)
     """What the leaves have done, in order, since the list was last cleared."""
 
@@ -130,7 +140,11 @@ class SimulatedTree:
 
 
 def compile_simulated(
-    binding: Binding, parameters: Mapping[str, object], assumptions: Assumptions | None = None
+    binding: Binding,
+    parameters: Mapping[str, object],
+    assumptions: Assumptions | None = None,
+    *,
+    all_runs: bool = False,
 ) -> SimulatedTree:
     """Compile a bound tree with stub leaves.
 
@@ -138,31 +152,69 @@ def compile_simulated(
         binding: The tree, without findings.
         parameters: The keys of the root blackboard: the node parameters of the mission.
         assumptions: What is known beyond what the leaves say of themselves.
+        all_runs: Whether all runs will be gone through, for which the tree is put back to states that it had. Controls and decorators
+            that are ticked by methods of their own, which nobody can put back, then do what their semantics say; and there
+            is no time to be read.
 
     Raises:
         TreeError: If the tree cannot be compiled; carries the findings.
-        OnlyDescribedError: If only a model describes one of its controls or decorators, so that nobody knows what it does.
+        OnlyDescribedError: If nobody knows what one of its controls or decorators does: only a model describes it, or it has
+            methods of its own, semantics that leave something open, and *all_runs* are gone through.
     """
+    clock = UnreadableClock() if all_runs else ManualClock()
     unknown = described(binding)
+    own = ticked_by_themselves(binding) if all_runs else []
+    stand_ins: dict[BoundNode, Substitute] = {}
+    for node in own:
+        made = by_semantics(node, clock)
+        if made is None:
+            unknown.append(node)
+        else:
+            stand_ins[node] = made
     if unknown:
         raise OnlyDescribedError(unknown)
-    collector, clock = Collector(), ManualClock()
+    collector = Collector()
     arguments = SimulationArguments({Clock: clock}, parameters, collector)
+    arguments.stand_ins = stand_ins
     builder = SimulationBuilder(binding, arguments, collector, assumptions or Assumptions())
     compiled = compile_with(binding, builder, parameters, collector)
     builder.start_facts()
     leaves = tuple(each for each in compiled.root.iterate() if isinstance(each, StubLeaf))
-    return SimulatedTree(compiled, builder.facts, leaves, clock, builder.disputes, builder.outputs)
+    named = dict.fromkeys((node.spec.tag, node.spec.maker_path.replace(":", ".")) for node in stand_ins)
+    return SimulatedTree(
+        compiled, builder.facts, leaves, clock, builder.disputes, builder.outputs, tuple(named)
+    )
+
+
+class UnreadableClock(ManualClock):
+    """The clock where all runs are gone through: any time may have passed, so that a timer may be up or not at every look."""
+
+    def now(self) -> float:
+        """Refuse to say what time it is.
+
+        Raises:
+            UndecidableError: Always.
+        """
+        message = (
+            "a control or decorator reads the clock; what time it is cannot be said of all runs: measure a time with "
+            "start_timer() and time_is_up() of the tick"
+        )
+        raise UndecidableError(message)
 
 
 class SimulationArguments(Arguments):
-    """The arguments of the nodes that are real; stub leaves need none."""
+    """The arguments of the nodes that are real; stub leaves need none.
 
+    Attributes:
+        stand_ins: What makes stand-ins of some nodes.
+    """
+
+    stand_ins: Mapping[BoundNode, Substitute] = MappingProxyType({})
     parameter_advice = "give it a value: --params FILE, or parameters: {{{name}: ...}} in the scenario or the file of properties"
 
     def of(self, instance: Instance, bound: BoundNode) -> dict[str, Any]:
         """Return the arguments of a node, by its parameters' names; the stand-in for a leaf that answers has its ports."""
-        if bound.spec.stand_in is not None:
+        if bound in self.stand_ins or bound.spec.stand_in:
             return {"name": bound.name}
         if not is_answered(bound.spec):
             return super().of(instance, bound)
@@ -194,9 +246,10 @@ class SimulationBuilder(Builder):
     """
 
     def __init__(
-        self, binding: Binding, arguments: Arguments, collector: Collector, assumptions: Assumptions
+        self, binding: Binding, arguments: SimulationArguments, collector: Collector, assumptions: Assumptions
     ) -> None:
         super().__init__(binding, arguments, collector)
+        self._stand_ins = arguments.stand_ins
         said = [
             key for key, answers in assumptions.answers.items() if any(a.status == "SKIPPED" for a in answers)
         ]
@@ -241,9 +294,11 @@ class SimulationBuilder(Builder):
         if bound.element.tag == SUBTREE_TAG:
             super().only_described(bound)
 
-    def _maker(self, bound: BoundNode) -> Callable[..., Any]:
+    def _maker(self, bound: BoundNode) -> Any:
         """Return the constructor of a node, or that of its stand-in."""
-        return bound.spec.stand_in or super()._maker(bound)
+        if bound in self._stand_ins:
+            return self._stand_ins[bound]
+        return load(bound.spec.stand_in) if bound.spec.stand_in else super()._maker(bound)
 
     def start_facts(self) -> None:
         """Write the facts that the leaves have named, and those that are assumed, once all leaves are made."""

@@ -5,14 +5,17 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sar_compiler.documents.schema_findings import Path, refusals
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.values import literal_value
-from sar_compiler.tree.diagnostic import Diagnostic, TreeError
+from sar_compiler.tree.diagnostic import Advice, Diagnostic, TreeError
 from sar_compiler.tree.source import Source, Span
 from sar_compiler.tree.yaml_spans import offsets_in_scalar, unquoted
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 MAX_BYTES = 2**20
 """Larger files are refused: somebody reads these, and each value takes some thousand times its letters in memory."""
@@ -64,7 +67,13 @@ class Value:
             return "a list" if self.entries is None else "a mapping"
         if self.is_nothing:
             return "nothing"
-        return f"'{self.text}'" if meaning_of(self.text) == self.data else f"the text '{self.text}'"
+        is_quoted = isinstance(self.data, str) and self.meaning != self.data
+        return f"the text '{self.text}'" if is_quoted else f"'{self.text}'"
+
+    @property
+    def meaning(self) -> bool | float | str | None:
+        """What the text of a scalar means where no quotes are around it."""
+        return meaning_of(self.text or "")
 
     @property
     def mapping(self) -> dict[str, "Value"]:
@@ -129,22 +138,22 @@ class Document:
 
     def report(
         self,
-        value: Value,
         code: str,
         message: str,
+        value: Value,
         part: tuple[int, int] | None = None,
-        **advice: str | None,
+        **advice: "Unpack[Advice]",
     ) -> None:
         """Note a mistake in a value.
 
         Args:
-            value: The value.
             code: The kind of the finding.
             message: The text of the finding.
+            value: The value.
             part: The start and end of the wrong part of a scalar's text; None for all of it.
-            advice: `suggestion` or `hint`, as in `Diagnostic`.
+            **advice: As in `Diagnostic`.
         """
-        self.findings.append(Diagnostic(code, message, self.source, self.span(value, part), **advice))  # type: ignore[arg-type]
+        self.findings.append(Diagnostic(code, message, self.source, self.span(value, part), **advice))
 
     def hold(self, schema: str, value: Value | None = None) -> Value:
         """Check a value by a schema, report its mistakes, and return the value without them.
@@ -165,7 +174,7 @@ class Document:
         for each in refused:
             if each.message and (each.path, each.code) not in said:
                 place, suggestion, hint = each.place, each.suggestion, each.hint
-                self.report(place, each.code, each.message, suggestion=suggestion, hint=hint)
+                self.report(each.code, each.message, place, suggestion=suggestion, hint=hint)
                 said.add((each.path, each.code))
         # A mapping that lost a key which it needs goes as well.
         while refused:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 Path = tuple[int | str, ...]
 
 _WORDS = {"object": "a mapping", "array": "a list", "string": "a text"}
+_KINDS = {bool: "true or false", int: "a number", float: "a number", str: "a text"}
 # A longer list does not help; the nearest name is suggested nevertheless.
 _MOST_LISTED = 15
 
@@ -29,29 +30,34 @@ class Refusal:
     """A value that a schema refuses.
 
     Attributes:
-        path: Its path from the root.
-        place: The value to mark.
         code: The kind of the finding.
         message: The text of the finding; empty if another finding covers it already.
+        path: Its path from the root.
+        place: The value to mark.
         suggestion: The replacement, if it can be guessed.
         hint: The remedy, if there is no replacement.
     """
 
-    path: Path
-    place: "Value"
     code: str
     message: str
+    path: Path
+    place: "Value"
     suggestion: str | None = None
     hint: str | None = None
 
 
 def refusals(root: "Value", schema: str) -> Iterator[Refusal]:
     """Yield the parts of a value that a schema refuses."""
-    errors: Iterator[Any] = _validator(schema).iter_errors(root.data)
+    validator = _validator(schema)
+    errors: Iterator[Any] = validator.iter_errors(root.data)
     for error in errors:
         path = tuple(error.absolute_path)
         refuse = {"additionalProperties": _unknown, "required": _missing, "anyOf": _missing, "not": _conflict}
-        yield from refuse.get(error.validator, _wrong)(root, path, error)
+        of_another_type = _of_another_type(validator, root.at(path), path, error)
+        if of_another_type is not None:
+            yield of_another_type
+        else:
+            yield from refuse.get(error.validator, _wrong)(root, path, error)
 
 
 @functools.cache
@@ -68,7 +74,7 @@ def _unknown(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
     for name in (each for each in error.instance if each not in known):
         message = f"{_owner(path, error.schema)} has no '{name}'{listed}"
         inner = (*path, name)
-        yield Refusal(inner, root.name_at(inner), "unknown-key", message, nearest(name, known))
+        yield Refusal("unknown-key", message, inner, root.name_at(inner), nearest(name, known))
 
 
 def _missing(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
@@ -85,14 +91,31 @@ def _missing(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
     examples = properties[names[0]].get("examples") if len(names) == 1 else None
     hint = f"write {names[0]}: {examples[0]}" if examples else None
     message = f"{_owner(path, error.schema)} needs {needs}" if needs else ""
-    yield Refusal(path, root.name_at(path), "missing-key", message, hint=hint)
+    yield Refusal("missing-key", message, path, root.name_at(path), hint=hint)
 
 
 def _conflict(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
     inner = (*path, error.instance)
     message = f"'{error.instance}' does not go with {error.schema['title']}"
-    hint = "make two of it"
-    yield Refusal(inner, root.name_at(inner), "conflicting-keys", message, hint=hint)
+    yield Refusal("conflicting-keys", message, inner, root.name_at(inner), hint="make two of it")
+
+
+def _of_another_type(validator: "Draft7Validator", value: "Value", path: Path, error: Any) -> Refusal | None:
+    """Return the finding about a value that would be right with quotes, or without them; None about others."""
+    if error.validator not in ("type", "enum") or value.text is None or value.is_nothing:
+        return None
+    if isinstance(value.data, str):
+        meant, which, suggestion = value.meaning, "in", None
+        hint = f"write {value.text}, without quotes"
+    else:
+        meant, which, suggestion, hint = value.text, "without", f'"{value.text}"', None
+    if meant is None or meant == value.data or not validator.evolve(schema=error.schema).is_valid(meant):
+        return None
+    message = (
+        f"{_named(path, error.schema)} is {_expected(error.schema)}, and {value.text} {which} quotes is "
+        f"{_KINDS.get(type(value.data), 'a date or a time')}"
+    )
+    return Refusal("wrong-value", message, path, value, suggestion, hint)
 
 
 def _wrong(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
@@ -104,7 +127,7 @@ def _wrong(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
     code = "wrong-shape" if error.validator == "type" and misshapen else "wrong-value"
     if value.is_nothing or value.data in ("", []):
         code = "missing-value"
-    yield Refusal(path, value, code, message, near, hint)
+    yield Refusal(code, message, path, value, near, hint)
 
 
 def _types(schema: dict[str, Any]) -> set[str]:

@@ -19,6 +19,8 @@ else:
 _LINE_AND_COLUMN = re.compile(r" \(at line (\d+), column (\d+)\)")
 _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
 _STRING = re.compile(r'"""(?:\\.|[^\\])*?"{3,5}|\'\'\'.*?\'{3,5}|"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'', re.DOTALL)
+# A value that is neither text, list nor table, to the end of its line.
+_BARE_TEXT = re.compile(r"""\s*[\w.-]+\s*=\s*([^\s"'\[{#][^"'\[{#=]*?)\s*(?:#.*)?$""")
 _BARE_KEY = re.compile(r"[\w-]+")
 # At least one character, so that a scan always ends.
 _BARE_VALUE = re.compile(r"[^,\]}#\r\n]*[^,\]}#\s]|.", re.DOTALL)
@@ -49,7 +51,9 @@ def read_toml(path: Path, shown: str) -> Document:
         match = _LINE_AND_COLUMN.search(str(error))
         start = source.offset(int(match[1]), int(match[2])) if match else len(source.text.rstrip())
         message = f"not TOML: {_LINE_AND_COLUMN.sub('', str(error))}"
-        finding = Diagnostic("malformed-toml", message, source, source.span(start, start + 1))
+        bare = _BARE_TEXT.match(source.line(source.span(start, start).line))
+        hint = f'a text stands in quotes: "{bare[1]}"' if bare else None
+        finding = Diagnostic("malformed-toml", message, source, source.span(start, start + 1), hint=hint)
         raise TreeError([finding]) from None
     return document
 
@@ -72,7 +76,7 @@ def _value(data: Any, path: _KeyPath, places: "_TomlPlaces", around: _Offsets) -
             start, end, (_value(item, (*path, index), places, place) for index, item in enumerate(data))
         )
     plain = data if isinstance(data, (bool, int, float, str)) else None  # JSON has no dates
-    return Value(start, end, plain, text=str(data).lower() if isinstance(data, bool) else str(data))
+    return Value(start, end, plain, text=data if isinstance(data, str) else places.written(path, data))
 
 
 class _TomlPlaces:
@@ -92,6 +96,12 @@ class _TomlPlaces:
                     self._take("]")
             else:
                 self._pair(table)
+
+    def written(self, path: _KeyPath, data: object) -> str:
+        """Return a value that is no text as it is written; `4.10` is another version than `4.1`."""
+        if path in self.values:
+            return self._text[slice(*self.values[path])]
+        return str(data).lower() if isinstance(data, bool) else str(data)
 
     def _pass(self, pattern: re.Pattern[str]) -> str:
         """Skip the match of a pattern at this position; returns it, empty if there is none."""

@@ -43,10 +43,8 @@ def parse_yaml(data: bytes | str, path: str, empty_hint: str) -> Document:
     events = Events(document.source)
     events.take()  # the stream begins
     if not isinstance(events.next, yaml.DocumentStartEvent):
-        start = Span(1, 1, 1, 1)
-        raise TreeError(
-            [Diagnostic("empty-file", "the file is empty", document.source, start, hint=empty_hint)]
-        )
+        start, message = Span(1, 1, 1, 1), "the file is empty"
+        raise TreeError([Diagnostic("empty-file", message, document.source, start, hint=empty_hint)])
     events.take()
     document.root = _value(events, document)
     events.take()  # the document ends
@@ -109,9 +107,9 @@ def _value(events: Events, document: Document) -> Value:
         while not isinstance(events.next, yaml.MappingEndEvent):
             key, inner = _value(events, document), _value(events, document)
             if not key.text:
-                document.report(key, "wrong-shape", f"a key is a word, and this is {key.kind}")
+                document.report("wrong-shape", f"a key is a word, and this is {key.kind}", key)
             elif key.text in entries:
-                document.report(key, "duplicate-key", f"'{key.text}' is written twice here")
+                document.report("duplicate-key", f"'{key.text}' is written twice here", key)
             else:
                 entries[key.text] = (key, inner)
         return Value.of_entries(start, events.take().end_mark.index, entries.values())

@@ -1,4 +1,4 @@
-"""Parameters of a tag, read from the constructor: the constructor is the manifest."""
+"""Parameters of a registered class, read from its constructor: the constructor is the manifest."""
 
 import inspect
 import re
@@ -29,22 +29,21 @@ class RegistrationError(SarError):
 
 
 def parameters_of(spec: NodeSpec) -> Mapping[str, Parameter]:
-    """Return the parameters of a node's constructor or factory by attribute name, in their order.
+    """Return the parameters of the constructor of a node's class by attribute name, in their order.
 
     Raises:
         RegistrationError: If one cannot be written in a tree file, or the answers use unknown ones.
     """
-    made_by: Callable[..., Any] = spec.signature.factory or spec.cls.__init__  # type: ignore[misc]
+    constructor: Callable[..., Any] = spec.cls.__init__  # type: ignore[misc]
     try:
-        hints = typing.get_type_hints(made_by, include_extras=True)
+        hints = typing.get_type_hints(constructor, include_extras=True)
     except Exception as error:
         message = f"<{spec.tag}>: the annotations of {_name_of(spec)} cannot be resolved: {error}"
         raise RegistrationError(message) from error
-    docs = {**_inherited_documentation(spec.maker), **spec.signature.parameter_docs}
+    docs = _inherited_documentation(spec.cls)
     found = (
         _parameter(spec, parameter, hints.get(name), docs.get(name, ""))
-        for name, parameter in _written(spec, made_by)
-        if name not in spec.signature.hidden
+        for name, parameter in _written(constructor)
     )
     parameters = {parameter.name: parameter for parameter in found}
     _complain_unless_structured(spec, parameters)
@@ -52,26 +51,24 @@ def parameters_of(spec: NodeSpec) -> Mapping[str, Parameter]:
     return parameters
 
 
-def summary_of(maker: Callable[..., Any] | None) -> str:
-    """Return the first paragraph of a docstring, as one line."""
-    return _documentation(maker)[0]
+def summary_of(cls: type | None) -> str:
+    """Return the first paragraph of a class's docstring, as one line."""
+    return _documentation(cls)[0]
 
 
-def _written(spec: NodeSpec, made_by: Callable[..., Any]) -> Iterator[tuple[str, inspect.Parameter]]:
+def _written(constructor: Callable[..., Any]) -> Iterator[tuple[str, inspect.Parameter]]:
     """Yield the parameters without `self`, and without `*args` and `**kwargs`."""
-    parameters = list(inspect.signature(made_by).parameters.items())
-    for name, parameter in parameters if spec.signature.factory else parameters[1:]:
+    for name, parameter in list(inspect.signature(constructor).parameters.items())[1:]:
         if parameter.kind not in _VARIADIC:
             yield name, parameter
 
 
 def _parameter(spec: NodeSpec, parameter: inspect.Parameter, annotation: object, doc: str) -> Parameter:
     keyword, name = parameter.name, parameter.name.removesuffix("_")
-    default = spec.signature.defaults.get(name, parameter.default)
-    required = default is inspect.Parameter.empty or name in spec.signature.required
+    required = parameter.default is inspect.Parameter.empty
     common: dict[str, Any] = {
         "required": required,
-        "default": None if required else default,
+        "default": None if required else parameter.default,
         "doc": doc,
         "keyword": "" if keyword == name else keyword,
     }
@@ -85,14 +82,13 @@ def _parameter(spec: NodeSpec, parameter: inspect.Parameter, annotation: object,
         raise RegistrationError(message)
     target = without_none(annotation)
     direction = _DIRECTIONS.get(typing.get_origin(target) or target)
-    carried = _carried_type(target) if direction else value_type_of(target)
-    value_type = spec.signature.types.get(name) or carried
+    value_type = _carried_type(target) if direction else value_type_of(target)
     if value_type is not None:
         return Parameter(name, Role.ATTRIBUTE, value_type=value_type, direction=direction, **common)
     if is_class(target) and is_mission_context(target):
-        return Parameter(name, Role.CONTEXT, target=target, **common)
+        return Parameter(name, Role.CONTEXT, target_or_path=target, **common)
     if is_class(target) and issubclass(target, Behaviour):
-        return Parameter(name, Role.REFERENCE, target=target, **common)
+        return Parameter(name, Role.REFERENCE, target_or_path=target, **common)
     message = (
         f"<{spec.tag}>: parameter '{keyword}' of {_name_of(spec)} is annotated with {annotation!r}, which is "
         "neither a value that can be written in a file (float, int, bool, str, an enum, Path, timedelta, a list "
@@ -144,22 +140,21 @@ def _carried_type(port: object) -> ValueType | None:
 
 
 def _name_of(spec: NodeSpec) -> str:
-    assert spec.cls is not None  # noqa: S101 - what has a constructor has a class
-    return f"{spec.cls.__module__}.{spec.cls.__qualname__}"
+    return spec.class_path.replace(":", ".")
 
 
-def _inherited_documentation(maker: object) -> dict[str, str]:
+def _inherited_documentation(cls: type | None) -> dict[str, str]:
     """Return the descriptions of parameters in the docstrings of a class and its bases, but not of py_trees' own."""
     described: dict[str, str] = {}
-    for base in reversed(maker.__mro__ if isinstance(maker, type) else [maker]):
-        if base is maker or not base.__module__.startswith("py_trees."):
+    for base in reversed(cls.__mro__ if cls is not None else ()):
+        if base is cls or not base.__module__.startswith("py_trees."):
             described.update(_documentation(base)[1])
     return described
 
 
-def _documentation(maker: object) -> tuple[str, dict[str, str]]:
+def _documentation(cls: type | None) -> tuple[str, dict[str, str]]:
     """Return a docstring's first paragraph and the descriptions of its `Args:`."""
-    text = inspect.cleandoc(maker.__doc__ or "") if maker is not None else ""
+    text = inspect.cleandoc(cls.__doc__ or "") if cls is not None else ""
     summary = " ".join(text.split("\n\n", 1)[0].split())
     section = re.search(r"^Args:\n((?:[ ]+.*(?:\n|$)|\n)*)", text, re.MULTILINE)
     described: dict[str, str] = {}

@@ -19,20 +19,3 @@ def load(path: str) -> Any:
     """
     module, _, name = path.partition(":")
     return functools.reduce(getattr, name.split("."), importlib.import_module(module))
-
-
-class Deferred:
-    """A class or function that is imported when it is first called."""
-
-    def __init__(self, path: str) -> None:
-        self.path = path
-
-    def load(self) -> Any:
-        """Return the class or function itself."""
-        if "_loaded" not in vars(self):
-            self._loaded = load(self.path)
-        return self._loaded
-
-    def __call__(self, *args: Any, **keywords: Any) -> Any:
-        """Call it."""
-        return self.load()(*args, **keywords)

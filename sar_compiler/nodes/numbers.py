@@ -50,6 +50,8 @@ _UNITS: dict[str, tuple[str, dict[str, str]]] = {
 }
 _DEGREES = frozenset({"deg", "degs", "degree", "degrees", "°"})
 _DIGITS = 5
+# More than a number in one unit has in another one; a part of a circle has no end, or a far one.
+_MOST_DIGITS = 20
 """How many digits are written of a number that has no end: 90 degrees are 1.5708 radians."""
 LONGEST = 100
 """No number that a robot needs has more digits."""
@@ -199,11 +201,11 @@ def _one(spelt: str, unit: str) -> "Fraction | None":
 
 
 def _rounded(value: "Fraction") -> str:
-    """Write a number with all its digits if there are few, else the first ones."""
+    """Write a number with all its digits if it has an end, else the first ones."""
     from decimal import Decimal
 
     short = Decimal(value.numerator) / Decimal(value.denominator)
-    if short * value.denominator == value.numerator and len(short.as_tuple().digits) <= 2 * _DIGITS:
+    if short * value.denominator == value.numerator and len(short.as_tuple().digits) <= _MOST_DIGITS:
         return _written(short)
     return _written(Decimal(f"{float(value):.{_DIGITS}g}"))
 

@@ -43,9 +43,9 @@ Possible: TypeAlias = Callable[["BoundNode", Sequence[int], bool], int]
 _MOST_COUNTED = 12
 
 
-def bit_of(status: "Status") -> int:
-    """Return the set of one status; `update` returns INVALID for skipped."""
-    return BITS.get(status.name, K)
+def bit_of(status: "Status | int") -> int:
+    """Return the set of one status; `update` returns INVALID for skipped. A set is returned as it is."""
+    return status if isinstance(status, int) else BITS.get(status.name, K)
 
 
 def bits(answers: Iterable[str]) -> int:
@@ -362,7 +362,7 @@ def ticks_counted(bound: "BoundNode", _children: Sequence[int], sure: bool) -> i
 
 def number(bound: "BoundNode", name: str) -> float | None:
     """Return the value of an attribute that is a constant number; None for any other."""
-    value = bound.values.get(name)
+    value = bound.value(name)
     return value if isinstance(value, (int, float)) else None
 
 

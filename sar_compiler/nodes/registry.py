@@ -10,13 +10,12 @@ from types import ModuleType
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.installed import entry_points, import_installed, look_in_current_folder
 from sar_compiler.nodes.palettes import load_palettes
-from sar_compiler.nodes.records import Record, RecordedSpec, recorded, specs_of
 from sar_compiler.nodes.spec import MARK, NodeSpec
+from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.guessing import did_you_mean, nearest
 from sar_compiler.tree.model import SUBTREE_TAG
 
 ENTRY_POINTS = "sar_compiler.nodes"
-_LANGUAGE = "sar_compiler.nodes.language"
 
 Named = str | ModuleType | type
 """Leaves, as named by a user: the import path of a module, a module, or a class."""
@@ -36,13 +35,13 @@ def is_marked(cls: type) -> bool:
 class Registry:
     """The tags that a tree file may use, with their meanings."""
 
-    def __init__(self, specs: Iterable[NodeSpec | Record] = ()) -> None:
-        self._specs: dict[str, list[NodeSpec | Record]] = {}
+    def __init__(self, specs: Iterable[NodeSpec] = ()) -> None:
+        self._specs: dict[str, list[NodeSpec]] = {}
         self._installed: dict[str, str] = {}
         for spec in specs:
             self.add(spec)
 
-    def add(self, spec: NodeSpec | Record) -> None:
+    def add(self, spec: NodeSpec) -> None:
         """Add a tag, or (for a variant) one more meaning of it.
 
         Raises:
@@ -67,11 +66,12 @@ class Registry:
         return [tag for tag in self._specs if tag not in self._installed or self._installed[tag] in used]
 
     def add_module(self, module: ModuleType) -> int:
-        """Add every class of a module that is marked by `register`; return their number."""
+        """Add every class of a module that is marked by `register`, and its `SPECS`; return their number."""
         classes = [value for value in vars(module).values() if isinstance(value, type) and is_marked(value)]
-        for cls in classes:
-            self.add_class(cls)
-        return len(classes)
+        specs = [*(vars(cls)[MARK] for cls in classes), *getattr(module, "SPECS", ())]
+        for spec in specs:
+            self.add(spec)
+        return len(specs)
 
     def add_class(self, cls: type) -> None:
         """Add a class that is marked by `register`.
@@ -110,19 +110,17 @@ class Registry:
         Raises:
             RegistrationError: If the constructor of one of them cannot be written in a tree file.
         """
-        found = [each.spec() if isinstance(each, Record) else each for each in self._specs.get(tag, ())]
-        if found:
-            self._specs[tag] = [*found]
+        found = self._specs.get(tag, [])
         for spec in found:
             spec.parameters  # noqa: B018 - whoever means this tag is told of mistakes in its constructor
-        return found
+        return [*found]
 
     def by_tag(self) -> dict[str, list[NodeSpec]]:
         """Return all meanings of every tag, in the order of the tags."""
         return {tag: self.variants(tag) for tag in sorted(self._specs)}
 
-    def specs(self) -> list[NodeSpec | Record]:
-        """Return the registered specs, unread, to make another registry."""
+    def specs(self) -> list[NodeSpec]:
+        """Return the registered specs, to make another registry."""
         return [spec for variants in self._specs.values() for spec in variants]
 
     def without(self, tags: Collection[str]) -> "Registry":
@@ -141,6 +139,7 @@ class Registry:
         return nearest(tag, self._specs)
 
 
+@gc_paused()  # in what is imported there is nothing to collect
 def load_registry(
     named: Iterable[Named] = (),
     configured: Iterable[str] = (),
@@ -167,11 +166,8 @@ def load_registry(
 
     registry = Registry(each for each in language() if each.tag != SUBTREE_TAG)
     for entry_point in entry_points(ENTRY_POINTS, checkout):
-        known, before = recorded(entry_point.value), set(registry.tags)
-        if known is None:
-            registry.add_module(_import(entry_point.value, f"entry point '{entry_point.name}'", installed))
-        for record in known or ():
-            registry.add(record)
+        before = set(registry.tags)
+        registry.add_module(_import(entry_point.value, f"entry point '{entry_point.name}'", installed))
         for tag in registry.tags - before:
             registry.belongs_to(tag, entry_point.value)
     for module in configured:
@@ -189,10 +185,11 @@ def load_registry(
 
 
 @functools.cache
-def language() -> list[NodeSpec | Record]:
+def language() -> list[NodeSpec]:
     """Return the records of the language's own nodes, and of `SubTree`."""
-    known = recorded(_LANGUAGE)
-    return [*known] if known is not None else [*specs_of(importlib.import_module(_LANGUAGE))]
+    from sar_compiler.nodes.language import SPECS
+
+    return SPECS
 
 
 @functools.cache
@@ -204,7 +201,7 @@ def subtree() -> NodeSpec:
 @functools.cache
 def language_variants(tag: str) -> Sequence[NodeSpec]:
     """Return all meanings that a tag has in the language, whatever is registered beside it."""
-    return [each.spec() if isinstance(each, Record) else each for each in language() if each.tag == tag]
+    return [each for each in language() if each.tag == tag]
 
 
 @functools.cache
@@ -269,11 +266,11 @@ def _import(name: str, source: str, load: Callable[[str], ModuleType]) -> Module
         raise RegistryError(message) from error
 
 
-def _is_same(first: NodeSpec | Record, second: NodeSpec | Record) -> bool:
-    """Return whether two records are of one class; of what is only recorded, the path counts."""
-    if isinstance(first, (Record, RecordedSpec)) or isinstance(second, (Record, RecordedSpec)):
+def _is_same(first: NodeSpec, second: NodeSpec) -> bool:
+    """Return whether two records are of one class; of one that is named by its path, that counts."""
+    if first.is_by_path or second.is_by_path:
         return first.maker_path == second.maker_path
-    return first.cls is second.cls
+    return first.class_or_path is second.class_or_path
 
 
 def _name_of(cls: type) -> str:

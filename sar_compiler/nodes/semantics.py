@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from py_trees.common import Status
 
     from sar_compiler.nodes.binding.bound import BoundNode
-    from sar_compiler.nodes.btcpp.notes import Notes
+    from sar_compiler.nodes.binding.collector import Collector
     from sar_compiler.nodes.btcpp.rewrites import Draft
 
 WRITES, REMOVES = "writes to the blackboard", "removes from the blackboard"
@@ -94,7 +94,7 @@ class Counterpart(NamedTuple):
     """
 
     built_in: bool = False
-    rewrite: "Callable[[Draft, Notes], None] | None" = None
+    rewrite: "Callable[[Draft, Collector], None] | None" = None
     hint: str = NO_HINT
     since: str = ""
 
@@ -178,11 +178,11 @@ class Semantics:
         return cls(possible, Order.TOGETHER)
 
     @classmethod
-    def turning(cls, turns: "Mapping[Status, Status]") -> "Semantics":
+    def turning(cls, turns: "Mapping[Status, Status] | Mapping[int, int]") -> "Semantics":
         """Return the semantics of a decorator that replaces some results of its child.
 
         Args:
-            turns: The replacements by result; other results are passed on.
+            turns: The replacements by result, as statuses or outcome sets of one; other results are passed on.
         """
         by_bit = {outcome_sets.bit_of(old): outcome_sets.bit_of(new) for old, new in turns.items()}
         return cls(outcome_sets.turning(by_bit), steady=True, changes=outcome_sets.union(by_bit))
@@ -193,11 +193,11 @@ class Semantics:
         return cls(outcome_sets.passing, steady=True)
 
     @classmethod
-    def repeating(cls, after: "Status", rounds: Number | str) -> "Semantics":
+    def repeating(cls, after: "Status | int", rounds: Number | str) -> "Semantics":
         """Return the semantics of a decorator that restarts its child after one of its results, and then runs.
 
         Args:
-            after: That result: SUCCESS for one that repeats, FAILURE for one that retries.
+            after: That result, a status or an outcome set: SUCCESS for one that repeats, FAILURE for one that retries.
             rounds: The attribute with the largest number of rounds, -1 for no limit; or a function of the node that
                 returns the number, `math.inf` for no limit, None if it is not known before the run.
         """

@@ -2,12 +2,13 @@
 
 import functools
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from sar_compiler.nodes.answers import answers_of
-from sar_compiler.nodes.imports import Deferred, path_of
+from sar_compiler.nodes.imports import load, path_of
 from sar_compiler.nodes.semantics import Semantics
 from sar_compiler.nodes.values import ANYTHING, ValueType
 from sar_compiler.runtime.answers import Answer, Fact
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from sar_compiler.nodes.binding.bound import BoundNode
     from sar_compiler.nodes.binding.collector import Collector
 
+_PARENT = "sar_compiler.runtime.parents:Parent"
 MARK = "__node_spec__"
 """The attribute of a registered class that holds its record."""
 Rule: TypeAlias = "Callable[[BoundNode, Collector], None]"
@@ -157,7 +159,7 @@ class Parameter:
         value_type: For an attribute: the type that converts its text to a value.
         direction: For an attribute that is a port (`Input`, `Output`, `InOut`): the direction of its
             values; None for a value that is fixed when the tree is compiled.
-        target: For a reference the class of the node, for the context the class of the object.
+        target_or_path: For a reference the class of the node, for the context the class of the object, or its import path.
         doc: Its description, from the class's docstring.
         keyword: Its name in the constructor, if different (`if_` for `if`).
     """
@@ -168,14 +170,19 @@ class Parameter:
     default: object = None
     value_type: ValueType | None = None
     direction: Direction | None = None
-    target: type | None = None
+    target_or_path: type | str | None = None
     doc: str = ""
     keyword: str = ""
 
     @functools.cached_property
+    def target(self) -> type | None:
+        """That class, imported if necessary."""
+        return load(self.target_or_path) if isinstance(self.target_or_path, str) else self.target_or_path
+
+    @functools.cached_property
     def target_path(self) -> str:
         """The import path of that class; empty if there is none."""
-        return path_of(self.target) if self.target is not None else ""
+        return _path(self.target_or_path)
 
     @property
     def target_name(self) -> str:
@@ -193,6 +200,12 @@ class Parameter:
         """Whether it is a whole number that is fixed when the tree is compiled."""
         fixed = self.role is Role.ATTRIBUTE and self.direction is None
         return fixed and self.value_type is not None and self.value_type.python is int
+
+
+def _path(class_or_path: type | str | None) -> str:
+    if class_or_path is None or isinstance(class_or_path, str):
+        return class_or_path or ""
+    return path_of(class_or_path)
 
 
 def any_port(name: str, doc: str = "") -> Parameter:
@@ -215,50 +228,36 @@ class Skipping(NamedTuple):
 
     Attributes:
         possible: Whether a tick of the node can be skipped.
-        cls: The class that replaces the node's own if a child can be skipped, or what imports it.
+        replacement_path: The import path of the class that replaces the node's own if a child can be skipped.
         only_if: The attribute and value required for the node itself to skip a tick; None if there is no such
             requirement.
         advice: An equivalent node that supports skipped children, if there is one.
+        is_handled: Whether the node supports skipped children although it is never skipped itself.
     """
 
     possible: Skips = Skips.NEVER
-    cls: type[Any] | Deferred | None = None
+    replacement_path: str = ""
     only_if: tuple[str, object] | None = None
     advice: str = ""
-
-    @property
-    def replacement(self) -> type[Any] | None:
-        """The class itself, imported if necessary."""
-        found: type[Any] | None = self.cls.load() if isinstance(self.cls, Deferred) else self.cls
-        return found
+    is_handled: bool = False
 
 
 @dataclass(frozen=True)
 class Signature:
-    """A tag's declarations about its attributes that supplement or override the constructor of its class.
+    """What is said of a node's attributes where its constructor is not asked.
 
     Attributes:
-        factory: Creates the node instead of the class; its signature replaces the constructor's.
-        defaults: Defaults for parameters that have none in the constructor.
+        described: All parameters by name, in their order (`nodes.declaring`); None for those of the constructor.
+        doc: The node's description; empty for that of the class.
         fixed: Parameters whose value the tag implies (`ReactiveSequence`: `memory` is false).
-        hidden: Constructor parameters that this tag does not have.
-        required: Parameters that must be written, although the constructor does not require them.
-        types: The types of parameters with less precise annotations.
-        doc: A description that replaces the docstring, for classes of other libraries.
-        parameter_docs: Descriptions of parameters, likewise.
-        described: All parameters, for a node that only a model describes.
-        from_use: Whether that model was made from the node's use.
+        factory: The import path of the function that creates the node instead of the class; empty for none.
+        from_use: Whether it was made from the node's use.
     """
 
-    factory: Callable[..., Any] | None = None
-    defaults: Mapping[str, object] = field(default_factory=dict)
-    fixed: Mapping[str, object] = field(default_factory=dict)
-    hidden: frozenset[str] = frozenset()
-    required: frozenset[str] = frozenset()
-    types: Mapping[str, ValueType] = field(default_factory=dict)
-    doc: str = ""
-    parameter_docs: Mapping[str, str] = field(default_factory=dict)
     described: Mapping[str, Parameter] | None = None
+    doc: str = ""
+    fixed: Mapping[str, object] = field(default_factory=dict)
+    factory: str = ""
     from_use: bool = False
 
 
@@ -266,12 +265,14 @@ class Signature:
 class NodeSpec:
     """The meaning of a tag.
 
-    The constructor of the class, which may name classes defined later, is inspected at the first access to
-    `parameters`.
+    A class that is registered is its own manifest: its constructor, which may name classes defined later, is inspected
+    at the first access to `parameters`. A node of this project names its class by the import path and describes the
+    parameters itself, so that trees of it are checked without an import.
 
     Attributes:
         tag: The tag in a tree file.
-        cls: The class that the compiler instantiates; None if only a model describes the node.
+        class_or_path: The class that the compiler instantiates, or its import path (`module:name`); None if only a model
+            describes the node.
         kind: The kind of node.
         outcomes: The names of the statuses that a tick can return.
         effects: Its effect on the world, in a few words; empty if it has none.
@@ -291,12 +292,12 @@ class NodeSpec:
         former_tags: Its names in earlier versions of BehaviorTree.CPP and py_trees.
         former_attributes: The attributes that it had in BehaviorTree.CPP 3, with those of today.
         rule: Reports attributes that do not fit each other or the children.
-        stand_in: For a control or decorator without a class: what is made of it where there is no robot. It is given the leaf
-            that answers for the world as `asked`, if there are answers.
+        stand_in: For a control or decorator without a class: the import path of what is made of it where there is no
+            robot. It is given the leaf that answers for the world as `asked`, if there are answers.
     """
 
     tag: str
-    cls: type[Any] | None
+    class_or_path: type[Any] | str | None
     kind: Kind
     outcomes: frozenset[str] = frozenset()
     effects: str = ""
@@ -313,7 +314,7 @@ class NodeSpec:
     former_tags: tuple[str, ...] = ()
     former_attributes: Mapping[str, str] = field(default_factory=dict)
     rule: "Rule | None" = None
-    stand_in: type[Any] | None = None
+    stand_in: str = ""
 
     def __post_init__(self) -> None:
         if self.child_count[0] < 0:
@@ -323,41 +324,85 @@ class NodeSpec:
 
     @functools.cached_property
     def parameters(self) -> Mapping[str, Parameter]:
-        """The parameters of its constructor or factory by name, in their order.
+        """The parameters of its constructor by name, in their order.
 
         Raises:
             RegistrationError: If the constructor cannot be written in a tree file; names the parameter.
         """
+        if self.signature.described is not None:
+            return self.signature.described
         from sar_compiler.nodes.constructors import parameters_of
 
-        return self.signature.described or parameters_of(self)
+        return parameters_of(self)
 
     @functools.cached_property
     def doc(self) -> str:
         """The first paragraph of its description."""
+        if self.signature.doc or self.is_by_path:
+            return self.signature.doc
         from sar_compiler.nodes.constructors import summary_of
 
-        return self.signature.doc or summary_of(self.maker)
+        return summary_of(self.cls)
+
+    @property
+    def is_by_path(self) -> bool:
+        """Whether its class is named by the import path."""
+        return isinstance(self.class_or_path, str)
+
+    @functools.cached_property
+    def cls(self) -> type[Any] | None:
+        """Its class, imported if necessary; None if only a model describes it.
+
+        Raises:
+            AttributeError: If the installed py_trees does not have it.
+        """
+        return load(self.class_or_path) if isinstance(self.class_or_path, str) else self.class_or_path
+
+    @functools.cached_property
+    def class_path(self) -> str:
+        """The import path of its class; empty if there is none."""
+        return _path(self.class_or_path)
 
     @property
     def maker(self) -> Callable[..., Any] | None:
-        """The factory of its instances: a function of its own, or the class."""
-        return self.signature.factory or self.cls
+        """The factory of its instances, imported if necessary: a function of its own, or the class."""
+        return load(self.signature.factory) if self.signature.factory else self.cls
 
-    @functools.cached_property
+    @property
     def maker_path(self) -> str:
         """The import path of that; empty if there is none."""
-        return path_of(self.maker) if self.maker is not None else ""
+        return self.signature.factory or self.class_path
+
+    def is_of(self, parameter: Parameter) -> bool:
+        """Return whether a reference may name such a node: its class is that of the parameter, or derives from it.
+
+        Where both classes are named by their paths, neither is imported: of those one does not derive from another.
+        """
+        if self.is_by_path and isinstance(parameter.target_or_path, str):
+            return self.class_path == parameter.target_path
+        return parameter.target_path in self._ancestry
+
+    @property
+    def misreads_skips(self) -> bool:
+        """Whether it takes a skipped child for an interruption, and this project has no class to replace it."""
+        if self.kind.is_leaf or self.is_only_described:
+            return False
+        if self.is_by_path:
+            skipping = self.skipping
+            return skipping.possible is Skips.NEVER and not (skipping.replacement_path or skipping.is_handled)
+        return _PARENT not in self._ancestry
 
     @functools.cached_property
-    def ancestry(self) -> frozenset[str]:
-        """The import paths of its class and of those that it derives from."""
-        return frozenset(map(path_of, self.cls.__mro__)) if self.cls is not None else frozenset()
+    def _ancestry(self) -> frozenset[str]:
+        """The import paths of its class and of those that it derives from; none where py_trees is too old to have it."""
+        with suppress(AttributeError):
+            return frozenset(map(path_of, self.cls.__mro__)) if self.cls is not None else frozenset()
+        return frozenset()
 
     @functools.cached_property
     def absent_methods(self) -> tuple[str, ...]:
         """The methods that its class leaves to others: nothing can be made of an abstract class."""
-        absent = getattr(self.cls, "__abstractmethods__", ()) if self.signature.factory is None else ()
+        absent = () if self.is_by_path else getattr(self.cls, "__abstractmethods__", ())
         return tuple(sorted(absent))
 
     @property
@@ -380,7 +425,7 @@ class NodeSpec:
     @property
     def is_foreign(self) -> bool:
         """Whether another program executes it: there is no class."""
-        return self.cls is None
+        return self.class_or_path is None
 
     @property
     def asks(self) -> bool:

@@ -15,7 +15,6 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Annotated, TypeAlias, TypeGuard, TypeVar
 
-from sar_compiler.nodes.imports import Deferred
 from sar_compiler.nodes.numbers import (
     DURATION,
     HOW_LONG,
@@ -355,6 +354,22 @@ def _at_least(least: int, label: str, text: str) -> int:
     return value
 
 
+def _sized(cpp: str, bits: int, *, is_signed: bool = True) -> ValueType:
+    """Return the type of C++'s whole numbers of a size, which BehaviorTree.CPP refuses to leave."""
+    least, most = (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) if is_signed else (0, 2**bits - 1)
+    label = f"a whole number from {least} to {most}"
+    convert = functools.partial(_between, least, most, label)
+    return ValueType("integer", label, convert, pattern=INTEGER, python=int, cpp=cpp, least=least, most=most)
+
+
+def _between(least: int, most: int, label: str, text: str) -> int:
+    value = whole_number(text, least, most)
+    if not least <= value <= most:
+        message = f"'{text}' is not {label}"
+        raise ConversionError(message)
+    return value
+
+
 def _up_to(largest: int) -> str:
     """Return a regular expression of the whole numbers from 0 to a given one of several digits."""
     digits = str(largest)
@@ -474,17 +489,16 @@ def _chosen(names: tuple[str, ...], text: str) -> str:
     raise ConversionError(message, nearest(text.strip(), names)) from None
 
 
-def _member(kind: "type[enum.Enum] | Deferred", text: str) -> enum.Enum:
+def _member(kind: type[enum.Enum], text: str) -> enum.Enum:
     """Return the member of an enumeration that has a name, or is a whole number."""
     members, texts = _texts_of(kind)
     return texts[text] if text in texts else members[_chosen(tuple(members), text)]
 
 
 @functools.lru_cache(maxsize=64)
-def _texts_of(kind: "type[enum.Enum] | Deferred") -> tuple[dict[str, enum.Enum], dict[str, enum.Enum]]:
+def _texts_of(kind: type[enum.Enum]) -> tuple[dict[str, enum.Enum], dict[str, enum.Enum]]:
     """Return the members of an enumeration by their names, and by all that may be written for them."""
-    loaded = kind.load() if isinstance(kind, Deferred) else kind
-    members: dict[str, enum.Enum] = {member.name: member for member in loaded}
+    members: dict[str, enum.Enum] = {member.name: member for member in kind}
     return members, {**_numbered(members), **members}
 
 
@@ -611,13 +625,13 @@ AS_WRITTEN = ValueType("anything", "a value", str)
 _OF_PORTS = {_PLAIN[float].name: REAL_NUMBER, list_of(_PLAIN[float]).name: list_of(REAL_NUMBER)}
 _CPP_TYPES = {
     "bool": _PLAIN[bool],
-    "int": _PLAIN[int],
-    "int64_t": _PLAIN[int],
-    "uint64_t": _PLAIN[int],
+    "int": _sized("int", 32),
+    "int64_t": _sized("int64_t", 64),
+    "uint64_t": _sized("uint64_t", 64, is_signed=False),
     "unsigned int": UNSIGNED,
     "unsigned": UNSIGNED,
-    "short": _PLAIN[int],
-    "long": _PLAIN[int],
+    "short": _sized("short", 16),
+    "long": _sized("long", 64),
     "double": REAL_NUMBER,
     "float": REAL_NUMBER,
     _CPP_TEXT: _PLAIN[str],

@@ -7,6 +7,7 @@ for each configuration that it finds, and loads trees. All commands and all test
 import contextlib
 import functools
 import os
+import shlex
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -18,7 +19,7 @@ from sar_compiler.missions import ENTRY_POINTS as MISSIONS
 from sar_compiler.nodes.binding.attributes import CONDITIONS
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.nodes.installed import entry_points, ignored_entry_points, is_offered
-from sar_compiler.nodes.palettes import is_palette_name
+from sar_compiler.nodes.palettes import PaletteError, is_palette_name, load_palettes
 from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, load_registry
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.tree.content import as_written, read_bytes, real_path
@@ -35,8 +36,8 @@ if TYPE_CHECKING:
 
     from sar_compiler.checks.assumptions import StartValues
     from sar_compiler.checks.simulate.scenario_files import Stage
+    from sar_compiler.checks.trying import TrialBudget
     from sar_compiler.checks.verify import Report, Verification
-    from sar_compiler.checks.verify.trying import TrialBudget
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.documents.located import Document
     from sar_compiler.missions.mission import Mission
@@ -99,10 +100,11 @@ class Project:
         """The registered nodes.
 
         Raises:
-            TreeError: If the configuration names modules that are neither installed nor trusted.
+            TreeError: If the configuration names modules that are neither installed nor trusted, or a palette that is not
+                installed.
             RegistryError: If a module cannot be imported or has no leaves.
             TrustError: If trust cannot be recorded.
-            PaletteError: If a palette is named that is not installed.
+            PaletteError: If the user has named a palette that is not installed.
         """
         if self.additions.registry is not None:
             return self.additions.registry
@@ -111,7 +113,13 @@ class Project:
         if brought:
             self._require_trust(brought)
         palettes = (*self.additions.palettes, *self.configuration.palettes)
-        return load_registry(self.additions.nodes, wanted, self.checkout, palettes)
+        try:
+            return load_registry(self.additions.nodes, wanted, self.checkout, palettes)
+        except PaletteError:
+            for name in self.configuration.palettes:
+                with self._told_where_it_is_named(name):
+                    load_palettes([name], self.checkout)
+            raise
 
     def _require_trust(self, modules: list[str]) -> None:
         """Allow the import of modules beside the configuration, if the user trusts them."""
@@ -132,7 +140,7 @@ class Project:
             "brings no code along"
         )
         hint = f"install it, name it yourself (--nodes {module}), or trust what lies here, until it changes: --trust"
-        source, span = self.configuration.source, self.configuration.node_spans[module]
+        source, span = self.configuration.source, self.configuration.spans[module]
         return Diagnostic("untrusted-nodes", message, source, span, hint=hint)
 
     @functools.cached_property
@@ -140,11 +148,24 @@ class Project:
         """The palettes that are files, which describe nodes that are not installed.
 
         Raises:
-            UnreadableFileError: If a file does not exist or cannot be read.
-            TreeError: If one is malformed.
+            UnreadableFileError: If a file that the user has named does not exist or cannot be read.
+            TreeError: If one is malformed, or cannot be read that the configuration names.
         """
         files = [path for path in self.additions.models if not is_palette_name(str(path))]
-        return tuple(read_tree_file(path) for path in (*files, *self.configuration.models))
+        read = [read_tree_file(path) for path in files]
+        for path in self.configuration.models:
+            with self._told_where_it_is_named(str(path)):
+                read.append(read_tree_file(path))
+        return tuple(read)
+
+    @contextlib.contextmanager
+    def _told_where_it_is_named(self, palette: str) -> Iterator[None]:
+        """Raise a finding in the configuration instead of an error about a palette that it names."""
+        try:
+            yield
+        except (UnreadableFileError, PaletteError) as error:
+            source, span = self.configuration.source, self.configuration.spans[palette]
+            raise TreeError([Diagnostic("setting-not-found", str(error), source, span)]) from error
 
     @functools.cached_property
     def _found_palettes(self) -> tuple[TreeFile, ...]:
@@ -358,6 +379,10 @@ class LoadedTree:
             return self._findings_before()
         project, decide = self.project, self.project.configuration.decide
         found = check(self._forest, project.registry, self.palettes, project.configuration.btcpp)
+        if any(each.code == "unknown-node" for each in found):
+            from sar_compiler.project.palettes_beside import naming_palettes
+
+            found = list(naming_palettes(found))
         return decide(first_of_each(decide(found)))
 
     @functools.cached_property
@@ -448,30 +473,38 @@ class LoadedTree:
         return bind_main(self.forest, self.project.registry, tree_id, self.palettes)
 
     def try_runs(self, budget: "Callable[[], TrialBudget]") -> list[Diagnostic]:
-        """Return what a tick of some run raises, if that is found within a budget; nothing for a file with errors.
+        """Return what ticks of the trees that may be executed raise, if found within a budget; nothing for a file with errors.
 
         A tree whose ticks raise nothing, since it has neither keys nor scripts, is not even compiled.
 
         Args:
-            budget: Returns how much may be tried; called only where there is something to try.
+            budget: Returns how much may be tried of the file; called only where there is something to try.
         """
         if self._forest is None or any(
             each.severity is Severity.ERROR for each in self._findings_of_the_tree
         ):
             return []
-        if not any(map(self._may_raise, self._forest.iterate())):
-            return []
-        try:
-            binding = self.binding()
-        except TreeError:
+        executable = self._forest.executable
+        if not executable or not any(map(self._may_raise, self._forest.iterate())):
             return []
         from sar_compiler.project.proof import tried
 
-        # What a rule has found in the same place is the same mistake.
-        told = {(each.source.path, each.span) for each in self.findings}
-        raised = [
-            each for each in tried(self, binding, budget()) if (each.source.path, each.span) not in told
-        ]
+        limit, is_chosen = budget(), self._forest.main_tree() is None
+        # What a rule has found in the same place is the same mistake, and so is what another tree's run has.
+        told = {(each.source.path, each.span) for each in self.findings if each.severity is not Severity.INFO}
+        raised = []
+        for number, element in enumerate(executable):
+            limit.allot(len(executable) - number)
+            tree_id = element.attributes.get("ID") if is_chosen else None
+            chosen = "" if tree_id is None else f" --tree {shlex.quote(tree_id)}"
+            try:
+                binding = self.binding(tree_id)
+            except TreeError:
+                continue
+            for finding in tried(self, binding, limit, f"sar-compile verify{chosen}"):
+                place = finding.source.path, finding.span
+                raised += [finding] if place not in told else []
+                told.add(place)
         return self.project.configuration.decide(raised)
 
     def _may_raise(self, tree: Element) -> bool:

@@ -1,6 +1,7 @@
 """Verifying a loaded tree, with a file of properties and the user's facts."""
 
 import contextlib
+import functools
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -14,8 +15,8 @@ from sar_compiler.checks.assumptions import (
 )
 from sar_compiler.checks.described_controls import take_controls
 from sar_compiler.checks.leaf_words import LeafWords
+from sar_compiler.checks.trying import TrialBudget, can_prepare, findings_of_runs, mark
 from sar_compiler.checks.verify import PropertyFile, read_property_file
-from sar_compiler.checks.verify.trying import TrialBudget, finding_of_runs, mark
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.documents.located import Document
 from sar_compiler.documents.yaml_files import document_of
@@ -48,14 +49,15 @@ def verified(
         if file is not None and file.controls is not None:
             files = (*tree.project.palettes, *tree.forest.files)
             take_controls(file.document, file.controls, binding, tree.project.registry, files)
-        simulated = compile_simulated(binding, parameters)
+        compiled = functools.partial(compile_simulated, binding, parameters, all_runs=True)
+        simulated = compiled()
         assumed = start_assumptions(start, simulated)
         if file is not None:
             assumed |= read_assumptions(file.document, file.facts, file.answers, simulated)
         if facts:
             # The file may declare facts of its own.
-            assumed |= _of_the_user(facts, compile_simulated(binding, parameters, assumed))
-        simulated = compile_simulated(binding, parameters, assumed)
+            assumed |= _of_the_user(facts, compiled(assumed))
+        simulated = compiled(assumed)
         raise_disputes(simulated)
         if file is not None:
             check_answers(file.document, file.answers, LeafWords(simulated))
@@ -63,14 +65,16 @@ def verified(
         return search(simulated, file, tags)
 
 
-def tried(tree: "LoadedTree", binding: Binding, budget: TrialBudget) -> list[Diagnostic]:
-    """Return what a tick of some run raises; see `LoadedTree.try_runs`."""
+def tried(tree: "LoadedTree", binding: Binding, budget: TrialBudget, how_to_see: str) -> list[Diagnostic]:
+    """Return what ticks of runs of a bound tree raise; see `LoadedTree.try_runs`."""
+    if not can_prepare(binding, budget):
+        return []
     mark(binding)
 
     def search(
         simulated: SimulatedTree, _file: PropertyFile | None, _tags: Collection[str]
     ) -> list[Diagnostic]:
-        return finding_of_runs(simulated, binding, budget)
+        return findings_of_runs(simulated, binding, budget, how_to_see, tree.findings)
 
     try:
         return verified(tree, binding, None, None, StartValues(), search)
@@ -83,7 +87,8 @@ def default_properties(tree: "LoadedTree", binding: Binding) -> Path | None:
     mission = tree.mission(binding)
     if mission is None:
         return None
-    return mission.default_properties({bound.spec.cls for bound in binding.nodes() if bound.spec.cls})
+    specs = [bound.spec for bound in binding.nodes() if bound.spec.kind.is_leaf]
+    return mission.default_properties({spec.cls for spec in specs if spec.cls and not spec.signature.factory})
 
 
 def _of_the_user(facts: Mapping[str, object] | Document, simulated: SimulatedTree) -> Assumptions:

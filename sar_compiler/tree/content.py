@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError, UnreadableFileError
-from sar_compiler.tree.source import Source, Span, Spans
+from sar_compiler.tree.source import Form, Source, Span, Spans
 
 MAX_BYTES = 32 * 1024 * 1024
 """Larger files are refused; 100,000 leaves need about a third of this."""
@@ -97,10 +97,11 @@ def source_of(
 def bytes_of(source: Source, text: str) -> bytes:
     """Return what a file contains when it says something else, in the encoding that it has.
 
-    Raises:
-        UnicodeEncodeError: If the encoding cannot have it.
+    What the encoding of an XML file has no sign for is written as `&#…;`.
     """
-    return (source.bom + text).encode(source.encoding)
+    return (source.bom + text).encode(
+        source.encoding, "xmlcharrefreplace" if source.form is Form.XML else "strict"
+    )
 
 
 def _encoding_of(data: bytes, declared: str | None) -> str:

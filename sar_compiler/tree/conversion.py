@@ -1,14 +1,16 @@
 """Writing a tree file in the other form, or in the canonical form of its own, with nothing lost unsaid."""
 
+import codecs
 import dataclasses
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from sar_compiler.tree.content import bytes_of
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
 from sar_compiler.tree.model import Comment, Element, TreeFile
 from sar_compiler.tree.source import Form
 from sar_compiler.tree.xml_rest import rest_of
-from sar_compiler.tree.xml_writer import comment_in_xml, write_xml
+from sar_compiler.tree.xml_writer import DECLARATION, comment_in_xml, write_xml
 from sar_compiler.tree.yaml_writer import comment_in_yaml, write_yaml
 
 _WRITERS = {Form.XML: write_xml, Form.YAML: write_yaml}
@@ -39,18 +41,36 @@ def convert(tree_file: TreeFile, form: Form) -> Converted:
         TreeError: If the file has what is no part of a tree and would be lost (text, processing instructions
             in XML), or an attribute that the form cannot have.
     """
-    rest = [
-        dataclasses.replace(each, severity=Severity.ERROR)
-        for each in tree_file.findings
-        if each.code == "stray-text"
-    ]
+    rest = [each for each in tree_file.findings if each.code == "stray-text"]
     rest += rest_of(tree_file) if tree_file.source.form is Form.XML else []
     if rest:
-        raise TreeError(rest)
+        # BehaviorTree.CPP passes over stray text; here it would be lost.
+        raise TreeError(dataclasses.replace(each, severity=Severity.ERROR) for each in rest)
     if tree_file.source.form is form:
         return Converted(_WRITERS[form](tree_file), ())
     losses = tuple(_losses(tree_file, form))
     return Converted(_WRITERS[form](_without_editor_hints(tree_file)), losses)
+
+
+def formatted(tree_file: TreeFile) -> bytes:
+    """Return the canonical form of a file, with the encoding, the byte order mark and the line ends that it has.
+
+    What a file is stored in is its project's choice (`.gitattributes`, an editor's settings), and no part of its layout.
+
+    Raises:
+        TreeError: As `convert`.
+    """
+    source = tree_file.source
+    text = convert(tree_file, source.form).text
+    if source.form is Form.XML:
+        text = text.replace(DECLARATION, DECLARATION.replace("UTF-8", _declared(source.encoding)), 1)
+    return bytes_of(source, text.replace("\n", source.line_end))
+
+
+def _declared(encoding: str) -> str:
+    """Return what the declaration calls an encoding; the byte order mark tells the two of UTF-16 apart."""
+    names = {"utf-8": "UTF-8", "utf-16-le": "UTF-16", "utf-16-be": "UTF-16"}
+    return names.get(codecs.lookup(encoding).name, encoding)
 
 
 def _losses(tree_file: TreeFile, form: Form) -> Iterator[Diagnostic]:
@@ -59,26 +79,22 @@ def _losses(tree_file: TreeFile, form: Form) -> Iterator[Diagnostic]:
     for name in _editor_attributes(root):
         hint = "name the schema by '# yaml-language-server: $schema=...'"
         message = f"'{name}' tells an editor about XML and is left out"
-        yield Diagnostic("left-out", message, root.source, root.name_span(name), None, hint, Severity.INFO)
+        yield root.finding("left-out", message, name=name, hint=hint)
     for element, comment in _comments(tree_file):
         kept = comment_in_yaml(comment.text) if form is Form.YAML else comment_in_xml(comment.text)
-        span = element.name_span(comment.attribute) if comment.attribute else element.tag_span()
         if _EDITOR_COMMENT in comment.text:
-            code, message = (
-                "left-out",
-                f"the comment '{_EDITOR_COMMENT}' tells an editor about YAML and is left out",
-            )
+            code = "left-out"
+            message = f"the comment '{_EDITOR_COMMENT}' tells an editor about YAML and is left out"
         elif comment.attribute is not None:
             what = f"the comment beside '{comment.attribute}' is before the element in {other}"
-            code, message = "moved", f"{what}: '{_shortened(comment.text)}'"
+            code = "moved"
+            message = f"{what}: '{_shortened(comment.text)}'"
         elif kept != comment.text:
-            code, message = (
-                "changed",
-                f"{other} cannot have the comment '{_shortened(comment.text)}' as it is",
-            )
+            code = "changed"
+            message = f"{other} cannot have the comment '{_shortened(comment.text)}' as it is"
         else:
             continue
-        yield Diagnostic(code, message, element.source, span, severity=Severity.INFO)
+        yield element.finding(code, message, name=comment.attribute)
 
 
 def _comments(tree_file: TreeFile) -> Iterator[tuple[Element, Comment]]:

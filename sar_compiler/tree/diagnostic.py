@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 
 from sar_compiler.errors import SarError
 from sar_compiler.tree.showing import in_one_line, shortened, visible
@@ -19,16 +19,20 @@ _MARGIN, _LEAST = 8, 40
 """The columns before an excerpt, and the fewest characters that are shown of a long line."""
 
 
-def _plain(text: str, _part: str) -> str:
-    return text
-
-
 class Severity(str, Enum):
     """The severity of a finding."""
 
     ERROR = "error"
     WARNING = "warning"
     INFO = "info"
+
+
+AS_DECLARED: Any = None
+"""In place of a severity: the one that the kind of the finding is declared with."""
+
+
+def _plain(text: str, _part: str) -> str:
+    return text
 
 
 class Cause(NamedTuple):
@@ -43,18 +47,29 @@ class Cause(NamedTuple):
     subject: str
 
 
+class Advice(TypedDict, total=False):
+    """What a finding has besides its kind, its message and its place; see `Diagnostic`."""
+
+    suggestion: str | None
+    hint: str | None
+    severity: Severity
+    common_cause: Cause | None
+
+
 @dataclass(frozen=True)
 class Diagnostic:
     """One finding.
 
+    Making one of a code that is not declared raises a `KeyError`.
+
     Attributes:
-        code: Its kind, in kebab-case words.
+        code: Its kind, declared in `tree.kinds`.
         message: What is wrong, in the reader's words.
         source: The file.
         span: Its place.
         suggestion: The text to put in its place, where that can be guessed.
         hint: What to do about it, in a few words, where there is no such text.
-        severity: Its severity.
+        severity: Its severity; given only where this one is worse than its kind, or not as bad.
         common_cause: What it comes of, if findings with other messages come of the same.
     """
 
@@ -64,13 +79,23 @@ class Diagnostic:
     span: Span
     suggestion: str | None = None
     hint: str | None = None
-    severity: Severity = Severity.ERROR
+    severity: Severity = AS_DECLARED
     common_cause: Cause | None = None
 
     def __post_init__(self) -> None:
+        # Most files have no finding, and need not wait for the kinds.
+        from sar_compiler.tree.kinds import SEVERITIES
+
+        declared = SEVERITIES[self.code]
+        object.__setattr__(self, "severity", self.severity or declared)
         # A value that is quoted may be as long as a file.
         object.__setattr__(self, "message", shortened(self.message))
         object.__setattr__(self, "hint", self.hint and shortened(self.hint))
+
+    @property
+    def identity(self) -> tuple[object, ...]:
+        """What it has in common with the same finding of another check: a file may be included by several."""
+        return self.source.path, self.span, self.code, self.message
 
     @property
     def cause(self) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from sar_compiler.tree.content import as_written, real_path
-from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError, UnreadableFileError
+from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity, TreeError, UnreadableFileError
 from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.model import INCLUDE_TAG, SUBTREE_TAG, Element, TreeFile
 from sar_compiler.tree.reading import FORMS
@@ -103,6 +103,24 @@ class Forest:
             return self.trees.get(wanted) if tree_id is not None else self.target(self.main.root, wanted)
         candidates = self.main.trees or tuple(self.iterate())
         return candidates[0] if len(candidates) == 1 else None
+
+    @functools.cached_property
+    def executable(self) -> tuple[Element, ...]:
+        """The trees that may be executed: the main tree, or without one each that neither the files nor others of the set use."""
+        main, is_named = self.main_tree(), self.main.main_tree_name is not None
+        if is_named:
+            return () if main is None else (main,)
+        used = {
+            id(self.target(each, each.attributes["ID"]))
+            for tree in self.iterate()
+            for each in _references(tree)
+        }
+        trees = self.main.trees or tuple(self.iterate())
+        return tuple(
+            tree
+            for tree in trees
+            if id(tree) not in used and not self.is_used_elsewhere(tree.attributes.get("ID", ""))
+        )
 
 
 def load_forest(
@@ -264,8 +282,7 @@ class _SetSearch:
             self.findings += self.tree_set.findings
             for reason in self.tree_set.unreadable:
                 message = f"the tree '{tree_id}' may be in a file of the set: {reason}"
-                span = reference.value_span(attribute)
-                self.findings.append(Diagnostic("unreadable-include", message, reference.source, span))
+                self.findings.append(reference.finding("unreadable-include", message, value=attribute))
             return
         first = having[0][1]
         target = self.targets[id(reference)] = first.trees[tree_id]
@@ -274,13 +291,11 @@ class _SetSearch:
             places = f"{target.source.path}:{target.line} and {others[0].source.path}:{others[0].line}"
             more = f", and in {len(others) - 1} more" if others[1:] else ""
             message = f"the tree '{tree_id}' is in several files of the set: {places}{more}"
-            hint = "give each an ID of its own, or include the file that is meant"
-            span = reference.value_span(attribute)
             # Files that were only named together may be those of several robots.
             severity = Severity.ERROR if self.tree_set.is_declared else Severity.WARNING
-            self.clashes.append(
-                Diagnostic("duplicate-tree-id", message, reference.source, span, None, hint, severity)
-            )
+            hint = "give each an ID of its own, or include the file that is meant"
+            advice = Advice(hint=hint, severity=severity)
+            self.clashes.append(reference.finding("duplicate-tree-id", message, value=attribute, **advice))
         if first is not self.forest:
             self.found.setdefault(id(target), (target, first))
 
@@ -318,7 +333,7 @@ class _Loader:
             return
         if target in around:
             circle = " -> ".join(path.name for path in (*around[around.index(target) :], target))
-            self._report(element, "include-cycle", f"the files include each other for ever: {circle}")
+            self._report("include-cycle", f"the files include each other for ever: {circle}", element)
         elif target not in self.seen:
             self._read(element, target, around)
 
@@ -327,13 +342,16 @@ class _Loader:
             if not self.full:  # one such finding says it all
                 deep = len(around) > MAX_INCLUDE_DEPTH
                 limit = f"{MAX_INCLUDE_DEPTH} files deep" if deep else f"{MAX_FILES} files"
-                self._report(element, "too-many-includes", f"includes go further than {limit}")
+                self._report("too-many-includes", f"includes go further than {limit}", element)
             self.full = True
             return
         try:
             tree_file = self.read(as_written(target))
         except UnreadableFileError as error:
-            self._report(element, "unreadable-include", str(error), suggestion=self._near(element, target))
+            near = self._near(element, target)
+            self.findings.append(
+                element.finding("unreadable-include", str(error), value="path", suggestion=near)
+            )
         except TreeError as error:
             self.findings.extend(error.findings)
         else:
@@ -370,7 +388,7 @@ class _Loader:
         if share is None:
             message = f"no ROS package '{package}' is installed here"
             hint = "source the workspace that has it, or write a path without ros_pkg"
-            self._report(element, "unknown-package", message, attribute="ros_pkg", hint=hint)
+            self.findings.append(element.finding("unknown-package", message, value="ros_pkg", hint=hint))
             return None
         # Packages that were installed with links to their sources lie there in truth, and so do the files
         # beside this one.
@@ -388,7 +406,7 @@ class _Loader:
             return path.resolve()
         except (OSError, RuntimeError, ValueError) as error:  # a circle of links, a name that none can have
             written = element.attributes["path"]
-            self._report(element, "unreadable-include", f"'{written}' is no path of a file: {error}")
+            self._report("unreadable-include", f"'{written}' is no path of a file: {error}", element)
             return None
 
     def _allowed(self, element: Element, target: Path) -> bool:
@@ -396,7 +414,7 @@ class _Loader:
             return True
         message = f"'{element.attributes['path']}' lies outside the folders that may be included from"
         hint = f"allow it: --include-path {target.parent}"
-        self._report(element, "include-outside", message, hint=hint)
+        self._report("include-outside", message, element, hint=hint)
         return False
 
     def _report_pathless(self, element: Element) -> None:
@@ -404,18 +422,14 @@ class _Loader:
         strange = [name for name in element.attributes if name not in ("path", "ros_pkg")]
         if len(strange) == 1:
             message = f"<{INCLUDE_TAG}> has no attribute '{strange[0]}'; it has path, ros_pkg"
-            span = element.name_span(strange[0])
-            finding = Diagnostic("unknown-attribute", message, element.source, span, suggestion="path")
+            finding = element.finding("unknown-attribute", message, name=strange[0], suggestion="path")
             self.findings.append(finding)
             return
         hint = 'write path="other.xml"'
-        self._report(element, "missing-attribute", "<include> needs the attribute 'path'", hint=hint)
+        self._report("missing-attribute", "<include> needs the attribute 'path'", element, hint=hint)
 
-    def _report(
-        self, element: Element, code: str, message: str, attribute: str = "path", **advice: str | None
-    ) -> None:
-        span = element.value_span(attribute) if attribute in element.attributes else element.tag_span()
-        self.findings.append(Diagnostic(code, message, element.source, span, **advice))  # type: ignore[arg-type]
+    def _report(self, code: str, message: str, element: Element, hint: str | None = None) -> None:
+        self.findings.append(element.finding(code, message, value="path", hint=hint))
 
 
 def _package_share(package: str) -> Path | None:

@@ -49,9 +49,22 @@ def palettes_in(folder: Path, trees: Iterable[Path]) -> list[Path]:
     Raises:
         UnreadableFileError: If a folder or a file cannot be read.
     """
-    projects = [path for path in _files_in(folder) if path.suffix.lower() == _PROJECT and path.is_file()]
+    projects = [path for path in _files_in(folder) if _is_project(path) and path.is_file()]
     palettes = [path for path in trees if _describes(path) and not _has(path, _TREE)]
     return sorted([*palettes, *filter(_describes, projects)])
+
+
+def palettes_beside(tree_file: Path) -> list[Path]:
+    """Return the palettes, as `palettes_in`, in the folder of a tree file itself, as far as they can be read."""
+    try:
+        beside = sorted(path for path in tree_file.parent.iterdir() if path.is_file() and path != tree_file)
+        return [path for path in beside if _describes(path) and (_is_project(path) or not _has(path, _TREE))]
+    except (OSError, UnreadableFileError):
+        return []
+
+
+def _is_project(path: Path) -> bool:
+    return path.suffix.lower() == _PROJECT
 
 
 def _describes(path: Path) -> bool:

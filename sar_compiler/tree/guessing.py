@@ -23,6 +23,12 @@ _UNIT_OF = {word: unit for unit, words in _UNITS.items() for word in words}
 LIKE = 0.7
 """How alike two words are at least of which one may be a slip for the other."""
 _SHORT, _LIKE_SHORT = 3, 0.6
+_LIKE_WHOLE = 0.88
+"""How alike two names are at least of which one has a word more."""
+_MOST_NEAR = 10
+_WORDS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[^\W\dA-Za-z_]+|\d+")
+_BETWEEN = re.compile(r"_|(?<=[^\W\d])[\s-]+(?=[^\W\d])")
+"""What stands between the words of a name; `-5` is no `5`."""
 _LETTER = re.compile(r"[^\W\d_]")
 _PARTS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
 
@@ -42,7 +48,7 @@ def keeps_unit(written: str, meant: str) -> bool:
     return not unit_in(written) and len(_PARTS.findall(written)) == len(_PARTS.findall(meant))
 
 
-def nearest(word: str, known: Iterable[str], likeness: float = LIKE) -> str | None:
+def nearest(word: str, known: Iterable[str], least: float = LIKE) -> str | None:
     """Return the known word that was probably meant, or None.
 
     A number is never meant by another one, nor a name with a unit (`delay_msec`) by one with another unit, or none: what is
@@ -51,7 +57,8 @@ def nearest(word: str, known: Iterable[str], likeness: float = LIKE) -> str | No
     Args:
         word: What was written.
         known: The words that may have been meant.
-        likeness: How alike the two must be at least, from 0 to 1, if they differ in more than case and underscores.
+        least: How alike each two words of the names must be at least, from 0 to 1, if they differ in more than case and
+            underscores.
     """
     import difflib
 
@@ -60,13 +67,60 @@ def nearest(word: str, known: Iterable[str], likeness: float = LIKE) -> str | No
         word.lower(),
         _folded(word),
     )
-    likeness = min(likeness, _LIKE_SHORT) if len(word) <= _SHORT else likeness
+    least = min(least, _LIKE_SHORT) if len(word) <= _SHORT else least
     found = (
         [candidate for candidate in candidates if candidate.lower() == lower]
         or [candidate for candidate in candidates if _folded(candidate) == folded]
-        or (_LETTER.search(word) and difflib.get_close_matches(word, candidates, n=1, cutoff=likeness))
+        or [
+            candidate
+            for candidate in difflib.get_close_matches(word, candidates, n=_MOST_NEAR, cutoff=least)
+            if _LETTER.search(word) and _is_near(word, candidate, least)
+        ]
     )
     return found[0] if found else None
+
+
+def is_slip(written: str, meant: str) -> bool:
+    """Return whether a word is another one with a slip: letters in the wrong case, or one too many, too few, wrong, or two swapped."""
+    one, other = written.lower(), meant.lower()
+    if one == other:
+        return True
+    if min(len(one), len(other)) < _SHORT or any(each.isdigit() for each in one + other):
+        return False
+    before = 0
+    while one[before : before + 1] == other[before : before + 1] != "":
+        before += 1
+    one, other = one[before:], other[before:]
+    return (
+        one[1:] == other[1:]
+        or one[1:] == other
+        or one == other[1:]
+        or (one[:2] == other[1::-1] and one[2:] == other[2:])
+    )
+
+
+def likeness(word: str, other: str) -> float:
+    """Return how alike the letters of two words are, from 0 to 1."""
+    import difflib
+
+    return difflib.SequenceMatcher(None, word, other).ratio()
+
+
+def _is_near(written: str, meant: str, least: float) -> bool:
+    """Return whether a name is near another one word by word: half of its letters say nothing (`CheckCondition`, `Condition`)."""
+    words, others = (_WORDS.findall(each) for each in (written, meant))
+    if len(words) != len(others):  # one too many or too few: all that is left has to be the same, nearly
+        words, others, least = [_folded(written)], [_folded(meant)], max(least, _LIKE_WHOLE)
+    return all(_is_like(*pair, least) for pair in zip(words, others, strict=True))
+
+
+def _is_like(word: str, other: str, least: float) -> bool:
+    """Return whether one word may be a slip for another; `unlock` for `lock` is none, nor `get` for `set`."""
+    one, two = word.lower(), other.lower()
+    if one[:1] != two[:1]:
+        return min(len(one), len(two)) > _SHORT and is_slip(one, two)
+    least = min(least, _LIKE_SHORT) if len(one) <= _SHORT else least
+    return one == two or is_slip(one, two) or (not one.isdigit() and likeness(one, two) >= least)
 
 
 def did_you_mean(near: str | None) -> str:
@@ -80,13 +134,13 @@ class Guesses:
     def __init__(self) -> None:
         self._left = MOST_COMPARED
 
-    def nearest(self, word: str, known: Collection[str], likeness: float = LIKE) -> str | None:
+    def nearest(self, word: str, known: Collection[str], least: float = LIKE) -> str | None:
         """Return the known word that was probably meant, as `nearest`; None if there are too many to compare."""
         if len(known) > self._left:
             return None
         self._left -= len(known)
-        return nearest(word, known, likeness)
+        return nearest(word, known, least)
 
 
 def _folded(word: str) -> str:
-    return word.replace("_", "").lower()
+    return _BETWEEN.sub("", word).lower()

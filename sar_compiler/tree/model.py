@@ -5,10 +5,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
+from sar_compiler.tree.diagnostic import Advice, Diagnostic
 from sar_compiler.tree.source import Source, Span
 
 if TYPE_CHECKING:
-    from sar_compiler.tree.diagnostic import Diagnostic
+    from typing_extensions import Unpack
 
 ROOT_TAG = "root"
 TREE_TAG = "BehaviorTree"
@@ -45,6 +46,13 @@ class Comment:
     attribute: str | None = None
     trailing: bool = False
     after_blank_line: bool = False
+
+
+class About(Advice, total=False):
+    """What a finding about an element has besides; see `Element.finding`."""
+
+    name: str | None
+    value: str | None
 
 
 @dataclass(slots=True)
@@ -89,6 +97,32 @@ class Element:
         """Return where the characters from *start* to *end* of an attribute's value are."""
         return self.source.spans.within_value(self.source, self, attribute, start, end)
 
+    def finding(
+        self,
+        code: str,
+        message: str,
+        span: Span | None = None,
+        *,
+        name: str | None = None,
+        value: str | None = None,
+        **advice: "Unpack[Advice]",
+    ) -> Diagnostic:
+        """Return a finding about a part of it, or about it as a whole.
+
+        Args:
+            code: As in `Diagnostic`.
+            message: As in `Diagnostic`.
+            span: The part.
+            name: The attribute whose name is the part.
+            value: The attribute whose value is the part.
+            **advice: As in `Diagnostic`.
+        """
+        if name is not None:
+            span = self.name_span(name)
+        elif value is not None:
+            span = self.value_span(value)
+        return Diagnostic(code, message, self.source, span or self.tag_span(), **advice)
+
     def content(self) -> "Iterator[Comment | Element]":
         """Yield its children and the comments before, between and after them, in the order of the file."""
         comments = [each for each in self.comments if each.attribute is None and not each.trailing]
@@ -126,7 +160,7 @@ class TreeFile:
     source: Source
     root: Element
     comments: tuple[Comment, ...] = field(default=(), repr=False, compare=False)
-    findings: "tuple[Diagnostic, ...]" = field(default=(), repr=False, compare=False)
+    findings: tuple[Diagnostic, ...] = field(default=(), repr=False, compare=False)
     is_named: bool = True
 
     @functools.cached_property

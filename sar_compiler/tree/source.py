@@ -78,8 +78,8 @@ class Spans(Protocol):
 AttributePlaces = tuple[int, int, int, int]
 """The offsets at which an attribute's name and its value begin and end."""
 
-_FEW = 16
-"""Up to this number of attributes, places are looked up again each time they are asked for."""
+_FEW, SHORT = 16, 1000
+"""Up to this number of attributes, and of characters in them, places are looked up again each time they are asked for."""
 
 
 @dataclass(frozen=True)
@@ -110,16 +110,28 @@ class Source:
         """The offset of each line's first character."""
         return [0, *(end.end() for end in _LINE_END.finditer(self.text))]
 
+    @property
+    def line_end(self) -> str:
+        """What ends the first line, as it does the others of nearly every file."""
+        end = _LINE_END.search(self.text)
+        return end[0] if end else "\n"
+
     @functools.cached_property
     def _wide(self) -> dict[tuple[int, int], dict[str, AttributePlaces]]:
-        """The places of the attributes of those elements that have many."""
+        """The places of the attributes of those elements that have many, or long ones."""
+        return {}
+
+    @functools.cached_property
+    def long_values(self) -> dict[tuple[int, int], list[int]]:
+        """The offsets of the characters of long values, some of which are written as several, by where a value begins and ends."""
         return {}
 
     def attribute(
         self, element: "Element", name: str, attributes: Iterator[tuple[str, AttributePlaces]]
     ) -> AttributePlaces | None:
         """Return the places of an attribute; None if the text of the element has none of this name."""
-        if len(element.attributes) <= _FEW:
+        values = element.attributes.values()
+        if len(values) <= _FEW and sum(map(len, values)) <= SHORT:
             return next((places for each, places in attributes if each == name), None)
         place = (element.line, element.column)
         if place not in self._wide:

@@ -14,7 +14,7 @@ from sar_compiler.tree.content import MAX_ATTRIBUTES, MAX_DEPTH, MAX_ELEMENTS, s
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import MODEL_TAG, Comment, Element, FileBeginning, OpenTag, TreeFile
-from sar_compiler.tree.source import AttributePlaces, Form, Source, Span
+from sar_compiler.tree.source import SHORT, AttributePlaces, Form, Source, Span
 from sar_compiler.tree.xml_recovery import ATTRIBUTE, NAME, REFERENCE, Recovered, recover
 
 _DECLARED_ENCODING = re.compile(rb"""^<\?xml\b[^>]*?\bencoding\s*=\s*["']([A-Za-z0-9._\-]+)["']""")
@@ -60,7 +60,11 @@ class _XmlSpans:
         value = element.attributes[name]
         if last - first == len(value) and source.text.startswith(value, first):  # nearly every value
             return source.span(min(first + start, last), min(first + end, last))
-        places = [found.start() for found in _CHARACTER.finditer(source.text, first, last)] + [last]
+        places = source.long_values.get((first, last))
+        if places is None:
+            places = [found.start() for found in _CHARACTER.finditer(source.text, first, last)] + [last]
+            if len(places) > SHORT:
+                source.long_values[first, last] = places
         return source.span(*(places[min(index, len(places) - 1)] for index in (start, end)))
 
     def follows_blank_line(self, source: Source, element: Element) -> bool:

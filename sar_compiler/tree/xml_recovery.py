@@ -1,4 +1,4 @@
-"""Recovery of files that only BehaviorTree.CPP's reader takes: & and < as themselves, -- in comments, text before the root.
+"""Recovery of files that only BehaviorTree.CPP's reader takes: & and < as themselves, -- in comments, content outside the root.
 
 Each such character is replaced by a stand-in of one character, which nothing else in the file is. So expat can read
 the text, every line and column stays, and what was read gets its characters back. An XML declaration behind empty
@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from enum import Enum
 from typing import NamedTuple
 
-from sar_compiler.tree.diagnostic import Diagnostic, Severity
+from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.source import Source
 
 REFERENCE = r"&(?:amp|lt|gt|apos|quot|#[0-9]+|#x[0-9a-fA-F]+);"
@@ -42,6 +42,7 @@ class _Stretch(Enum):
     """What a stretch of a text is, with the regular expression of what is not XML in it."""
 
     BEFORE_ROOT = _LINE
+    BESIDE_ROOT = re.compile(r"\S(?:.*\S)?", re.DOTALL)
     CONTENT = _RAW
     COMMENT = _DASHES
 
@@ -74,14 +75,14 @@ def recover(source: Source) -> Recovered | None:
     if declaration := _LATE_DECLARATION.match(text):
         parts, done = [_NOT_BLANK.sub(" ", declaration[0])], declaration.end()
         findings.append(_late_declaration(source, *declaration.span(1)))
-    for start, end, part in _stretches(text):
+    for start, end, part in _TagWalk(text).stretches():
         raw = part.value
         if raw.search(text, start, end) is None:
             continue
         parts += [text[done:start], _replaced(text[start:end], stand_ins, part)]
         done = end
         runs = itertools.islice(raw.finditer(text, start, end), _MOST - len(findings))
-        tell = _stray_text if part is _Stretch.BEFORE_ROOT else _finding
+        tell = _TELLING.get(part, _finding)
         findings += [tell(source, *run.span()) for run in runs]
     if not parts:
         return None
@@ -120,35 +121,70 @@ def _stand_ins(text: str) -> dict[int, str] | None:
 
 
 def _replaced(stretch: str, stand_ins: dict[int, str], part: _Stretch) -> str:
-    if part is _Stretch.BEFORE_ROOT:
+    if part in _TELLING:
         return _NOT_BLANK.sub(" ", stretch)
     if part is _Stretch.COMMENT:
         return stretch.replace("-", stand_ins[ord("-")])
     return _LONE.sub(stand_ins[ord("&")], stretch).replace("<", stand_ins[ord("<")])
 
 
-def _stretches(text: str) -> Iterator[tuple[int, int, _Stretch]]:
-    """Yield the places of texts, values and comments, until a tag cannot be understood."""
-    offset, part = 0, _Stretch.BEFORE_ROOT
-    while (tag := text.find("<", offset)) >= 0:
-        yield offset, tag, part
+class _TagWalk:
+    """A way through a text from tag to tag, until one cannot be understood."""
+
+    def __init__(self, text: str) -> None:
+        self._text = text
+        self._has_root = False
+        self._opened: list[str] = []
+        # Where an element begins that is not in the root.
+        self._beside = -1
+
+    def stretches(self) -> Iterator[tuple[int, int, _Stretch]]:
+        """Yield the places of texts, values and comments, and of what is not in the root."""
+        offset = 0
+        while (tag := self._text.find("<", offset)) >= 0:
+            if self._beside < 0:
+                yield offset, tag, self._part()
+            found: list[tuple[int, int, _Stretch]] = []
+            offset = self._behind_tag(tag, found)
+            yield from found if self._beside < 0 else ()
+            if not offset:
+                return
+            if self._beside >= 0 and not self._opened:
+                yield self._beside, offset, _Stretch.BESIDE_ROOT
+                self._beside = -1
+
+    def _part(self) -> _Stretch:
+        if not self._has_root:
+            return _Stretch.BEFORE_ROOT
+        return _Stretch.CONTENT if self._opened else _Stretch.BESIDE_ROOT
+
+    def _behind_tag(self, tag: int, found: list[tuple[int, int, _Stretch]]) -> int:
+        """Add what is found in a tag, and return its end; 0 if it makes no sense."""
+        text = self._text
         if text.startswith("<!--", tag):
-            offset = _behind(text, "-->", tag + len("<!--"))
-            if offset:
-                yield tag + len("<!--"), offset - len("-->"), _Stretch.COMMENT
-        elif text.startswith("<![CDATA[", tag):
-            offset = _behind(text, "]]>", tag)
-        elif text.startswith("<?", tag):
-            offset = _behind(text, "?>", tag)
-        elif text.startswith("</", tag):
-            offset = _behind(text, ">", tag)
-        else:
-            part = _Stretch.CONTENT
-            values: list[tuple[int, int, _Stretch]] = []
-            offset = _values(text, tag, values)
-            yield from values
-        if not offset:
-            return
+            end = _behind(text, "-->", tag + len("<!--"))
+            found += [(tag + len("<!--"), end - len("-->"), _Stretch.COMMENT)] if end else []
+            return end
+        if text.startswith("<![CDATA[", tag):
+            end = _behind(text, "]]>", tag)
+            found += [(tag, end, _Stretch.BESIDE_ROOT)] if end and not self._opened else []
+            return end
+        if text.startswith("<?", tag):
+            return _behind(text, "?>", tag)
+        if text.startswith("</", tag):
+            end = _behind(text, ">", tag)
+            closes = self._opened and text[tag + len("</") : max(end - 1, 0)].rstrip() == self._opened.pop()
+            return end if closes else 0
+        return self._behind_start(tag, found)
+
+    def _behind_start(self, tag: int, found: list[tuple[int, int, _Stretch]]) -> int:
+        if self._has_root and not self._opened:
+            self._beside = tag
+        self._has_root = True
+        end, name = _values(self._text, tag, found), NAME.match(self._text, tag)
+        if name is not None and end and not self._text.endswith("/>", tag, end):
+            self._opened.append(name[0].removeprefix("<"))
+        return end
 
 
 def _behind(text: str, end: str, start: int) -> int:
@@ -176,13 +212,23 @@ def _values(text: str, tag: int, values: list[tuple[int, int, _Stretch]]) -> int
 def _late_declaration(source: Source, start: int, end: int) -> Diagnostic:
     message = f"an XML declaration must be at the very beginning of a file: {_TOLD}"
     hint, span = "delete the blanks and lines before it", source.span(start, end)
-    return Diagnostic("loose-xml", message, source, span, hint=hint, severity=Severity.WARNING)
+    return Diagnostic("loose-xml", message, source, span, hint=hint)
 
 
 def _stray_text(source: Source, start: int, end: int) -> Diagnostic:
     message = f"text is not allowed before the root: {_TOLD_PASSED}"
     hint, span = "put it in a comment, or delete it", source.span(start, end)
-    return Diagnostic("stray-text", message, source, span, hint=hint, severity=Severity.WARNING)
+    return Diagnostic("stray-text", message, source, span, hint=hint)
+
+
+def _beside_root(source: Source, start: int, end: int) -> Diagnostic:
+    line = _LINE.match(source.text, start, end)
+    message = f"a file is one <root>, and this is none of it: {_TOLD_PASSED}"
+    hint, span = "delete it, or put it into the <root>", source.span(start, line.end() if line else end)
+    return Diagnostic("stray-text", message, source, span, hint=hint)
+
+
+_TELLING = {_Stretch.BEFORE_ROOT: _stray_text, _Stretch.BESIDE_ROOT: _beside_root}
 
 
 def _finding(source: Source, start: int, end: int) -> Diagnostic:
@@ -201,4 +247,4 @@ def _finding(source: Source, start: int, end: int) -> Diagnostic:
         what = "an &" if raw != "<" else "a <"
         message, suggestion = f"{what} is written {_replacement(raw[:1])} in XML: {_TOLD}", _replacement(raw)
     span = source.span(start, end)
-    return Diagnostic("loose-xml", message, source, span, suggestion, hint, Severity.WARNING)
+    return Diagnostic("loose-xml", message, source, span, suggestion, hint)

@@ -52,11 +52,9 @@ class _Looker:
         if not written or element in self._with_text or element == self._last:
             return
         self._last = element
-        start = self._source.text.find(written.split("\n", maxsplit=1)[0], self._source.offset(*element))
+        line, start = written.split("\n", maxsplit=1)[0], self._source.offset(*element)
         message = "this text is no part of the tree, and writing the file anew would lose it"
-        self._report(
-            "stray-text", message, max(start, self._source.offset(*element)), len(written.split("\n")[0])
-        )
+        self._report("stray-text", message, max(self._source.text.find(line, start), start), len(line))
 
     def _instruction(self, target: str, _data: str) -> None:
         message = f"the processing instruction <?{target}?> is no part of the tree, and would be lost"

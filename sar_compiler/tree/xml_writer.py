@@ -14,14 +14,14 @@ from sar_compiler.tree.source import Form
 from sar_compiler.tree.xml_recovery import escaped
 
 WIDTH = 100
-_DECLARATION = '<?xml version="1.0" encoding="UTF-8"?>'
+DECLARATION = '<?xml version="1.0" encoding="UTF-8"?>'
 _ESCAPES = {"&": "&amp;", "<": "&lt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
 _TEXT_ESCAPES = {"&": "&amp;", "<": "&lt;", ">": "&gt;", "\r": "&#13;"}
 
 
 def write_xml(tree_file: TreeFile) -> str:
     """Return a tree file as XML."""
-    lines = [_DECLARATION]
+    lines = [DECLARATION]
     for comment in tree_file.comments:
         if comment.index == 0:
             lines += _comment(comment, "", after_blank_line=comment.after_blank_line and len(lines) > 1)

@@ -11,7 +11,7 @@ import yaml
 
 from sar_compiler.tree.comments import text_of_yaml
 from sar_compiler.tree.content import MAX_ATTRIBUTES, MAX_DEPTH, MAX_ELEMENTS, source_of
-from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
+from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.model import (
     CHILDREN_KEY,
     MODEL_TAG,
@@ -246,10 +246,8 @@ class _YamlReader:
                 self._attribute(parts, key, trailing)
         parts.comments += [_comment(one, len(parts.children)) for one in events.comments(column)]
         if parts.text and parts.children:
-            place = parts.seen[TEXT_KEY]
-            self._report(
-                "wrong-shape", "an element has children or text, not both", place, place + len(TEXT_KEY)
-            )
+            place, message = parts.seen[TEXT_KEY], "an element has children or text, not both"
+            self._report("wrong-shape", message, place, place + len(TEXT_KEY))
         events.take()
 
     def _attribute(self, parts: _Parts, key: Any, trailing: str | None) -> None:
@@ -292,9 +290,7 @@ class _YamlReader:
         message = f"{key.value}: a # behind a blank begins a comment, so the text is '{value.value}'"
         hint = f"write '{written}' in quotes; a comment begins with '# '"
         span = self._source.span(end + 1, cut.end())
-        self._doubts.append(
-            Diagnostic("cut-text", message, self._source, span, hint=hint, severity=Severity.WARNING)
-        )
+        self._doubts.append(Diagnostic("cut-text", message, self._source, span, hint=hint))
 
     def _not_a_text(self, parts: _Parts, key: Any) -> None:
         """Report a list or a mapping in place of an attribute's value."""
@@ -384,9 +380,8 @@ class _YamlReader:
             message = f"a tree file has one key at its top; '{key.value}' is beside '{tag.value}'"
         else:
             message = f"'{key.value}' is beside '{tag.value}', not below it"
-        self._report(
-            "wrong-shape", message, *_place(key), hint="indent it further, or begin a node with '- '"
-        )
+        hint = "indent it further, or begin a node with '- '"
+        self._report("wrong-shape", message, *_place(key), hint=hint)
 
 
 def _place(event: Any) -> tuple[int, int]:

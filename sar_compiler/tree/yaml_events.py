@@ -8,15 +8,18 @@ import re
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
 
 from sar_compiler.tree.comments import text_of_yaml
 from sar_compiler.tree.content import MAX_DEPTH
-from sar_compiler.tree.diagnostic import Diagnostic, TreeError
+from sar_compiler.tree.diagnostic import Advice, Diagnostic, TreeError
 from sar_compiler.tree.source import Source
 from sar_compiler.tree.yaml_errors import malformed
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -87,12 +90,12 @@ class Events:
         self.next: Any = None
         self.take()
 
-    def report(self, code: str, message: str, start: int, end: int, **advice: str | None) -> None:
+    def report(self, code: str, message: str, start: int, end: int, **advice: "Unpack[Advice]") -> None:
         """Note something that is wrong between two offsets; nothing of what a text that was cut lacks."""
         if self.is_cut:
             return
         span = self._source.span(start, max(start + 1, end))
-        self.findings.append(Diagnostic(code, message, self._source, span, **advice))  # type: ignore[arg-type]
+        self.findings.append(Diagnostic(code, message, self._source, span, **advice))
 
     def take(self) -> Any:
         """Return the event that comes next, and look one further.

@@ -148,6 +148,4 @@ def _taken(element: Element) -> Diagnostic:
     message = (
         f"an attribute '{CHILDREN_KEY}' cannot be written in YAML, where the nodes in a node have this name"
     )
-    return Diagnostic(
-        "not-in-yaml", message, element.source, element.name_span(CHILDREN_KEY), hint="rename it"
-    )
+    return element.finding("not-in-yaml", message, name=CHILDREN_KEY, hint="rename it")

@@ -1,6 +1,11 @@
-"""No advice changes what a number means: text, unit and all, before and after are equal."""
+"""No advice changes what a number means: text, unit and all, before and after are equal.
+
+Values of attributes are drawn for every type; the advice of every kind of finding is seen in the example of its page.
+"""
 
 import math
+import re
+from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction
 
@@ -9,12 +14,14 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from sar_compiler.checks import check
-from sar_compiler.checks.fixing import fixed, fixes
+from sar_compiler.checks.fixing import SAFE, fixed, fixes
 from sar_compiler.nodes.registry import load_registry
 from sar_compiler.nodes.values import ConversionError
+from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.guessing import nearest, unit_in
 from sar_compiler.tree.xml import parse_xml
+from tests.docs.test_findings import CODES, page_of, seen, write
 from tests.trees import document, forest
 
 REGISTRY = load_registry(palettes=["nav2:main"])
@@ -24,6 +31,7 @@ TIMES = {
     "ms": "1/1000",
     "msec": "1/1000",
     "s": "1",
+    "sec": "1",
     "Seconds": "1",
     "min": "60",
     "h": "3600",
@@ -99,6 +107,7 @@ def test_what_is_suggested_for_an_attribute_has_a_known_value_beside_every_unit(
 @example(("Spin", "spin_dist"), (Decimal(90), "deg", "90deg"))
 @example(("Wait", "wait_duration"), (Decimal("1.5"), "ms", "1,500ms"))
 @example(("Retry", "num_failures"), (Decimal(0), "", "0"))
+@example(("AssistedTeleop", "server_timeout"), (Decimal(3662), "h", "3662h"))
 def test_a_suggested_value_means_what_was_written(place, quantity):
     hold_to(NUMBERS[place], *quantity)
 
@@ -172,3 +181,131 @@ def test_mended_files_have_the_values_that_were_written(attributes):
     assert all(
         each.text.lower() == tree_file.source.text[each.start : each.end].lower().strip() for each in mended
     )
+
+
+# What a number of an example is replaced by, one after the other.
+WRITTEN = ["7", "-3", "1,5", "1,500ms", "500ms", "90deg", "2 sec", "0x10", "1e3", ".5", "05", "1_000"]
+IN_FILES = re.compile(r"""(?<=["':=(\[;,/ ])-?\d+(?:\.\d+)?(?=["');\],/\s])""")
+VERSIONS = re.compile(r"""(?:format|btcpp|version)["']?\s*[=:]\s*["']?$""")
+QUANTITY = re.compile(
+    r"""(?<![\w.,])[-+]?(?:0[xX][0-9a-fA-F]+|(?:\d[\d_]*(?:[.,]\d+)*|\.\d+)(?:[eE][-+]?\d+)?)[ ]?(?:[A-Za-z/%\u00b0]+)?"""
+)
+NUMBER = re.compile(r"[-+]?(?:0[xX][0-9a-fA-F]+|(?:[\d_.,]+)(?:[eE][-+]?\d+)?)")
+# Whose number is that of a version, and no quantity.
+OF_VERSIONS = {"wrong-format", "missing-format"}
+FORMAT = "BTCPP_format"
+# Of kinds that are mended in some cases, of which their page shows another one.
+MENDED = {"btcpp-version": """<ScriptCondition code='@a == "7 5"'/>"""}
+
+
+def readings(number):
+    """Return all that a number may mean by itself; a comma is a decimal one, or stands between thousands."""
+    plain = number.replace("_", "")
+    if "x" in plain.lower():
+        return {Fraction(int(plain, 16))}
+    found = {plain.replace(",", ""), plain.replace(",", ".")}
+    return {Fraction(each) for each in found if each.count(".") <= 1}
+
+
+def quantities_in(text, unit):
+    """Return what each number of a text may mean, where plain ones have a unit."""
+    found = []
+    for token in (each[0] for each in QUANTITY.finditer(text)):
+        number = NUMBER.findall(token)[0]
+        spelt = token[len(number) :].strip()
+        factors = [known[spelt] for known in QUANTITIES.values() if spelt in known]
+        times = factor(factors[0]) if factors else factor(QUANTITIES[unit][unit]) if unit in QUANTITIES else 1
+        found.append({each * times for each in readings(number)})
+    return found
+
+
+def unit_of(source, start):
+    """Return the unit of plain numbers at an offset of a file: of the attribute or the key before it."""
+    before = source.text[:start]
+    names = re.findall(r"""([\w.-]+)["']?\s*[=:]\s*[^=]*$""", before[before.rfind("\n") + 1 :])
+    tags = re.findall(r"<(\w+)", before)
+    known = TYPES.get((tags[-1], names[-1])) if tags and names else None
+    return (known.unit if known is not None else "") or (unit_in(names[-1]) if names else "")
+
+
+def changed_numbers(finding):
+    """Return the numbers that somebody who follows a finding writes, and that mean nothing that was written."""
+    source, span = finding.source, finding.span
+    start, end = source.offset(*span[:2]), source.offset(*span[2:])
+    line = source.line(span.line)
+    unit = unit_of(source, start)
+    told = [(finding.suggestion, unit, [(source.text[start:end], unit)])] if finding.suggestion else []
+    given = re.findall(r"""([\w.-]+)\s*=\s*["']([^"']*)""", line)
+    for name, value in re.findall(rf"""(?!{FORMAT})\b([\w.-]+)="([^"{{]*)""", finding.hint or ""):
+        told.append((value, unit_in(name), [(text, unit_in(other)) for other, text in given]))
+    return [
+        (text, sources)
+        for text, unit, sources in told
+        for after in quantities_in(text, unit)
+        if not any(
+            abs(one - other) <= ROUNDED * abs(other)
+            for where in sources
+            for before in quantities_in(*where)
+            for one in after
+            for other in before
+        )
+    ]
+
+
+def variants(files):
+    """Yield the files of an example as they are, and with each of the texts in place of its numbers."""
+    yield files
+    for text in WRITTEN:
+
+        def other(match, text=text):
+            return match[0] if VERSIONS.search(match.string[: match.start()]) else text
+
+        replaced = [
+            each if each.language in {"sh", "text"} else replace(each, text=IN_FILES.sub(other, each.text))
+            for each in files
+        ]
+        if replaced != files:
+            yield replaced
+
+
+@pytest.fixture
+def findings_of(monkeypatch, tmp_path):
+    """Return a function that yields all findings about the example of a kind, whatever command makes them."""
+    made = []
+    finish = Diagnostic.__post_init__
+
+    def note(self):
+        finish(self)
+        made.append(self)
+
+    monkeypatch.setattr(Diagnostic, "__post_init__", note)
+
+    def run(code):
+        page = page_of(code)
+        command = page.commands("Finding")
+        if command is not None and "sar-run" in command:
+            return
+        examples = [page.sections["Bad"]]
+        if code in MENDED:
+            examples.append([replace(examples[0][0], text=document(MENDED[code]))])
+        every = (files for example in examples for files in variants(example))
+        for number, files in enumerate(every):
+            folder = tmp_path / str(number)
+            folder.mkdir()
+            seen(command, write(files, folder, "bad"), folder, monkeypatch)
+            yield from made
+            made.clear()
+
+    return run
+
+
+@pytest.mark.unmeasured
+@pytest.mark.parametrize("code", CODES)
+def test_the_advice_of_every_kind_of_finding_keeps_the_numbers_that_were_written(code, findings_of):
+    advised = set()
+    for finding in findings_of(code):
+        if finding.code not in OF_VERSIONS:
+            assert changed_numbers(finding) == [], finding.render()
+        if finding.suggestion is not None:
+            advised.add(finding.code)
+    assert code in advised or code not in SAFE, "the page of a kind that is mended has an example that is"

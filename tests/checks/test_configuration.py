@@ -69,8 +69,10 @@ def test_a_pyproject_file_that_never_speaks_of_it_need_not_be_toml(tree):
 MISTAKES = {
     "an unknown setting": ('model = ["a"]', "unknown-key", 1, 1, "models"),
     "a text where a list belongs": ('\nnodes = "a"', "wrong-shape", 2, 10, None),
-    "a list of numbers": ("include-path = [ 1]", "wrong-value", 1, 18, None),
-    "a list of dates": ("models = [1979-05-27 07:32:00]", "wrong-value", 1, 11, None),
+    "a list of numbers": ("include-path = [ 1]", "wrong-value", 1, 18, '"1"'),
+    "a list of dates": ("models = [1979-05-27 07:32:00]", "wrong-value", 1, 11, '"1979-05-27 07:32:00"'),
+    "a version that is a number": ("[language]\nbtcpp = 4.8", "wrong-value", 2, 9, '"4.8"'),
+    "a version that is another number": ("[language]\nbtcpp = 4.10", "wrong-value", 2, 9, '"4.10"'),
     "findings that are no table": ('findings = "off"', "wrong-shape", 1, 13, None),
     "findings that are a list of tables": ("[[findings]]", "wrong-shape", 1, 3, None),
     "an unknown kind of finding": ('[findings]\nsame-nam = "off"', "unknown-key", 2, 1, "same-name"),
@@ -111,7 +113,7 @@ MISTAKES = {
         46,
         "off",
     ),
-    "a list over lines": ('nodes = [\n  "a", # 2\n  2,\n]', "wrong-value", 3, 3, None),
+    "a list over lines": ('nodes = [\n  "a", # 2\n  2,\n]', "wrong-value", 3, 3, '"2"'),
 }
 
 
@@ -120,6 +122,31 @@ def test_a_mistake_is_found_where_it_stands(tree, name):
     text, *expected = MISTAKES[name]
     write(tree.parents[1] / "sar.toml", text)
     assert mistakes(tree) == [("sar.toml", *expected)]
+
+
+@pytest.mark.parametrize(
+    ("text", "message", "advice"),
+    [
+        (
+            "[language]\nbtcpp = 4.8",
+            "'btcpp' is one of 4.8, 4.9, 4.10, and 4.8 without quotes is a number",
+            "did you mean '\"4.8\"'?",
+        ),
+        (
+            "[language]\nbtcpp = 4.8.2  # Jazzy's",
+            "not TOML: Expected newline or end of document after a statement",
+            'a text stands in quotes: "4.8.2"',
+        ),
+        ("nodes = leaves", "not TOML: Invalid value", 'a text stands in quotes: "leaves"'),
+        ("nodes = [true]", "an item of 'nodes' is a text, and true without quotes is true or false", None),
+    ],
+)
+def test_missing_quotes_are_told_as_what_is_missing(tree, text, message, advice):
+    write(tree.parents[1] / "sar.toml", text)
+    with pytest.raises(TreeError) as caught:
+        configuration_for(tree)
+    [found] = caught.value.findings
+    assert (found.message, found.advice) == (message, advice or "did you mean '\"true\"'?")
 
 
 def test_a_mistake_in_pyproject_toml_is_found_in_its_own_table(tree):

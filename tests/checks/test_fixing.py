@@ -1,9 +1,14 @@
 """What `--fix` mends, what it leaves to people, and that it changes nothing else."""
 
+import json
+import re
+
+import jsonschema
 import pytest
 
-from sar_compiler.checks.fixing import is_slip
 from sar_compiler.cli.compile import main
+from sar_compiler.tree.guessing import is_slip
+from tests.cli.test_validate import SARIF
 from tests.trees import document
 
 MENDED = {
@@ -146,6 +151,59 @@ def test_encoding_mark_and_line_ends_stay(encoding, declared, mark, tmp_path):
     path.write_bytes(mark + text.encode(encoding))
     assert fix(path) == 0
     assert path.read_bytes() == mark + text.replace("skipif", "skipIf").encode(encoding)
+
+
+def offset(text, line, column):
+    """Return the offset of a place in a text, whose columns count units of UTF-16."""
+    start = [0, *(end.end() for end in re.finditer("\r\n|\r|\n", text))][line - 1]
+    units = text[start:].encode("utf-16-le")[: 2 * (column - 1)]
+    return start + len(units.decode("utf-16-le"))
+
+
+def apply_sarif(path, capsys):
+    """Apply the fixes of a log as a program does that knows the standard alone; return whether there were any."""
+    capsys.readouterr()
+    main(["validate", "--no-deep", "--format", "sarif", str(path)])
+    log = json.loads(capsys.readouterr().out)
+    jsonschema.validate(log, SARIF)
+    text = path.read_bytes().decode()
+    changes = []
+    for fix in (fix for result in log["runs"][0]["results"] for fix in result.get("fixes", ())):
+        [change] = fix["artifactChanges"]
+        assert change["artifactLocation"]["uri"] == path.as_uri()
+        for one in change["replacements"]:
+            region = one["deletedRegion"]
+            start = offset(text, region["startLine"], region["startColumn"])
+            end = offset(text, region["endLine"], region["endColumn"])
+            changes.append((start, end, one["insertedContent"]["text"]))
+    for start, end, new in sorted(changes, reverse=True):
+        text = text[:start] + new + text[end:]
+    path.write_bytes(text.encode())
+    return bool(changes)
+
+
+SARIF_FILES = {
+    **{f"{name}.xml": document(f"<!-- \U0001f600 -->{wrong}") for name, (wrong, _) in MENDED.items()},
+    **{f"{name}.yaml": YAML.format(node) for name, (node, *_) in IN_YAML.items()},
+    "several in a line.xml": document(
+        '<Sequence name="\U0001f600" memroy="ture"><NavigateToZone _skipif="true"/></Sequence>'
+    ),
+    "characters.xml": document("<ScriptCondition code=\"@a && @b < 'x' and '\U0001f600' <> 'y'\"/>"),
+    "left.xml": document("<NavigateToZne/>"),
+}
+
+
+@pytest.mark.parametrize("name", SARIF_FILES)
+def test_the_fixes_of_sarif_give_the_bytes_that_fix_writes(name, tmp_path, capsys):
+    path, other = tmp_path / name, tmp_path / f"other {name}"
+    path.write_bytes(SARIF_FILES[name].encode())
+    other.write_bytes(SARIF_FILES[name].encode())
+    rounds = 0
+    while apply_sarif(path, capsys):
+        rounds += 1
+    fix(other)
+    assert path.read_bytes() == other.read_bytes()
+    assert bool(rounds) == (name != "left.xml")
 
 
 def test_an_included_file_that_is_not_named_is_not_touched(tmp_path, capsys):

@@ -5,8 +5,9 @@ import json
 import pytest
 
 from sar_compiler import checks
-from sar_compiler.checks import check
+from sar_compiler.checks import check, fixing
 from sar_compiler.cli.compile import main
+from sar_compiler.cli.writing import WriteError
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.tree.forest import load_forest
 from tests.trees import document, forest
@@ -100,3 +101,66 @@ def test_children_that_are_unknown_are_no_trouble_for_the_rules_about_their_pare
         ("unknown-node", 4),
         ("unknown-node", 5),
     ]
+
+
+def test_a_value_that_is_wrong_is_no_trouble_for_the_rules_about_keys():
+    wrong = '<CheckBlackboardVariableValues checks="1" operator="and" namespace="{a}"/>'
+    assert found(f'<Sequence>\n<SubTree ID="B" a="x"/>\n{wrong}\n</Sequence>') == [
+        ("unknown-tree", 4),
+        ("wrong-value", 5),
+    ]
+
+
+OWN = "tests.checks.verify.own_controls"
+
+
+def test_a_users_function_that_raises_is_a_finding_of_its_file_and_the_others_are_told(tmp_path, capsys):
+    (tmp_path / "a.xml").write_text(document("<Sequence>\n<OwnSlip><Success/></OwnSlip>\n</Sequence>"))
+    (tmp_path / "b.xml").write_text(NEEDLESS)
+    assert main(["validate", "--nodes", OWN, str(tmp_path), "--format", "json"]) == 1
+    told = [(each["file"][-5:], each["line"], each["code"]) for each in json.loads(capsys.readouterr().out)]
+    assert ("a.xml", 4, "faulty-class") in told
+    assert ("b.xml", 3, "needless-node") in told
+
+
+SLIP = document('<AlwaysSuccess naem="x"/>')
+MENDED = document('<AlwaysSuccess name="x"/>')
+
+
+def test_a_fix_that_fails_does_not_keep_the_other_files_from_being_mended(tmp_path, capsys, monkeypatch):
+    def each_fix_but_one(source, *others):
+        if source.path.endswith("a.xml"):
+            message = "a surprise"
+            raise RuntimeError(message)
+        return each_fix(source, *others)
+
+    each_fix = fixing.each_fix
+    monkeypatch.setattr(fixing, "each_fix", each_fix_but_one)
+    files = [tmp_path / name for name in ("a.xml", "b.xml")]
+    for file in files:
+        file.write_text(SLIP)
+    assert main(["validate", "--fix", *map(str, files), "--format", "github"]) == 3
+    assert [file.read_text() for file in files] == [SLIP, MENDED]
+    output = capsys.readouterr().out
+    assert "the mending of this file failed: RuntimeError: a surprise" in output
+    assert "unknown-attribute" in output
+
+
+def test_a_file_that_cannot_be_written_does_not_keep_the_others_from_being_mended(
+    tmp_path, capsys, monkeypatch
+):
+    def write_all_but_one(path, data):
+        if path.name == "a.xml":
+            message = f"cannot write {path}: it is in a museum"
+            raise WriteError(message)
+        path.write_bytes(data)
+
+    monkeypatch.setattr("sar_compiler.cli.writing.write_bytes", write_all_but_one)
+    files = [tmp_path / name for name in ("a.xml", "b.xml")]
+    for file in files:
+        file.write_text(SLIP)
+    assert main(["validate", "--fix", *map(str, files)]) == 2
+    assert [file.read_text() for file in files] == [SLIP, MENDED]
+    output = capsys.readouterr()
+    assert "it is in a museum" in output.err
+    assert "a.xml:3:16: error[unknown-attribute]" in output.out

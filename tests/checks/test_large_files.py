@@ -84,6 +84,11 @@ def one_subtree(argument: str, read: str) -> Callable[[int], str]:
     return lambda count: f'<SubTree ID="T" {attributes(count, argument)}/>' + another(each(read)(count), "T")
 
 
+def one_script(statement: str) -> Callable[[int], str]:
+    """Return a script with a number of statements."""
+    return lambda count: f'<Script code="{"; ".join(map(statement.format, range(count)))}"/>'
+
+
 def one(tag: str, attribute: str) -> Callable[[int], str]:
     """Return an element with a number of attributes."""
     return lambda count: f"<{tag} {attributes(count, attribute)}/>"
@@ -128,8 +133,15 @@ KINDS: dict[str, Callable[[int], str]] = {
     "one key, written side by side": lambda count: sequence(
         ['<Script code="k := 1"/>'] * count, "ParallelAll"
     ),
-    "statements of one script": lambda count: (
-        '<Script code="' + "; ".join(map("k{0} := 1".format, range(count))) + '"/>'
+    "statements of one script": one_script("k{0} := 1"),
+    "statements of one script that read": one_script("k{0} := j{0} > 1"),
+    "statements of one script that do nothing": one_script("k{0}"),
+    "texts of one script for ports": lambda count: sequence(
+        [one_script("k{0} := 'soon'")(count), each('<Sleep msec="{{k{0}}}"/>')(count)]
+    ),
+    "texts for subtrees": lambda count: (
+        sequence([each(WRITES)(count), each('<SubTree ID="T" name="{0}" x="a{0}"/>')(count)])
+        + another('<Sleep msec="{x}"/>', "T")
     ),
     "references": alternately('<DetectSurvivor name="d{0}"/>', '<NotifyBase detect_node="d{0}"/>'),
     "references to nothing": alternately('<DetectSurvivor name="d{0}"/>', '<NotifyBase detect_node="e{0}"/>'),

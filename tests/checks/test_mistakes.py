@@ -27,7 +27,7 @@ IN_A_TREE = {
         "out-of-reach",
         3,
         26,
-        "2",
+        None,
     ),
     "two children that interrupt each other": (
         "<ReactiveSequence><AsyncSequence><Success/></AsyncSequence>\n<AsyncSequence><Success/></AsyncSequence></ReactiveSequence>",

@@ -55,7 +55,7 @@ IN_XML = {
     ),
     "more failures than children": (
         '<ParallelAll max_failures="3"><Success/><Failure/></ParallelAll>',
-        ("out-of-reach", 3, 28, "2"),
+        ("out-of-reach", 3, 28, None),
     ),
     "a tree in itself": ('<SubTree ID="Main"/>', ("recursive-tree", 3, 14, None)),
     "a tree that is not there": ('<SubTree ID="Mian"/>', ("unknown-tree", 3, 14, "Main")),

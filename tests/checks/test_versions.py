@@ -18,7 +18,7 @@ from sar_compiler.tree.source import Form
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.yaml import parse_yaml
 from tests.docs.markdown import tables
-from tests.trees import forest_of
+from tests.trees import document, forest_of
 
 MAIN = '<root BTCPP_format="4" main_tree_to_execute="Main">\n<BehaviorTree ID="Main">{}</BehaviorTree>\n'
 PART = '<BehaviorTree ID="{0}">{1}</BehaviorTree></root>'
@@ -34,6 +34,12 @@ CASES = {
     "an ID with a blank": (ids("my tree"), {"4.9", "4.10"}, (3, 19)),
     "an ID with a dot": (ids("v.2"), {"4.9", "4.10"}, (3, 19)),
     "the ID Root": (ids("Root"), {"4.9", "4.10"}, (3, 19)),
+    "the name of a port with a dot": (
+        MAIN.format('<SubTree ID="B" a-b="5" a.b="5"/>')
+        + PART.format("B", '<Sequence><Sleep msec="{a.b}"/><Sleep msec="{a-b}"/></Sequence>'),
+        {"4.9", "4.10"},
+        (2, 49),
+    ),
     "the name of a node with a dot, but for one that is an ID": (
         MAIN.format('<Sequence><v.Go/><Action ID="v.Go"/></Sequence>')
         + '<TreeNodesModel><Action ID="v.Go"/></TreeNodesModel></root>',
@@ -68,13 +74,59 @@ CASES = {
         {"4.8"},
         (2, 50),
     ),
-    "two statements without a semicolon": (
+    "a quotient that goes on": (
+        MAIN.format('<ScriptCondition code="8 / 2 * 4 == 2 * 4 / 8 == (8 / 2) / 4"/>') + "</root>",
+        {"4.8"},
+        (2, 50),
+    ),
+    "one bit or another": (
+        MAIN.format('<ScriptCondition code="(1 | 2 | 4) ^ 3 == 1 | 2 ^ 3"/>') + "</root>",
+        {"4.8"},
+        (2, 69),
+    ),
+    "both after either": (
         MAIN.format(
-            '<Sequence><Script code="a := 1; b := \';\' c := 2;"/><ScriptCondition code="a + b == c"/></Sequence>'
+            '<ScriptCondition code="(1 || 0 == (1 &amp;&amp; 0)) != (1 &amp;&amp; 0 || 1) ? 1 || 1 : 1 &amp;&amp; 0 || 1 &amp;&amp; 0"/>'
         )
         + "</root>",
         {"4.8"},
-        (2, 66),
+        (2, 133),
+    ),
+    "operators of bits beside those of numbers": (
+        MAIN.format('<ScriptCondition code="~3 * 1 != ((3 + 1) &amp; 1) * (1 ? 2 * 3 : 1)"/>') + "</root>",
+        {"4.8"},
+        (2, 51),
+    ),
+    "a sign of a number beside operators of bits": (
+        MAIN.format('<ScriptCondition code="3 &amp; -1 == 3"/>') + "</root>",
+        {"4.8"},
+        (2, 56),
+    ),
+    "a number that is worked out within a text": (
+        MAIN.format("<ScriptCondition code=\"1 + 2 .. 'a' == (1 + 2) .. 'a'\"/>") + "</root>",
+        {"4.8"},
+        (2, 54),
+    ),
+    "a choice in a choice": (
+        MAIN.format('<ScriptCondition code="1 ? (0 ? 0 : 1) : 0 ? 1 ? 0 : 1 : 0"/>') + "</root>",
+        {"4.8"},
+        (2, 68),
+    ),
+    "two values at once": (
+        MAIN.format(
+            '<Sequence><Script code="a := (b := 1); c := d := a"/><ScriptCondition code="b == c == d"/></Sequence>'
+        )
+        + "</root>",
+        {"4.8"},
+        (2, 71),
+    ),
+    "two statements without a semicolon": (
+        MAIN.format(
+            '<Sequence><Script code="a := 1; b := \';\'&#10;c := 2;"/><ScriptCondition code="a + b == c"/></Sequence>'
+        )
+        + "</root>",
+        {"4.8"},
+        (2, 70),
     ),
     "a node of a newer version": (
         MAIN.format("<TryCatch><NavigateToZone/><NavigateToBase/></TryCatch>") + "</root>",
@@ -101,6 +153,62 @@ def test_it_is_the_same_in_yaml(name):
     for version, known in VERSIONS.items():
         findings = check(Forest.of(parse_yaml(yaml, "t.yaml")), default_registry(), (), known)
         assert [f.code for f in findings] == ["btcpp-version"] * (version in refusing)
+
+
+def in_script(code):
+    """Return the findings about a script that gives `a` and `b` values, by version: their codes, lines, columns and hints."""
+    text = document(f'<Sequence>\n<Script code="{code}"/>\n<ScriptCondition code="a == b"/>\n</Sequence>')
+    return {
+        name: [
+            (f.code, f.span.line, f.span.column, f.hint)
+            for f in check(forest_of(text), default_registry(), (), version)
+        ]
+        for name, version in VERSIONS.items()
+    }
+
+
+@pytest.mark.parametrize(
+    ("code", "column"), [("a := 1 b := 2", 22), ("a := (1) (b := 2)", 25), ("a := 1; b := 2 (a += 1)", 31)]
+)
+def test_statements_that_look_like_one_are_told_whatever_the_version(code, column):
+    found = in_script(code)
+    hint = "write ; between the two, or the operator that is missing"
+    assert found["4.8"] == [("btcpp-version", 4, column, "write ; between the two")]
+    assert found["4.9"] == found["4.10"] == [("touching-statements", 4, column, hint)]
+
+
+@pytest.mark.parametrize(
+    "code", ["a := 1;b := 2", "a := (1);;(b := 2);", "a := 1\nb := 2", "a := 1 &#10; b := (2)"]
+)
+def test_statements_that_do_not_look_like_one_are_not(code):
+    assert in_script(code)["4.10"] == []
+
+
+def test_a_choice_in_words_is_told_how_to_choose():
+    found = in_script("a := 1 if 0 else 2; b := 1")["4.10"]
+    assert ("idle-statement", 4, 22, "write a choice as 'condition ? value : other value'") in found
+
+
+@pytest.mark.parametrize("around", ["ReactiveSequence", 'Control ID="ReactiveSequence"'])
+def test_a_node_in_explicit_form_is_told_where_btcpp_does_not_find_it(around):
+    inner = (
+        '<Condition ID="DetectSurvivor"/><Sequence><Action ID="NavigateToBase"/></Sequence><NavigateToZone/>'
+    )
+    text = document(f"<{around}>\n{inner}</{around.split()[0]}>")
+    for version in VERSIONS.values():
+        found = [
+            f for f in check(forest_of(text), default_registry(), (), version) if f.code == "explicit-node"
+        ]
+        assert [(f.severity, f.span.line, f.span.column, f.hint) for f in found] == [
+            (Severity.WARNING, 4, 1, "write <DetectSurvivor>, without ID")
+        ]
+
+
+def test_elsewhere_the_explicit_form_is_as_good_as_any():
+    text = document(
+        '<ReactiveFallback><Condition ID="DetectSurvivor"/><Action ID="NavigateToBase"/></ReactiveFallback>'
+    )
+    assert [f for f in check(forest_of(text), default_registry()) if f.code == "explicit-node"] == []
 
 
 @pytest.mark.parametrize("tree_id", ["Größe", "ROOT", "a-b", "a_b", "Timer", "Success", "Condition"])

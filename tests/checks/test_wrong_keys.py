@@ -109,6 +109,11 @@ MISTAKES = {
         ("read-before-write", 4, 20, None),
         "'n' is read here before it can have been written",
     ),
+    "a variable that its script makes behind what reads it": (
+        '<Sequence>\n<Script code="b := n; n := 1"/>\n<ScriptCondition code="b == n"/>\n</Sequence>',
+        ("read-before-write", 4, 20, None),
+        "'n' is read here before it can have been written",
+    ),
     "a key that is written twice": (
         '<Sequence>\n<Script code="a := 1"/>\n<Script code="a := 2"/>\n<ScriptCondition code="a == 2"/>\n</Sequence>',
         ("overwritten-key", 5, 15, None),
@@ -138,8 +143,8 @@ MISTAKES = {
         "'=' gives 'a' a value, where a condition is wanted",
     ),
     "an assignment to a variable that nobody makes, in a condition": (
-        '<Precondition if="1 &lt; 2; a = 2"><Success/></Precondition>',
-        ("assignment-as-condition", 3, 31, "=="),
+        '<Precondition if="a = 1 &lt; 2; a = 2"><Success/></Precondition>',
+        ("assignment-as-condition", 3, 35, "=="),
         "'=' gives 'a' a value",
     ),
     "an assignment in a ScriptCondition": (
@@ -211,12 +216,53 @@ def test_a_key_that_comes_by_way_of_a_subtree_is_followed_to_where_it_is_read_to
     assert found(text) == [("read-before-write", 5, 33, None)]
 
 
+def test_a_key_that_is_passed_as_in_version_3_is_told_where_it_is_passed():
+    body = '<Sequence>\n<Find at="{place}"/>\n<SubTree ID="B" text="place"/>\n<SubTree ID="B" text="Place"/></Sequence>'
+    (finding,) = check(forest_of(trees(body, ("B", '<Say text="{text}"/>'))), REGISTRY)
+    assert (finding.code, finding.span.line, finding.span.column) == ("key-as-text", 4, 23)
+    assert (finding.suggestion, finding.severity) == ("{place}", Severity.WARNING)
+
+
+@pytest.mark.parametrize("other", ['text="{place}"', 'text="@place"', 'text="A place"', 'text=""'])
+def test_another_text_for_a_subtree_is_meant(other):
+    body = f'<Sequence><Find at="{{place}}"/><Say text="{{place}}"/><SubTree ID="B" {other}/></Sequence>'
+    assert check(forest_of(trees(body, ("B", '<Say text="{text}"/>'))), REGISTRY) == []
+
+
+@pytest.mark.parametrize("code", ["text == 'place'", "1 == ('place' != text)"])
+def test_a_text_that_the_subtree_compares_its_key_with_is_meant(code):
+    body = '<Sequence><Find at="{place}"/><Say text="{place}"/><SubTree ID="B" text="place"/></Sequence>'
+    assert check(forest_of(trees(body, ("B", f'<ScriptCondition code="{code}"/>'))), REGISTRY) == []
+
+
+def test_a_text_that_the_subtree_compares_another_key_with_may_be_a_key():
+    body = '<Sequence><Find at="{place}"/><SubTree ID="B" text="place"/></Sequence>'
+    text = trees(body, ("B", "<ScriptCondition code=\"text == 'a' || @x == 'place'\"/>"))
+    assert "key-as-text" in [code for code, *_ in found(text)]
+
+
+@pytest.mark.parametrize(
+    ("code", "statement"),
+    [("n := 1 minute", "minute"), ("n := 1 if n else 2", "if n else 2"), ("minute; n := 1", "minute")],
+)
+def test_a_word_that_is_a_statement_of_its_own_is_told_once(code, statement):
+    (finding,) = check(
+        forest_of(document(f'<Sequence><Script code="{code}"/><ScriptCondition code="n == 1"/></Sequence>')),
+        REGISTRY,
+    )
+    assert finding.code == "idle-statement"
+    assert f"'{statement}'" in finding.message
+
+
 def test_a_mistake_elsewhere_may_be_why_a_key_is_not_written():
     body = '<Sequence>\n<Script code="a :="/>\n<ScriptCondition code="a"/></Sequence>'
     assert [code for code, *_ in found(document(body))] == ["script-error"]
 
 
 RIGHT = {
+    "a variable that its script has made": (
+        '<Sequence><Script code="n := 1; b := n + (c := n)"/><ScriptCondition code="b == c"/></Sequence>'
+    ),
     "a parameter of the mission": '<Say text="{@greeting}"/>',
     "a parameter in a script": '<Success _skipIf="@battery &lt; 20"/>',
     "a parameter that an attribute takes as well": '<Sequence><Timeout duration="{wait}"><Sleep msec="9"/></Timeout><Say text="{wait}"/></Sequence>',

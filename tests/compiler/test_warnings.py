@@ -11,7 +11,7 @@ from tests.trees import forest
 
 
 def found(tree, severity):
-    return Diagnostic("a-code", "perhaps", tree.main.source, tree.main.root.tag_span(), severity=severity)
+    return Diagnostic("schema", "perhaps", tree.main.source, tree.main.root.tag_span(), severity=severity)
 
 
 @pytest.mark.parametrize("severity", [Severity.WARNING, Severity.INFO])

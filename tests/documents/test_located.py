@@ -70,7 +70,11 @@ def test_several_missing_keys_of_a_mapping_are_one_finding():
     [
         ("leaves: {A: {after: 1s}}", "what a leaf answers needs 'answer'", "write answer: SUCCESS"),
         ("leaves: {A: }", "'A' is a mapping, a list or a text, and this is nothing", ""),
-        ("ticks: '5'", "'ticks' is a whole number from 1 on, and this is the text '5'", ""),
+        (
+            "ticks: '5'",
+            "'ticks' is a whole number from 1 on, and 5 in quotes is a text",
+            "write 5, without quotes",
+        ),
         ("period: soon", "'period' is a duration above 0, and this is 'soon'", "write 4s, 500ms or 2min"),
         (
             "expect: {root: SUCESS}",
@@ -104,7 +108,7 @@ def test_findings_come_in_the_order_of_the_file_and_once_each():
     document = read("b: 1\na: 2")
     for key, _ in reversed(document.root.entries or ()):
         for _ in range(2):
-            document.report(key, "wrong-value", "no")
+            document.report("wrong-value", "no", key)
     with pytest.raises(TreeError) as caught:
         document.raise_findings()
     assert [each.span.line for each in caught.value.findings] == [1, 2]

@@ -324,8 +324,8 @@ def test_a_limit_of_ones_own_is_read_off_the_attribute_that_the_meaning_names(li
         ("OwnGap", "OwnGap returned None; return a set of outcomes"),
     ],
 )
-def test_a_function_of_the_semantics_that_goes_wrong_is_told_with_its_class(tag, words):
-    with pytest.raises(RegistrationError) as error:
-        check(forest(f'<{tag} name="Here"><Success/></{tag}>'), OWN)
+def test_a_function_of_the_semantics_that_goes_wrong_is_told_with_its_class_at_the_node(tag, words):
+    (finding,) = check(forest(f'<{tag} name="Here"><Success/></{tag}>'), OWN)
     place = "the function 'possible' in the semantics of tests.checks.verify.own_controls."
-    assert str(error.value).startswith(f"<{tag}>: {place}{words}")
+    assert (finding.code, finding.span.line) == ("faulty-class", 3)
+    assert finding.message.startswith(f"<{tag}>: {place}{words}")

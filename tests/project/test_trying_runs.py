@@ -6,11 +6,10 @@ import sys
 import pytest
 
 from sar_compiler import load
-from sar_compiler.checks.verify.trying import TrialBudget
+from sar_compiler.checks.trying import WORK, TrialBudget
 from sar_compiler.cli.compile import main
 from tests.trees import document
 
-TICKS = 8192
 PALETTE = (
     '<root BTCPP_format="4"><TreeNodesModel><Action ID="Drive"><input_port name="gear"/></Action>'
     '<Action ID="Look"><output_port name="seen"/></Action></TreeNodesModel></root>'
@@ -18,6 +17,7 @@ PALETTE = (
 AFTER_A_FAILURE = (
     '<Fallback><Sequence><Drive gear="3"/><Script code="x := 1"/></Sequence><AlwaysSuccess/></Fallback>\n'
 )
+ALWAYS = "<Script code=\"x := 'goal'; x *= 2\"/>"
 
 
 def tried(folder, body, budget=None):
@@ -25,7 +25,7 @@ def tried(folder, body, budget=None):
     (folder / "palette.xml").write_text(PALETTE)
     (folder / "tree.xml").write_text(document(f"<Sequence>\n{body}\n</Sequence>"))
     tree = load(folder / "tree.xml", models=[folder / "palette.xml"])
-    return tree.try_runs(lambda: budget or TrialBudget(TICKS))
+    return tree.try_runs(lambda: budget or TrialBudget(WORK))
 
 
 def found(folder, body):
@@ -35,14 +35,61 @@ def found(folder, body):
 @pytest.mark.parametrize(
     ("body", "line", "column"),
     [
-        ("<Script code=\"x := 'goal' * 2\"/>", 4, 20),
-        ('<Script code="x := 1"/>\n<Script code="y := x + \'a\' * 2"/>', 5, 24),
-        ('<Script code="x := \'goal\'"/>\n<Sleep msec="{x}"/>', 4, 15),
-        ("<AlwaysSuccess _skipIf=\"'a' * 2 > 2\"/>", 4, 25),
+        ("<Script code=\"x := 'goal'; y := x * 2\"/>", 4, 33),
+        ('<Script code="x := 1"/>\n<Script code="y := x + \'a\'"/>', 5, 20),
+        ('<Script code="x := \'goal\'; y := x"/>\n<Sleep msec="{y}"/>', 4, 28),
+        ("<AlwaysSuccess _skipIf=\"x := 'a'; x * 2 > 2\"/>", 4, 35),
     ],
 )
 def test_what_every_run_raises_is_an_error_at_its_place(tmp_path, body, line, column):
     assert found(tmp_path, body) == [("failing-tick", "error", line, column)]
+
+
+@pytest.mark.parametrize(
+    "node",
+    [
+        '<CheckBlackboardVariableValue variable="x" operator="gt" value="3"/>',
+        '<LoopInt queue="{x}"><AlwaysSuccess/></LoopInt>',
+        '<SetBlackboard value="1" output_key="{n}"/>',
+        '<Parallel success_count="{many}"><AlwaysSuccess/></Parallel>',
+    ],
+)
+def test_what_a_node_raises_itself_has_its_place_there(tmp_path, node):
+    body = f"<Script code=\"x := 'a'; n := 0; many := 7\"/>\n{node}"
+    assert [each[0] for each in found(tmp_path, body)] == ["failing-tick"]
+    assert [each[2] for each in found(tmp_path, body)] == [5]
+
+
+GIVEN = (
+    '<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main"><Sequence><Script code="soon := 1"/>'
+    '<ScriptCondition code="soon &lt; 2"/><SubTree ID="Outer" time="{}"/></Sequence></BehaviorTree>'
+    '<BehaviorTree ID="Outer"><SubTree ID="Inner" msec="{{time}}" _skipIf="time == \'\'"/></BehaviorTree>'
+    '<BehaviorTree ID="Inner"><ScriptCondition code="msec * 2 &lt; 3"/></BehaviorTree></root>'
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        (
+            document('<Sequence><Script code="x := 1"/><ScriptCondition code="x = \'a\'"/></Sequence>'),
+            "assign",
+        ),
+        (
+            document(
+                '<Sequence><Script code="x := 1;2"/><LoopInt queue="{x}"><Success/></LoopInt></Sequence>'
+            ),
+            "idle-statement",
+        ),
+        (GIVEN.format("soon"), "key-as-text"),
+        (GIVEN.format("later"), "failing-tick"),
+    ],
+)
+def test_what_raises_because_of_a_mistake_that_is_told_is_not_told_again(tmp_path, text, code):
+    (tmp_path / "tree.xml").write_text(text)
+    tree = load(tmp_path / "tree.xml")
+    (finding,) = [*tree.check(), *tree.try_runs(lambda: TrialBudget(WORK))]
+    assert finding.code.startswith(code)
 
 
 def test_what_a_run_raises_only_after_an_answer_of_a_palettes_leaf_is_a_warning(tmp_path):
@@ -53,7 +100,7 @@ def test_what_a_run_raises_only_after_an_answer_of_a_palettes_leaf_is_a_warning(
 
 
 def test_two_nodes_of_one_name_are_told_apart(tmp_path):
-    body = '<Script code="x := \'a\'"/>\n<Script code="x := \'b\'"/>\n<Script code="x * 2"/>'
+    body = '<Script code="x := \'a\'"/>\n<Script code="x := \'b\'"/>\n<Script code="y := x * 2"/>'
     assert [each[2] for each in found(tmp_path, body)] == [6]
 
 
@@ -71,9 +118,123 @@ def test_what_others_may_write_and_what_is_written_in_time_is_no_finding(tmp_pat
     assert found(tmp_path, body) == []
 
 
-def test_nothing_is_said_where_the_ticks_end_before_the_error(tmp_path):
+SET = '<SetBlackboardVariable variable_name="x" variable_value="{}"/>'
+NUMBER = '<Script code="x := 3"/>'
+EXISTS = '<CheckBlackboardVariableExists variable_name="x"/>'
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        f'{SET.format(3)}<Script code="x += 1"/><ScriptCondition code="x == 4"/>',
+        f'{SET.format(3)}<CheckBlackboardVariableValue variable="x" operator="eq" value="3"/>',
+        f'{NUMBER}<CheckBlackboardVariableValue variable="x" operator="eq" value="3"/>',
+        f'{NUMBER}<CheckBlackboardVariableValues checks="x ne 1;x ne 2" operator="and" namespace="r"/>',
+        f"{NUMBER}{EXISTS}",
+        f'{NUMBER}<UnsetBlackboardVariable key="x"/><Inverter>{EXISTS}</Inverter>',
+        f'{SET.format("json:[1,2]")}<ForEach source_key="x" target_key="y"><ScriptCondition code="y > 0"/></ForEach>',
+        '<StatusToBlackboard variable_name="x"><Success/></StatusToBlackboard><BlackboardToStatus variable_name="x"/>',
+    ],
+)
+def test_nodes_of_py_trees_have_the_same_keys_as_all_others(tmp_path, body):
+    raising = ALWAYS.replace("x", "z")
+    assert found(tmp_path, f"<Fallback><Sequence>{body}</Sequence>{raising}</Fallback>") == []
+
+
+def test_what_is_found_with_some_work_is_found_with_more_and_nothing_with_too_little(tmp_path):
     body = f'{AFTER_A_FAILURE}<Script code="x += 1"/>'
-    assert tried(tmp_path, body, TrialBudget(1)) == []
+    enough = TrialBudget(WORK)
+    (finding,) = tried(tmp_path, body, enough)
+    is_found = [
+        tried(tmp_path, body, TrialBudget(work)) == [finding] for work in range(0, enough.spent + 1, 400)
+    ]
+    assert is_found == sorted(is_found)
+    assert (is_found[0], is_found[-1]) == (False, True)
+
+
+def test_each_place_is_told_once(tmp_path):
+    body = (
+        '<Script code="x := \'a\'"/>\n<Fallback><Drive/><Script code="x += 1"/></Fallback>\n'
+        '<Drive/><Script code="y := x - 1"/>'
+    )
+    assert [each[2:] for each in found(tmp_path, body)] == [(5, 33), (6, 28)]
+
+
+TWO_TREES = (
+    '<root BTCPP_format="4"{more}>\n<BehaviorTree ID="One">{one}</BehaviorTree>\n'
+    '<BehaviorTree ID="Two">{two}</BehaviorTree>\n</root>'
+)
+ENDLESS = (
+    '<Sequence><Script code="x := 0"/><Repeat num_cycles="-1"><Script code="x += 1"/></Repeat></Sequence>'
+)
+
+
+def found_in_two(folder, one, two, more=""):
+    (folder / "two.xml").write_text(TWO_TREES.format(one=one, two=two, more=more))
+    return load(folder / "two.xml").try_runs(lambda: TrialBudget(WORK))
+
+
+def test_every_tree_that_may_be_executed_is_tried_and_has_its_share_of_the_work(tmp_path):
+    (finding,) = found_in_two(tmp_path, ENDLESS, ALWAYS)
+    assert finding.span.line == 3
+    assert finding.hint == "sar-compile verify --tree Two shows the run tick by tick"
+
+
+def test_the_command_that_shows_a_run_can_be_given_to_a_shell(tmp_path):
+    text = TWO_TREES.format(one=ENDLESS, two=ALWAYS, more="").replace('"Two"', '"To go home"')
+    (tmp_path / "two.xml").write_text(text)
+    (finding,) = load(tmp_path / "two.xml").try_runs(lambda: TrialBudget(WORK))
+    assert finding.hint == "sar-compile verify --tree 'To go home' shows the run tick by tick"
+
+
+def test_where_there_is_a_main_tree_it_alone_is_tried(tmp_path):
+    assert found_in_two(tmp_path, ENDLESS, ALWAYS, ' main_tree_to_execute="One"') == []
+
+
+def test_a_tree_that_another_one_uses_is_tried_in_its_place(tmp_path):
+    (finding,) = found_in_two(tmp_path, '<SubTree ID="Two"/>', ALWAYS)
+    assert finding.hint == "sar-compile verify --tree One shows the run tick by tick"
+
+
+def test_of_a_tree_that_is_too_large_nothing_is_even_prepared(tmp_path):
+    budget = TrialBudget(WORK)
+    assert tried(tmp_path, '<Script code="x := 1"/>' * 5000 + ALWAYS, budget) == []
+    assert budget.spent == 0
+
+
+def test_what_the_runs_of_several_files_raise_in_one_place_is_told_once(tmp_path, capsys):
+    (tmp_path / "inner.xml").write_text(document("<Script code=\"x := 'a'; x *= 2\"/>", main="Inner"))
+    body = '<Sequence><AlwaysSuccess/><Sleep msec="1"/><SubTree ID="Inner"/></Sequence>'
+    outer = document(body).replace("<BehaviorTree", '<include path="inner.xml"/><BehaviorTree', 1)
+    (tmp_path / "outer.xml").write_text(outer)
+    assert main(["validate", *(str(tmp_path / name) for name in ("outer.xml", "inner.xml"))]) == 1
+    assert capsys.readouterr().out.count("failing-tick") == 1
+
+
+LEAVES = """
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+from sar_compiler import Kind, register
+
+
+@register("Ask{name}", kind=Kind.ACTION)
+class Ask(Behaviour):
+    def update(self):
+        return Status.SUCCESS
+"""
+
+
+def test_trees_of_the_leaves_that_their_configurations_name_are_tried(tmp_path, capsys):
+    for name in ("One", "Two"):
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / f"asking_{name}.py").write_text(LEAVES.replace("{name}", name))
+        (folder / "sar.toml").write_text(f'nodes = ["asking_{name}"]')
+        body = f"<Sequence>\n<Script code=\"x := 'a'\"/>\n<Ask{name}/>\n<Script code='x *= 2'/>\n</Sequence>"
+        (folder / "tree.xml").write_text(document(body))
+    folders = [str(tmp_path / name) for name in ("One", "Two")]
+    assert main(["validate", "--trust", "--all", *folders]) == 1
+    assert capsys.readouterr().out.count("(in tick 1; 'Ask") == 2
 
 
 def test_a_tree_without_keys_and_scripts_is_not_tried(tmp_path):
@@ -88,7 +249,7 @@ def test_a_tree_without_keys_and_scripts_is_not_tried(tmp_path):
 
 def test_validate_tells_it_and_no_deep_leaves_it_out(tmp_path, capsys):
     file = tmp_path / "tree.xml"
-    file.write_text(document("<Script code=\"x := 'goal' * 2\"/>"))
+    file.write_text(document(ALWAYS))
     assert main(["validate", str(file)]) == 1
     assert "error[failing-tick]" in capsys.readouterr().out
     assert main(["validate", str(file), "--deep", "1"]) == 1
@@ -97,7 +258,12 @@ def test_validate_tells_it_and_no_deep_leaves_it_out(tmp_path, capsys):
 
 def test_checking_alone_tries_no_runs(tmp_path):
     file = tmp_path / "tree.xml"
-    file.write_text(document("<Script code=\"x := 'goal' * 2\"/>"))
-    program = f"import sys; from sar_compiler import load; load({str(file)!r}).check(); print('py_trees' in sys.modules)"
+    file.write_text(document(ALWAYS))
+    program = (
+        f"import sys; from sar_compiler import load; tree = load({str(file)!r}); trying = 'sar_compiler.checks.trying'\n"
+        "tree.check(); print(trying in sys.modules)\n"
+        "def budget(): from sar_compiler.checks.trying import TrialBudget; return TrialBudget(1)\n"
+        "tree.try_runs(budget); print(trying in sys.modules)"
+    )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert done.stdout == "False\n"
+    assert done.stdout == "False\nTrue\n"

@@ -393,6 +393,21 @@ class TestWhatAConfigurationReaches:
         assert "error[setting-outside]: models: 'nodes.xml' lies outside" in said
         assert "<secret" not in said
 
+    @pytest.mark.parametrize("command", ["validate", "simulate", "show"])
+    @pytest.mark.parametrize(
+        ("palette", "said"),
+        [
+            ("nav2:jazy", "there is no palette 'nav2:jazy', did you mean 'nav2:jazzy'?"),
+            ("griper:1", "there is no palette 'griper:1'; there is nav2:"),
+            ("nodes.xml", "cannot read"),
+        ],
+    )
+    def test_a_palette_that_is_not_there_is_told_where_it_is_named(self, checkout, command, palette, said):
+        checkout.configure(f'models = [\n  "{palette}",\n]\n')
+        done = checkout.command(command, "tree.xml")
+        assert done.returncode != 0
+        assert f"sar.toml:2:4: error[setting-not-found]: {said}" in done.stdout + done.stderr
+
     def test_without_a_repository_it_reaches_its_own_folder(self, checkout):
         (checkout.folder / ".git").rmdir()
         (checkout.folder.parent / "shared").mkdir()

@@ -1,6 +1,8 @@
 """How a finding looks on a terminal."""
 
-from sar_compiler.tree.diagnostic import Diagnostic
+import pytest
+
+from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.xml import parse_xml
 
 
@@ -81,3 +83,15 @@ def test_a_suggestion_with_quotation_marks_stands_in_others():
     assert rendered("<root><Sey/></root>", "Sey", suggestion="""'a' "b\"""").endswith(
         """did you mean `'a' "b"`?"""
     )
+
+
+def test_a_finding_is_as_bad_as_its_kind_unless_it_is_said_otherwise():
+    root = parse_xml("<root/>", "a.xml").root
+    assert root.finding("stray-text", "why").severity is Severity.WARNING
+    assert root.finding("stray-text", "why", severity=Severity.ERROR).severity is Severity.ERROR
+
+
+@pytest.mark.parametrize("severity", [None, Severity.INFO])
+def test_there_is_no_finding_of_a_kind_that_is_not_declared(severity):
+    with pytest.raises(KeyError, match="unknown-nod"):
+        parse_xml("<root/>", "a.xml").root.finding("unknown-nod", "why", severity=severity)

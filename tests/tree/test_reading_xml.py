@@ -91,7 +91,7 @@ def test_a_file_is_read_in_the_encoding_it_declares(encoding):
         (b"<root>\n  <A></B>\n</root>", ("malformed-xml", 2, 6)),
         (b"<root a=1/>", ("malformed-xml", 1, 9)),
         (b'<root a="1" a="2"/>', ("malformed-xml", 1, 13)),
-        (b"<root/>\n<root/>", ("malformed-xml", 2, 1)),
+        (b"<root/>\n<root>", ("malformed-xml", 2, 1)),
         (b"<!-- a -->\n<?xml version='1.0'?><root/>", ("malformed-xml", 2, 1)),
         (b'<!DOCTYPE root [<!ENTITY a "b">]>\n<root/>', ("doctype", 1, 1)),
         (b"<root>\xff</root>", ("wrong-encoding", 1, 7)),

@@ -73,6 +73,35 @@ def test_a_place_in_a_recovered_value_is_that_of_the_text():
     assert cut(element.source, element.within_value("a", value.index("&"), value.index("&") + 2)) == "&&"
 
 
+@pytest.mark.parametrize(
+    ("before", "behind", "told"),
+    [
+        ("<![CDATA[a <b> ]]>", "", ["<![CDATA[a <b> ]]>"]),
+        ("// a\n<![CDATA[b\nc]]>", "", ["// a", "<![CDATA[b"]),
+        ("", "<!-- a --><![CDATA[b]]>", ["<![CDATA[b]]>"]),
+        ("", "text\n<a/>", ["text", "<a/>"]),
+        ("", '<other a="1 & 2"/>', ['<other a="1 & 2"/>']),
+        ("", "<root>\n<a>b & c<![CDATA[d]]><e/></a></root>\n<f/>", ["<root>", "<f/>"]),
+    ],
+)
+def test_what_is_not_in_the_root_is_passed_over_and_told(before, behind, told):
+    tree_file = parse_xml(f'{before}\n<root a="x &amp; y"><b/>\n<c/></root>\n{behind}')
+    assert [(child.tag, child.line) for child in tree_file.root.children] == [
+        ("b", 2 + before.count("\n")),
+        ("c", 3 + before.count("\n")),
+    ]
+    assert tree_file.root.attributes == {"a": "x & y"}
+    assert [each.code for each in tree_file.findings] == ["stray-text"] * len(told)
+    assert [cut(each.source, each.span) for each in tree_file.findings] == told
+
+
+@pytest.mark.parametrize("behind", ["text", "<other>", "</root>", "<a/> text", "<![CDATA[a", "<a></b>"])
+def test_what_no_reader_takes_behind_the_root_is_malformed(behind):
+    with pytest.raises(TreeError) as caught:
+        parse_xml(f"<root><b/></root>\n{behind}")
+    assert caught.value.findings[-1].code == "malformed-xml"
+
+
 def test_text_before_the_root_is_told_line_by_line_and_the_places_behind_it_stay():
     tree_file = parse_xml("// a & b\n<!-- c -- d -->\n  // e >\n<root>\n  <A/>\n</root>")
     stray, dashes, other = tree_file.findings

@@ -3,7 +3,6 @@
 import bisect
 import functools
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 
 from sar_compiler.checks.rules.key_accesses import KeyAccesses, key_accesses_of
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes, is_telling
@@ -16,7 +15,6 @@ from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.guessing import Guesses
 from sar_compiler.tree.model import SECTIONS, Element, TreeFile
-from sar_compiler.tree.source import Span
 
 
 class CheckContext:
@@ -66,17 +64,11 @@ class CheckContext:
 
         Other files of a set are asked where the file itself names no main tree.
         """
-        forest, main = self.forest, self.forest.main_tree()
-        if main is not None and tree.element is not main:
-            return False
-        if forest.main.main_tree_name is not None:
-            return main is not None
-        is_own = not forest.main.trees or tree.element.source is forest.main.source
-        return is_own and tree not in self._used and not forest.is_used_elsewhere(tree.name)
+        return id(tree.element) in self._executable
 
     @functools.cached_property
-    def _used(self) -> frozenset[BoundTree | None]:
-        return frozenset(node.subtree for tree in self.bound.trees for node in tree.subtrees())
+    def _executable(self) -> frozenset[int]:
+        return frozenset(map(id, self.forest.executable))
 
     @functools.cached_property
     def key_accesses(self) -> Mapping[BoundTree, KeyAccesses]:
@@ -141,25 +133,3 @@ def is_misnamed(tree: Element) -> bool:
 
 def _place(bound: BoundNode) -> tuple[int, int]:
     return bound.element.line, bound.element.column
-
-
-def warning(
-    code: str,
-    message: str,
-    bound: BoundNode,
-    span: Span | None = None,
-    suggestion: str | None = None,
-    hint: str | None = None,
-) -> Diagnostic:
-    """Return a warning about a part of a node, or about the node as a whole."""
-    element = bound.element
-    return Diagnostic(
-        code, message, element.source, span or element.tag_span(), suggestion, hint, Severity.WARNING
-    )
-
-
-def information(
-    code: str, message: str, bound: BoundNode, span: Span | None = None, *, hint: str | None = None
-) -> Diagnostic:
-    """Return an information about a part of a node, or about the node as a whole."""
-    return replace(warning(code, message, bound, span, hint=hint), severity=Severity.INFO)

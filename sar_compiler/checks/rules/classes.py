@@ -15,7 +15,7 @@ def check_classes(context: CheckContext) -> Iterator[Diagnostic]:
         if spec is not None:
             message, hint = f"<{spec.tag}> cannot be made: {_missing_in(spec)}", "write it in the class"
             element = bound.element
-            yield Diagnostic("constructor-failed", message, element.source, element.tag_span(), hint=hint)
+            yield element.finding("constructor-failed", message, hint=hint)
 
 
 def _missing_in(spec: NodeSpec) -> str:

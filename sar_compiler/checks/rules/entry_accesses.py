@@ -2,6 +2,7 @@
 
 import bisect
 import functools
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -11,6 +12,44 @@ from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.semantics import AccessKind, Order
 from sar_compiler.runtime.blackboard import Scope
+
+# Why the order of two accesses is read off the tree, and how.
+#
+# Findings such as "this key is read before anything has written it" rest on one question: has access A certainly happened when
+# access B happens for the first time? A walk through all runs would answer it exactly, as `verify` walks. `validate` cannot:
+# it must answer while somebody types, for trees with thousands of nodes and leaves of which nothing is known but ports. So the
+# answer comes from the places of the two nodes alone, and errs to one side: True only if it holds in every run, whatever leaves
+# answer. A wrong True is a finding about a correct tree; a wrong False is silence.
+#
+# "For the first time" makes memory irrelevant: in the tick in which B happens first, a control with memory and a reactive one
+# have gone the same way to it. What counts is which children must have been through before the one with B is reached:
+#
+#   Sequence     a later child starts only when the earlier ones have succeeded. Whatever is certain to happen in a child that
+#                succeeds has happened.
+#   Selector     a later child starts when the earlier ones have *failed*, at any of their own children. Certain is only what
+#                every tick of the first child begins with, hence `_is_first` and `is_first`: the way down to A must be the
+#                first child of the first child.
+#   together     (Parallel) all children are ticked in the same tick, in order, and the next one does not wait for the end of the
+#                one before: again only the beginning of the first child.
+#   otherwise    (IfThenElse, switches, a class of the user's) nothing is certain of one child when another one is reached.
+#
+# Between A and the node where the ways to A and B part there may be more nodes. Each of them must not advance before A has
+# happened ("straight"): a sequence, a decorator that ends only with its child, a selector in whose first child A lies. A
+# node with a precondition may be skipped, so that nothing in it is certain, except the first script that it asks: that one is run
+# whenever the node is reached (`_asks`). A node with `oneshot` may answer without a tick.
+#
+# A node itself has accesses before its children are ticked (inputs, preconditions) and after (outputs by `_onSuccess` and the like).
+# So ancestors are not simply "earlier": an ancestor's access counts as first for what is in it only if it is BEFORE, and
+# comes after what is in it only if it is AFTER; scripts after a node belong to one answer each, and may never run.
+#
+# The second corner is size. An entry may have as many uses as the tree has nodes (a flag that every branch looks at), and to compare all
+# pairs grows with its square. Places are therefore numbered parents first, so that the inside of a node is an interval
+# from `number` to `last`; uses are sorted by them; and `all_after` climbs from A to the root once, asking at each node by
+# bisection whether any use lies left of the way (then it may come first), or right of it (then this node must keep
+# the order).
+#
+# Subtrees are expanded before any of this: one element of the file has a place for each use of its tree, and a key belongs
+# to the scope that its remapping leads to. A question about elements would mix the instances.
 
 _READS = (AccessKind.READ, AccessKind.PEEK, AccessKind.BOTH, AccessKind.FIXED)
 
@@ -226,6 +265,11 @@ class EntryTable:
         return self._keys(is_made=True)
 
     @functools.cached_property
+    def written_keys(self) -> frozenset[str]:
+        """The same keys, whatever their scopes."""
+        return frozenset(itertools.chain.from_iterable(self.written.values()))
+
+    @functools.cached_property
     def unwritten(self) -> Mapping[Scope, list[str]]:
         """The keys of each scope that nothing writes."""
         return self._keys(is_made=False)
@@ -333,10 +377,7 @@ def comes_first(first: EntryAccess, second: EntryAccess) -> bool:
 
 def _comes_first_in_node(first: KeyAccess, second: KeyAccess) -> bool:
     if first.attribute == second.attribute and first.place and second.place:
-        # `x := x + 1` writes its target last, although it comes first in the text.
-        return first.kind is AccessKind.READ and (
-            first.place[0] > second.place[0] or second.kind is not AccessKind.WRITE
-        )
+        return first.turn < second.turn
     return first.time < second.time
 
 
@@ -351,7 +392,7 @@ def _precedes(first: EntryAccess, around: Place) -> bool:
 
 
 def _is_straight(use: EntryAccess, around: Place | None) -> bool:
-    """Return whether the nodes between a use and one around it (None: all) continue only after the use has happened."""
+    """Return whether every ancestor of *use* below *around* (None: every ancestor) advances only after it."""
     return use.place is around or any(each is around for each in straight_around(use))
 
 

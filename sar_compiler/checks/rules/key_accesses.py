@@ -34,6 +34,7 @@ class KeyAccess(NamedTuple):
         time: Whether it happens before or after the children are ticked.
         place: Its place in the attribute's value; None for all of it.
         is_certain: Whether it happens whenever the node is ticked.
+        turn: Its number among those of its script, in the order in which they happen.
     """
 
     bound: BoundNode
@@ -43,6 +44,7 @@ class KeyAccess(NamedTuple):
     time: AccessTime = AccessTime.BEFORE
     place: tuple[int, int] | None = None
     is_certain: bool = True
+    turn: int = 0
 
     def span(self) -> Span:
         """Return its place in the file."""
@@ -114,7 +116,7 @@ def _of_node(bound: BoundNode) -> Iterator[KeyAccess]:
     for name, value in bound.values.items():
         if isinstance(value, Script):
             yield from _of_script(bound, name, value, AccessTime.BEFORE)
-        else:
+        elif value is not None:  # as it is after a finding
             kind = _role(bound, bound.spec.parameters[name]).kind
             yield from _accesses(bound, name, _keys_in(bound, name, value), kind)
 
@@ -142,9 +144,9 @@ def _keys_in(bound: BoundNode, name: str, value: object) -> Iterable[str]:
 
 
 def _of_script(bound: BoundNode, attribute: str, script: Script, time: AccessTime) -> Iterator[KeyAccess]:
-    for use in name_uses(script):
+    for turn, use in enumerate(name_uses(script)):
         place = (use.start, use.end)
-        yield KeyAccess(bound, attribute, use.name, _BY_ACCESS[use.access], time, place, use.certain)
+        yield KeyAccess(bound, attribute, use.name, _BY_ACCESS[use.access], time, place, use.certain, turn)
 
 
 def _is_open(bound: BoundNode) -> bool:

@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
 
-from sar_compiler.checks.rules.check_context import CheckContext, information, warning
+from sar_compiler.checks.rules.check_context import CheckContext
 from sar_compiler.checks.rules.entry_accesses import (
     EntryAccess,
     EntryAccesses,
@@ -17,14 +17,15 @@ from sar_compiler.checks.rules.entry_accesses import (
     parted_in,
 )
 from sar_compiler.checks.rules.key_accesses import AccessTime
+from sar_compiler.checks.rules.misfits import misfits
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
-from sar_compiler.checks.rules.scripts import is_condition
+from sar_compiler.checks.rules.scripts import is_condition, is_statement
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.collector import file_of
 from sar_compiler.nodes.outcome_sets import K, S
 from sar_compiler.nodes.semantics import WRITES, AccessKind, Order
-from sar_compiler.tree.diagnostic import Diagnostic, Severity
-from sar_compiler.tree.guessing import Guesses
+from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity
+from sar_compiler.tree.guessing import Guesses, likeness
 
 _LIKE, _CLOSE = 0.7, 0.75
 """The similarity of two keys from which one may be, and from which it must be, a misspelling of the other."""
@@ -51,6 +52,7 @@ def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
 
 def _of_board(board: EntryTable, context: CheckContext) -> Iterator[Diagnostic]:
     for entry in board.entries:
+        yield from misfits(entry, board)
         if entry.given or entry.is_parameter:
             continue
         if not entry.is_made:
@@ -65,7 +67,12 @@ def _of_board(board: EntryTable, context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def _unwritten(entry: EntryAccesses, board: EntryTable, context: CheckContext) -> Iterator[Diagnostic]:
-    readers = entry.of(AccessKind.READ, AccessKind.PEEK, AccessKind.CHANGE)
+    readers = [
+        each
+        for each in entry.of(AccessKind.READ, AccessKind.PEEK, AccessKind.CHANGE)
+        if each.access.place is None
+        or not is_statement(each.bound, each.access.attribute, each.access.place[0])
+    ]
     if not readers:
         return
     use = readers[0]
@@ -114,7 +121,8 @@ def _unwritten_finding(use: EntryAccess, entry: EntryAccesses, near: str | None)
         suggestion = key
     else:
         message = f"{access.attribute}: '{key}' is read here, and nothing ever writes it"
-    return warning("unwritten-key", message, use.bound, use.access.span(), suggestion=suggestion, hint=hint)
+    advice = Advice(suggestion=suggestion, hint=hint)
+    return use.bound.element.finding("unwritten-key", message, use.access.span(), **advice)
 
 
 def _unwritten_argument(
@@ -124,7 +132,7 @@ def _unwritten_argument(
     message = f"{attribute}: '{entry.key}' is read in '{place.name}', and nothing ever writes it"
     suggestion = f"{{{near}}}" if near is not None else None
     hint = f"let a node before it write it; a parameter of the mission is {{@{entry.key}}}"
-    return warning("unwritten-key", message, place, place.element.value_span(attribute), suggestion, hint)
+    return place.element.finding("unwritten-key", message, value=attribute, suggestion=suggestion, hint=hint)
 
 
 def _how_to_give(use: EntryAccess, key: str) -> str:
@@ -140,7 +148,7 @@ def _is_slip(entry: EntryAccesses, near: str) -> bool:
     """Return whether a key is used only once, and so similar to another one that it must be a misspelling."""
     plural = {entry.key, near} in ({entry.key, f"{entry.key}s"}, {near, f"{near}s"})
     numbered = entry.key.rstrip("0123456789") == near.rstrip("0123456789")
-    close = _likeness(entry.key, near) >= _CLOSE
+    close = likeness(entry.key, near) >= _CLOSE
     return len(entry.uses) == 1 and close and not plural and not numbered
 
 
@@ -161,13 +169,7 @@ def _is_name_of_key(use: EntryAccess) -> bool:
 
 def _nearest(key: str, others: Collection[str], guesses: Guesses) -> str | None:
     near = guesses.nearest(key.strip(), others)
-    return near if near is not None and _likeness(key.strip(), near) >= _LIKE else None
-
-
-def _likeness(word: str, other: str) -> float:
-    import difflib
-
-    return difflib.SequenceMatcher(None, word, other).ratio()
+    return near if near is not None and likeness(key.strip(), near) >= _LIKE else None
 
 
 def _may_be_enumeration(use: EntryAccess) -> bool:
@@ -186,7 +188,7 @@ def _too_early(entry: EntryAccesses) -> Iterator[Diagnostic]:
                 f"{file_of(writer.bound.element, use.bound.element)}), which writes it, comes later"
             )
             hint = "write it before, or read it later"
-            yield warning("read-before-write", message, use.bound, use.access.span(), hint=hint)
+            yield use.bound.element.finding("read-before-write", message, use.access.span(), hint=hint)
             return
 
 
@@ -206,7 +208,7 @@ def _overwritten(entry: EntryAccesses, context: CheckContext) -> Iterator[Diagno
                 f"read what '{first.bound.name}' (line {first.bound.element.line}) wrote"
             )
             hint = "use two keys, or delete one of the two"
-            yield warning("overwritten-key", message, second.bound, second.access.span(), hint=hint)
+            yield second.bound.element.finding("overwritten-key", message, second.access.span(), hint=hint)
 
 
 def _side_by_side(entry: EntryAccesses) -> Iterator[Diagnostic]:
@@ -221,7 +223,8 @@ def _side_by_side(entry: EntryAccesses) -> Iterator[Diagnostic]:
                 f"(line {first.bound.element.line}), side by side in '{around.bound.name}': which one stays is left to "
                 "their timing"
             )
-            yield warning("shared-key", message, second.bound, second.access.span(), hint="use two keys")
+            hint = "use two keys"
+            yield second.bound.element.finding("shared-key", message, second.access.span(), hint=hint)
             return
 
 
@@ -266,5 +269,5 @@ def _unread(entry: EntryAccesses, board: EntryTable, context: CheckContext) -> I
         if only_writes and use.access.attribute not in use.bound.conditions:
             message = f"{use.access.attribute}: '{use.access.key}' is written here, and nothing ever reads it"
             hint = "delete it, unless somebody looks at the blackboard from outside"
-            yield information("unread-key", message, use.bound, use.access.span(), hint=hint)
+            yield use.bound.element.finding("unread-key", message, use.access.span(), hint=hint)
             return

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator, Sequence
 
-from sar_compiler.checks.rules.check_context import CheckContext, information
+from sar_compiler.checks.rules.check_context import CheckContext
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.tree.diagnostic import Diagnostic
 
@@ -32,8 +32,8 @@ def _separated(nodes: Sequence[BoundNode]) -> Iterator[Diagnostic]:
             continue
         sign = found[0]
         message = f"'{bound.name}' has a '{sign}', which {_SEPARATES[sign]}"
-        span, hint = bound.element.value_span("name"), f"write '_' instead of '{sign}'"
-        yield information("separator-in-name", message, bound, span, hint=hint)
+        hint = f"write '_' instead of '{sign}'"
+        yield bound.element.finding("separator-in-name", message, value="name", hint=hint)
 
 
 def _same(children: Sequence[BoundNode]) -> Iterator[Diagnostic]:
@@ -47,5 +47,5 @@ def _same(children: Sequence[BoundNode]) -> Iterator[Diagnostic]:
                 f"'{child.name}' is also the name of the node in line {other.element.line} beside it: drawings, logs "
                 "and references cannot tell the two apart"
             )
-            span, hint = child.element.value_span("name"), "give each a name of its own"
-            yield information("same-name", message, child, span, hint=hint)
+            hint = "give each a name of its own"
+            yield child.element.finding("same-name", message, value="name", hint=hint)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from sar_compiler.checks.rules.check_context import CheckContext, information, warning
+from sar_compiler.checks.rules.check_context import CheckContext
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.outcome_sets import ALLOWED, ANSWERS, F, K, R, S
@@ -37,7 +37,7 @@ def _of_one(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes) -> I
     if never is not None and not outcomes.may_return(child) & means.changes:
         message = f"'{bound.name}' has no effect: '{child.name}' {never}"
         hint = f"delete <{bound.element.tag}>, or put it elsewhere"
-        yield warning("without-effect", message, bound, hint=hint)
+        yield bound.element.finding("without-effect", message, hint=hint)
     elif means.limit_sec is not None:
         yield from _timeout(bound)
     elif means.changes == R:
@@ -56,7 +56,7 @@ def _needless(bound: BoundNode, child: BoundNode) -> Diagnostic | None:
         why = "a single time is what a node is ticked without it"
     else:
         return None
-    return information("needless-node", f"'{bound.name}' is not needed: {why}", bound, hint=hint)
+    return bound.element.finding("needless-node", f"'{bound.name}' is not needed: {why}", hint=hint)
 
 
 def _takes_back(bound: BoundNode, child: BoundNode) -> bool:
@@ -76,7 +76,7 @@ def _interrupting(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes
             "started anew in the next tick"
         )
         hint = "let it run; a <Timeout> around it limits how long"
-        yield warning("interrupted-action", message, bound, hint=hint)
+        yield bound.element.finding("interrupted-action", message, hint=hint)
 
 
 def _spent(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
@@ -88,7 +88,8 @@ def _spent(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes) -> It
     if retries and (once.oneshot or once.values.get("policy")) == "ON_SUCCESSFUL_COMPLETION":
         return
     message = f"'{bound.name}' has no effect: '{once.name}' is done once in the whole run, and then only repeats its answer"
-    yield warning("without-effect", message, bound, hint=f"put <{bound.element.tag}> into what is done once")
+    hint = f"move <{bound.element.tag}> below the node that runs once"
+    yield bound.element.finding("without-effect", message, hint=hint)
 
 
 def _done_once(child: BoundNode) -> tuple[BoundNode | None, BoundNode]:
@@ -103,13 +104,14 @@ def _timeout(bound: BoundNode) -> Iterator[Diagnostic]:
     seconds = _limit_sec(bound)
     if seconds == math.inf:
         message = f"'{bound.name}' has no effect: msec=\"0\" is no limit"
-        yield warning("without-effect", message, bound, hint="write how long it may take, or delete it")
+        hint = "write how long it may take, or delete it"
+        yield bound.element.finding("without-effect", message, hint=hint)
     elif seconds is not None and seconds <= DEFAULT_PERIOD:
         message = (
             f"'{bound.name}' gives its child hardly more than one tick: {seconds:g} s, where the tree is ticked every "
             f"{DEFAULT_PERIOD:g} s unless tick_rate_hz says otherwise"
         )
-        yield information("short-timeout", message, bound, hint="write a longer time")
+        yield bound.element.finding("short-timeout", message, hint="write a longer time")
     else:
         yield from _longer_inside(bound, seconds)
 
@@ -124,7 +126,7 @@ def _longer_inside(bound: BoundNode, seconds: float | None) -> Iterator[Diagnost
                 f"'{inner.name}' has no effect: its {limit:g} s are never over before the {seconds:g} s of "
                 f"'{bound.name}' around it"
             )
-            yield warning("without-effect", message, inner, hint="write a shorter time, or delete it")
+            yield inner.element.finding("without-effect", message, hint="write a shorter time, or delete it")
         elif limit is None or limit == math.inf:
             waiting.extend(inner.children)
 

@@ -5,7 +5,7 @@ import functools
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from sar_compiler.checks.rules.check_context import CheckContext, warning
+from sar_compiler.checks.rules.check_context import CheckContext
 from sar_compiler.checks.rules.entry_accesses import (
     EntryAccess,
     OrderedAccesses,
@@ -229,7 +229,7 @@ def _too_early(leaf: _Leaf, effects: _Effects) -> Diagnostic | None:
         f"'{leaf.use.bound.name}' can only fail here: it needs what '{giver.name}' (line {giver.element.line}) does, "
         "which comes after it"
     )
-    return warning("wrong-order", message, leaf.use.bound, hint=f"put it behind '{giver.name}'")
+    return leaf.use.bound.element.finding("wrong-order", message, hint=f"put it behind '{giver.name}'")
 
 
 def _undone(leaf: _Leaf, effects: _Effects) -> Diagnostic | None:
@@ -246,7 +246,7 @@ def _undone(leaf: _Leaf, effects: _Effects) -> Diagnostic | None:
         f"'{name}' works with what '{doing.use.bound.name}' did, and '{other.name}' (line {other.element.line}), which "
         "comes between them, undoes it"
     )
-    return warning("wrong-order", message, leaf.use.bound, hint=f"put it before '{other.name}'")
+    return leaf.use.bound.element.finding("wrong-order", message, hint=f"put it before '{other.name}'")
 
 
 def _leads_to(first: _Leaf, second: _Leaf) -> bool:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from sar_compiler.checks.rules.check_context import CheckContext, warning
+from sar_compiler.checks.rules.check_context import CheckContext
 from sar_compiler.checks.rules.outcome_analysis import Found, PossibleOutcomes, acts
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.semantics import Order
@@ -31,9 +31,8 @@ def _cancelled(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnos
             f"{work[0].name} succeeds, and the other way round"
         )
         attribute = "policy" if "policy" in bound.element.attributes else "success_count"
-        span = bound.element.value_span(attribute)
-        hint = "let all succeed, or put what only watches beside one that works"
-        yield warning("cancelled-branch", message, bound, span, hint=hint)
+        hint = "require all to succeed, or move the watching branch out of this Parallel"
+        yield bound.element.finding("cancelled-branch", message, value=attribute, hint=hint)
 
 
 def _out_of_step(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
@@ -47,8 +46,7 @@ def _out_of_step(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagn
                 f"'{child.name}' is started again whenever it has succeeded and '{others[0].name}' still runs: "
                 f"'{bound.name}' succeeds only in a tick in which all its children do"
             )
-            span = bound.element.value_span("synchronise")
-            yield warning("out-of-step", message, bound, span, "true")
+            yield bound.element.finding("out-of-step", message, value="synchronise", suggestion="true")
             return
 
 
@@ -69,7 +67,7 @@ def _shared_actions(bound: BoundNode) -> Iterator[Diagnostic]:
                     "takes the place of the one under way"
                 )
                 hint = f"put one after the other, in a <Sequence> instead of '{bound.name}'"
-                yield warning("shared-action", message, action.found.place, hint=hint)
+                yield action.found.place.element.finding("shared-action", message, hint=hint)
                 return
         for action in actions:
             first.setdefault(action.name, action)

@@ -3,7 +3,7 @@
 import itertools
 from collections.abc import Iterator, Sequence
 
-from sar_compiler.checks.rules.check_context import CheckContext, warning
+from sar_compiler.checks.rules.check_context import CheckContext
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.outcome_sets import F, K, R, S
@@ -38,7 +38,7 @@ def _endless(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnosti
     ends = bound.spec.semantics.ends_by(bound) & ~K if len(bound.children) == 1 else 0
     why = f"'{child.name}' never {_VERBS[ends]}" if ends in _VERBS else "nothing in it can end it"
     hint = f"let '{child.name}' be able to end it, or take <{bound.spec.tag}> away"
-    yield warning("never-ends", f"'{bound.name}' never ends: {why}", bound, hint=hint)
+    yield bound.element.finding("never-ends", f"'{bound.name}' never ends: {why}", hint=hint)
 
 
 def _unreached(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
@@ -76,4 +76,4 @@ def _after_the_last(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Di
 
 def _unreachable(bound: BoundNode, why: str) -> Diagnostic:
     message = f"'{bound.name}' is never ticked: {why}"
-    return warning("unreachable-node", message, bound, hint="put it elsewhere, or delete it")
+    return bound.element.finding("unreachable-node", message, hint="put it elsewhere, or delete it")

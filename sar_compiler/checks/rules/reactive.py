@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from sar_compiler.checks.rules.check_context import CheckContext, information, warning
+from sar_compiler.checks.rules.check_context import CheckContext
 from sar_compiler.checks.rules.outcome_analysis import (
     Found,
     PossibleOutcomes,
@@ -43,7 +43,7 @@ def _sequence(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnost
                 f"{found.name_beside(later)} {consequence(found.leaf)} while {name_beside(later, found.leaf)} runs: "
                 f"'{bound.name}' looks at every child again"
             )
-            yield warning("repeated-effect", message, found.place, hint=_remember(bound))
+            yield found.place.element.finding("repeated-effect", message, hint=_remember(bound))
 
 
 def _with_later(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[tuple[BoundNode, BoundNode]]:
@@ -88,7 +88,7 @@ def _restarted(found: Found, later: BoundNode, bound: BoundNode, when: str) -> D
         f"{name_beside(later, found.leaf)} before it can end: "
         f"'{bound.name}' looks at every child again"
     )
-    return warning("endless-restart", message, found.place, hint=_remember(bound))
+    return found.place.element.finding("endless-restart", message, hint=_remember(bound))
 
 
 def _lost_progress(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
@@ -106,7 +106,7 @@ def _lost_progress(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Dia
                 "memory lasts only while it runs"
             )
             hint = 'what must not be done twice takes oneshot="ON_SUCCESSFUL_COMPLETION"'
-            yield information("lost-progress", message, child, hint=hint)
+            yield child.element.finding("lost-progress", message, hint=hint)
 
 
 def _starts_over(bound: BoundNode) -> bool:
@@ -146,7 +146,7 @@ def _done_again(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagno
                 f"{found.name} {consequence(found.leaf)}: once {what} has succeeded, '{bound.name}' looks at every "
                 f"child again and comes back to {what}"
             )
-            yield warning("repeated-effect", message, found.place, hint=_once(child, found))
+            yield found.place.element.finding("repeated-effect", message, hint=_once(child, found))
 
 
 def _once(child: BoundNode, found: Found) -> str:

@@ -1,20 +1,33 @@
 """Unused trees, and keys that are passed to subtrees but not used there."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+import functools
+import itertools
+from collections.abc import Callable, Iterator, Mapping
 
-from sar_compiler.checks.rules.check_context import CheckContext, warning
+from sar_compiler.checks.rules.check_context import CheckContext
 from sar_compiler.checks.rules.key_accesses import KeyAccesses
 from sar_compiler.nodes.binding.attributes import underscored
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.binding.collector import text_of_output
 from sar_compiler.nodes.binding.nesting import trees_in
 from sar_compiler.nodes.spec import Direction
 from sar_compiler.nodes.values import listed
-from sar_compiler.tree.diagnostic import Cause, Diagnostic, Severity
+from sar_compiler.runtime.expressions import (
+    ComparisonChain,
+    Literal,
+    Name,
+    Script,
+    children,
+    parts,
+)
+from sar_compiler.tree.diagnostic import Advice, Cause, Diagnostic
 
 
 def check_subtrees(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield trees that are used by no other, and attributes of `SubTree` that the tree does not use."""
+    """Yield trees that are used by no other, and attributes of `SubTree` that the tree does not use, or not as meant."""
+    compared = functools.cache(_compared)
+    for tree in context.trees:
+        yield from _keys_as_texts(tree, context, compared)
     if not context.sound:
         return  # a mistake in a tree may be the reason why it does not use a key, or another tree
     yield from _unused_trees(context)
@@ -23,6 +36,23 @@ def check_subtrees(context: CheckContext) -> Iterator[Diagnostic]:
         for use in tree.uses:
             yield from _unused_arguments(use, context, wanted)
             yield from _texts_of_outputs(use, context)
+        yield from _unused_ports(tree, context, wanted.by(tree))
+
+
+def _unused_ports(
+    tree: BoundTree, context: CheckContext, keys: frozenset[str] | None
+) -> Iterator[Diagnostic]:
+    """Yield the ports of a tree's model that the tree does nothing with: who passes it a key believes the model."""
+    model = context.bound.models.subtrees.get(tree.name)
+    if model is None or keys is None or context.forest.trees.get(tree.name) is not tree.element:
+        return
+    for port in model.ports.values():
+        if port.name not in keys:
+            free = sorted(key for key in keys if key not in model.ports and not key.startswith("@"))
+            near = context.guesses.nearest(port.name, free)
+            message = f"the tree '{tree.name}' does nothing with the port '{port.name}'"
+            hint = f"it uses {listed(free)}" if free else "delete it"
+            yield port.element.finding("model-mismatch", message, value="name", suggestion=near, hint=hint)
 
 
 def _unused_trees(context: CheckContext) -> Iterator[Diagnostic]:
@@ -47,10 +77,45 @@ def _unused_trees(context: CheckContext) -> Iterator[Diagnostic]:
                 f"the tree '{tree.name}' is never ticked: it is neither in '{mains[0].name}' nor in any other"
             )
             hint = f'put it somewhere, <SubTree ID="{tree.name}"/>, or delete it'
-            span = element.value_span("ID")
-            yield Diagnostic(
-                "unused-tree", message, element.source, span, hint=hint, severity=Severity.WARNING
-            )
+            yield element.finding("unused-tree", message, value="ID", hint=hint)
+
+
+def _keys_as_texts(
+    tree: BoundTree, context: CheckContext, compared: Callable[[BoundTree], frozenset[tuple[str, object]]]
+) -> Iterator[Diagnostic]:
+    """Yield texts for a subtree that are names of keys of the tree around it: so version 3 passed a key."""
+    given = [(use, name, text) for use in tree.uses for name, text in use.remapping.constants.items()]
+    if not given:
+        return
+    keys = set(context.key_accesses[tree].keys)
+    keys.update(key for use in tree.uses for key in use.remapping.keys.values())
+    for use, name, text in given:
+        model = context.bound.models.subtrees.get(use.element.attributes.get("ID", ""))
+        port = model.ports.get(name) if model is not None else None
+        if text not in keys or (port is not None and port.direction is Direction.OUTPUT):
+            continue
+        if use.subtree is None or (
+            name in context.key_accesses[use.subtree].keys and (name, text) not in compared(use.subtree)
+        ):
+            message = f"{name}: '{text}' is a text, and '{tree.name}' has a key of that name"
+            hint = f'write {name}="{{{text}}}", unless the text is meant'
+            cause = Cause("subtrees are given texts that are names of keys around them", text)
+            advice = Advice(suggestion=f"{{{text}}}", hint=hint, common_cause=cause)
+            yield use.element.finding("key-as-text", message, value=name, **advice)
+
+
+def _compared(tree: BoundTree) -> frozenset[tuple[str, object]]:
+    """Return the keys that a script of a tree compares with texts, each with such a text: it is one that the tree is given."""
+    scripts = (each for node in tree.nodes for each in (*node.conditions.values(), *node.values.values()))
+    statements = (each for script in scripts if isinstance(script, Script) for each in script.statements)
+    return frozenset(
+        (name.name, literal.value)
+        for part in itertools.chain.from_iterable(map(parts, statements))
+        if isinstance(part, ComparisonChain)
+        for sides in itertools.pairwise(children(part))
+        for name, literal in (sides, sides[::-1])
+        if isinstance(name, Name) and isinstance(literal, Literal)
+    )
 
 
 class _Wanted:
@@ -88,10 +153,7 @@ def _texts_of_outputs(use: BoundNode, context: CheckContext) -> Iterator[Diagnos
     for port in model.ports.values() if model is not None else ():
         text = use.element.attributes.get(port.name)
         if text is not None and port.direction is Direction.OUTPUT and port.name in use.remapping.constants:
-            message = f"{port.name}: an output is written to the blackboard, and '{text}' is no key of it"
-            suggestion = f"{{{text}}}" if text.isidentifier() else None
-            span, hint = use.element.value_span(port.name), f'write {port.name}="{{key}}"'
-            yield warning("unwritten-key", message, use, span, suggestion, hint)
+            yield text_of_output("unwritten-key", use.element, port.name, text)
 
 
 def _unused_arguments(use: BoundNode, context: CheckContext, wanted: _Wanted) -> Iterator[Diagnostic]:
@@ -116,9 +178,9 @@ def _unused_arguments(use: BoundNode, context: CheckContext, wanted: _Wanted) ->
         message = f"{name}: the tree '{tree.name}' does nothing with this key"
         near = "_autoremap" if name == "autoremap" else underscored(name)
         near = near or context.guesses.nearest(name, missing)
-        cause = Cause(f"the tree '{tree.name}' does nothing with these keys", name)
-        found = warning("unused-argument", message, use, use.element.name_span(name), near, hint)
-        yield found if near else replace(found, common_cause=cause)
+        cause = None if near else Cause(f"the tree '{tree.name}' does nothing with these keys", name)
+        advice = Advice(suggestion=near, hint=hint, common_cause=cause)
+        yield use.element.finding("unused-argument", message, name=name, **advice)
 
 
 def _undeclared_arguments(use: BoundNode, context: CheckContext) -> Iterator[Diagnostic]:
@@ -131,4 +193,4 @@ def _undeclared_arguments(use: BoundNode, context: CheckContext) -> Iterator[Dia
             message = f"{name}: the model of the tree '{model.tag}' has no such port"
             near = context.guesses.nearest(name, model.ports)
             hint = f"it has {listed(model.ports)}"
-            yield warning("unused-argument", message, use, use.element.name_span(name), near, hint)
+            yield use.element.finding("unused-argument", message, name=name, suggestion=near, hint=hint)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from sar_compiler.checks.rules.check_context import CheckContext, warning
+from sar_compiler.checks.rules.check_context import CheckContext
 from sar_compiler.nodes.binding.attributes import closed
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.numbers import SensibleNumbers
@@ -36,8 +36,7 @@ def _unclosed(bound: BoundNode, names: list[str]) -> Iterator[Diagnostic]:
         suggestion = closed(element.attributes.get(name, ""))
         if suggestion is not None:
             message = f"{name}: '{element.attributes[name]}' is a text; a key of the blackboard is written between two braces"
-            span = element.value_span(name)
-            yield warning("unclosed-key", message, bound, span, suggestion)
+            yield element.finding("unclosed-key", message, value=name, suggestion=suggestion)
 
 
 def check_bounds(context: CheckContext) -> Iterator[Diagnostic]:
@@ -60,5 +59,4 @@ def _beyond(bound: BoundNode, bounded: dict[str, SensibleNumbers]) -> Iterator[D
         if number is not None and number not in bounds:
             written = bound.element.attributes[name]
             message = f"{name}: <{bound.spec.tag}> takes {written}, and can do nothing sensible with it"
-            span, hint = bound.element.value_span(name), f"write a number, {bounds}"
-            yield warning("out-of-range", message, bound, span, hint=hint)
+            yield bound.element.finding("out-of-range", message, value=name, hint=f"write a number, {bounds}")

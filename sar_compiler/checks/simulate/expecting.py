@@ -56,7 +56,7 @@ def _facts(document: Document, value: Value, known: Mapping[str, Fact]) -> dict[
         name = key.text or ""
         if name not in known:
             message = f"there is no fact '{name}'; there is {', '.join(known) or 'none'}"
-            document.report(key, "unknown-fact", message, suggestion=nearest(name, known))
+            document.report("unknown-fact", message, key, suggestion=nearest(name, known))
         else:
             facts[name] = inner.data
     return facts

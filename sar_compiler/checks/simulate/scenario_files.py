@@ -128,7 +128,7 @@ def understand(document: Document, stage: Stage) -> Play:
             lambda plain: start_assumptions(start, plain) | read_assumptions(document, facts, answers, plain),
         )
         for message in simulated.disputes.values():
-            document.report(facts or document.root, "missing-value", message)
+            document.report("missing-value", message, facts or document.root)
     words = LeafWords(simulated)
     check_answers(document, answers, words)
     path = document.source.path

@@ -74,4 +74,4 @@ def _check_running(document: Document, value: Value, leaves: Sequence[StubLeaf])
     for leaf in leaves:
         if all(answer.status != "RUNNING" for answer in leaf.answers):
             message = f"'{leaf.name}' answers at once: it never runs, so nothing can come after a time"
-            document.report(value, "wrong-value", message, hint="leave 'after' out")
+            document.report("wrong-value", message, value, hint="leave 'after' out")

@@ -1,6 +1,6 @@
 """What the records of a user's controls and decorators claim, to be held against what these do."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable
 
 from py_trees.behaviour import Behaviour
 
@@ -10,20 +10,22 @@ from sar_compiler.nodes.binding.nesting import trees_in
 from sar_compiler.nodes.outcome_sets import ALL, BITS
 from sar_compiler.nodes.semantics import Order
 from sar_compiler.runtime.kernel.cells import WORDS
-from sar_compiler.runtime.kernel.foreign_nodes import Claim
+from sar_compiler.runtime.kernel.user_nodes import Claim, UserNode
 
 
-def claims_of(behaviours: Iterable[Behaviour], compiled: CompiledTree) -> Mapping[Behaviour, Claim]:
-    """Return what is claimed of some behaviours; those of which nothing is claimed are left out.
+def hold_to_records(
+    nodes: Iterable[UserNode], compiled: CompiledTree, deny: Callable[[Behaviour, str], None]
+) -> bool:
+    """Have nodes see whether they do what their records say; return whether any of these says something.
 
     Args:
-        behaviours: The behaviours.
+        nodes: The nodes.
         compiled: Their tree.
+        deny: Is told of each behaviour that does something else, and what, in words.
     """
-    claims: dict[Behaviour, Claim] = {}
     possible: PossibleOutcomes | None = None
-    for behaviour in behaviours:
-        bound = compiled.origins[behaviour.id].bound
+    for node in nodes:
+        bound = compiled.origins[node.behaviour.id].bound
         means, said = bound.spec.semantics, bound.spec.outcomes
         if means.possible is None and not said:
             continue
@@ -33,10 +35,9 @@ def claims_of(behaviours: Iterable[Behaviour], compiled: CompiledTree) -> Mappin
             outcomes &= sum(BITS[word] for word in said)
         goes_on = _number(means.goes_on) if means.order is Order.IN_ORDER else 0
         if outcomes != ALL or goes_on:
-            claims[behaviour] = Claim(
-                sum(1 << WORDS.index(word) for word, bit in BITS.items() if outcomes & bit), goes_on
-            )
-    return claims
+            numbers = sum(1 << WORDS.index(word) for word, bit in BITS.items() if outcomes & bit)
+            node.claim = Claim(numbers, goes_on, deny)
+    return possible is not None
 
 
 def _number(outcome: int) -> int:

@@ -6,7 +6,7 @@ by a status, which a record does not say. From the last tick backwards, it is th
 
 import itertools
 from collections import deque
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from sar_compiler.checks.verify.properties import without_properties
@@ -86,7 +86,7 @@ class OtherTreeError(UndecidableError):
 
 
 def counterfactual(
-    simulated: SimulatedTree, record: Sequence[RecordedTick], names: Sequence[str]
+    simulated: SimulatedTree, record: Iterable[RecordedTick], names: Sequence[str]
 ) -> Counterfactual | None:
     """Return the smallest change with which a run would have succeeded, the latest of those; None if none was found.
 
@@ -95,7 +95,7 @@ def counterfactual(
 
     Args:
         simulated: The tree with stub leaves; it is used up.
-        record: The run, up to the failure of its root.
+        record: The run, up to the failure of its root; read once, tick by tick.
         names: The names of the nodes that ran, in pre-order.
 
     Raises:
@@ -106,7 +106,11 @@ def counterfactual(
     if runs.names != list(names):
         message = "the tree has nodes other than those that ran"
         raise OtherTreeError(message)
-    for unusual, moment in itertools.product(range(_MOST_UNUSUAL + 1), reversed(_replayed(runs, record))):
+    # What could have been otherwise in a tick is a question of its ways: of ticks with the same ones, the latest is asked.
+    moments: dict[int, _FoundTick] = {}
+    for moment in reversed(_replayed(runs, record)):
+        moments.setdefault(id(moment.ways), moment)
+    for unusual, moment in itertools.product(range(_MOST_UNUSUAL + 1), moments.values()):
         for change in moment.changes(runs):
             rest = runs.way_to_success(change.way, unusual - change.unusual)
             if rest is not None:
@@ -119,7 +123,7 @@ def counterfactual(
     return None
 
 
-def _filled(record: Sequence[RecordedTick]) -> Iterator[RecordedTick]:
+def _filled(record: Iterable[RecordedTick]) -> Iterator[RecordedTick]:
     """Yield the ticks of a record, with those between in which nothing was noted."""
     before: RecordedTick | None = None
     for tick in record:
@@ -190,7 +194,7 @@ class _FoundTick(NamedTuple):
     Attributes:
         number: Which tick it was, from 1.
         time_sec: When it was, seconds since the run began.
-        ways: What it can have been, with the states that it can have begun in.
+        ways: What it can have been, with the states that it can have begun in; ticks with equal ones share the same object.
     """
 
     number: int
@@ -211,7 +215,7 @@ class _FoundTick(NamedTuple):
 
 
 class _Runs:
-    """All runs of a tree, as far as somebody asks for them."""
+    """All runs of a tree, computed lazily."""
 
     def __init__(self, simulated: SimulatedTree) -> None:
         stepper = TreeStepper(Prepared.of(simulated), without_properties().rules, few=_NEVER)
@@ -317,7 +321,7 @@ def _back(
     return found[::-1]
 
 
-def _replayed(runs: _Runs, record: Sequence[RecordedTick]) -> list[_FoundTick]:
+def _replayed(runs: _Runs, record: Iterable[RecordedTick]) -> list[_FoundTick]:
     """Return the ticks of a run, found again.
 
     Raises:
@@ -325,6 +329,12 @@ def _replayed(runs: _Runs, record: Sequence[RecordedTick]) -> list[_FoundTick]:
     """
     told: dict[int, str] = {}
     moments: list[_FoundTick] = []
+    # A tick of a state is one object, which `runs` keeps.
+    known: dict[tuple[int, ...], list[tuple[bytes, _Way]]] = {}
+
+    def shared(ways: list[tuple[bytes, _Way]]) -> list[tuple[bytes, _Way]]:
+        return known.setdefault(tuple(id(way) for _, way in ways), ways)
+
     now = {runs.start}
     for tick in _filled(record):
         told.update(tick.statuses)
@@ -339,13 +349,13 @@ def _replayed(runs: _Runs, record: Sequence[RecordedTick]) -> list[_FoundTick]:
                 "no leaf is known to answer like that there"
             )
             raise NotReplayedError(message)
-        moments.append(_FoundTick(tick.number, tick.time_sec, ways))
+        moments.append(_FoundTick(tick.number, tick.time_sec, shared(ways)))
         now = {way.state for _, way in ways}
         told.update(dict.fromkeys(tick.gone, ""))
     for index in range(len(moments) - 1, -1, -1):  # what leads nowhere was not so
         moment = moments[index]
         moments[index] = moment._replace(
-            ways=[(state, way) for state, way in moment.ways if way.state in now]
+            ways=shared([(state, way) for state, way in moment.ways if way.state in now])
         )
         now = {state for state, _ in moments[index].ways}
     return moments

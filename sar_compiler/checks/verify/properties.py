@@ -79,7 +79,7 @@ def properties_of(file: PropertyFile, prepared: Prepared, tags: Collection[str])
     if not has_end:
         for name, value in file.ends.items():
             message = f"'{name}' is to hold at the end, and end: {NO_END} says that there is none"
-            file.document.report(value, "conflicting-keys", message, hint="say when it must hold, with never")
+            file.document.report("conflicting-keys", message, value, hint="say when it must hold, with never")
     at_end = [reading.condition(value, name, after_a_tick=True) for name, value in file.ends.items()]
     end = reading.condition(file.end, "end", after_a_tick=True) if file.end is not None and has_end else None
     file.document.raise_findings()

@@ -69,7 +69,7 @@ class StateValues:
         return self.values()
 
     def growing(self, states: StateStore) -> tuple[tuple[str, int], ...]:
-        """Return the keys, facts and attributes with the most values in the last of some states, and how many values."""
+        """Return the keys, facts and cells with the most values in the last of some states, and how many values."""
         values: dict[str, set[str]] = {}
         for state in states.between(max(len(states) - _SAMPLE, 0), len(states)):
             for name, value in {**self.values_in(state), **self._own()}.items():

@@ -1,24 +1,21 @@
 """The ticks of a simulated tree, from any state that it can be in."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from sar_compiler.checks.verify.claims import claims_of
+from py_trees.behaviour import Behaviour
+
+from sar_compiler.checks.verify.claims import hold_to_records
 from sar_compiler.checks.verify.monitors import Rules
 from sar_compiler.checks.verify.state import Prepared, StateValues
-from sar_compiler.errors import UndecidableError
-from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.choices import Choices
-from sar_compiler.runtime.kernel.foreign_nodes import ForeignObjects
 from sar_compiler.runtime.kernel.forking import FEW, ForkingTicker
 from sar_compiler.runtime.kernel.stub_nodes import ChosenTimes, LeafNodes
-from sar_compiler.runtime.kernel.table import flatten, is_foreign
+from sar_compiler.runtime.kernel.table import flatten
 from sar_compiler.runtime.kernel.tick_steps import TickSteps
 from sar_compiler.runtime.kernel.trail import Trail
-from sar_compiler.runtime.object_memory import ObjectMemory
-from sar_compiler.runtime.possible_time import PossibleClock
-from sar_compiler.runtime.stub_leaf import Event, StubLeaf
+from sar_compiler.runtime.kernel.user_nodes import UserNode
+from sar_compiler.runtime.stub_leaf import Event
 
 
 @dataclass(frozen=True)
@@ -34,14 +31,6 @@ class PlayedTick:
     events: tuple[Event, ...]
     root: str
     values: dict[str, object]
-
-
-class _Unasked:
-    """Refuses to answer for a leaf that is asked otherwise than by its tick, whose answers are gone through."""
-
-    def choose(self, leaf: StubLeaf, options: Sequence[Answer]) -> Answer:  # noqa: ARG002 - as the protocol has it
-        message = f"'{leaf.name}' is asked for its answer by update(); a class that has children asks them by tick()"
-        raise UndecidableError(message)
 
 
 class TreeStepper:
@@ -62,8 +51,8 @@ class TreeStepper:
         steps: Its steps.
         states: Tells what is in its states.
         ran: The indexes of the leaves that were ticked so far.
-        claims: What the records of the user's classes say of his controls and decorators.
-        objects: These controls and decorators.
+        claims: Whether the records of the user's controls and decorators say anything that could be wrong.
+        wrong: What these have done last that their records exclude, in words.
     """
 
     def __init__(self, prepared: Prepared, rules: Rules, *, forgets: bool = True, few: int = FEW) -> None:
@@ -71,24 +60,35 @@ class TreeStepper:
         choices = Choices()
         self._trail = trail = Trail(rules.guarded, rules.monitors.heard, rules.monitors.after)
         simulated = prepared.simulated
-        behaviours = list(simulated.root.iterate())
-        foreign = list(filter(is_foreign, behaviours))
-        self.claims = claims_of(foreign, simulated.compiled)
-        memory = ObjectMemory(foreign, behaviours)
-        self.objects = objects = ForeignObjects(memory, choices, trail, self.claims, rules.count)
-        PossibleClock.of(simulated.clock, objects)
-        simulated.policy = _Unasked()
-        leaves = LeafNodes(simulated.facts.board, prepared.alphabet.numbers, choices, trail, objects)
+        leaves = LeafNodes(simulated.facts.board, prepared.alphabet.numbers, choices, trail)
         self.flat = flatten(simulated.root, leaves.node_of)
-        objects.call_through(self.flat.nodes)
         self.ran = leaves.ran
         first = self.flat.ticker(ChosenTimes(choices, trail))
         self.ticker = ForkingTicker(
-            first.cells, first.values, first.times, prepared.entries, choices, trail, few, objects
+            first.cells, first.values, first.times, prepared.entries, choices, trail, few
         )
+        self.wrong, self._rule = "", rules.count
+        self._own = [node for node in self.flat.nodes if isinstance(node, UserNode)]
+        self.claims = hold_to_records(self._own, simulated.compiled, self._deny)
         judged_by = [prepared.entries.place_of(entry.name) for entry in rules.entries]
-        self.steps = TickSteps(self.flat, self.ticker, rules.judge, judged_by, objects, forgets=forgets)
-        self.states = StateValues(simulated, self.steps, lambda: objects.values(self.ticker))
+        self.steps = TickSteps(self.flat, self.ticker, rules.judge, judged_by, forgets=forgets)
+        self.states = StateValues(simulated, self.steps, self._remembered)
+
+    def _deny(self, behaviour: Behaviour, what: str) -> None:
+        cls = type(behaviour)
+        self._trail.broken |= 1 << self._rule
+        self.wrong = f"'{behaviour.name}' ({cls.__module__}.{cls.__qualname__}) {what}: mend its outcomes or semantics, which checks rely on"
+
+    def _remembered(self) -> dict[str, object]:
+        """Return what the user's controls and decorators have in their cells, by the names of the node and of the attribute."""
+        values = self.ticker.values
+        return {
+            f"{node.behaviour.name}.{name}": values[at]
+            for node in self._own
+            for at, cell in node.own
+            for name, held in vars(node.behaviour).items()
+            if held is cell
+        }
 
     def played(self) -> PlayedTick:
         """Return what happened in the last step."""

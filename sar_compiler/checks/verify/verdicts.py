@@ -55,6 +55,8 @@ class Verification:
         leaves: The leaves that the runs speak of.
         stopped: Whether somebody wanted the search to end before all was gone through.
         space: The states that were found, and the ticks between them, if they were to be kept.
+        by_semantics: The tags of the nodes that were taken to do what their `semantics` say, each with its class: they have a
+            `tick` of their own, of which nothing is proved.
     """
 
     verdicts: tuple[Verdict, ...]
@@ -67,6 +69,7 @@ class Verification:
     leaves: tuple[StubLeaf, ...] = ()
     stopped: bool = False
     space: StateSpace | None = None
+    by_semantics: tuple[tuple[str, str], ...] = ()
 
     def __repr__(self) -> str:
         counts = Counter(verdict.outcome.value for verdict in self.verdicts)
@@ -130,17 +133,19 @@ class Questions:
         else:
             yield _broken(NO_LIVELOCK, "this run goes on for ever", self._round(found.circling))
 
-    def own_records(self, rule: int, wrong: str) -> Verdict:
+    def own_records(self, rule: int, wrong: Callable[[], str]) -> Verdict:
         """Return the verdict on whether the user's controls and decorators do what their records say.
 
         Args:
             rule: The number of that property.
-            wrong: What was done first that a record excludes, in words.
+            wrong: Returns what was done last that a record excludes, in words.
         """
         breach = self._graph.breaches.get(rule)
         if breach is None:
             return self._unbroken(OWN_RECORDS)
-        return _broken(OWN_RECORDS, wrong, self._retracing.breach(breach))
+        # To tell the run is to play it, its last tick last.
+        trace = self._retracing.breach(breach)
+        return _broken(OWN_RECORDS, wrong(), trace)
 
     def properties(self, properties: Properties) -> Iterator[Verdict]:
         """Yield a verdict for each property."""

@@ -42,8 +42,7 @@ def verify(
 
     Raises:
         TreeError: If the file says something that makes no sense for the tree; carries the findings.
-        UndecidableError: If the tree has a node whose rules are not known, does not do the same twice, or keeps values that
-            cannot be compared; or if a condition cannot be evaluated.
+        UndecidableError: If the tree has a node whose rules are not known, or keeps values that cannot be compared; or if a condition cannot be evaluated.
     """
     prepared = Prepared.of(simulated)
     properties = without_properties() if file is None else properties_of(file, prepared, tags)
@@ -59,7 +58,7 @@ def verify(
         questions.every_leaf([node for node in stepper.flat.nodes if not node.children], stepper.ran),
         *(questions.endings() if properties.has_end else ()),
         *questions.properties(properties),
-        *([questions.own_records(len(properties.names), stepper.objects.wrong)] if stepper.claims else ()),
+        *([questions.own_records(len(properties.names), lambda: stepper.wrong)] if stepper.claims else ()),
     )
     growing = () if graph.complete else stepper.states.growing(graph.states)
     return Verification(
@@ -73,6 +72,7 @@ def verify(
         simulated.leaves,
         graph.stopped,
         _space(graph, stepper, properties) if keep_states else None,
+        simulated.by_semantics,
     )
 
 

@@ -5,12 +5,12 @@ from collections.abc import Callable, Collection, Sequence
 from typing import Any, Literal, TypeAlias
 
 from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.collector import Collector, text_of_output
 from sar_compiler.nodes.numbers import number_in, words_of
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, any_port
 from sar_compiler.nodes.values import CONDITION, ConversionError, ValueType, blackboard_key, listed, type_of
 from sar_compiler.runtime.expressions import Script
-from sar_compiler.tree.diagnostic import Severity
+from sar_compiler.tree.diagnostic import Advice, Severity
 from sar_compiler.tree.guessing import Guesses, unit_in
 from sar_compiler.tree.model import SUBTREE_TAG, Element
 
@@ -39,8 +39,6 @@ NOTES = ("_description", "_uid", "_fullpath", "_collapsed", "_favorite", "_hardc
 """Some attributes in which BehaviorTree.CPP and editors keep notes, for schemas; any that begins with `_` may be one."""
 _LIKE_CONDITION = re.compile(r"_(?:skip|fail|failure|success|while|on|post)[A-Z]\w*")
 """Notes that read as conditions, though none is near: `_skipWhen`, not `_skip_list`."""
-_LIKENESS = 0.81
-"""How alike a note and a condition must be to be taken for a slip: `_failIf` is one, `_hidden` is not."""
 
 
 OneShotPolicyName: TypeAlias = Literal["ON_COMPLETION", "ON_SUCCESSFUL_COMPLETION"]
@@ -106,10 +104,8 @@ class AttributeBinder:
     def _no_condition(self, element: Element, name: str) -> None:
         """Report a note that reads as a condition, which nothing would ever ask."""
         message = f"no condition is called '{name}': this is a note, and nothing is done with it"
-        hint = f"the conditions are {listed(CONDITIONS)}"
-        self._collector.name(
-            element, name, "unknown-attribute", message, hint=hint, severity=Severity.WARNING
-        )
+        advice = Advice(hint=f"the conditions are {listed(CONDITIONS)}", severity=Severity.WARNING)
+        self._collector.add("unknown-attribute", message, element, name=name, **advice)
 
     def slip_in_note(self, name: str) -> str | None:
         """Return the attribute that was meant by one that begins with `_`; None for a note of an editor."""
@@ -120,7 +116,7 @@ class AttributeBinder:
     def report_former(self, element: Element, name: str, today: str) -> str:
         """Report an attribute of BehaviorTree.CPP 3; return the one of today."""
         message = f"<{element.tag}> has no attribute '{name}' any more: that is a name of BehaviorTree.CPP 3"
-        self._collector.name(element, name, "unknown-attribute", message, suggestion=today)
+        self._collector.add("unknown-attribute", message, element, name=name, suggestion=today)
         return today
 
     def flag(self, element: Element, name: str) -> bool:
@@ -132,7 +128,7 @@ class AttributeBinder:
         suggestion = closed(element.attributes[name])
         if suggestion is not None:
             message = f"{name}: a key is written between two braces, and '{element.attributes[name]}' has one"
-            self._collector.value(element, name, "wrong-value", message, suggestion=suggestion)
+            self._collector.add("wrong-value", message, element, value=name, suggestion=suggestion)
         return suggestion is not None
 
     def convert(self, element: Element, name: str, value_type: ValueType, *, takes_keys: bool = False) -> Any:
@@ -162,7 +158,7 @@ class AttributeBinder:
             begin = max(element.attributes[name].find(key), 0)
             span = element.within_value(name, begin, begin + len(key))
             message = f"{name}: {error.message}"
-            self._collector.at(element, span, "wrong-value", message, hint=error.hint)
+            self._collector.add("wrong-value", message, element, span, hint=error.hint)
 
     def _value(self, bound: BoundNode, parameter: Parameter, text: str) -> None:
         assert parameter.value_type is not None  # noqa: S101 - every attribute has one
@@ -177,7 +173,7 @@ class AttributeBinder:
         if not may_be_text and self._is_unclosed(bound.element, name):
             return
         if parameter.direction is _OUTPUT:
-            self._collector.text_of_output(bound.element, name, text)
+            self._collector.findings.append(text_of_output("wrong-value", bound.element, name, text))
             return
         takes_keys = name not in bound.spec.fixed and parameter.value_type.python is not Script
         value = self.convert(bound.element, name, parameter.value_type, takes_keys=takes_keys)
@@ -185,9 +181,8 @@ class AttributeBinder:
         if None not in (value, fixed) and value != fixed:
             tag = bound.spec.tag
             message = f'<{tag}> says {name}="{_as_text(fixed)}" by its name, and {name}="{text}" here'
-            self._collector.value(
-                bound.element, name, "conflicting-attributes", message, suggestion=_as_text(fixed)
-            )
+            near = _as_text(fixed)
+            self._collector.add("conflicting-attributes", message, bound.element, value=name, suggestion=near)
         bound.values = {**bound.values, name: value}
 
     def _require(self, bound: BoundNode, parameter: Parameter, other_variants: Sequence[NodeSpec]) -> None:
@@ -199,7 +194,7 @@ class AttributeBinder:
         if not any(written in bound.spec.parameters for written in element.attributes if written != "name"):
             others = [p.name for spec in other_variants for p in spec.attributes if p.required]
             message += "".join(f" or '{other}'" for other in others)
-        self._collector.tag(element, "missing-attribute", message, hint=f'write {name}="..." ({label})')
+        self._collector.add("missing-attribute", message, element, hint=f'write {name}="..." ({label})')
 
     def _unknown(
         self, bound: BoundNode, name: str, other_variants: Sequence[NodeSpec], *, is_only: bool
@@ -214,7 +209,8 @@ class AttributeBinder:
         if any(name in (parameter.name for parameter in other.attributes) for other in other_variants):
             written = [other for other in element.attributes if other in spec.parameters and other != "name"]
             message = f"<{bound.spec.tag}> has {' and '.join(written)} here, which does not go with '{name}'"
-            self._collector.name(element, name, "conflicting-attributes", message, hint="write one of them")
+            advice = Advice(hint="write one of them")
+            self._collector.add("conflicting-attributes", message, element, name=name, **advice)
             return None
         known = [parameter.name for parameter in spec.attributes] + [ONESHOT]
         message = f"<{bound.spec.tag}> has no attribute '{name}'; it has {listed(known)}"
@@ -232,7 +228,7 @@ class AttributeBinder:
         missing = [p.name for p in spec.required if p.name not in element.attributes]
         if near is not None or not is_only or len(missing) != 1:
             hint = in_its_unit(name, element.attributes[name], spec)
-            self._collector.name(element, name, "unknown-attribute", message, suggestion=near, hint=hint)
+            self._collector.add("unknown-attribute", message, element, name=name, suggestion=near, hint=hint)
             return near
         # The one that is strange was meant for the one that is missing, or for that of another meaning of the tag.
         others = [p.name for other in other_variants for p in other.attributes if p.required]
@@ -240,16 +236,16 @@ class AttributeBinder:
         suggestion = missing[0] if not others and unit == unit_in(name) else None
         hint = in_its_unit(name, element.attributes[name], spec)
         hint = hint or f"write {' or '.join([*missing, *others])} instead{unit and f', in {words_of(unit)}'}"
-        self._collector.name(element, name, "unknown-attribute", message, suggestion=suggestion, hint=hint)
+        advice = Advice(suggestion=suggestion, hint=hint)
+        self._collector.add("unknown-attribute", message, element, name=name, **advice)
         return missing[0]
 
     def _unlisted(self, bound: BoundNode, name: str, message: str, near: str | None) -> None:
         """Report an attribute that a file's description does not list, and take it for a port if no other was meant."""
         severity = bound.spec.provenance.unlisted(is_near=near is not None)
         hint = "if the node has it, add the port to the description"
-        self._collector.name(
-            bound.element, name, "unknown-attribute", message, suggestion=near, hint=hint, severity=severity
-        )
+        advice = Advice(suggestion=near, hint=hint, severity=severity)
+        self._collector.add("unknown-attribute", message, bound.element, name=name, **advice)
         if near is None:
             port = any_port(name)
             bound.spec = bound.spec.listing(port)
@@ -272,7 +268,7 @@ def _unit_of(parameter: Parameter) -> str:
 
 def slip_in_note(name: str, guesses: Guesses) -> str | None:
     """Return the attribute that was meant by one that begins with `_`; None for a note of an editor."""
-    return None if name in NOTES else guesses.nearest(name, [*CONDITIONS, AUTOREMAP, ONESHOT], _LIKENESS)
+    return None if name in NOTES else guesses.nearest(name, [*CONDITIONS, AUTOREMAP, ONESHOT])
 
 
 def _is_explicit(bound: BoundNode) -> bool:

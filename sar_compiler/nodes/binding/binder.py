@@ -24,7 +24,7 @@ from sar_compiler.nodes.palettes import palettes_with
 from sar_compiler.nodes.registry import Registry, is_own_word, subtree
 from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.nodes.values import blackboard_key, listed
-from sar_compiler.tree.diagnostic import Cause, Diagnostic, Severity
+from sar_compiler.tree.diagnostic import Advice, Cause, Diagnostic, Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.guessing import Guesses
@@ -36,8 +36,8 @@ _OF_ANY = ("ID", "name", ONESHOT)
 """Attributes that say nothing of whose node it is."""
 _UNKNOWN = "no nodes are called like these"
 _UNKNOWN_HINT = "sar-compile nodes lists them; --nodes adds a module of leaves, --model a palette (nodes --from-use makes one)"
-_LIKE_TAGS, _LIKE_UNUSED = 0.8, 0.9
-"""How alike two tags are of which one is a slip for the other."""
+_LIKE_UNUSED = 0.9
+"""How alike the words of two tags are if one is a slip for the other, which nothing here speaks for."""
 
 _Vocabulary = tuple[Registry, Models, dict[str, list[NodeSpec]], dict[str, str | None]]
 """The nodes and models of a file, the meanings of the tags in it, and the tags meant by unknown ones."""
@@ -220,12 +220,12 @@ class Binder:
     def _content(self, tree: BoundTree) -> None:
         element = tree.element
         if not element.children:
-            self._collector.tag(element, "missing-child", f"<{TREE_TAG}> has no node in it")
+            self._collector.add("missing-child", f"<{TREE_TAG}> has no node in it", element)
             return
         for extra in element.children[1:]:
             message = f"<{TREE_TAG}> holds one node; this is another"
             hint = "put them together in a Sequence or a Selector"
-            self._collector.tag(extra, "too-many-children", message, hint=hint)
+            self._collector.add("too-many-children", message, extra, hint=hint)
         tree.nesting = self._level
         bound = [self._node(child) for child in element.children]
         tree.root = bound[0]
@@ -309,7 +309,7 @@ class Binder:
         # BehaviorTree.CPP counts the children by what is written, and asks the node for all else.
         is_read = Kind(element.tag).takes(len(element.children))
         severity = Severity.WARNING if is_read else Severity.ERROR
-        self._collector.tag(element, "wrong-kind", message, suggestion=kind, severity=severity)
+        self._collector.add("wrong-kind", message, element, suggestion=kind, severity=severity)
 
     def _unknown(self, element: Element, tag: str) -> BoundNode | None:
         """Report an unknown tag, and continue with the one that was probably meant."""
@@ -318,20 +318,19 @@ class Binder:
         if near == tag:  # py_trees' decorator, by its tag; not what the explicit form of a condition names
             near = None
         if element.tag == TREE_TAG:
-            self._collector.tag(element, "unknown-node", f"a <{TREE_TAG}> is not allowed inside another")
+            self._collector.add("unknown-node", f"a <{TREE_TAG}> is not allowed inside another", element)
         elif element.tag in (INCLUDE_TAG, MODEL_TAG):
             hint = f"put it directly in <{ROOT_TAG}>"
             message = f"<{element.tag}> is not allowed in a tree"
-            self._collector.tag(element, "unknown-node", message, hint=hint)
+            self._collector.add("unknown-node", message, element, hint=hint)
             return None
         elif element.tag in KIND_TAGS and not element.attributes.get("ID"):
             self._without_id(element, f"<{element.tag}> does not say which node it is", "the node's name")
         else:
             message, near, hint, cause = self._no_such_node(tag, near)
             span = element.tag_span() if tag == element.tag else element.value_span("ID")
-            common = None if near else Cause(cause, tag)
-            advice = {"suggestion": near, "hint": hint, "common_cause": common}
-            self._collector.at(element, span, "unknown-node", message, **advice)
+            advice = Advice(suggestion=near, hint=hint, common_cause=None if near else Cause(cause, tag))
+            self._collector.add("unknown-node", message, element, span, **advice)
         variants = self._variants(
             element.attributes["ID"] if near in KIND_TAGS and "ID" in element.attributes else near or ""
         )
@@ -351,7 +350,7 @@ class Binder:
         needed = " and ".join(f"'{each.name}'" for each in spec.required)
         message = f"<{spec.tag}> with {needed} is py_trees'; this one is another library's"
         hint = "describe it in a palette (--model), and that counts"
-        self._collector.tag(element, "unknown-node", message, hint=hint)
+        self._collector.add("unknown-node", message, element, hint=hint)
         for child in element.children:
             self._node(child)
 
@@ -371,10 +370,10 @@ class Binder:
         written = [name for name in element.attributes if name.upper() == "ID"]
         if written and written != ["ID"]:
             message = f"<{element.tag}> has no attribute '{written[0]}'; {what} belongs in its ID"
-            self._collector.name(element, written[0], "unknown-attribute", message, suggestion="ID")
+            self._collector.add("unknown-attribute", message, element, name=written[0], suggestion="ID")
             return
         span = element.value_span("ID") if written else element.tag_span()
-        self._collector.at(element, span, "missing-attribute", message, hint=f'write {what}: ID="..."')
+        self._collector.add("missing-attribute", message, element, span, hint=f'write {what}: ID="..."')
 
     def _meant_by(self, element: Element, tag: str) -> str | None:
         """Return the tag that was probably meant by an unknown one."""
@@ -390,7 +389,7 @@ class Binder:
     def _alike(self, tag: str) -> str | None:
         """Return the tag that an unknown one is a slip for; what no file here uses is only meant by nearly its own name."""
         known = self._tags if tag != SUBTREE_TAG else self._tags[:-1]
-        near = self._guesses.nearest(tag, known, _LIKE_TAGS)
+        near = self._guesses.nearest(tag, known)
         return near or self._guesses.nearest(tag, list(self._registry.tags), _LIKE_UNUSED)
 
     def _was_called(self, tag: str, today: str | None) -> str:
@@ -433,22 +432,22 @@ class Binder:
         if kind.is_leaf:
             for child in element.children:
                 message = f"<{tag}> is a leaf ({kind.value.lower()}) and has no children"
-                self._collector.tag(child, "child-of-leaf", message)
+                self._collector.add("child-of-leaf", message, child)
         elif not count and kind is Kind.DECORATOR:
             message = f"the decorator <{tag}> needs a child"
-            self._collector.tag(element, "missing-child", message, hint="put one node in it")
+            self._collector.add("missing-child", message, element, hint="put one node in it")
         elif not count:
             message = f"<{tag}> has no children"
-            self._collector.tag(element, "empty-control", message, hint="put nodes in it, or delete it")
+            self._collector.add("empty-control", message, element, hint="put nodes in it, or delete it")
         elif count < least:
             message = f"<{tag}> needs {_amount(least, most)}, and has {count}"
-            self._collector.tag(element, "missing-child", message)
+            self._collector.add("missing-child", message, element)
         else:
             for extra in element.children[most:]:
                 what = "the decorator " if kind is Kind.DECORATOR else ""
                 message = f"{what}<{tag}> takes {_amount(least, most)}; this is another"
                 hint = "put them together in a Sequence or a Selector"
-                self._collector.tag(extra, "too-many-children", message, hint=hint)
+                self._collector.add("too-many-children", message, extra, hint=hint)
 
     def _subtree(self, element: Element) -> BoundNode:
         tree_id = element.attributes.get("ID")
@@ -457,7 +456,7 @@ class Binder:
         self._current.uses.append(bound)
         for child in element.children:
             message = f"<{SUBTREE_TAG}> names a tree; its nodes belong in that <{TREE_TAG}>"
-            self._collector.tag(child, "child-of-leaf", message)
+            self._collector.add("child-of-leaf", message, child)
         if not tree_id:
             self._without_id(element, f"this <{SUBTREE_TAG}> names no tree", "the tree's name")
             return bound
@@ -474,8 +473,8 @@ class Binder:
             message, near = f"there is no tree '{tree_id}'", self._guesses.nearest(tree_id, trees)
             hint = f"the trees are {listed(trees)}; <include> adds those of other files, and so does [project] trees"
             cause = None if near else Cause("there are no such trees", tree_id)
-            advice = {"suggestion": near, "hint": hint, "common_cause": cause}
-            self._collector.value(element, "ID", "unknown-tree", message, **advice)
+            advice = Advice(suggestion=near, hint=hint, common_cause=cause)
+            self._collector.add("unknown-tree", message, element, value="ID", **advice)
         self._file_away(bound)
         return bound
 
@@ -510,13 +509,13 @@ class Binder:
             else:
                 message = f"the tree '{element.attributes['ID']}' needs '{port.name}' (its model says so)"
                 hint = f'write {port.name}="..."'
-                self._collector.tag(element, "missing-attribute", message, hint=hint)
+                self._collector.add("missing-attribute", message, element, hint=hint)
         return Remapping(keys, constants, autoremap)
 
     def _unknown_of_subtree(self, element: Element, name: str) -> None:
         message = f"<{SUBTREE_TAG}> has no attribute '{name}'; keys do not begin with _"
         near = self._attributes.slip_in_note(name)
-        self._collector.name(element, name, "unknown-attribute", message, suggestion=near)
+        self._collector.add("unknown-attribute", message, element, name=name, suggestion=near)
 
 
 def _best(variants: list[NodeSpec], element: Element, guesses: Guesses) -> NodeSpec:

@@ -100,9 +100,8 @@ class _Expansion:
                 continue
             name = bound.element.attributes.get("name") or f"{bound.subtree.name}::{self._count}"
             if name in names:
-                element, message = bound.element, f"two subtrees are called '{name}' here"
-                span, hint = element.value_span("name"), "give each a name of its own"
-                self._collector.refused_since(NAMES, element, span, message, hint)
+                message, hint = f"two subtrees are called '{name}' here", "give each a name of its own"
+                self._collector.refused_since(NAMES, bound.element, message, value="name", hint=hint)
                 name = f"{name}::{self._count}"  # each has keys of its own
             names.add(name)
             inner = instance.inner[bound] = Instance(
@@ -142,7 +141,7 @@ class _Expansion:
             node = waiting.pop()
             if node in places:
                 message = f"'{bound.name}' refers to '{found.name}', which needs the subtree around it first"
-                self._collector.tag(bound.element, "circular-reference", message)
+                self._collector.add("circular-reference", message, bound.element)
                 return
             if node not in passed:
                 passed.add(node)
@@ -207,8 +206,7 @@ def _report_number(
     written, key = inner.place.remapping.constants[given], bound.keys[parameter.name]
     message = f"{parameter.name}: '{key}' is a text here, and the subtree is given {written}, which looks like a number"
     hint = f'to give it a text, write {key}="{{k}}" around it, and before that <Script code="k := \'{written}\'"/>'
-    span = bound.element.value_span(parameter.name)
-    collector.refused_since(NUMBERS, bound.element, span, message, hint)
+    collector.refused_since(NUMBERS, bound.element, message, value=parameter.name, hint=hint)
 
 
 def _agree(first: Parameter, second: Parameter) -> bool:
@@ -234,4 +232,4 @@ def _report_types(
         f"{parameter.name}: '{key}' is {parameter.value_type.label} here, and {known.value_type.label} for "
         f"{known.name} of '{other.name}' (line {other.element.line}{file_of(other.element, bound.element)})"
     )
-    collector.value(bound.element, parameter.name, "key-of-two-types", message, hint="use two keys")
+    collector.add("key-of-two-types", message, bound.element, value=parameter.name, hint="use two keys")

@@ -22,23 +22,23 @@ def find_main_tree(forest: Forest, tree_id: str | None = None) -> Element:
 
 
 def _missing(forest: Forest, tree_id: str | None) -> Diagnostic:
-    source, root = forest.main.source, forest.main.root
+    root = forest.main.root
     ids = list(forest.trees)
     there = f"the file has {listed(ids)}" if ids else "the file has no tree with an ID"
     named = forest.main.main_tree_name
     if tree_id is not None:
         message = f"there is no tree '{tree_id}'; {there}"
-        return Diagnostic("missing-main-tree", message, source, root.tag_span())
+        return root.finding("missing-main-tree", message)
     if named is not None:
         message = f"main_tree_to_execute names the tree '{named}', which is not there; {there}"
-        span = root.value_span("main_tree_to_execute")
-        return Diagnostic("missing-main-tree", message, source, span, suggestion=nearest(named, ids))
+        near = nearest(named, ids)
+        return root.finding("missing-main-tree", message, value="main_tree_to_execute", suggestion=near)
     count = sum(1 for _ in forest.iterate())
     if not count:
         hint = 'write a <BehaviorTree ID="..."> in it'
-        return Diagnostic("no-tree", "the file has no tree", source, root.tag_span(), hint=hint)
+        return root.finding("no-tree", "the file has no tree", hint=hint)
     what = "this Groot2 project" if is_groot2_project(forest.main) else "the file"
     message = f"{what} has {count} trees and does not say which one to execute: {listed(ids)}"
     first = ids[0] if ids else "..."
     hint = f'name one, --tree {quote(first)}, or write main_tree_to_execute="{first}"'
-    return Diagnostic("no-main-tree", message, source, root.tag_span(), hint=hint)
+    return root.finding("no-main-tree", message, hint=hint)

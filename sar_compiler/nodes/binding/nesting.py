@@ -47,7 +47,7 @@ def fits(main: BoundTree, collector: Collector, others: int = 0) -> int | None:
     if sizes[main] + others > MAX_NODES:
         what = "the tree has" if sizes[main] > MAX_NODES else "the trees up to this one have"
         message = f"with subtrees in place {what} more than {MAX_NODES:,} nodes"
-        collector.tag(main.element, "too-many-nodes", message)
+        collector.add("too-many-nodes", message, main.element)
         return None
     # How deep it is exactly matters only if it may be too deep.
     heights = _heights(trees) if bounds[main] > MAX_LEVELS else bounds
@@ -55,7 +55,7 @@ def fits(main: BoundTree, collector: Collector, others: int = 0) -> int | None:
         node = _first_too_deep(main, heights)
         message = f"with its subtrees in place the tree '{main.name}' is {heights[main]} levels deep here"
         hint = f"at most {MAX_LEVELS} can be ticked and halted"
-        collector.tag(node.element, "too-deep", message, hint=hint)
+        collector.add("too-deep", message, node.element, hint=hint)
         return None
     return sizes[main]
 
@@ -88,7 +88,7 @@ def _cut(node: BoundNode, path: list[BoundTree], collector: Collector) -> None:
     if len(names) > _LONGEST_CIRCLE:
         names[_LONGEST_CIRCLE // 2 : -_LONGEST_CIRCLE // 2] = ["..."]
     message = f"the trees contain each other for ever: {' -> '.join(names)}"
-    collector.value(node.element, "ID", "recursive-tree", message)
+    collector.add("recursive-tree", message, node.element, value="ID")
     node.subtree = None
 
 

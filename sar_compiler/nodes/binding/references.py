@@ -19,17 +19,19 @@ class Candidates:
         self._fitting: dict[str, dict[BoundNode, None]] = {}
         self._called: dict[str | None, dict[str, dict[BoundNode, None]]] = {}
 
-    def of(self, target: str) -> Collection[BoundNode]:
-        """Return the nodes of a class with a given import path."""
+    def of(self, parameter: Parameter) -> Collection[BoundNode]:
+        """Return the nodes that a reference may name."""
+        target = parameter.target_path
         if target not in self._fitting:
-            self._fitting[target] = {node: None for node in self._nodes if target in node.spec.ancestry}
+            self._fitting[target] = {node: None for node in self._nodes if node.spec.is_of(parameter)}
         return self._fitting[target]
 
-    def names(self, target: str | None = None) -> Mapping[str, Collection[BoundNode]]:
-        """Return the nodes of a class by their names; by default those of any class."""
+    def names(self, parameter: Parameter | None = None) -> Mapping[str, Collection[BoundNode]]:
+        """Return the nodes that a reference may name by their names; by default all nodes."""
+        target = parameter.target_path if parameter is not None else None
         if target not in self._called:
             by_name = self._called[target] = {}
-            for node in self._nodes if target is None else self.of(target):
+            for node in self._nodes if parameter is None else self.of(parameter):
                 by_name.setdefault(node.name, {})[node] = None
         return self._called[target]
 
@@ -55,11 +57,7 @@ def choose(
         The node; None if there is none of that name and class; False if there is a finding about it.
     """
     named = bound.element.attributes.get(parameter.name)
-    found = (
-        candidates.of(parameter.target_path)
-        if named is None
-        else candidates.names(parameter.target_path).get(named, ())
-    )
+    found = candidates.of(parameter) if named is None else candidates.names(parameter).get(named, ())
     count = len(found) - (bound in found)
     first = list(itertools.islice((node for node in found if node is not bound), MOST_LISTED))
     if not count:
@@ -71,11 +69,11 @@ def choose(
     if named is None:
         message = f"<{bound.spec.tag}> can mean {count} {what} nodes ({places})"
         hint = f'write {parameter.name}="{first[0].name}"'
-        collector.tag(element, "ambiguous-reference", message, hint=hint)
+        collector.add("ambiguous-reference", message, element, hint=hint)
     else:
         message = f"{parameter.name}: {count} {what} nodes are called '{named}' ({places})"
         hint = "give each a name of its own"
-        collector.value(element, parameter.name, "ambiguous-reference", message, hint=hint)
+        collector.add("ambiguous-reference", message, element, value=parameter.name, hint=hint)
     return False
 
 
@@ -88,12 +86,10 @@ def report_missing(
     where = "this tree" if len(within) == 1 else "this tree or one around it"
     if named is None:
         message = f"<{bound.spec.tag}> needs a {what} in {where} ({parameter.name}); there is none"
-        collector.tag(element, "missing-reference", message, hint=f"add a <{what}> to the tree")
+        collector.add("missing-reference", message, element, hint=f"add a <{what}> to the tree")
         return
-    count = sum(
-        len(each.of(parameter.target_path)) - (bound in each.of(parameter.target_path)) for each in within
-    )
-    fitting = (node for each in within for node in each.of(parameter.target_path) if node is not bound)
+    count = sum(len(each.of(parameter)) - (bound in each.of(parameter)) for each in within)
+    fitting = (node for each in within for node in each.of(parameter) if node is not bound)
     names = [f"'{node.name}'" for node in itertools.islice(fitting, MOST_LISTED)]
     namesake = next((node for each in within for node in each.names().get(named, ())), None)
     if namesake is not None:
@@ -102,11 +98,11 @@ def report_missing(
         code = "wrong-reference"
     else:
         message = f"{parameter.name}: no node in {where} is called '{named}'"
-        near = (collector.guesses.nearest(named, each.names(parameter.target_path)) for each in within)
+        near = (collector.guesses.nearest(named, each.names(parameter)) for each in within)
         suggestion = next((name for name in near if name is not None), None)
         code = "unknown-reference"
     hint = f"{what} nodes of this tree: {listed(names, count)}" if count else f"add a <{what}> to the tree"
-    collector.value(element, parameter.name, code, message, suggestion=suggestion, hint=hint)
+    collector.add(code, message, element, value=parameter.name, suggestion=suggestion, hint=hint)
 
 
 def _resolve(
@@ -147,7 +143,7 @@ def _report_circle(
         node = following.pop()
         if node is bound:
             message = f"'{bound.name}' refers to itself by way of {listed([each.name for each in passed])}"
-            collector.tag(bound.element, "circular-reference", message)
+            collector.add("circular-reference", message, bound.element)
             return
         if node not in passed:
             passed[node] = None

@@ -4,10 +4,8 @@ from collections.abc import Iterable, Sequence
 
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.collector import Collector
-from sar_compiler.nodes.spec import NodeSpec, Skips
+from sar_compiler.nodes.spec import Skips
 
-PARENT = "sar_compiler.runtime.parents:Parent"
-"""The base of this project's controls and decorators."""
 _CONDITIONS = ("_skipIf", "_while")
 
 
@@ -79,15 +77,9 @@ def report_misread(
         if bound.oneshot is not None and skipping.of(bound):
             message = f"oneshot: '{bound.name}' can be skipped, which OneShot takes for an interruption"
             hint = "put it in a <RunOnce> instead"
-            collector.name(bound.element, "oneshot", "skip-misread", message, hint=hint)
-        if _misreads(bound.spec):
+            collector.add("skip-misread", message, bound.element, name="oneshot", hint=hint)
+        if bound.spec.misreads_skips:
             _report_children(bound, skipping, collector)
-
-
-def _misreads(spec: NodeSpec) -> bool:
-    """Return whether a node does not support skipped children, and this project has no class to replace it."""
-    known = spec.is_only_described or spec.skipping.cls is not None or PARENT in spec.ancestry
-    return not spec.kind.is_leaf and not known
 
 
 def _report_children(bound: BoundNode, skipping: SkipAnalysis, collector: Collector) -> None:
@@ -96,4 +88,4 @@ def _report_children(bound: BoundNode, skipping: SkipAnalysis, collector: Collec
             message = f"'{child.name}' can be skipped, which <{bound.element.tag}> takes for an interruption"
             advice = bound.spec.skipping.advice
             hint = f"write {advice} instead" if advice else "let the child succeed or fail instead"
-            collector.tag(child.element, "skip-misread", message, hint=hint)
+            collector.add("skip-misread", message, child.element, hint=hint)

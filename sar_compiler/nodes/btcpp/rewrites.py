@@ -6,7 +6,7 @@ from functools import partial
 from typing import TypeVar
 
 from sar_compiler.nodes.binding.attributes import ONESHOT_TYPE
-from sar_compiler.nodes.btcpp.notes import Notes
+from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.values import SECONDS, ConversionError, ValueType, blackboard_key, type_of
 from sar_compiler.tree.model import Element
 
@@ -39,7 +39,7 @@ class Draft:
     children: list[Element] = field(default_factory=list)
 
     def literal(
-        self, name: str, wanted: type[T], notes: Notes, value_type: ValueType | None = None
+        self, name: str, wanted: type[T], notes: Collector, value_type: ValueType | None = None
     ) -> T | None:
         """Return the value of an attribute; None, with a note, if the node must be kept as it is."""
         text = self.attributes[name]
@@ -50,14 +50,14 @@ class Draft:
                 return value
             message = f"{name}: '{text}' is known when the robot starts, and must be known now"
             hint = f"write the value in place of '{text}'"
-            notes.no_counterpart_of_value(self.element, name, message, hint)
+            notes.add("no-counterpart", message, self.element, value=name, hint=hint)
         except ConversionError as error:
             notes.wrong_value(self.element, name, error)
         self.kept = True
         return None
 
 
-Rewrite = Callable[[Draft, Notes], None]
+Rewrite = Callable[[Draft, Collector], None]
 
 
 def renamed(tag: str) -> Rewrite:
@@ -65,7 +65,7 @@ def renamed(tag: str) -> Rewrite:
     return partial(_rename, tag)
 
 
-def _rename(tag: str, draft: Draft, _notes: Notes) -> None:
+def _rename(tag: str, draft: Draft, _notes: Collector) -> None:
     draft.tag = tag
 
 
@@ -74,27 +74,27 @@ def by_memory(with_memory: str, without: str) -> Rewrite:
     return partial(_choose_by_memory, with_memory, without)
 
 
-def _choose_by_memory(with_memory: str, without: str, draft: Draft, notes: Notes) -> None:
+def _choose_by_memory(with_memory: str, without: str, draft: Draft, notes: Collector) -> None:
     memory = draft.literal("memory", bool, notes) if "memory" in draft.attributes else True
     if memory is not None:
         draft.attributes.pop("memory", None)
         draft.tag = with_memory if memory else without
 
 
-def reactive(draft: Draft, notes: Notes) -> None:
+def reactive(draft: Draft, notes: Collector) -> None:
     """Drop the attribute that the tag implies."""
     if "memory" in draft.attributes and draft.literal("memory", bool, notes) is False:
         del draft.attributes["memory"]
 
 
-def running(draft: Draft, _notes: Notes) -> None:
+def running(draft: Draft, _notes: Collector) -> None:
     """Write `Running` as a node that never ends over one that succeeds."""
     element = draft.element
     draft.tag = "KeepRunningUntilFailure"
     draft.children = [Element("AlwaysSuccess", {}, (), element.source, element.line, element.column)]
 
 
-def oneshot(draft: Draft, notes: Notes) -> None:
+def oneshot(draft: Draft, notes: Collector) -> None:
     """Write `OneShot` as `RunOnce`, where its policy allows that."""
     if "policy" not in draft.attributes:
         return
@@ -108,25 +108,25 @@ def oneshot(draft: Draft, notes: Notes) -> None:
         _replace(draft, "policy", "then_skip", "false")
 
 
-def retry(draft: Draft, notes: Notes) -> None:
+def retry(draft: Draft, notes: Collector) -> None:
     """Write `Retry` as `RetryUntilSuccessful`."""
     if _times(draft, "num_failures", "num_attempts", 1, notes):
         draft.tag = "RetryUntilSuccessful"
         message = "Retry waits for the next tick before each attempt; RetryUntilSuccessful may go on in the same one"
-        notes.differs(draft.element, message)
+        notes.add("differs", message, draft.element)
 
 
-def repeat(draft: Draft, notes: Notes) -> None:
+def repeat(draft: Draft, notes: Collector) -> None:
     """Write a number of successes as a number of cycles."""
     # py_trees compares the number of successes with it, so that no success is the last one below 1.
     if "num_success" in draft.attributes and _times(draft, "num_success", "num_cycles", ENDLESS, notes):
         message = (
             "py_trees waits for the next tick before each repetition; num_cycles may go on in the same one"
         )
-        notes.differs(draft.element, message)
+        notes.add("differs", message, draft.element)
 
 
-def _times(draft: Draft, name: str, other: str, below_1: int, notes: Notes) -> bool:
+def _times(draft: Draft, name: str, other: str, below_1: int, notes: Collector) -> bool:
     """Convert a number of times; return whether this was possible."""
     if name not in draft.attributes:
         return False
@@ -140,26 +140,26 @@ def _times(draft: Draft, name: str, other: str, below_1: int, notes: Notes) -> b
     return True
 
 
-def timeout(draft: Draft, notes: Notes) -> None:
+def timeout(draft: Draft, notes: Collector) -> None:
     """Write seconds as milliseconds."""
     if "duration" in draft.attributes:
         # For BehaviorTree.CPP no time at all means no limit.
         _milliseconds(draft, 1, notes)
 
 
-def timer(draft: Draft, notes: Notes) -> None:
+def timer(draft: Draft, notes: Collector) -> None:
     """Write `Timer` as `Sleep`."""
     draft.attributes.setdefault("duration", "5.0")
     if _milliseconds(draft, 0, notes):
         draft.tag = "Sleep"
 
 
-def _milliseconds(draft: Draft, least: int, notes: Notes) -> bool:
+def _milliseconds(draft: Draft, least: int, notes: Collector) -> bool:
     text = draft.attributes["duration"]
     if blackboard_key(text, "duration") is not None:
         message = f"duration: '{text}' holds seconds, and BehaviorTree.CPP would read it as milliseconds"
         hint = 'give the mission a parameter in milliseconds, and write msec="{...}"'
-        notes.no_counterpart_of_value(draft.element, "duration", message, hint)
+        notes.add("no-counterpart", message, draft.element, value="duration", hint=hint)
         draft.kept = True
         return False
     seconds = draft.literal("duration", float, notes, SECONDS)
@@ -169,7 +169,7 @@ def _milliseconds(draft: Draft, least: int, notes: Notes) -> bool:
     return True
 
 
-def parallel(draft: Draft, notes: Notes) -> None:
+def parallel(draft: Draft, notes: Collector) -> None:
     """Write a policy as counts."""
     policy = draft.attributes.get("policy")
     if policy is None:
@@ -180,14 +180,14 @@ def parallel(draft: Draft, notes: Notes) -> None:
         detail = policy if policy != "SuccessOnAll" else f"{policy} without synchronise"
         message = f"policy: BehaviorTree.CPP's Parallel has nothing like {detail}"
         hint = "say it by success_count and failure_count, or register a control in C++"
-        notes.no_counterpart_of_value(draft.element, "policy", message, hint)
+        notes.add("no-counterpart", message, draft.element, value="policy", hint=hint)
     if draft.kept:
         return
     _replace(draft, "policy", "success_count", "1" if policy == "SuccessOnOne" else "-1")
     draft.attributes["failure_count"] = "1"
     draft.attributes.pop("synchronise", None)
     message = "py_trees ticks all children before it judges; BehaviorTree.CPP stops at the one that decides"
-    notes.differs(draft.element, message)
+    notes.add("differs", message, draft.element)
 
 
 def _replace(draft: Draft, name: str, other: str, text: str) -> None:

@@ -10,14 +10,13 @@ from collections.abc import Iterable, Iterator
 from sar_compiler.nodes.binding.attributes import ONESHOT, ONESHOT_TYPE
 from sar_compiler.nodes.binding.collector import Collector
 from sar_compiler.nodes.binding.tree_ids import RESERVED, refused_in
-from sar_compiler.nodes.btcpp.notes import Notes
 from sar_compiler.nodes.btcpp.rewrites import NO_ONESHOT, Draft, Rewrite
-from sar_compiler.nodes.btcpp.versions import NAMES, NEWEST, VERSIONS, Version
+from sar_compiler.nodes.btcpp.versions import DROPS_EXPLICIT, NAMES, NEWEST, VERSIONS, Version
 from sar_compiler.nodes.models.models import Model, read_models, yielding
 from sar_compiler.nodes.models.palette import described_by_use, description, is_built_in
 from sar_compiler.nodes.numbers import milliseconds_in, plain_duration
 from sar_compiler.nodes.registry import Registry, subtree
-from sar_compiler.nodes.spec import Kind, NodeSpec, Role
+from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role
 from sar_compiler.nodes.values import ConversionError, blackboard_key, items_of, whole_number
 from sar_compiler.tree.conversion import Converted, convert
 from sar_compiler.tree.diagnostic import Diagnostic
@@ -26,8 +25,6 @@ from sar_compiler.tree.source import Form
 from sar_compiler.tree.synthetic import synthetic_element
 
 _KIND_TAGS = frozenset(kind.value for kind in Kind)
-_DROPS_EXPLICIT = "ReactiveSequence"
-"""BehaviorTree.CPP (4.10) does not find nodes in explicit form that are its direct children."""
 
 _LIMITS = {
     "short": (-(2**15), 2**15 - 1),
@@ -57,7 +54,8 @@ def to_btcpp(
     """
     conversion = _Conversion(registry, btcpp)
     root = conversion.root(tree_file, palettes)
-    return dataclasses.replace(tree_file, root=root), conversion.notes.in_order()
+    notes = sorted(conversion.notes.findings, key=lambda note: (note.span.line, note.span.column))
+    return dataclasses.replace(tree_file, root=root), notes
 
 
 def convert_to_btcpp(
@@ -95,7 +93,8 @@ class _Conversion:
         self._used: dict[str, _Usage] = {}
         self._models: dict[str, Model] = {}
         self._units: dict[str, str] = {}
-        self.notes = Notes()
+        self._referring: set[tuple[str, str]] = set()
+        self.notes = Collector()
 
     def root(self, tree_file: TreeFile, palettes: Iterable[TreeFile]) -> Element:
         palettes = tuple(palettes)
@@ -127,7 +126,8 @@ class _Conversion:
 
     def _section(self, element: Element) -> Element:
         if element.tag == INCLUDE_TAG:
-            self.notes.include(element)
+            hint = "convert it too, and include what that makes"
+            self.notes.add("not-converted", "the included file stays as it is", element, hint=hint)
         if element.tag != TREE_TAG:
             return element
         return dataclasses.replace(element, children=tuple(self._children(element, TREE_TAG)))
@@ -138,10 +138,10 @@ class _Conversion:
         if self._btcpp >= NAMES.since and (refused or tree_id in RESERVED):
             message = f"BehaviorTree.CPP refuses the ID '{tree_id}'"
             what = f"an ID without {refused}" if refused else "another ID"
-            self.notes.no_counterpart_of_value(element, "ID", message, hint=f"give the tree {what}")
+            self.notes.add("no-counterpart", message, element, value="ID", hint=f"give the tree {what}")
         elif self._is_built_in(tree_id) or tree_id in self._used:
             message = f"BehaviorTree.CPP refuses a tree with the ID of a node, '{tree_id}'"
-            self.notes.no_counterpart_of_value(element, "ID", message, hint="give the tree another ID")
+            self.notes.add("no-counterpart", message, element, value="ID", hint="give the tree another ID")
 
     def _children(self, element: Element, parent: str) -> Iterator[Element]:
         for child in element.children:
@@ -206,7 +206,7 @@ class _Conversion:
                     f"{name}: BehaviorTree.CPP knows no units, and would read '{text}' as another number"
                 )
                 hint = f"write {plain_duration(text, self._units[name])}, for {text}"
-                self.notes.no_counterpart_of_value(element, name, message, hint)
+                self.notes.add("no-counterpart", message, element, value=name, hint=hint)
         return Draft(element, SUBTREE_TAG, dict(element.attributes), explicit=False, kept=True)
 
     def _oneshot(self, draft: Draft) -> str | None:
@@ -226,12 +226,8 @@ class _Conversion:
         tag = "RunOnce"
         if policy == "ON_SUCCESSFUL_COMPLETION":
             tag, attributes = "OneShot", {"name": name, "policy": policy}
-            self.notes.no_counterpart_of_value(
-                element,
-                ONESHOT,
-                f"{ONESHOT}: nothing in BehaviorTree.CPP tries again until it succeeds once",
-                NO_ONESHOT,
-            )
+            message = f"{ONESHOT}: nothing in BehaviorTree.CPP tries again until it succeeds once"
+            self.notes.add("no-counterpart", message, element, value=ONESHOT, hint=NO_ONESHOT)
             self._use(tag, attributes, 1)
         return Element(tag, attributes, (child,), element.source, element.line, element.column)
 
@@ -242,26 +238,37 @@ class _Conversion:
         if refused and not draft.explicit and self._btcpp >= NAMES.since:
             message = f"BehaviorTree.CPP refuses the node '{draft.tag}'"
             hint = f"register it by a name without {refused}"
-            self.notes.no_counterpart(draft.element, message, hint)
+            self.notes.add("no-counterpart", message, draft.element, hint=hint)
         if draft.kept or not specs:
             return
         spec = specs[0]
         since = spec.semantics.counterpart.since
         if since and self._btcpp < VERSIONS[since]:
             message = f"BehaviorTree.CPP has <{draft.tag}> since {since}, and this is for {self._btcpp}"
-            self.notes.no_counterpart(draft.element, message, spec.semantics.counterpart.hint)
+            self.notes.add("no-counterpart", message, draft.element, hint=spec.semantics.counterpart.hint)
         built_in = is_built_in(specs)
         if not built_in:
             if not spec.kind.is_leaf and spec.semantics.counterpart.hint:
                 message = f"BehaviorTree.CPP has no <{draft.tag}>"
-                self.notes.no_counterpart(draft.element, message, spec.semantics.counterpart.hint)
+                self.notes.add("no-counterpart", message, draft.element, hint=spec.semantics.counterpart.hint)
             for parameter in spec.references:
-                self.notes.reference(draft.element, draft.tag, parameter)
+                self._refer(draft.element, draft.tag, parameter)
         known = {name for each in specs for name in _ports(each, built_in=built_in)}
         for name in [name for name in draft.attributes if name not in known and not name.startswith("_")]:
             del draft.attributes[name]
             if name in draft.element.attributes:
-                self.notes.left_out(draft.element, name, f"BehaviorTree.CPP's <{draft.tag}> has no '{name}'")
+                message = f"BehaviorTree.CPP's <{draft.tag}> has no '{name}'; it is left out"
+                self.notes.add("left-out", message, draft.element, name=name)
+
+    def _refer(self, element: Element, tag: str, parameter: Parameter) -> None:
+        """Note, once for each kind of node, that BehaviorTree.CPP treats a reference as a plain text."""
+        if (tag, parameter.name) in self._referring:
+            return
+        self._referring.add((tag, parameter.name))
+        what = parameter.target_name or "node"
+        message = f"{parameter.name}: in BehaviorTree.CPP <{tag}> gets the name of a {what}, not the node"
+        hint = "in C++, let the two share what they need on the blackboard"
+        self.notes.add("reference", message, element, name=parameter.name, hint=hint)
 
     def _measure(self, draft: Draft) -> None:
         """Note whole numbers that have more bits than BehaviorTree.CPP's type of the port."""
@@ -278,7 +285,8 @@ class _Conversion:
             beyond = next((number for number in numbers if not least <= number <= most), None)
             if beyond is not None:
                 message = f"{name}: {beyond} does not go into BehaviorTree.CPP's {kind}"
-                self.notes.too_large(draft.element, name, message, f"write a number from {least} to {most}")
+                hint = f"write a number from {least} to {most}"
+                self.notes.add("no-counterpart", message, draft.element, value=name, hint=hint)
 
     def _type_name(self, tag: str, name: str) -> str:
         """Return the type that an attribute has in C++; empty if it is not known."""
@@ -295,12 +303,13 @@ class _Conversion:
         """Return whether a node is written in explicit form."""
         if draft.tag in _KIND_TAGS and draft.tag in self._registry:
             return True  # its own name would be taken for the explicit form
-        if draft.explicit and parent == _DROPS_EXPLICIT:
+        if draft.explicit and parent == DROPS_EXPLICIT:
             message = f"BehaviorTree.CPP does not find <{draft.element.tag}> directly in <{parent}>"
             if refused_in(draft.tag) or draft.tag in _KIND_TAGS:
-                self.notes.no_counterpart(draft.element, message, "put it into a Sequence of its own")
+                hint = "put it into a Sequence of its own"
+                self.notes.add("no-counterpart", message, draft.element, hint=hint)
                 return True
-            self.notes.differs(draft.element, f"{message}; written as <{draft.tag}>")
+            self.notes.add("differs", f"{message}; written as <{draft.tag}>", draft.element)
             return False
         return draft.explicit
 

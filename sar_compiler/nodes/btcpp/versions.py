@@ -35,12 +35,17 @@ class VersionChange(NamedTuple):
 
 
 NAMES = VersionChange(Version(4, 9), "4.8.4")
-"""IDs of trees and compact tags with blanks and some other characters, the ID Root, and two subtrees of one name are refused."""
+"""IDs of trees, compact tags and names of ports with blanks and some other characters, the ID Root, and two subtrees of one name are refused."""
 QUOTES = VersionChange(Version(4, 9), "4.9.0")
 """Texts of scripts in double quotation marks are refused."""
-SUMS = VersionChange(Version(4, 9), "4.9.0")
-"""Sums of scripts are worked out from the left; before, `a - b + c` was `a - (b + c)`."""
+ORDER = VersionChange(Version(4, 9), "4.9.0")
+"""Sums, products, and `|` with `^`, are worked out from the left in scripts; before, `a - b + c` was `a - (b + c)`."""
+OPERATORS = VersionChange(Version(4, 9), "4.9.0")
+"""Operators of scripts mix, `?:` and assignments can be chained, and `&&` comes before `||`."""
 STATEMENTS = VersionChange(Version(4, 9), "4.9.0")
 """Two statements of a script need no `;` between them; before, it was refused without one."""
 NUMBERS = VersionChange(Version(4, 9), "4.9.1")
 """A constant that is given to a subtree and looks like a number is one; before, it was a text."""
+
+DROPS_EXPLICIT = "ReactiveSequence"
+"""The control in which BehaviorTree.CPP, up to 4.10, does not find nodes in explicit form that are its direct children."""

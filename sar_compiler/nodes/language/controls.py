@@ -1,29 +1,15 @@
 """Controls: nodes with several children."""
 
 from dataclasses import replace
-from typing import Literal
-
-from py_trees import composites
-from py_trees.behaviour import Behaviour
-from py_trees.common import ParallelPolicy
-from py_trees.decorators import OneShot
 
 from sar_compiler.nodes import outcome_sets
 from sar_compiler.nodes.btcpp import rewrites
+from sar_compiler.nodes.declaring import ENUMS, attribute, input_port, signature
 from sar_compiler.nodes.language.attribute_readers import after_the_first, one_after_the_other
-from sar_compiler.nodes.language.narrow_types import NAMES
-from sar_compiler.nodes.language.node_rules import (
-    HOW_TO_SELECT,
-    clash_with,
-    place_of,
-    report_interruptions,
-    report_policy,
-    within_reach,
-)
+from sar_compiler.nodes.language.narrow_types import NAMES, PolicyName
+from sar_compiler.nodes.language.node_rules import report_interruptions, report_policy, within_reach
 from sar_compiler.nodes.semantics import Counterpart, Semantics
-from sar_compiler.nodes.spec import Kind, NodeSpec, Signature, Skipping, Skips
-from sar_compiler.runtime import branches, controls, parallel
-from sar_compiler.runtime.conditions import Conditions
+from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Skipping, Skips
 
 _ALL = frozenset({"SUCCESS", "FAILURE", "RUNNING"})
 
@@ -31,11 +17,7 @@ _SEQUENCE = "Ticks its children in order until one does not succeed; succeeds wh
 _SELECTOR = "Ticks its children in order until one does not fail; fails when all have."
 _REACTIVE = "Looks at every child again in every tick."
 _PAUSES = "Lets the rest of the robot have a turn after every child."
-
-_PARAMETER_DOCS = {
-    "name": "The node's name.",
-    "memory": "Whether to go on with the child that was running (true), or to look at every child again (false).",
-}
+_MEMORY = "Whether to go on with the child that was running (true), or to look at every child again (false)."
 
 
 def _ordered(
@@ -43,21 +25,23 @@ def _ordered(
 ) -> NodeSpec:
     """Return a sequence or selector; *memory* is implied by its tag, or None if it is an attribute."""
     doc = _SEQUENCE if is_sequence else _SELECTOR
+    if memory is None:
+        signed = signature(Kind.CONTROL, doc, attribute("memory", bool, _MEMORY, default=True))
+    else:
+        implied = attribute("memory", bool, _MEMORY)
+        signed = signature(Kind.CONTROL, f"{doc} {_REACTIVE}", implied, fixed={"memory": memory})
     return NodeSpec(
         tag,
-        composites.Sequence if is_sequence else composites.Selector,
+        f"py_trees.composites:{'Sequence' if is_sequence else 'Selector'}",
         Kind.CONTROL,
         _ALL,
         semantics=replace(
             _IN_ORDER[is_sequence], counterpart=counterpart, with_memory=_REMEMBERING[is_sequence]
         ),
-        skipping=Skipping(Skips.FROM_CHILD, controls.Sequence if is_sequence else controls.Fallback),
-        signature=Signature(
-            doc=doc if memory is None else f"{doc} {_REACTIVE}",
-            defaults={"memory": True} if memory is None else {},
-            fixed={} if memory is None else {"memory": memory},
-            parameter_docs=_PARAMETER_DOCS,
+        skipping=Skipping(
+            Skips.FROM_CHILD, f"sar_compiler.runtime.controls:{'Sequence' if is_sequence else 'Fallback'}"
         ),
+        signature=signed,
         former_tags=former_tags,
         rule=report_interruptions if is_sequence else None,
     )
@@ -72,79 +56,54 @@ def _by_memory(with_memory: str, without: str, *, built_in: bool = True) -> Coun
     return Counterpart(built_in, rewrites.by_memory(with_memory, without))
 
 
-def _own(tag: str, cls: type, semantics: Semantics, *former_tags: str, **more: object) -> NodeSpec:
-    """Return a BehaviorTree.CPP control that py_trees does not have."""
+def _own(
+    tag: str,
+    path: str,
+    semantics: Semantics,
+    doc: str,
+    *parameters: Parameter,
+    former_tags: tuple[str, ...] = (),
+    **more: object,
+) -> NodeSpec:
+    """Return a BehaviorTree.CPP control that py_trees does not have; *path* is that of its class in `runtime`."""
     return NodeSpec(
         tag,
-        cls,
+        f"sar_compiler.runtime.{path}",
         Kind.CONTROL,
         _ALL,
         semantics=replace(semantics, counterpart=semantics.counterpart._replace(built_in=True)),
         skipping=Skipping(Skips.FROM_CHILD),
+        signature=signature(Kind.CONTROL, doc, *parameters),
         former_tags=former_tags,
         **more,  # type: ignore[arg-type]
     )
 
 
 def _switch(cases: int) -> NodeSpec:
-    names = [f"case_{number}" for number in range(1, 7)]
+    ordinals = ("first", "second", "third", "fourth", "fifth", "sixth")[:cases]
     return _own(
         f"Switch{cases}",
-        branches.Switch,
+        "branches:Switch",
         Semantics(outcome_sets.selection),
-        signature=Signature(hidden=frozenset(names[cases:]), required=frozenset(names[:cases])),
+        "Ticks the child whose case is equal to a variable, and the last one if none is.",
+        input_port(
+            "variable",
+            str,
+            "What to compare with the cases: as text, as a whole number or a name of an enumeration, or as a real "
+            "number. Without a value, none of them is equal.",
+        ),
+        ENUMS,
+        *(
+            input_port(f"case_{number}", str, f"The {ordinal} child's case.")
+            for number, ordinal in enumerate(ordinals, 1)
+        ),
         child_count=(cases + 1, cases + 1),
     )
 
 
-Policy = Literal["SuccessOnAll", "SuccessOnOne", "SuccessOnSelected"]
-"""The children of a Parallel that have to succeed, by py_trees' names."""
-
-
-def stock_parallel(
-    name: str,
-    children: list[Behaviour],
-    policy: Policy,
-    synchronise: bool | None = None,
-    selected: list[str] | None = None,
-) -> composites.Parallel:
-    """Ticks all its children in every tick; fails as soon as one of them does.
-
-    Args:
-        name: The node's name.
-        children: The children.
-        policy: Which children have to succeed; those still running then are interrupted.
-        synchronise: Whether a child that has succeeded waits for the others, instead of being started again; not
-            for `SuccessOnOne`. Where it is not written, it does.
-        selected: The names of the children that have to succeed, for `SuccessOnSelected`: `left;right`.
-
-    Raises:
-        ValueError: If a name is not that of one child, or an attribute does not go with the policy.
-    """
-    clash = clash_with(policy, synchronise, is_selected=selected is not None)
-    if clash is not None:
-        raise ValueError(": ".join(clash))
-    if policy == "SuccessOnOne":
-        return composites.Parallel(name, ParallelPolicy.SuccessOnOne(), children)
-    waits = synchronise is not False
-    if policy == "SuccessOnAll":
-        return composites.Parallel(name, ParallelPolicy.SuccessOnAll(waits), children)
-    if not selected:
-        message = f"selected: no child is named; {HOW_TO_SELECT}"
-        raise ValueError(message)
-    names = [_written_name(child) for child in children]
-    chosen = [children[place_of(text, names)] for text in selected]
-    return composites.Parallel(name, ParallelPolicy.SuccessOnSelected(chosen, waits), children)
-
-
-def _written_name(child: Behaviour) -> str:
-    """Return a child's name as written in the file, without the wrappers of `oneshot` and conditions."""
-    if isinstance(child, Conditions):
-        return child.decorated.name
-    if isinstance(child, OneShot):
-        inner = _written_name(child.decorated)
-        return inner if child.name == f"{inner}OneShot" else child.name
-    return child.name
+def _branching(tag: str, doc: str) -> NodeSpec:
+    means = Semantics(outcome_sets.branches, gates=after_the_first)
+    return _own(tag, f"branches:{tag}", means, doc, child_count=(2, 3))
 
 
 SPECS = [
@@ -163,30 +122,44 @@ SPECS = [
     _ordered("ReactiveFallback", _REACTIVE_ONE, "ReactiveSelector", is_sequence=False, memory=False),
     _own(
         "AsyncSequence",
-        controls.AsyncSequence,
+        "controls:AsyncSequence",
         Semantics.sequence(pauses=True),
-        signature=Signature(doc=f"{_SEQUENCE} {_PAUSES}"),
+        f"{_SEQUENCE} {_PAUSES}",
     ),
     _own(
         "AsyncFallback",
-        controls.AsyncFallback,
+        "controls:AsyncFallback",
         Semantics.selector(pauses=True),
-        signature=Signature(doc=f"{_SELECTOR} {_PAUSES}"),
+        f"{_SELECTOR} {_PAUSES}",
     ),
     _own(
         "SequenceWithMemory",
-        controls.SequenceWithMemory,
+        "controls:SequenceWithMemory",
         Semantics.sequence(pauses=True, keeps_place=True),
-        "SequenceStar",
+        "A sequence that goes on with the child that failed or was halted when it is started again.",
+        former_tags=("SequenceStar",),
     ),
     _own(
         "Parallel",
-        parallel.Parallel,
+        "parallel:Parallel",
         replace(
             Semantics.parallel(outcome_sets.counting),
             counterpart=Counterpart(built_in=True, rewrite=rewrites.parallel),
         ),
-        signature=Signature(defaults={"success_count": -1, "failure_count": 1}),
+        "Succeeds after success_count successes; fails after failure_count failures or when success is out of reach.",
+        input_port(
+            "success_count",
+            int,
+            "How many successes make a success; negative: counted from the end, -1 is all, and then a skipped child "
+            "counts as one that succeeded.",
+            -1,
+        ),
+        input_port(
+            "failure_count",
+            int,
+            "How many failures make a failure; negative: counted from the end.",
+            1,
+        ),
         former_attributes={
             "threshold": "success_count",
             "success_threshold": "success_count",
@@ -196,32 +169,70 @@ SPECS = [
     ),
     NodeSpec(
         "Parallel",
-        composites.Parallel,
+        "py_trees.composites:Parallel",
         Kind.CONTROL,
         _ALL,
         semantics=replace(Semantics.parallel(outcome_sets.by_policy), counterpart=Counterpart(built_in=True)),
         skipping=Skipping(advice='success_count="..."'),
-        signature=Signature(factory=stock_parallel, types={"selected": NAMES}),
+        signature=signature(
+            Kind.CONTROL,
+            "Ticks all its children in every tick; fails as soon as one of them does.",
+            attribute(
+                "policy",
+                PolicyName,
+                "Which children have to succeed; those still running then are interrupted.",
+            ),
+            attribute(
+                "synchronise",
+                bool,
+                "Whether a child that has succeeded waits for the others, instead of being started again; not for "
+                "`SuccessOnOne`. Where it is not written, it does.",
+                None,
+            ),
+            attribute(
+                "selected",
+                NAMES,
+                "The names of the children that have to succeed, for `SuccessOnSelected`: `left;right`.",
+                None,
+            ),
+            factory="sar_compiler.nodes.language.py_trees_nodes:stock_parallel",
+        ),
         variant=True,
         rule=report_policy,
     ),
     _own(
         "ParallelAll",
-        parallel.ParallelAll,
+        "parallel:ParallelAll",
         Semantics.parallel(outcome_sets.counting_all),
-        signature=Signature(defaults={"max_failures": 1}),
+        "Waits for all children, then fails if too many of them have failed.",
+        input_port(
+            "max_failures",
+            int,
+            "With how many failures it fails; negative: counted from the end, 0: always.",
+            1,
+        ),
         rule=within_reach("max_failures"),
     ),
-    *(
-        _own(cls.__name__, cls, Semantics(outcome_sets.branches, gates=after_the_first), child_count=(2, 3))
-        for cls in (branches.IfThenElse, branches.WhileDoElse)
+    _branching(
+        "IfThenElse",
+        "Ticks its second child if the first one succeeds, else the third; asks the first one only once.",
+    ),
+    _branching(
+        "WhileDoElse",
+        "Ticks its second child as long as the first one succeeds, and the third as long as it fails.",
     ),
     *(_switch(cases) for cases in range(2, 7)),
     _own(
         "TryCatch",
-        branches.TryCatch,
+        "branches:TryCatch",
         Semantics(outcome_sets.attempt, gates=one_after_the_other, counterpart=Counterpart(since="4.9")),
-        signature=Signature(defaults={"catch_on_halt": False}),
+        "Ticks its children in order but for the last one, which is ticked when one of them has failed.",
+        input_port(
+            "catch_on_halt",
+            bool,
+            "Whether to tick the last child, once, also when the node is halted.",
+            default=False,
+        ),
         child_count=(2, None),
     ),
 ]

@@ -18,6 +18,8 @@ from sar_compiler.runtime.queues import QueueError, queue_items
 
 StatusName = Literal["SUCCESS", "FAILURE", "RUNNING"]
 """The statuses that a tick can return; py_trees' INVALID is none of them."""
+PolicyName = Literal["SuccessOnAll", "SuccessOnOne", "SuccessOnSelected"]
+"""The children of a Parallel that have to succeed, by py_trees' names."""
 
 _STATUS_NAME = type_of(StatusName)
 _CHANCES = "write how often to succeed, to fail and to run: 2;1;1"

@@ -26,7 +26,7 @@ def _report_out_of_reach(names: tuple[str, ...], bound: BoundNode, collector: Co
         wanted = bound.values.get(name)
         if isinstance(wanted, int) and wanted > there > 0:
             message = f"{name}: {wanted} of {there} children can never be"
-            collector.value(bound.element, name, "out-of-reach", message, suggestion=str(there))
+            collector.add("out-of-reach", message, bound.element, value=name, hint=f"write {there} or fewer")
 
 
 def report_interruptions(bound: BoundNode, collector: Collector) -> None:
@@ -42,14 +42,14 @@ def report_interruptions(bound: BoundNode, collector: Collector) -> None:
             f"a second AsyncSequence in '{bound.name}' never ends: the first one is started again in every tick, "
             "and interrupts it"
         )
-        collector.tag(child, "interrupted-child", message, hint="put them together in an AsyncSequence")
+        collector.add("interrupted-child", message, child, hint="put them together in an AsyncSequence")
 
 
 def report_no_answer(bound: BoundNode, collector: Collector) -> None:
     """Report a queue without statuses."""
     written = bound.element.attributes
     if bound.values.get("queue") == [] and "eventually" not in written:
-        collector.value(bound.element, "queue", "wrong-value", NO_ANSWER)
+        collector.add("wrong-value", NO_ANSWER, bound.element, value="queue")
 
 
 def report_policy(bound: BoundNode, collector: Collector) -> None:
@@ -61,15 +61,15 @@ def report_policy(bound: BoundNode, collector: Collector) -> None:
     clash = clash_with(policy, bound.values.get("synchronise"), is_selected=written is not None)
     if clash is not None:
         attribute, message = clash
-        collector.name(element, attribute, "conflicting-attributes", f"{attribute}: {message}")
+        collector.add("conflicting-attributes", f"{attribute}: {message}", element, name=attribute)
     elif policy != "SuccessOnSelected":
         return
     elif written is None:
         message = f"<{bound.spec.tag}> needs the attribute 'selected' with SuccessOnSelected"
-        collector.tag(element, "missing-attribute", message, hint=HOW_TO_SELECT)
+        collector.add("missing-attribute", message, element, hint=HOW_TO_SELECT)
     elif bound.values.get("selected") == []:
         message = "selected: no child is named"
-        collector.value(element, "selected", "wrong-value", message, hint=HOW_TO_SELECT)
+        collector.add("wrong-value", message, element, value="selected", hint=HOW_TO_SELECT)
     elif "selected" in bound.values and len(bound.children) == len(element.children):
         _report_names(bound, written, collector)
 
@@ -108,7 +108,7 @@ def place_of(name: str, names: list[str]) -> int:
 
 
 def _bound_name(child: BoundNode) -> str:
-    """Return the result of `controls._written_name` for a bound child."""
+    """Return the result of `py_trees_nodes._written_name` for a bound child."""
     if child.spec.tag == "OneShot" and child.children:
         inner = _bound_name(child.children[0])
         return inner if child.name == f"{inner}OneShot" else child.name

@@ -1,4 +1,4 @@
-"""A palette of the nodes that trees use and nobody describes: kinds, types and directions are guessed, and marked so."""
+"""A palette of the nodes and trees that trees use and nobody describes: kinds, types and directions are guessed, and marked so."""
 
 import re
 from collections import Counter
@@ -86,11 +86,16 @@ class UseOfNodes:
     def __init__(self) -> None:
         self._guesses = Guesses()
         self._used: dict[str, _NodeUse] = {}
+        self._trees: set[str] = set()
+        self._used_trees: set[str] = set()
 
     def add(self, tree_file: TreeFile, palettes: Iterable[TreeFile], registry: Registry) -> None:
         """Add the trees of a file, in which its own models, those of palettes and registered nodes count."""
-        described = read_models([tree_file, *palettes], Collector()).nodes
+        models = read_models([tree_file, *palettes], Collector())
+        described = models.nodes
+        self._trees.update(models.subtrees, (tree.attributes.get("ID", "") for tree in tree_file.trees))
         handed_over = _handed_over(tree_file)
+        self._used_trees.update(handed_over)
         for tree in tree_file.trees:
             order = list(tree.iterate())[1:]
             before = set(handed_over.get(tree.attributes.get("ID", ""), ()))
@@ -105,7 +110,13 @@ class UseOfNodes:
     def models(self, only: str | None = None) -> Element:
         """Return the models, in the order of their names; only that of one node if it is named."""
         used = [(tag, self._used[tag]) for tag in sorted(self._used) if only in (None, tag)]
-        return synthetic_element(MODEL_TAG, children=[_model(tag, use) for tag, use in used])
+        # What a tree needs is not guessed: a use may leave out what has a default.
+        trees = [
+            synthetic_element(SUBTREE_TAG, {"ID": tree_id}, [_NOTE])
+            for tree_id in sorted(self._used_trees - self._trees - {""})
+            if only in (None, tree_id)
+        ]
+        return synthetic_element(MODEL_TAG, children=[*(_model(tag, use) for tag, use in used), *trees])
 
     def _is_known(self, tag: str, node: Element, registry: Registry) -> bool:
         if tag in _NOT_NODES:

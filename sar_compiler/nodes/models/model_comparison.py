@@ -12,8 +12,6 @@ from sar_compiler.nodes.values import (
     type_of,
     type_of_cpp_name,
 )
-from sar_compiler.tree.diagnostic import Severity
-from sar_compiler.tree.model import Element
 
 _TEXT = type_of(str)
 # The comparable types: C++ has types of its own for durations, enumerations and other values written as texts.
@@ -38,7 +36,7 @@ def compare(models: Models, registry: Registry, collector: Collector) -> None:
             elif specs:
                 message = f"<{model.tag}> has no port '{port.name}'; it has {', '.join(known)}"
                 near = collector.guesses.nearest(port.name, known)
-                _mismatch(port.element, "name", message, near, collector)
+                collector.add("model-mismatch", message, port.element, value="name", suggestion=near)
             else:
                 _check_default(port, type_of_cpp_name(port.type_name) or ANYTHING, collector)
 
@@ -47,27 +45,20 @@ def _compare_kind(model: Model, spec: NodeSpec, collector: Collector) -> None:
     if model.kind is not spec.kind:
         article = "an" if spec.kind is Kind.ACTION else "a"
         message = f"<{model.tag}> is {article} {spec.kind.value}, and the model says {model.element.tag}"
-        _mismatch(model.element, None, message, spec.kind.value, collector)
+        collector.add("model-mismatch", message, model.element, suggestion=spec.kind.value)
 
 
 def _compare_port(model: Model, port: Port, parameter: Parameter, collector: Collector) -> None:
     if {parameter.direction, port.direction} == {Direction.INPUT, Direction.OUTPUT}:
         right = Direction.INPUT if port.direction is Direction.OUTPUT else Direction.OUTPUT
         message = f"the port '{port.name}' of <{model.tag}> is an {right.value}"
-        _mismatch(port.element, None, message, right.value, collector)
+        collector.add("model-mismatch", message, port.element, suggestion=right.value)
     said, real = type_of_cpp_name(port.type_name), parameter.value_type or _TEXT
     if said is not None and not _agree(said, real):
         message = (
             f"the port '{port.name}' of <{model.tag}> is {real.label}, and the model says {port.type_name}"
         )
-        _mismatch(port.element, "type", message, real.cpp, collector)
-
-
-def _mismatch(
-    element: Element, attribute: str | None, message: str, suggestion: str | None, collector: Collector
-) -> None:
-    span = element.value_span(attribute) if attribute else element.tag_span()
-    collector.at(element, span, "model-mismatch", message, suggestion=suggestion, severity=Severity.WARNING)
+        collector.add("model-mismatch", message, port.element, value="type", suggestion=real.cpp)
 
 
 def _agree(said: ValueType, real: ValueType) -> bool:
@@ -85,5 +76,5 @@ def _check_default(port: Port, value_type: ValueType, collector: Collector) -> N
     try:
         value_type.convert(text)
     except ConversionError as error:
-        advice = {"suggestion": error.suggestion, "hint": error.hint}
-        collector.slip_in_model(port.element, "default", f"default: {error.message}", **advice)
+        message, near, hint = f"default: {error.message}", error.suggestion, error.hint
+        collector.add("wrong-model", message, port.element, value="default", suggestion=near, hint=hint)

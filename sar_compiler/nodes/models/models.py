@@ -164,7 +164,7 @@ def _compare_twice(first: Model, second: Model, collector: Collector) -> None:
     differs = ", differently" if first.says != second.says else ""
     message = f"'{second.tag}' is described in line {there.line}{file_of(there, here)} already{differs}"
     cause = Cause("these are described elsewhere already, differently", second.tag) if not same_file else None
-    collector.slip_in_model(here, "ID", message, hint="delete one of the two", common_cause=cause)
+    collector.add("wrong-model", message, here, value="ID", hint="delete one of the two", common_cause=cause)
 
 
 def yielding(registry: Registry, models: Models) -> Registry:
@@ -193,18 +193,17 @@ def _model(element: Element, collector: Collector) -> Model | None:
     if kind is None and element.tag != SUBTREE_TAG:
         known = [*_KINDS, SUBTREE_TAG]
         message = f"<{element.tag}> is not allowed in a <{MODEL_TAG}>; it has {', '.join(known)}"
-        collector.slip_in_model(
-            element, None, message, suggestion=collector.guesses.nearest(element.tag, known)
-        )
+        near = collector.guesses.nearest(element.tag, known)
+        collector.add("wrong-model", message, element, suggestion=near)
         return None
     tag = element.attributes.get("ID")
     if not tag:
         message = f"this <{element.tag}> describes nothing: it has no ID"
-        _report(element, None, message, kind, collector, 'write ID="..."')
+        _report_slip(element, None, message, kind, collector, 'write ID="..."')
         return None
     if kind is not None and tag in _TAGS:
         message = f"a node cannot be called '{tag}': it has a meaning already"
-        collector.slip_in_model(element, "ID", message)
+        collector.add("wrong-model", message, element, value="ID")
         return None
     return Model(element, tag, kind, _ports(element, kind, collector))
 
@@ -215,7 +214,7 @@ def _ports(element: Element, kind: Kind | None, collector: Collector) -> dict[st
         port = _port(child, kind, collector) if child.tag != METADATA_TAG else None
         if port is not None and ports.setdefault(port.name, port) is not port:
             message = f"the port '{port.name}' is described in line {ports[port.name].element.line} already"
-            collector.slip_in_model(child, "name", message, hint="delete one of the two")
+            collector.add("wrong-model", message, child, value="name", hint="delete one of the two")
     return ports
 
 
@@ -224,24 +223,24 @@ def _port(element: Element, kind: Kind | None, collector: Collector) -> Port | N
     if direction is None:
         message = f"<{element.tag}> is no port; a model has {', '.join(_DIRECTIONS)}"
         near = collector.guesses.nearest(element.tag, _DIRECTIONS)
-        collector.slip_in_model(element, None, message, suggestion=near, hint=_DIRECTIONS_HINT)
+        collector.add("wrong-model", message, element, suggestion=near, hint=_DIRECTIONS_HINT)
         # BehaviorTree.CPP reads the models of subtrees, and passes over such an element.
         if kind is None or not name:
             return None
     if not name:
-        _report(element, None, f"<{element.tag}> has no name", kind, collector, 'write name="..."')
+        _report_slip(element, None, f"<{element.tag}> has no name", kind, collector, 'write name="..."')
         return None
     taken = name in (*_NAMES, *CONDITIONS)
     if taken or not can_be_tag(name):
         why = "it has a meaning already" if taken else "a name has letters, digits and _ only"
-        _report(element, "name", f"a port cannot be called '{name}': {why}", kind, collector)
+        _report_slip(element, "name", f"a port cannot be called '{name}': {why}", kind, collector)
         return None
     # Of one that is neither, anything may be meant.
     attributes, direction = element.attributes, direction or Direction.INOUT
     return Port(element, name, direction, attributes.get("type", ""), attributes.get("default"))
 
 
-def _report(
+def _report_slip(
     element: Element,
     attribute: str | None,
     message: str,
@@ -251,11 +250,11 @@ def _report(
 ) -> None:
     """Report a wrong attribute, or a missing one: an error in the model of a subtree, which BehaviorTree.CPP reads."""
     if kind is not None:
-        collector.slip_in_model(element, attribute, message, hint=hint)
+        collector.add("wrong-model", message, element, value=attribute, hint=hint)
     elif attribute is None:
-        collector.tag(element, "missing-attribute", message, hint=hint)
+        collector.add("missing-attribute", message, element, hint=hint)
     else:
-        collector.value(element, attribute, "wrong-value", message, hint=hint)
+        collector.add("wrong-value", message, element, value=attribute, hint=hint)
 
 
 def _used_port(port: Port) -> Parameter:

@@ -6,15 +6,14 @@ from dataclasses import replace
 from typing import Any
 
 from sar_compiler.nodes.answers import answers_of
+from sar_compiler.nodes.declaring import signature
 from sar_compiler.nodes.nav2 import outcomes
 from sar_compiler.nodes.nav2.free_nodes import IN_CPP
 from sar_compiler.nodes.nav2.types import facts, of_port, type_of_port
 from sar_compiler.nodes.outcome_sets import F, S, adding, passing
 from sar_compiler.nodes.palettes import KnownSpec
 from sar_compiler.nodes.semantics import Semantics
-from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Signature, Skipping, Skips
-from sar_compiler.nodes.values import PLAIN
-from sar_compiler.runtime import decorators, nav2
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Skipping, Skips
 from sar_compiler.runtime.answers import Answer
 
 _PORT = re.compile(
@@ -22,11 +21,6 @@ _PORT = re.compile(
 )
 _DIRECTIONS = {"in": Direction.INPUT, "out": Direction.OUTPUT}
 _ALL = frozenset({"SUCCESS", "FAILURE", "RUNNING"})
-_NAME = Parameter("name", Role.NAME, required=False, value_type=PLAIN["string"], doc="The node's name.")
-_STRUCTURE = {
-    Kind.CONTROL: Parameter("children", Role.CHILDREN, required=True),
-    Kind.DECORATOR: Parameter("child", Role.CHILD, required=True),
-}
 
 
 def specs(version: str) -> Iterator[NodeSpec]:
@@ -41,15 +35,12 @@ def specs(version: str) -> Iterator[NodeSpec]:
 
 def _spec(tag: str, said: Mapping[str, Any], version: str) -> NodeSpec:
     kind = Kind(said["kind"])
-    parameters = {"name": _NAME, **_ports(said["ports"], version)}
-    signature = Signature(doc=said["doc"], described=parameters)
+    signed = signature(kind, said["doc"], *_ports(said["ports"], version))
     if kind.is_leaf:
         statuses = said["answers"]
         by_status = {each.status: each for each in answers_of(statuses)}
         answers = tuple(by_status[status] for status in statuses)
-        return KnownSpec(tag, None, kind, frozenset(statuses), answers=answers, signature=signature)
-    structure = _STRUCTURE[kind]
-    signature = Signature(doc=said["doc"], described={**parameters, structure.name: structure})
+        return KnownSpec(tag, None, kind, frozenset(statuses), answers=answers, signature=signed)
     stand_in, semantics, answers = _STAND_INS[tag]
     skipping = Skipping(Skips.NEVER if kind is Kind.CONTROL else Skips.FROM_CHILD)
     counts = (1, 4) if kind is Kind.CONTROL else (1, 1)
@@ -61,20 +52,18 @@ def _spec(tag: str, said: Mapping[str, Any], version: str) -> NodeSpec:
         answers=answers,
         semantics=replace(semantics, counterpart=IN_CPP),
         skipping=skipping,
-        signature=signature,
+        signature=signed,
         child_count=counts,
-        stand_in=stand_in,
+        stand_in=f"sar_compiler.runtime.{stand_in}",
     )
 
 
-def _ports(texts: Sequence[str], version: str) -> dict[str, Parameter]:
-    found = {}
+def _ports(texts: Sequence[str], version: str) -> Iterator[Parameter]:
     for text in texts:
         match = _PORT.fullmatch(text)
         assert match is not None, text  # noqa: S101 - a slip in the data
         if version in (match["versions"] or version).split():
-            found[match["name"]] = _parameter(match)
-    return found
+            yield _parameter(match)
 
 
 def _parameter(match: "re.Match[str]") -> Parameter:
@@ -105,11 +94,11 @@ _REQUESTS = (
     Answer("SKIPPED", "resume and pause"),
 )
 
-_STAND_INS: Mapping[str, tuple[type, Semantics, tuple[Answer, ...]]] = {
-    "SpeedController": (nav2.WhenDue, Semantics(outcomes.now_and_then(), steady=True), _DUE),
-    "GoalUpdatedController": (nav2.WhenDue, Semantics(outcomes.now_and_then(), steady=True), _GOAL),
-    "DistanceController": (nav2.WhenDriven, Semantics(outcomes.now_and_then(F)), _DRIVEN),
-    "PathLongerOnApproach": (nav2.WhenPathIsLonger, Semantics(adding(S)), _LONGER),
-    "GoalUpdater": (decorators.SubTree, Semantics(passing, steady=True), ()),
-    "PauseResumeController": (nav2.PausedOnRequest, Semantics(outcomes.paused), _REQUESTS),
+_STAND_INS: Mapping[str, tuple[str, Semantics, tuple[Answer, ...]]] = {
+    "SpeedController": ("nav2:WhenDue", Semantics(outcomes.now_and_then(), steady=True), _DUE),
+    "GoalUpdatedController": ("nav2:WhenDue", Semantics(outcomes.now_and_then(), steady=True), _GOAL),
+    "DistanceController": ("nav2:WhenDriven", Semantics(outcomes.now_and_then(F)), _DRIVEN),
+    "PathLongerOnApproach": ("nav2:WhenPathIsLonger", Semantics(adding(S)), _LONGER),
+    "GoalUpdater": ("decorators:SubTree", Semantics(passing, steady=True), ()),
+    "PauseResumeController": ("nav2:PausedOnRequest", Semantics(outcomes.paused), _REQUESTS),
 }

@@ -1,54 +1,36 @@
-"""Controls and decorators as a user may write them: py_trees classes with a `tick`, or an `update`, of their own."""
+"""Controls and decorators as a user may write them: with `begin` and `resume`, or as py_trees has them, with a `tick` of their own."""
 
-import random
-import threading
-import time
 from collections.abc import Iterator
 
+from py_trees import composites, decorators
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
-from py_trees.composites import Composite
-from py_trees.decorators import Decorator
 
-from sar_compiler import Clock, Kind, Semantics, register
+from sar_compiler import SKIPPED, Clock, Control, Decorator, Kind, Semantics, Tick, register
 
-
-class Own(Composite):
-    """Ticks its children by a rule of its own, and brings them all to rest at its end."""
-
-    def __init__(self, name: str, children: list[Behaviour]) -> None:
-        super().__init__(name, children)
-        self.index = 0
-
-    def finish(self, status: Status) -> None:
-        self.status = status
-        if status is not Status.RUNNING:
-            self.index = 0
-            for child in self.children:
-                child.stop(Status.INVALID)
-
-    def stop(self, new_status: Status = Status.INVALID) -> None:
-        super().stop(new_status)
-        self.index = 0
+Next = Behaviour | Status
 
 
 @register("OwnSequence", kind=Kind.CONTROL, semantics=Semantics.sequence())
-class OwnSequence(Own):
+class OwnSequence(Control):
     """Ticks its children in order until one does not succeed."""
 
     going_on = Status.SUCCESS
 
-    def tick(self) -> Iterator[Behaviour]:
-        while self.index < len(self.children):
-            child = self.children[self.index]
-            yield from child.tick()
-            if child.status != self.going_on:
-                self.finish(child.status)
-                yield self
-                return
-            self.index += 1
-        self.finish(self.going_on)
-        yield self
+    def __init__(self, name: str, children: list[Behaviour]) -> None:
+        super().__init__(name, children)
+        self.ran = self.cell()
+
+    def begin(self, tick: Tick) -> Next:
+        return self.children[tick.place]
+
+    def resume(self, tick: Tick, outcome: Status) -> Next:
+        tick[self.ran] = tick[self.ran] or outcome is not SKIPPED
+        if outcome not in (self.going_on, SKIPPED):
+            return outcome
+        if tick.place + 1 < len(self.children):
+            return self.children[tick.place + 1]
+        return self.going_on if tick[self.ran] else SKIPPED
 
 
 @register("OwnFallback", kind=Kind.CONTROL, semantics=Semantics.selector())
@@ -59,25 +41,24 @@ class OwnFallback(OwnSequence):
 
 
 @register("OwnReactiveFallback", kind=Kind.CONTROL, semantics=Semantics.selector(reactive=True))
-class OwnReactiveFallback(Own):
+class OwnReactiveFallback(OwnFallback):
     """Begins with its first child in every tick."""
 
-    def tick(self) -> Iterator[Behaviour]:
-        for number, child in enumerate(self.children):
-            yield from child.tick()
-            if child.status != Status.FAILURE:
-                for other in self.children[number + 1 :]:
-                    if other.status == Status.RUNNING:
-                        other.stop(Status.INVALID)
-                self.finish(child.status)
-                yield self
-                return
-        self.finish(Status.FAILURE)
-        yield self
+    def begin(self, tick: Tick) -> Next:
+        tick[self.ran] = 0
+        return self.children[0]
+
+    def resume(self, tick: Tick, outcome: Status) -> Next:
+        found = super().resume(tick, outcome)
+        if found is Status.RUNNING:
+            for child in self.children:
+                if child is not self.children[tick.place]:
+                    tick.halt(child)
+        return found
 
 
 @register("OwnRecovery", kind=Kind.CONTROL, child_count=(2, 2))
-class OwnRecovery(Own):
+class OwnRecovery(Control):
     """Ticks its first child; when that has failed, the second one, and then the first one again.
 
     Args:
@@ -87,27 +68,36 @@ class OwnRecovery(Own):
     def __init__(self, name: str, children: list[Behaviour], retries: int = 1) -> None:
         super().__init__(name, children)
         self.retries = retries
-        self.tried = 0
+        self.tried = self.cell()
 
-    def tick(self) -> Iterator[Behaviour]:
-        if self.status != Status.RUNNING:
-            self.tried = 0
-        while True:
-            child = self.children[self.index]
-            yield from child.tick()
-            if child.status == Status.RUNNING:
-                self.finish(Status.RUNNING)
-                break
-            if child.status == Status.SUCCESS and self.index:
-                self.index, self.tried = 0, self.tried + 1
-                self.children[1].stop(Status.INVALID)
-            elif child.status == Status.FAILURE and not self.index and self.tried < self.retries:
-                self.index = 1
-                self.children[0].stop(Status.INVALID)
-            else:
-                self.finish(child.status)
-                break
-        yield self
+    def begin(self, tick: Tick) -> Next:
+        return self.children[tick.place]
+
+    def resume(self, tick: Tick, outcome: Status) -> Next:
+        if tick.place and outcome is Status.SUCCESS:
+            tick[self.tried] += 1
+            return self.children[0]
+        if not tick.place and outcome is Status.FAILURE and tick[self.tried] < self.retries:
+            return self.children[1]
+        return outcome
+
+
+@register("OwnTurn", kind=Kind.CONTROL)
+class OwnTurn(Control):
+    """Ticks one child in each activation, whoever's turn it is."""
+
+    def __init__(self, name: str, children: list[Behaviour]) -> None:
+        super().__init__(name, children)
+        self.turn = self.cell(keeps=True)
+
+    def begin(self, tick: Tick) -> Next:
+        turn: int = tick[self.turn]
+        return self.children[turn]
+
+    def resume(self, tick: Tick, outcome: Status) -> Next:
+        if outcome is not Status.RUNNING:
+            tick[self.turn] = (tick[self.turn] + 1) % len(self.children)
+        return outcome
 
 
 @register("OwnInverter", kind=Kind.DECORATOR)
@@ -117,9 +107,8 @@ class OwnInverter(Decorator):
     def __init__(self, name: str, child: Behaviour) -> None:
         super().__init__(name, child)
 
-    def update(self) -> Status:
-        turned = {Status.SUCCESS: Status.FAILURE, Status.FAILURE: Status.SUCCESS}
-        return turned.get(self.decorated.status, self.decorated.status)
+    def resume(self, tick: Tick, outcome: Status) -> Next:
+        return {Status.SUCCESS: Status.FAILURE, Status.FAILURE: Status.SUCCESS}.get(outcome, outcome)
 
 
 @register("OwnCount", kind=Kind.DECORATOR)
@@ -133,14 +122,11 @@ class OwnCount(OwnInverter):
     def __init__(self, name: str, child: Behaviour, most: int = 3) -> None:
         super().__init__(name, child)
         self.most = most
-        self.seen: list[str] = []
+        self.seen = self.cell(())
 
-    def update(self) -> Status:
-        self.seen.append(self.decorated.status.name)
-        return Status.FAILURE if len(self.seen) > self.most else self.decorated.status
-
-    def terminate(self, new_status: Status) -> None:
-        self.seen.clear()
+    def resume(self, tick: Tick, outcome: Status) -> Next:
+        tick[self.seen] += (outcome.name,)
+        return Status.FAILURE if len(tick[self.seen]) > self.most else outcome
 
 
 @register("OwnTimeout", kind=Kind.DECORATOR)
@@ -156,15 +142,18 @@ class OwnTimeout(OwnInverter):
         super().__init__(name, child)
         self.clock = clock
         self.seconds = seconds
-        self.started = 0.0
+        self.runs = self.cell(first=False)
 
-    def initialise(self) -> None:
-        self.started = self.clock.now()
-
-    def update(self) -> Status:
-        if self.decorated.status == Status.RUNNING and self.clock.now() - self.started >= self.seconds:
+    def begin(self, tick: Tick) -> Next:
+        if not tick[self.runs]:
+            tick[self.runs] = True
+            tick.start_timer(self.seconds)
+        elif tick.time_is_up():
             return Status.FAILURE
-        return self.decorated.status
+        return super().begin(tick)
+
+    def resume(self, tick: Tick, outcome: Status) -> Next:
+        return outcome
 
 
 @register("OwnLimit", kind=Kind.DECORATOR, semantics=Semantics.limiting("seconds"))
@@ -176,99 +165,107 @@ class OwnLimit(OwnTimeout):
 class OwnDebounce(OwnTimeout):
     """Succeeds when its child has done the same for some time, which begins anew in every tick: never, that is."""
 
-    def update(self) -> Status:
-        left = self.started + self.seconds - self.clock.now()
-        self.started = self.clock.now()
-        return Status.SUCCESS if left <= 0 else Status.RUNNING
+    def begin(self, tick: Tick) -> Next:
+        return super().begin(tick)
 
-
-@register("OwnThread", kind=Kind.DECORATOR)
-class OwnThread(OwnInverter):
-    """Has somebody else work for it."""
-
-    def __init__(self, name: str, child: Behaviour) -> None:
-        super().__init__(name, child)
-        self.worker = threading.Thread(target=print)
-
-
-@register("OwnChance", kind=Kind.DECORATOR)
-class OwnChance(OwnInverter):
-    """Leaves to chance what it answers."""
-
-    def update(self) -> Status:
-        self.drawn = random.random()  # noqa: S311 - any will do
-        return Status.SUCCESS if self.drawn > 0.5 else Status.FAILURE
-
-
-@register("OwnStopwatch", kind=Kind.DECORATOR)
-class OwnStopwatch(OwnInverter):
-    """Measures the machine's time."""
-
-    def initialise(self) -> None:
-        self.began = time.perf_counter()
-
-
-@register("OwnTally", kind=Kind.DECORATOR)
-class OwnTally(OwnInverter):
-    """Counts what all of its kind do."""
-
-    ticks = 0
-
-    def update(self) -> Status:
-        OwnTally.ticks += 1
-        return (Status.SUCCESS, Status.FAILURE)[OwnTally.ticks % 2]
-
-
-@register("OwnOrphanage", kind=Kind.CONTROL)
-class OwnOrphanage(OwnSequence):
-    """Leaves its last child in its second tick."""
-
-    def tick(self) -> Iterator[Behaviour]:
-        yield from super().tick()
-        if len(self.children) > 1:
-            self.remove_child(self.children[-1])
-
-
-@register("OwnCatch", kind=Kind.CONTROL)
-class OwnCatch(OwnSequence):
-    """Fails whatever its children raise."""
-
-    def tick(self) -> Iterator[Behaviour]:
-        try:
-            yield from super().tick()
-        except Exception:  # noqa: BLE001 - any
-            self.finish(Status.FAILURE)
-            yield self
-
-
-@register("OwnShortcut", kind=Kind.DECORATOR)
-class OwnShortcut(OwnInverter):
-    """Has its child's answer without a tick."""
-
-    def update(self) -> Status:
-        return self.decorated.update()
+    def resume(self, tick: Tick, outcome: Status) -> Next:
+        tick.start_timer(self.seconds)
+        return Status.RUNNING
 
 
 @register("OwnHours", kind=Kind.DECORATOR)
 class OwnHours(OwnTimeout):
     """Answers by how many whole hours it is."""
 
-    def update(self) -> Status:
+    def begin(self, tick: Tick) -> Next:
         return Status.SUCCESS if self.clock.now() // 3600 else Status.FAILURE
 
 
-@register("OwnSharing", kind=Kind.DECORATOR)
-class OwnSharing(OwnInverter):
-    """Counts in two attributes that are one object."""
+@register("OwnTally", kind=Kind.DECORATOR)
+class OwnTally(OwnInverter):
+    """Counts in an attribute."""
 
     def __init__(self, name: str, child: Behaviour) -> None:
         super().__init__(name, child)
-        self.first = self.second = [0]
+        self.ticks = 0
 
-    def update(self) -> Status:
-        self.first[0] = (self.first[0] + 1) % 3
-        assert self.first == self.second
-        return self.decorated.status
+    def resume(self, tick: Tick, outcome: Status) -> Next:
+        self.ticks += 1
+        return outcome
+
+
+@register("OwnList", kind=Kind.DECORATOR)
+class OwnList(OwnInverter):
+    """Counts in a list."""
+
+    def __init__(self, name: str, child: Behaviour) -> None:
+        super().__init__(name, child)
+        self.seen: list[Status] = []
+
+    def begin(self, tick: Tick) -> Next:
+        self.seen.append(self.status)
+        return super().begin(tick)
+
+
+@register("OwnEndless", kind=Kind.DECORATOR)
+class OwnEndless(OwnInverter):
+    """Counts its ticks for ever."""
+
+    def __init__(self, name: str, child: Behaviour) -> None:
+        super().__init__(name, child)
+        self.ticks = self.cell()
+
+    def resume(self, tick: Tick, outcome: Status) -> Next:
+        tick[self.ticks] += 1
+        return outcome
+
+
+@register("OwnStray", kind=Kind.DECORATOR)
+class OwnStray(OwnInverter):
+    """Wants somebody else's child ticked."""
+
+    def begin(self, tick: Tick) -> Next:
+        return self
+
+
+@register("OwnSilence", kind=Kind.DECORATOR)
+class OwnSilence(OwnInverter):
+    """Answers nothing after its child."""
+
+    def resume(self, tick: Tick, outcome: Status) -> Next:
+        return None  # type: ignore[return-value]
+
+
+@register("OwnTwice", kind=Kind.CONTROL)
+class OwnTwice(Control):
+    """Ticks all of its children twice in a tick, and counts their successes."""
+
+    def __init__(self, name: str, children: list[Behaviour]) -> None:
+        super().__init__(name, children)
+        self.ticks, self.successes = self.cell(), self.cell()
+
+    def begin(self, tick: Tick) -> Next:
+        tick[self.ticks] = tick[self.successes] = 0
+        return self.children[0]
+
+    def resume(self, tick: Tick, outcome: Status) -> Next:
+        count = len(self.children)
+        tick[self.ticks] += 1
+        tick[self.successes] += outcome is Status.SUCCESS
+        if tick[self.ticks] < 2 * count:
+            following: int = tick[self.ticks] % count
+            return self.children[following]
+        return Status.SUCCESS if tick[self.successes] > count else Status.RUNNING
+
+
+@register("OwnLiar", kind=Kind.CONTROL, semantics=Semantics.sequence())
+class OwnLiar(OwnFallback):
+    """Is registered as a sequence, and is none."""
+
+
+@register("OwnBoast", kind=Kind.DECORATOR, outcomes={Status.SUCCESS})
+class OwnBoast(OwnInverter):
+    """Is registered to succeed always."""
 
 
 def wrong_number(_bound: object, children: list[int], _sure: bool) -> int:
@@ -289,56 +286,123 @@ class OwnGap(OwnSequence):
     """Is described by a function that returns nothing."""
 
 
+class Ticking(composites.Composite):
+    """A control with a `tick` of its own: in order, until a child does not answer what goes on."""
+
+    going_on = Status.SUCCESS
+
+    def __init__(self, name: str, children: list[Behaviour]) -> None:
+        super().__init__(name, children)
+        self.index = 0
+
+    def tick(self) -> Iterator[Behaviour]:
+        self.status = self.going_on
+        while self.index < len(self.children):
+            child = self.children[self.index]
+            yield from child.tick()
+            if child.status != self.going_on:
+                self.status = child.status
+                break
+            self.index += 1
+        if self.status is not Status.RUNNING:
+            self.stop(self.status)
+        yield self
+
+    def stop(self, new_status: Status = Status.INVALID) -> None:
+        super().stop(new_status)
+        self.index = 0
+
+
+@register("TickingSequence", kind=Kind.CONTROL, semantics=Semantics.sequence())
+class TickingSequence(Ticking):
+    """Says that it is a sequence."""
+
+
+@register("TickingFallback", kind=Kind.CONTROL, semantics=Semantics.selector())
+class TickingFallback(Ticking):
+    """Says that it is a fallback."""
+
+    going_on = Status.FAILURE
+
+
+@register("TickingReactive", kind=Kind.CONTROL, semantics=Semantics.selector(reactive=True))
+class TickingReactive(TickingFallback):
+    """Says that it is a reactive fallback."""
+
+
+@register("TickingPauses", kind=Kind.CONTROL, semantics=Semantics.sequence(pauses=True))
+class TickingPauses(TickingSequence):
+    """Says that it pauses between its children."""
+
+
+@register("TickingPlace", kind=Kind.CONTROL, semantics=Semantics.sequence(pauses=True, keeps_place=True))
+class TickingPlace(TickingSequence):
+    """Says that it goes on where it was."""
+
+
+@register("TickingMystery", kind=Kind.CONTROL)
+class TickingMystery(TickingSequence):
+    """Says nothing."""
+
+
+class Updating(decorators.Decorator):
+    """A decorator as py_trees has them."""
+
+    def __init__(self, name: str, child: Behaviour) -> None:
+        super().__init__(name, child)
+
+    def update(self) -> Status:
+        return self.decorated.status
+
+
+@register(
+    "TickingTurn",
+    kind=Kind.DECORATOR,
+    semantics=Semantics.turning({Status.SUCCESS: Status.FAILURE, Status.FAILURE: Status.SUCCESS}),
+)
+class TickingTurn(Updating):
+    """Says that it turns what its child answers."""
+
+
+@register("TickingPass", kind=Kind.DECORATOR, semantics=Semantics.passing())
+class TickingPass(Updating):
+    """Says that it passes on what its child answers."""
+
+
+@register("TickingLimit", kind=Kind.DECORATOR, semantics=Semantics.limiting("seconds"))
+class TickingLimit(Updating):
+    """Says that it limits the time of its child.
+
+    Args:
+        seconds: The limit.
+    """
+
+    def __init__(self, name: str, child: Behaviour, seconds: float = 5.0) -> None:
+        super().__init__(name, child)
+        self.seconds = seconds
+
+
+@register("TickingRetry", kind=Kind.DECORATOR, semantics=Semantics.repeating(Status.FAILURE, "attempts"))
+class TickingRetry(Updating):
+    """Says that it tries its child again.
+
+    Args:
+        attempts: How often.
+    """
+
+    def __init__(self, name: str, child: Behaviour, attempts: int = 2) -> None:
+        super().__init__(name, child)
+        self.attempts = attempts
+
+
+@register("TickingRounds", kind=Kind.DECORATOR, semantics=Semantics.repeating(Status.SUCCESS, "attempts"))
+class TickingRounds(TickingRetry):
+    """Says that it repeats its child."""
+
+
 @register("OwnForgetful", kind=Kind.DECORATOR)
-class OwnForgetful(OwnInverter):
+class OwnForgetful(Updating):
     """Answers with no status."""
 
     def update(self) -> Status:
         return None  # type: ignore[return-value]
-
-
-@register("OwnLiar", kind=Kind.CONTROL, semantics=Semantics.sequence())
-class OwnLiar(OwnFallback):
-    """Is registered as a sequence, and is none."""
-
-
-@register("OwnBoast", kind=Kind.DECORATOR, outcomes={Status.SUCCESS})
-class OwnBoast(OwnInverter):
-    """Is registered to succeed always."""
-
-
-@register("OwnEndless", kind=Kind.DECORATOR)
-class OwnEndless(OwnInverter):
-    """Counts its ticks for ever."""
-
-    ticks = 0
-
-    def update(self) -> Status:
-        self.ticks += 1
-        return self.decorated.status
-
-
-@register("OwnMemory", kind=Kind.CONTROL)
-class OwnMemory(OwnSequence):
-    """Answers by what its children show of their last tick."""
-
-    def tick(self) -> Iterator[Behaviour]:
-        first = self.children[0]
-        skipped, tip = getattr(first, "skipped", False), first.tip()
-        yield from (node for node in super().tick() if node is not self)
-        if skipped or (tip is not None and tip.name == "B"):
-            self.finish(Status.FAILURE)
-        yield self
-
-
-@register("OwnTwice", kind=Kind.CONTROL)
-class OwnTwice(Own):
-    """Ticks all of its children twice in a tick, with nothing but a loop to remember that, and counts their successes."""
-
-    def tick(self) -> Iterator[Behaviour]:
-        successes = 0
-        for child in self.children * 2:
-            yield from child.tick()
-            successes += child.status == Status.SUCCESS
-        self.finish(Status.SUCCESS if successes > len(self.children) else Status.RUNNING)
-        yield self

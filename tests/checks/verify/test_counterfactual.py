@@ -12,7 +12,7 @@ from sar_compiler.checks.verify.counterfactual import (
 )
 from sar_compiler.errors import UndecidableError
 from sar_compiler.runtime.answers import nominal
-from sar_compiler.views.why import recorded
+from sar_compiler.views.why import Inquiry, recorded
 from tests.trees import document
 from tests.views.flown import REGISTRY, Said, flown, injected, simulated
 
@@ -24,7 +24,7 @@ def change_of(path, body, registry=REGISTRY, **answers):
     stream, root = flown(tree, Said(**answers))
     assert root == "FAILURE"
     names = names_in(stream)
-    change = counterfactual(simulated(path, registry), recorded(stream), names)
+    change = counterfactual(simulated(path, registry), recorded(stream, Inquiry.of(stream).count), names)
     if change is None:
         return None
 
@@ -150,7 +150,7 @@ def test_with_what_is_changed_a_hundred_faulty_runs_succeed_and_mostly_it_is_the
     blamed = []
     for (faulty, stream, policy), _ in zip(injected(path), range(100), strict=False):
         names = names_in(stream)
-        change = counterfactual(simulated(path), recorded(stream), names)
+        change = counterfactual(simulated(path), recorded(stream, Inquiry.of(stream).count), names)
         assert change is not None
         assert change.unusual == 0
         leaf = names[change.instead.node]

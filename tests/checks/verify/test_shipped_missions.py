@@ -55,20 +55,20 @@ def test_a_zone_out_of_reach_makes_the_robot_swing_between_zone_and_base_for_eve
     found = verdict(first, NO_LIVELOCK)
     assert (found.outcome, found.trace.loop) == (BROKEN, 2)
     assert told(found.trace)[-2:] == [
-        "NavigateToZone:unavailable NavigateToBase:waiting for Nav2",
-        "ZonesRemaining?:some left NavigateToZone:waiting for Nav2 NavigateToBase:halted",
+        "NavigateToZone:aborted NavigateToBase:driving",
+        "ZonesRemaining?:some left NavigateToZone:driving NavigateToBase:halted",
     ]
 
 
 def test_the_way_home_begins_while_a_zone_remains(first):
     assert told(verdict(first, "home only when no zone remains").trace) == [
-        "ZonesRemaining?:some left NavigateToZone:unavailable NavigateToBase:waiting for Nav2"
+        "ZonesRemaining?:some left NavigateToZone:aborted NavigateToBase:driving"
     ]
 
 
 def test_a_drive_home_too_early_is_the_only_one(first):
     ticks = told(verdict(first, "home at the end").trace)
-    assert ticks[0].endswith("NavigateToZone:unavailable NavigateToBase:arrived")
+    assert ticks[0].endswith("NavigateToZone:aborted NavigateToBase:arrived")
     assert ticks[-1].endswith("AdvanceZone:advanced")
 
 

@@ -1,16 +1,20 @@
-"""Trying the runs of a tree, shortest first, until a tick raises or there were enough ticks."""
+"""Trying the runs of a tree, shortest first, for ticks that raise, until there was enough work."""
 
 import time
+import traceback
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
+from sar_compiler.checks.mistaken import Mistaken
 from sar_compiler.checks.rules.key_accesses import key_accesses_of
 from sar_compiler.checks.verify.properties import without_properties
 from sar_compiler.checks.verify.state import Prepared
 from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.nodes.binding.bound import Binding, BoundNode
+from sar_compiler.nodes.binding.collector import Collector
+from sar_compiler.nodes.binding.nesting import fits
 from sar_compiler.nodes.semantics import AccessKind
 from sar_compiler.runtime.blackboard import ROOT_SIGN, MissingEntryError
 from sar_compiler.runtime.kernel.tick_steps import TickSteps
@@ -24,29 +28,49 @@ from sar_compiler.tree.source import Span
 _MOST_TOLD = 4
 """The most ticks of a run that are told."""
 
+_MOST_FOUND = 8
+"""The most places of a tree where ticks raise that are told."""
+
+_A_TICK, _PREPARING = 200, 4000
+"""What a tick costs beside its nodes; what it costs to prepare a node."""
+
+WORK = 1 << 24
+"""How much is tried of a file unless somebody says otherwise: some 80,000 ticks of 10 nodes, or 4,000 of 4,000."""
+
 
 class TrialBudget:
-    """How much may be tried: a number of ticks, which is the same on every machine, or a time.
+    """How much may be tried: an amount of work, which is the same on every machine, or a time.
+
+    Work is counted in nodes: a tick costs those of its tree, and to prepare a tree costs what many ticks do.
 
     Args:
-        ticks: The number of ticks; None for any number.
+        work: The work; None for any amount.
         seconds: The processor time; None for any.
 
     Attributes:
-        spent: The ticks so far.
+        spent: The work so far.
     """
 
-    def __init__(self, ticks: int | None, seconds: float | None = None) -> None:
+    def __init__(self, work: int | None, seconds: float | None = None) -> None:
         self.spent = 0
-        self._ticks = ticks
+        self._work = self._share = work
         self._end = None if seconds is None else time.process_time() + seconds
+        self._end_of_share = self._end
 
-    def take(self) -> bool:
-        """Take one tick; return False if there is none left."""
-        self.spent += 1
-        if self._ticks is not None and self.spent > self._ticks:
+    def allot(self, trees: int) -> None:
+        """Let the next tree have its share of what is left, of so many that are still to come."""
+        if self._work is not None:
+            self._share = self.spent + (self._work - self.spent) // trees
+        if self._end is not None:
+            now = time.process_time()
+            self._end_of_share = now + (self._end - now) / trees
+
+    def take(self, work: int) -> bool:
+        """Take some work; return False if there is not so much left."""
+        if self._share is not None and self.spent + work > self._share:
             return False
-        return self._end is None or time.process_time() < self._end
+        self.spent += work
+        return self._end_of_share is None or time.process_time() < self._end_of_share
 
 
 class NameInTree(str):
@@ -71,55 +95,90 @@ class _Raised(NamedTuple):
     ticks: list[tuple[bytes, Callable[[TickSteps], bool]]]
 
 
-def finding_of_runs(simulated: SimulatedTree, binding: Binding, budget: TrialBudget) -> list[Diagnostic]:
-    """Return the finding about a shortest run in which a tick raises; nothing if none was found in time.
+def can_prepare(binding: Binding, budget: TrialBudget) -> bool:
+    """Return whether a budget is enough to begin with a tree; take what that costs."""
+    nodes = fits(binding.main, Collector())
+    return nodes is not None and budget.take(nodes * _PREPARING)
+
+
+def findings_of_runs(
+    simulated: SimulatedTree,
+    binding: Binding,
+    budget: TrialBudget,
+    how_to_see: str,
+    known: Iterable[Diagnostic],
+) -> list[Diagnostic]:
+    """Return the findings about shortest runs in which ticks raise, one for each place; none that were not found in time.
 
     Args:
         simulated: The tree with stub leaves; it is used up.
         binding: The same tree, whose nodes are marked.
         budget: How much may be tried.
+        how_to_see: The command that shows such a run.
+        known: What the rules have found: what raises for the same reason is not told again.
 
     Raises:
         UndecidableError: If the ticks of the tree cannot be gone through.
     """
     stepper = TreeStepper(Prepared.of(simulated), without_properties().rules)
-    raised = _search(stepper.steps, budget, _Doubts(simulated, binding).is_doubtful)
-    if raised is None:
-        return []
-    ticks = [_played(stepper, state, wanted) for state, wanted in raised.ticks]
+    cost = _A_TICK + len(stepper.flat.nodes)
+    doubts, mistaken = _Doubts(simulated, binding), Mistaken(binding, known)
+
+    def place_of(error: Exception) -> tuple[str, Span] | None:
+        if doubts.is_doubtful(error):
+            return None
+        place = _place(error, binding)
+        if mistaken.explains(place, getattr(error, "attribute", "") or getattr(error, "port", "")):
+            return None
+        return place.element.source.path, _span(error, place)
+
     described = {bound.name for bound in binding.nodes() if bound.spec.is_only_described}
-    is_sure = not any(event.leaf.name in described for events in ticks for event in events)
-    place = _place(raised.error, binding)
-    told = f"{simulated.told(raised.error)} ({_told(ticks)})"
-    severity = Severity.ERROR if is_sure else Severity.WARNING
-    hint = "sar-compile verify shows the run tick by tick"
-    source = place.element.source
-    return [
-        Diagnostic("failing-tick", told, source, _span(raised.error, place), hint=hint, severity=severity)
-    ]
+    found = []
+    for raised in _search(stepper.steps, lambda: budget.take(cost), place_of):
+        ticks = [_played(stepper, state, wanted) for state, wanted in raised.ticks]
+        is_sure = not simulated.by_semantics and not any(
+            event.leaf.name in described for events in ticks for event in events
+        )
+        place = _place(raised.error, binding)
+        told = f"{simulated.told(raised.error)} ({_told(ticks)})"
+        severity = Severity.ERROR if is_sure else Severity.WARNING
+        source, span = place.element.source, _span(raised.error, place)
+        hint = f"{how_to_see} shows the run tick by tick"
+        found.append(Diagnostic("failing-tick", told, source, span, hint=hint, severity=severity))
+    return found
 
 
 def _search(
-    steps: TickSteps, budget: TrialBudget, is_doubtful: Callable[[Exception], bool]
-) -> _Raised | None:
-    """Return the first tick that raises, breadth first; a run that has come to its end is not followed beyond it."""
+    steps: TickSteps, take: Callable[[], bool], place_of: Callable[[Exception], object]
+) -> list[_Raised]:
+    """Return the first tick that raises at each place, breadth first; a run that has come to its end is not followed beyond it.
+
+    Args:
+        steps: The ticks.
+        take: Returns whether one more may be tried.
+        place_of: Returns the place of an error; None for one that counts for nothing.
+    """
     start = steps.start()
     origins: dict[bytes, bytes | None] = {start: None}
     waiting = deque([start])
-    while waiting:
+    found: dict[object, _Raised] = {}
+    while waiting and len(found) < _MOST_FOUND:
         state = waiting.popleft()
         if steps.judge(state, None).ends:
             continue
         steps.enter(state)
         while steps.step():
-            if not budget.take():
-                return None
-            if steps.state is None and steps.error is not None and not is_doubtful(steps.error):
-                return _Raised(steps.error, [*_way(origins, state), (state, _has_path(steps.path))])
-            if steps.state is not None and steps.state not in origins:
+            if not take():
+                return [*found.values()]
+            if steps.error is not None:
+                place = place_of(steps.error)
+                if place is not None and place not in found:
+                    ticks = [*_way(origins, state), (state, _has_path(steps.path))]
+                    found[place] = _Raised(steps.error, ticks)
+            elif steps.state is not None and steps.state not in origins:
                 origins[steps.state] = state
                 waiting.append(steps.state)
-    return None
+    return [*found.values()]
 
 
 def _way(origins: dict[bytes, bytes | None], state: bytes) -> list[tuple[bytes, Callable[[TickSteps], bool]]]:
@@ -194,15 +253,21 @@ def _empty_keys(error: BaseException | None) -> Iterator[str]:
 
 
 def _place(error: Exception, binding: Binding) -> BoundNode:
-    name = getattr(error, "node", None)
-    if isinstance(name, NameInTree):
-        return name.bound
+    for name in (getattr(error, "node", None), *_names_of_raising(error)):
+        if isinstance(name, NameInTree):
+            return name.bound
     if isinstance(error, PortError):
         reading = [bound for bound in binding.nodes() if error.port in bound.keys]
         if reading:
             return next((each for each in reading if each.keys[error.port] == error.source), reading[0])
     assert binding.main.root is not None  # noqa: S101 - a tree without a root has errors
     return binding.main.root
+
+
+def _names_of_raising(error: Exception) -> list[object]:
+    """Return the names of the objects whose methods an error came through, the innermost first."""
+    calls = [frame.f_locals for frame, _ in traceback.walk_tb(error.__traceback__)]
+    return [getattr(call.get("self"), "name", None) for call in reversed(calls)]
 
 
 def _span(error: Exception, place: BoundNode) -> Span:

@@ -1,0 +1,129 @@
+"""The parameters of a node whose class is named by its import path: what annotations and docstring say of another's.
+
+A spec names its class and describes all parameters of the constructor that a tree file or a mission provides, but for the
+name and the children, so that nothing is imported for a tree to be checked::
+
+    NodeSpec(
+        "Delay",
+        "sar_compiler.runtime.timers:Delay",
+        Kind.DECORATOR,
+        signature=signature(
+            Kind.DECORATOR,
+            "Waits before it ticks its child for the first time.",
+            input_port("delay_msec", MILLISECONDS, "How long to wait, in milliseconds."),
+            CLOCK,
+        ),
+    )
+
+`tests/nodes/test_declared_nodes.py` compares each with the constructor.
+"""
+
+from collections.abc import Mapping
+
+from sar_compiler.nodes.spec import Direction, Kind, Parameter, Role, Signature
+from sar_compiler.nodes.values import ANYTHING, ValueType, port_type_of, type_of
+
+NAME = Parameter("name", Role.NAME, required=False, value_type=type_of(str), doc="The node's name.")
+"""The parameter for the node's name, which every node has."""
+CHILDREN = Parameter("children", Role.CHILDREN, required=True)
+CHILD = Parameter("child", Role.CHILD, required=True)
+"""The parameters for what is below a control and a decorator."""
+_STRUCTURE = {Kind.CONTROL: [CHILDREN], Kind.DECORATOR: [CHILD]}
+
+
+def signature(
+    kind: Kind,
+    doc: str,
+    *parameters: Parameter,
+    fixed: Mapping[str, object] | None = None,
+    factory: str = "",
+) -> Signature:
+    """Return the signature of a node.
+
+    Args:
+        kind: The kind of node, which decides on the parameter for what is below it.
+        doc: The node's description, in a sentence or two.
+        *parameters: The parameters but for the name and the children, in their order.
+        fixed: Parameters whose value the tag implies.
+        factory: The import path of a function that creates the node instead of the class.
+    """
+    described = {each.name: each for each in (NAME, *_STRUCTURE.get(kind, ()), *parameters)}
+    return Signature(described, doc, fixed or {}, factory)
+
+
+def attribute(keyword: str, kind: object, doc: str, default: object = ...) -> Parameter:
+    """Return a parameter whose value is fixed when the tree is compiled.
+
+    Args:
+        keyword: The name in the constructor; the attribute's is without a trailing `_`.
+        kind: The type of its values, as an annotation or a `ValueType`.
+        doc: Its description.
+        default: The value if it is not written; left out, it has to be.
+    """
+    value_type = kind if isinstance(kind, ValueType) else type_of(kind)
+    return _parameter(keyword, value_type, None, doc, default)
+
+
+def input_port(keyword: str, kind: object, doc: str, default: object = ...) -> Parameter:
+    """Return a port that is read; see `attribute`. The type `object` is that of any value."""
+    return _port(Direction.INPUT, keyword, kind, doc, default)
+
+
+def output_port(keyword: str, kind: object, doc: str, default: object = ...) -> Parameter:
+    """Return a port that is written; see `input_port`."""
+    return _port(Direction.OUTPUT, keyword, kind, doc, default)
+
+
+def inout_port(keyword: str, kind: object, doc: str, default: object = ...) -> Parameter:
+    """Return a port that is read and written; see `input_port`."""
+    return _port(Direction.INOUT, keyword, kind, doc, default)
+
+
+def handed_over(keyword: str, path: str, doc: str, *, required: bool = True) -> Parameter:
+    """Return a parameter for an object that the mission provides.
+
+    Args:
+        keyword: Its name.
+        path: The import path of the object's class, which is marked by `mission_context`.
+        doc: Its description.
+        required: Whether the node cannot do without; otherwise the default is None.
+    """
+    return Parameter(keyword, Role.CONTEXT, required, target_or_path=path, doc=doc)
+
+
+def reference(keyword: str, path: str, doc: str) -> Parameter:
+    """Return a parameter for another leaf of the tree, which a file names.
+
+    Args:
+        keyword: Its name.
+        path: The import path of the leaf's class.
+        doc: Its description.
+    """
+    return Parameter(keyword, Role.REFERENCE, required=True, target_or_path=path, doc=doc)
+
+
+SCOPE = handed_over("scope", "sar_compiler.runtime.blackboard:Scope", "Where keys are looked up.")
+ENUMS = handed_over("enums", "sar_compiler.runtime.enums:Enums", "The names that stand for numbers.")
+CLOCK = handed_over("clock", "sar_compiler.runtime.clock:Clock", "What the time is measured with.")
+
+
+def _port(direction: Direction, keyword: str, kind: object, doc: str, default: object) -> Parameter:
+    value_type = kind if isinstance(kind, ValueType) else ANYTHING if kind is object else port_type_of(kind)
+    assert value_type is not None, kind  # noqa: S101 - a slip in a spec
+    return _parameter(keyword, value_type, direction, doc, default)
+
+
+def _parameter(
+    keyword: str, value_type: ValueType, direction: Direction | None, doc: str, default: object
+) -> Parameter:
+    required, name = default is ..., keyword.removesuffix("_")
+    return Parameter(
+        name,
+        Role.ATTRIBUTE,
+        required,
+        default=None if required else default,
+        value_type=value_type,
+        direction=direction,
+        doc=doc,
+        keyword="" if keyword == name else keyword,
+    )

@@ -1,0 +1,122 @@
+"""Parts of scripts that raise whatever the variables hold, and statements that do nothing, are findings."""
+
+import hypothesis.strategies as st
+import pytest
+from hypothesis import given, settings
+
+from sar_compiler.checks import check
+from sar_compiler.checks.rules.script_values import raised_always
+from sar_compiler.nodes.registry import default_registry
+from sar_compiler.runtime.evaluation import EvaluationError, Program
+from sar_compiler.runtime.script import parse
+from sar_compiler.runtime.variables import PlainVariables
+from tests.trees import forest
+
+CODES = {"failing-script", "idle-statement"}
+VALUES = (0, 1, 7, 1.0, -2.5, 1e300, "", "1", "text")
+"""What a variable may hold."""
+
+
+def found(script, attribute="_onSuccess"):
+    text = script.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
+    findings = check(forest(f'<AlwaysSuccess {attribute}="{text}"/>'), default_registry())
+    return [
+        (each.code, each.span.column - len(f'<AlwaysSuccess {attribute}="'))
+        for each in findings
+        if each.code in CODES
+    ]
+
+
+# BehaviorTree.CPP 4.8.2 and 4.10 raise at the tick of each of these.
+@pytest.mark.parametrize(
+    ("script", "column"),
+    [
+        ("x := 'goal' * 2", 6),
+        ("x := 2 * 'goal'", 6),
+        ("x := y * 'goal'", 6),
+        ("x := 1 + (y - ('a' .. y))", 11),
+        ("x := -'a'", 6),
+        ("x := ~1e300", 6),
+        ("x := 'a' ? 1 : 2", 6),
+        ("x := 1.5 & 1", 6),
+        ("x := 2 && y", 6),
+        ("x := y || (0 - 1)", 6),
+        ("x := 1; x *= 'a'", 9),
+        ("x := y ? 1 : ('a' - 1)", 15),
+    ],
+)
+def test_what_always_raises_is_a_finding_at_its_part(script, column):
+    assert found(script) == [("failing-script", column)]
+
+
+@pytest.mark.parametrize("script", ["'abc'", "2", "0 - 1", "x .. 'a'"])
+def test_a_condition_that_is_neither_true_nor_false_always_raises(script):
+    assert found(script, "_skipIf") == [("failing-script", 1)]
+    assert found(f"y := {script}") == []
+
+
+@pytest.mark.parametrize(
+    "script",
+    [
+        "x := true ? 1 : ('a' * 2)",
+        "x := 'LOW' < 3",
+        "x := 'a' + 'b' .. 2",
+        "x := y + 'a'",
+        "x := (y - 2) && 1",
+        "x := y ? 'a' : 1; z := x * 2",
+        "x := 1 / 0",
+        "x += 'a'",
+    ],
+)
+def test_what_may_be_calculated_is_no_finding(script):
+    assert found(script) == []
+
+
+@pytest.mark.parametrize(
+    ("script", "columns"),
+    [("x := 1;2;3", [8]), ("x == 1", [1]), ("x; y := 1; 2; 3; z := 4; z", [1, 12, 26]), ("'1;2;3'", [1])],
+)
+def test_statements_whose_value_goes_nowhere_are_findings_once_in_a_row(script, columns):
+    assert found(script) == [("idle-statement", column) for column in columns]
+
+
+def test_the_last_value_of_a_condition_is_its_answer():
+    assert found("x := 1; x == 1", "_skipIf") == []
+    assert found("y; x == 1", "_skipIf") == [("idle-statement", 1)]
+
+
+def test_a_script_of_many_ranks_is_seen_once():
+    assert found("x := " + "(" * 60 + "'a' * 2" + ") + 1" * 60) == [("failing-script", 66)]
+
+
+OPERAND = st.sampled_from(["x", "y", "0", "1", "2", "0.5", "1e300", "'a'", "'1'", "''"])
+PART = st.recursive(
+    OPERAND,
+    lambda part: st.one_of(
+        st.builds("({}{})".format, st.sampled_from("-~!"), part),
+        st.builds(
+            "({} {} {})".format, part, st.sampled_from(["+", "-", "..", "*", "/", "&", "|", "&&", "||"]), part
+        ),
+    ),
+    max_leaves=6,
+)
+
+
+def raises(script, x, y):
+    try:
+        Program(script).holds(PlainVariables({"x": x, "y": y}))
+    except EvaluationError:
+        return True
+    return False
+
+
+@settings(max_examples=400, deadline=None)
+@given(PART)
+def test_what_is_said_to_raise_raises_with_all_values_and_of_constants_everything_that_raises_is_said(text):
+    script = parse(text)
+    is_raised = bool(raised_always(script, is_condition=True))
+    runs = [raises(script, x, y) for x in VALUES for y in VALUES]
+    if is_raised:
+        assert all(runs)
+    if not {"x", "y"} & set(text):
+        assert is_raised == runs[0]

@@ -1,0 +1,110 @@
+"""Values that whoever reads them cannot take: texts for numbers, numbers that are too large, ports that nobody reads."""
+
+import pytest
+
+from sar_compiler.checks import check
+from sar_compiler.nodes.registry import default_registry
+from tests.trees import forest_of
+
+TREE = """<root BTCPP_format="4" main_tree_to_execute="Main">
+<BehaviorTree ID="Main"><Sequence>
+{body}
+<Drive {port}="{{value}}"/>
+</Sequence></BehaviorTree>
+<BehaviorTree ID="Part"><Drive {port}="{{given}}"/></BehaviorTree>
+<TreeNodesModel>
+<Action ID="Drive"><input_port name="speed" type="double"/><input_port name="count" type="int"/>
+<input_port name="on" type="bool"/><input_port name="word" type="std::string"/><input_port name="any"/>
+<output_port name="told" type="double"/></Action>
+</TreeNodesModel></root>"""
+
+
+def found(body, port="speed"):
+    findings = check(forest_of(TREE.format(body=body, port=port)), default_registry())
+    return [(each.code, each.span.line, each.span.column) for each in findings if each.code != "unused-tree"]
+
+
+@pytest.mark.parametrize("port", ["speed", "count", "on", "told"])
+@pytest.mark.parametrize(
+    ("body", "column"),
+    [
+        ("<Script code=\"value := 'fast'\"/>", 24),
+        ("<Script code=\"x := 1; value := 'fast'\"/>", 32),
+        ("<Script code=\"value := 1; value = 'fast'\"/>", 35),
+        ("<AlwaysSuccess _onSuccess=\"value := 'fast'\"/>", 37),
+    ],
+)
+def test_a_text_for_a_number_is_found_where_it_is_written(body, column, port):
+    told = found(body, port)
+    assert ("key-of-two-types", 3, column) in told
+    assert {code for code, *_ in told} <= {"key-of-two-types", "overwritten-key", "unread-key"}
+
+
+def test_a_text_for_a_number_is_found_in_a_subtree_and_where_one_is_given():
+    assert found('<Script code="value := 1"/><SubTree ID="Part" given="fast"/>') == [
+        ("key-of-two-types", 3, 54)
+    ]
+    # One that is the name of a key lacks its braces.
+    named = '<Script code="value := 1"/><SubTree ID="Part" given="value"/>'
+    assert found(named) == [("key-as-text", 3, 54)]
+    script = "<Script code=\"value := 1; other := 'fast'\"/>"
+    assert found(f'{script}<SubTree ID="Part" given="{{other}}"/>') == [("key-of-two-types", 3, 36)]
+
+
+@pytest.mark.parametrize(
+    ("written", "port"),
+    [
+        ("'1.5'", "speed"),
+        ("'7'", "count"),
+        ("'true'", "on"),
+        ("7", "count"),
+        ("1.5", "speed"),
+        ("'fast'", "word"),
+        ("'fast'", "any"),
+        ("x ? 'a' : 'b'", "speed"),
+    ],
+)
+def test_what_can_be_read_or_is_not_known_is_no_finding(written, port):
+    body = f'<Script code="x := 1; value := {written}"/><ScriptCondition code="x == 1"/><SubTree ID="Part" given="{{x}}"/>'
+    assert found(body, port) == []
+
+
+@pytest.mark.parametrize(
+    ("cpp", "fits", "too_large"),
+    [
+        ("short", ["32767", "-32768"], ["32768", "-32769"]),
+        ("int", ["2147483647", "-2147483648"], ["2147483648", "3000000000", "-2147483649"]),
+        ("unsigned int", ["0", "4294967295"], ["-1", "4294967296"]),
+        ("int64_t", ["9223372036854775807", "-9223372036854775808"], ["9223372036854775808"]),
+        ("uint64_t", ["18446744073709551615"], ["-1", "18446744073709551616"]),
+        ("std::vector&lt;int&gt;", ["1;2147483647"], ["1;2147483648"]),
+    ],
+)
+def test_a_number_that_a_port_of_cpp_cannot_hold_is_a_wrong_value(cpp, fits, too_large):
+    for number in (*fits, *too_large):
+        text = (
+            f'<root BTCPP_format="4"><BehaviorTree ID="Main">\n<Drive count="{number}"/></BehaviorTree>\n'
+            f'<TreeNodesModel><Action ID="Drive"><input_port name="count" type="{cpp}"/></Action></TreeNodesModel></root>'
+        )
+        codes = [(each.code, each.span.line) for each in check(forest_of(text), default_registry())]
+        assert codes == [("wrong-value", 2)] * (number in too_large), number
+
+
+SUBTREE = """<root BTCPP_format="4" main_tree_to_execute="Main">
+<BehaviorTree ID="Main"><Sequence><Script code="pause := 5"/>{use}</Sequence></BehaviorTree>
+<BehaviorTree ID="Part"><Sleep msec="{{time}}"/></BehaviorTree>
+<TreeNodesModel><SubTree ID="Part">
+<input_port name="{port}"/><input_port name="time"/></SubTree></TreeNodesModel></root>"""
+
+
+@pytest.mark.parametrize("given", ["7", "{pause}"])
+def test_a_port_of_a_subtrees_model_that_the_tree_lacks_is_found_in_the_model(given):
+    use = f'<SubTree ID="Part" time="{{pause}}" goal="{given}"/>'
+    findings = check(forest_of(SUBTREE.format(use=use, port="goal")), default_registry())
+    assert [(each.code, each.span.line, each.span.column) for each in findings] == [("model-mismatch", 5, 19)]
+
+
+def test_a_slip_in_a_port_of_a_subtrees_model_brings_the_key_that_was_meant():
+    text = SUBTREE.format(use='<SubTree ID="Part" tiem="{pause}"/>', port="tiem")
+    findings = check(forest_of(text.replace('<input_port name="time"/>', "")), default_registry())
+    assert ("model-mismatch", "time") in [(each.code, each.suggestion) for each in findings]

@@ -1,0 +1,205 @@
+"""Nodes whose classes are named by their import paths: what is declared of them is what the classes say."""
+
+import inspect
+import subprocess
+import sys
+import typing
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.missions.search_and_rescue import SPECS as LEAVES
+from sar_compiler.nodes.answers import SELF, mistake_in
+from sar_compiler.nodes.declaring import attribute, input_port, signature
+from sar_compiler.nodes.imports import load
+from sar_compiler.nodes.language import SPECS
+from sar_compiler.nodes.nav2 import VERSIONS, specs
+from sar_compiler.nodes.registry import Registry, RegistryError, load_registry
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Role
+from sar_compiler.nodes.values import without_none
+from sar_compiler.runtime.ports import InOut, Input, Output
+from tests.trees import class_of
+
+MISSION = "sar_compiler.missions.search_and_rescue"
+LANGUAGE = [*SPECS, *(spec for version in VERSIONS for spec in specs(version) if spec.is_by_path)]
+DECLARED = {f"{spec.tag} of {spec.maker_path}": spec for spec in (*LANGUAGE, *LEAVES)}
+VARIADIC = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+PORTS = {Direction.INPUT: Input, Direction.OUTPUT: Output, Direction.INOUT: InOut}
+every_declared_node = pytest.mark.parametrize("spec", DECLARED.values(), ids=DECLARED)
+every_leaf = pytest.mark.parametrize("spec", LEAVES, ids=[spec.tag for spec in LEAVES])
+
+
+def imported_by(*arguments, folder=Path()):
+    """Run `sar-compile` in a process of its own; return its output, and the modules that it imported."""
+    program = (
+        "import sys; from sar_compiler.cli.compile import main; status = main(sys.argv[1:]); "
+        "print(*sorted(sys.modules), file=sys.stderr); sys.exit(status)"
+    )
+    command = [sys.executable, "-c", program, *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
+    return done.stdout, set(done.stderr.split())
+
+
+def taken_by(spec):
+    """Return what makes a node takes, by its parameters' names, with their annotations."""
+    maker = load(spec.maker_path)
+    hints = typing.get_type_hints(maker.__init__ if isinstance(maker, type) else maker)  # type: ignore[misc]
+    plain = [each for each in inspect.signature(maker).parameters.values() if each.kind not in VARIADIC]
+    return {each.name: each for each in plain}, {
+        each.name: without_none(hints.get(each.name)) for each in plain
+    }
+
+
+@every_declared_node
+def test_a_declared_node_takes_what_its_constructor_takes(spec):
+    taken, hints = taken_by(spec)
+    declared = {parameter.keyword or name: parameter for name, parameter in spec.parameters.items()}
+    assert declared.keys() <= taken.keys()
+    for name, parameter in taken.items():
+        assert name in declared or parameter.default is not inspect.Parameter.empty, name
+    for name, parameter in declared.items():
+        if parameter.direction is not None:
+            assert (typing.get_origin(hints[name]) or hints[name]) is PORTS[parameter.direction]
+        if parameter.role in (Role.CONTEXT, Role.REFERENCE):
+            assert parameter.target is hints[name]
+
+
+@every_declared_node
+def test_what_need_not_be_written_has_the_default_of_the_constructor(spec):
+    taken, _ = taken_by(spec)
+    for parameter in spec.attributes:
+        default = taken[parameter.keyword or parameter.name].default
+        # Of a port that is not written the constructor knows the value; a tag may ask for what its class does not.
+        if (
+            default not in (inspect.Parameter.empty, None)
+            and not parameter.required
+            and parameter.role is not Role.NAME
+        ):
+            assert parameter.default == default
+        if parameter.direction is not None and not parameter.required:
+            assert default is not inspect.Parameter.empty
+
+
+@every_leaf
+def test_a_leaf_of_the_mission_is_declared_as_its_class_is_documented(spec):
+    read = NodeSpec(spec.tag, spec.cls, spec.kind, spec.outcomes, answers=spec.answers, facts=spec.facts)
+    assert spec.doc == read.doc
+    assert list(spec.parameters) == list(read.parameters)
+    for name, parameter in read.parameters.items():
+        declared = spec.parameters[name]
+        assert (declared.role, declared.required, declared.default) == (
+            parameter.role,
+            parameter.required,
+            parameter.default,
+        )
+        assert (declared.value_type and declared.value_type.label) == (
+            parameter.value_type and parameter.value_type.label
+        )
+        if name != "name":
+            assert declared.doc == parameter.doc
+
+
+@every_leaf
+def test_the_scripts_of_a_leaf_of_the_mission_can_be_read(spec):
+    known = [SELF, *(parameter.name for parameter in spec.references)]
+    numbers = [parameter.name for parameter in spec.parameters.values() if parameter.is_whole_number]
+    assert [mistake_in(answer, known, numbers) for answer in spec.answers] == [None] * len(spec.answers)
+
+
+@every_declared_node
+def test_a_class_that_stands_in_where_a_child_may_be_skipped_can_be_imported(spec):
+    if spec.skipping.replacement_path:
+        assert isinstance(load(spec.skipping.replacement_path), type)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_what_stands_in_for_a_node_of_nav2_can_be_imported(version):
+    for spec in specs(version):
+        assert not spec.stand_in or isinstance(load(spec.stand_in), type)
+
+
+def test_no_declared_class_that_a_leaf_refers_to_has_another_declared_one_derived_from_it():
+    referred = {parameter.target for spec in DECLARED.values() for parameter in spec.references}
+    derived = [
+        (cls, target)
+        for target in referred
+        for cls in map(class_of, DECLARED.values())
+        if cls is not None and target is not None and cls is not target and issubclass(cls, target)
+    ]
+    assert referred
+    assert derived == []
+
+
+@pytest.mark.parametrize("of", ["search_and_rescue", "search_and_rescue_resilient"])
+def test_a_tree_of_shipped_nodes_is_checked_without_an_import_of_them(of):
+    output, modules = imported_by("validate", of)
+    assert "no findings" in output
+    leaves = {spec.class_path.partition(":")[0] for spec in LEAVES}
+    heavy = ("py_trees", "sar_compiler.ros", "sar_compiler.compiler", "importlib.metadata", "jsonschema")
+    assert {name for name in modules if name.startswith(heavy) or name in leaves} == set()
+    assert sum(name.startswith("sar_compiler") for name in modules) < 112
+
+
+def test_no_node_of_the_language_is_imported_to_be_checked(tmp_path):
+    tree = tmp_path / "tree.xml"
+    tags = sorted({spec.tag for spec in SPECS} - {"SubTree"})
+    inside = "".join(f"<{tag}/>" for tag in tags)
+    tree.write_text(
+        f'<root BTCPP_format="4"><BehaviorTree ID="A"><Sequence>{inside}</Sequence></BehaviorTree></root>'
+    )
+    output, modules = imported_by("validate", str(tree), folder=tmp_path)
+    assert "missing-attribute" in output
+    assert "py_trees" not in modules
+
+
+def test_a_leaf_that_has_changed_is_checked_as_it_is_now(tmp_path):
+    leaf = tmp_path / "mine.py"
+    source = (
+        "from py_trees.behaviour import Behaviour\nfrom sar_compiler import Kind, register\n"
+        "@register('Mine', kind=Kind.ACTION)\nclass Mine(Behaviour):\n"
+        "    def __init__(self, name: str, {0}: int = 0) -> None: ...\n    def update(self): ...\n"
+    )
+    tree = tmp_path / "tree.xml"
+    tree.write_text('<root BTCPP_format="4"><BehaviorTree ID="A"><Mine there="1"/></BehaviorTree></root>')
+    found = []
+    for name in ("here", "there", "here"):
+        leaf.write_text(source.format(name))
+        found.append(
+            "unknown-attribute" in imported_by("validate", str(tree), "--nodes", "mine", folder=tmp_path)[0]
+        )
+    assert found == [True, False, True]
+
+
+def test_leaves_that_are_installed_may_be_named_as_well():
+    registry = load_registry([MISSION])
+    assert len(registry.variants("NavigateToZone")) == 1
+
+
+def test_no_other_class_takes_the_tag_of_a_declared_one():
+    class Other:
+        def __init__(self, name: str) -> None: ...
+
+    registry = Registry(load_registry().specs())
+    with pytest.raises(
+        RegistryError, match=r"two classes are registered as <NavigateToZone>: .*NavigateToZone and .*Other"
+    ):
+        registry.add(NodeSpec("NavigateToZone", Other, Kind.ACTION))
+
+
+def test_a_declared_parameter_has_the_type_of_such_an_annotation_and_the_name_without_an_underscore():
+    signed = signature(
+        Kind.DECORATOR, "Waits.", attribute("if_", int, "A."), input_port("rate", float, "B.", 2.5)
+    )
+    assert signed.described is not None
+    assert list(signed.described) == ["name", "child", "if", "rate"]
+    first, second = signed.described["if"], signed.described["rate"]
+    assert (first.keyword, first.required, first.default) == ("if_", True, None)
+    assert (second.keyword, second.required, second.default, second.direction) == (
+        "",
+        False,
+        2.5,
+        Direction.INPUT,
+    )
+    assert (first.value_type and first.value_type.name) == "integer"
+    # A port takes what BehaviorTree.CPP's does, infinity as well.
+    assert (second.value_type and second.value_type.name) == "real"
