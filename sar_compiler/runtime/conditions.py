@@ -10,7 +10,7 @@ from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, SKIPPED, SUCCESS
 from sar_compiler.runtime.kernel.turning import ConditionsNode
-from sar_compiler.runtime.parents import Wrapper
+from sar_compiler.runtime.parents import Decorator
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.scripting import NodeScript
 
@@ -40,7 +40,7 @@ class ConditionScripts:
     post: Script | None = None
 
 
-class Conditions(Wrapper):
+class Conditions(Decorator):
     """A node's pre- and post-conditions. They belong to the node: it and they have one status between them.
 
     Stock py_trees has guards that can only fail, and nothing that runs when a node ends.

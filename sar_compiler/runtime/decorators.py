@@ -4,11 +4,11 @@ from py_trees.behaviour import Behaviour
 
 from sar_compiler.runtime.kernel.cells import FAILURE, RUNNING, SKIPPED, SUCCESS
 from sar_compiler.runtime.kernel.turning import RunOnceNode, SubTreeNode, TurningNode
-from sar_compiler.runtime.parents import Wrapper
+from sar_compiler.runtime.parents import Decorator
 from sar_compiler.runtime.ports import Input
 
 
-class Inverter(Wrapper):
+class Inverter(Decorator):
     """Turns success into failure and failure into success; a child that is skipped makes it skipped.
 
     Stock py_trees passes a skipped tick on as if the child had been interrupted.
@@ -18,7 +18,7 @@ class Inverter(Wrapper):
     turned = FAILURE, SUCCESS, SKIPPED
 
 
-class ForceSuccess(Wrapper):
+class ForceSuccess(Decorator):
     """Succeeds when its child ends, however it does; a child that is skipped makes it skipped.
 
     Stock py_trees passes a skipped tick on as if the child had been interrupted.
@@ -37,7 +37,7 @@ class ForceFailure(ForceSuccess):
     turned = FAILURE, FAILURE, SKIPPED
 
 
-class KeepRunningUntilFailure(Wrapper):
+class KeepRunningUntilFailure(Decorator):
     """Answers RUNNING until its child fails, also when the child succeeds or is skipped.
 
     Stock py_trees' SuccessIsRunning is stopped by a child that is skipped.
@@ -47,7 +47,7 @@ class KeepRunningUntilFailure(Wrapper):
     turned = RUNNING, FAILURE, RUNNING
 
 
-class RunOnce(Wrapper):
+class RunOnce(Decorator):
     """Lets its child end once; from then on it is skipped, or answers what the child did.
 
     Stock py_trees' OneShot can only do the second. A child that was halted has not ended, and may run again.
@@ -63,7 +63,7 @@ class RunOnce(Wrapper):
         self._then_skip = then_skip or Input(source=True)
 
 
-class SubTree(Wrapper):
+class SubTree(Decorator):
     """The root of a subtree: passes on what its child answers.
 
     Stock py_trees' PassThrough does it for children that are never skipped.

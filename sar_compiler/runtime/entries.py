@@ -10,7 +10,7 @@ from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.kernel.cells import RUNNING, SKIPPED
 from sar_compiler.runtime.kernel.leaf_nodes import UpdateCheckNode
 from sar_compiler.runtime.kernel.turning import UpdateGuardNode
-from sar_compiler.runtime.parents import Built, Wrapper
+from sar_compiler.runtime.parents import Built, Decorator
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.variables import RefusedValueError, said
 
@@ -118,7 +118,7 @@ class WasEntryUpdated(Built):
         self._entry = _entry(entry, scope)
 
 
-class _IfUpdated(Wrapper):
+class _IfUpdated(Decorator):
     """Ticks its child if an entry was written since this node last looked; while the child runs, it does not look."""
 
     node_class = UpdateGuardNode

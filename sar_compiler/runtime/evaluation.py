@@ -86,15 +86,7 @@ class Program:
         try:
             return operators.as_condition(value)
         except RefusedValueError as error:
-            assigned = self.script.closing_assignment
-            hint = "'=' gives a variable a value; write '==' to compare" if assigned else None
-            start, end = self._last_place()
-            message = f"'{excerpt(self.script.text[start:end])}' is no condition: {error}"
-            raise EvaluationError(message, start, end, hint) from error
-
-    def _last_place(self) -> tuple[int, int]:
-        statements = self.script.statements
-        return (statements[-1].start, statements[-1].end) if statements else (0, 0)
+            raise no_condition(self.script, error) from error
 
 
 class _Maker:
@@ -143,7 +135,7 @@ class _Maker:
             try:
                 return calculate(value)
             except RefusedValueError as error:
-                raise _failure(self._text, node, error) from error
+                raise failure(self._text, node, error) from error
 
         return run
 
@@ -158,7 +150,7 @@ class _Maker:
                 try:
                     value = calculate(value, right)
                 except RefusedValueError as error:
-                    raise self._step_failure(node, step, error, value, right) from error
+                    raise step_failure(self._text, node, step, error, value, right) from error
             return value
 
         return run
@@ -176,7 +168,7 @@ class _Maker:
                     if not compare(operator, left, right, enums):
                         return 0.0
                 except RefusedValueError as error:
-                    raise self._step_failure(node, step, error, left, right) from error
+                    raise step_failure(self._text, node, step, error, left, right) from error
                 left = right
             return 1.0
 
@@ -190,7 +182,7 @@ class _Maker:
             try:
                 chosen = operators.chosen(value)
             except RefusedValueError as error:
-                raise _failure(self._text, node.condition, error) from error
+                raise failure(self._text, node.condition, error) from error
             return then(variables) if chosen else otherwise(variables)
 
         return run
@@ -218,7 +210,7 @@ class _Maker:
             try:
                 return calculate(left, right)
             except RefusedValueError as error:
-                raise _failure(self._text, node, error) from error
+                raise failure(self._text, node, error) from error
 
         def run(variables: Variables) -> ScriptValue:
             right = value(variables)
@@ -230,21 +222,30 @@ class _Maker:
 
         return run
 
-    def _step_failure(
-        self,
-        node: Operation | ComparisonChain,
-        step: OperatorTerm,
-        error: VariableError,
-        left: ScriptValue,
-        right: ScriptValue,
-    ) -> EvaluationError:
-        """Point at a chain, up to the operand with which it failed."""
-        following = next((later.start for later in node.steps if later.start > step.start), None)
-        end = node.end if following is None else len(self._text[:following].rstrip())
-        one_text = isinstance(left, str) != isinstance(right, str)
-        hint = "'..' joins a text and a number" if step.operator == "+" and one_text else None
-        message = f"'{excerpt(self._text[node.start : end])}' cannot be calculated: {error}"
-        return EvaluationError(message, node.start, end, hint)
+
+def no_condition(script: Script, error: RefusedValueError) -> EvaluationError:
+    """Return the error that the value of a script is neither true nor false."""
+    hint = "'=' gives a variable a value; write '==' to compare" if script.closing_assignment else None
+    start, end = (script.statements[-1].start, script.statements[-1].end) if script.statements else (0, 0)
+    message = f"'{excerpt(script.text[start:end])}' is no condition: {error}"
+    return EvaluationError(message, start, end, hint)
+
+
+def step_failure(
+    text: str,
+    node: Operation | ComparisonChain,
+    step: OperatorTerm,
+    error: VariableError,
+    left: ScriptValue,
+    right: ScriptValue,
+) -> EvaluationError:
+    """Return the error of a chain, which points at it up to the operand with which it failed."""
+    following = next((later.start for later in node.steps if later.start > step.start), None)
+    end = node.end if following is None else len(text[:following].rstrip())
+    one_text = isinstance(left, str) != isinstance(right, str)
+    hint = "'..' joins a text and a number" if step.operator == "+" and one_text else None
+    message = f"'{excerpt(text[node.start : end])}' cannot be calculated: {error}"
+    return EvaluationError(message, node.start, end, hint)
 
 
 def _assignment_failure(node: Assignment, error: VariableError) -> EvaluationError:
@@ -255,7 +256,8 @@ def _assignment_failure(node: Assignment, error: VariableError) -> EvaluationErr
     return EvaluationError(message, node.start, node.end, "a variable keeps the type of its first value")
 
 
-def _failure(text: str, node: Expression, error: VariableError) -> EvaluationError:
+def failure(text: str, node: Expression, error: VariableError) -> EvaluationError:
+    """Return the error of an expression."""
     message = f"'{excerpt(text[node.start : node.end])}' cannot be calculated: {error}"
     return EvaluationError(message, node.start, node.end)
 

@@ -1,7 +1,8 @@
 """Parsed scripts: expressions with their places, and what can be told of them without running them."""
 
 import enum
-from collections.abc import Iterator
+import functools
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple, Union
 
@@ -91,7 +92,7 @@ Expression = Union[  # noqa: UP007 - the union names classes by text
 ]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Script:
     """A script that could be read.
 
@@ -104,6 +105,11 @@ class Script:
 
     text: str = field(compare=False)
     statements: tuple[Expression, ...]
+
+    @functools.cached_property
+    def by_start(self) -> Mapping[int, Expression]:
+        """The statements by the places where they begin."""
+        return {each.start: each for each in self.statements}
 
     @property
     def closing_assignment(self) -> Assignment | None:
@@ -161,6 +167,15 @@ def children(expression: Expression) -> tuple[Expression, ...]:
     if isinstance(expression, Assignment):
         return (expression.value,)
     return ()
+
+
+def parts(expression: Expression) -> Iterator[Expression]:
+    """Yield an expression and all of its parts."""
+    left = [expression]
+    while left:
+        part = left.pop()
+        yield part
+        left += children(part)
 
 
 def _uses(expression: Expression, *, certain: bool) -> Iterator[NameUse]:

@@ -1,4 +1,4 @@
-"""A tick that somebody else may hold before and after each node, and whose nodes may be told what they come to."""
+"""A tick with breakpoints and overridden outcomes."""
 
 from collections.abc import Generator
 from typing import Any, Protocol

@@ -31,15 +31,17 @@ class Settling(Protocol):
 
 
 class NoStatusError(SarError, TypeError):
-    """An `update()` did not return a status.
+    """A method, `update()` as a rule, did not return a status.
 
     Attributes:
         behaviour: Whose it is.
     """
 
-    def __init__(self, behaviour: Behaviour, returned: object) -> None:
+    def __init__(self, behaviour: Behaviour, returned: object, method: str = "") -> None:
         self.behaviour = behaviour
         message = (
             f"update() returned {returned!r}, which is no status; return Status.SUCCESS, FAILURE or RUNNING"
         )
+        if method:
+            message = f"{message.replace('update', method, 1)}, or the child that is to be ticked next"
         super().__init__(message)

@@ -9,13 +9,13 @@ from py_trees.behaviour import Behaviour
 
 from sar_compiler.runtime.chosen_outcome import Outcome
 from sar_compiler.runtime.kernel.repeating import LoopNode
-from sar_compiler.runtime.parents import Wrapper
+from sar_compiler.runtime.parents import Decorator
 from sar_compiler.runtime.ports import Input, Output
 from sar_compiler.runtime.queues import QueueError, queue_items
 from sar_compiler.runtime.tokens import excerpt
 
 
-class Loop(Wrapper):
+class Loop(Decorator):
     """Ticks its child once for each item."""
 
     node_class = LoopNode

@@ -13,7 +13,7 @@ from py_trees.behaviour import Behaviour
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.clock import Clock
 from sar_compiler.runtime.kernel import nav2_controls, nav2_decorators
-from sar_compiler.runtime.parents import Control, Wrapper
+from sar_compiler.runtime.parents import Control, Decorator
 from sar_compiler.runtime.ports import InOut, Input
 
 _USUAL_RETRIES = 1
@@ -132,7 +132,7 @@ class PersistentSequence(Control):
         self._current_child_idx.set(place)
 
 
-class RateController(Wrapper):
+class RateController(Decorator):
     """Ticks its child at a rate: at the start, while it runs, and when a period is over since it last succeeded.
 
     In between it returns RUNNING.
@@ -154,13 +154,13 @@ class RateController(Wrapper):
         return 1.0 / rate if rate else math.inf
 
 
-class SingleTrigger(Wrapper):
+class SingleTrigger(Decorator):
     """Lets its child end once; ticked again before it is reset or halted, it fails."""
 
     node_class = nav2_decorators.SingleTriggerNode
 
 
-class _Asking(Wrapper):
+class _Asking(Decorator):
     """A decorator that asks a leaf in the world's place.
 
     Args:

@@ -8,13 +8,13 @@ A class has the constructor, and what its node in the kernel asks of it. What it
 is said by that node (`node_class`), whether it is ticked by itself or in a tree.
 """
 
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from collections.abc import Hashable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 from py_trees.composites import Composite
-from py_trees.decorators import Decorator
+from py_trees.decorators import Decorator as StockDecorator
 
 from sar_compiler.runtime.clock import Clock, WallClock
 from sar_compiler.runtime.leaf_protocol import Wake, stay_asleep
@@ -22,6 +22,7 @@ from sar_compiler.runtime.leaf_protocol import Wake, stay_asleep
 if TYPE_CHECKING:
     from sar_compiler.runtime.kernel.live import LiveTree
     from sar_compiler.runtime.kernel.tree_nodes import Part, TreeNode, Visit
+    from sar_compiler.runtime.kernel.user_nodes import Tick
 
 
 class Built(Behaviour):
@@ -95,14 +96,76 @@ class Built(Behaviour):
         self.status = new_status
 
 
+class Cell(NamedTuple):
+    """A place for what a control or decorator remembers.
+
+    Attributes:
+        number: Its index among those of the node.
+        first: What it holds at first.
+        keeps: Whether it goes on holding what it does when the node ends or is halted.
+    """
+
+    number: int
+    first: Hashable
+    keeps: bool
+
+
 class Parent(Built):
     """A node with children that keeps BehaviorTree.CPP's rules.
 
+    One without a `node_class` says itself, in `begin` and `resume`, which child it needs next. Between two of these calls, and between two
+    ticks, it remembers only what is in cells: so `verify` can put it back to any state that it was in.
+
     Attributes:
         is_its_child: Whether it and its child are one node, with one status.
+        cells: The cells that it has asked for.
     """
 
     is_its_child = False
+    cells: tuple[Cell, ...] = ()
+
+    def cell(self, first: Hashable = 0, *, keeps: bool = False) -> Cell:
+        """Add a cell, in the constructor; `tick[cell]` is what it holds: anything that can be hashed, and never changes in place.
+
+        Args:
+            first: What it holds at first, and again after the node has ended or was halted.
+            keeps: Whether it goes on holding what it does then.
+        """
+        added = Cell(len(self.cells), first, keeps)
+        self.cells = (*self.cells, added)
+        return added
+
+    def begin(self, tick: "Tick") -> Behaviour | Status:
+        """Begin a tick.
+
+        Args:
+            tick: What there is to be seen and done in it.
+
+        Returns:
+            The child that is to be ticked first; or the outcome, if no child is needed. With `SKIPPED` the node is
+            passed over, and with any outcome but RUNNING its work is over: its children are brought to rest.
+        """
+        raise NotImplementedError
+
+    def resume(self, tick: "Tick", outcome: Status) -> Behaviour | Status:
+        """Go on with a tick, after a child.
+
+        Args:
+            tick: What there is to be seen and done in it.
+            outcome: What the child has come to; `SKIPPED` if it was skipped.
+
+        Returns:
+            As `begin`. A child that has ended starts anew if it is ticked once more.
+        """
+        raise NotImplementedError
+
+    def build_node(self, part: "Part") -> "TreeNode":
+        """Build the node, of what the kernel offers."""
+        if self.node_class is not None:
+            return self.node_class(part)
+        from sar_compiler.runtime.kernel.user_nodes import UserNode
+
+        return UserNode(part)
 
 
 class Control(Parent, Composite):
@@ -122,12 +185,21 @@ class Control(Parent, Composite):
         return below or (self if self.status != Status.INVALID else None)
 
 
-class Wrapper(Parent, Decorator):
-    """A node with one child.
+class Decorator(Parent, StockDecorator):
+    """A node with one child (`decorated`).
 
     Args:
         child: The child.
     """
+
+    def begin(self, tick: "Tick") -> Behaviour | Status:  # noqa: ARG002 - for those derived from it
+        """Begin a tick with the child."""
+        child: Behaviour = self.decorated
+        return child
+
+    def resume(self, tick: "Tick", outcome: Status) -> Behaviour | Status:  # noqa: ARG002
+        """Pass on what the child has come to."""
+        return outcome
 
 
 class Yielding(Parent):

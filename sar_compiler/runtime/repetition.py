@@ -4,11 +4,11 @@ from py_trees.behaviour import Behaviour
 
 from sar_compiler.runtime.kernel.cells import FAILURE, SUCCESS
 from sar_compiler.runtime.kernel.repeating import AgainNode
-from sar_compiler.runtime.parents import Wrapper, Yielding
+from sar_compiler.runtime.parents import Decorator, Yielding
 from sar_compiler.runtime.ports import Input
 
 
-class _Again(Yielding, Wrapper):
+class _Again(Yielding, Decorator):
     """Ticks its child again after one outcome, up to a number of times; the other outcome ends it.
 
     A child that has taken several ticks is started again in the same tick; after one that took only one, the

@@ -11,7 +11,7 @@ from sar_compiler.runtime.chosen_outcome import Outcome
 from sar_compiler.runtime.enums import Enums
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.kernel.turning import PreconditionNode
-from sar_compiler.runtime.parents import Wrapper
+from sar_compiler.runtime.parents import Decorator
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.scripting import NodeScript
 
@@ -58,7 +58,7 @@ class ScriptCondition(Behaviour):
         return Status.SUCCESS if self.script.holds() else Status.FAILURE
 
 
-class Precondition(Wrapper):
+class Precondition(Decorator):
     """Ticks its child if a condition is true when it starts; while the child runs, it does not ask again.
 
     Stock py_trees' EternalGuard asks in every tick, and can only fail.

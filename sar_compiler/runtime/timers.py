@@ -12,7 +12,7 @@ from sar_compiler.errors import SarError
 from sar_compiler.runtime.clock import Clock
 from sar_compiler.runtime.kernel.stock_decorators import StockTimeoutNode
 from sar_compiler.runtime.kernel.timing import DelayNode, SleepNode, TimeoutNode, WaitingNode
-from sar_compiler.runtime.parents import Built, Wrapper, Yielding
+from sar_compiler.runtime.parents import Built, Decorator, Yielding
 from sar_compiler.runtime.ports import Input
 
 _MILLISECONDS = 1000.0
@@ -22,7 +22,7 @@ class DurationError(SarError):
     """A node is to wait for less than no time."""
 
 
-class Delay(Yielding, Wrapper):
+class Delay(Yielding, Decorator):
     """Waits before it ticks its child for the first time.
 
     Stock py_trees has a Timer to put before the child, which waits again whenever the sequence starts again.
@@ -43,7 +43,7 @@ class Delay(Yielding, Wrapper):
         return seconds_of(self.name, "delay_msec", self._delay_msec.get())
 
 
-class Timeout(Wrapper):
+class Timeout(Decorator):
     """Fails if its child is still running after a time; the child is halted without another tick.
 
     Stock py_trees ticks the child once more before it looks at the time, and reads the machine's clock.

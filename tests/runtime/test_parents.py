@@ -9,15 +9,17 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
 
 from sar_compiler.runtime.branches import TryCatch
-from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.controls import Fallback, Sequence, SequenceWithMemory
 from sar_compiler.runtime.decorators import Inverter, SubTree
 from sar_compiler.runtime.kernel.cells import RUNNING
 from sar_compiler.runtime.kernel.table import NotFlatError, flatten
 from sar_compiler.runtime.kernel.times import ClockTimes
+from sar_compiler.runtime.kernel.user_nodes import Tick
 from sar_compiler.runtime.parallel import Parallel
-from sar_compiler.runtime.parents import Control
+from sar_compiler.runtime.parents import Control, Decorator
 from sar_compiler.runtime.ports import Input
+from sar_compiler.runtime.skipping import SKIPPED
 from tests.conformance.leaves import ScriptedError
 from tests.runtime.kernel.flat import cells_of, tick
 from tests.runtime.stage import Stage
@@ -220,3 +222,74 @@ class Refusing(SubTree):
 def test_a_child_with_a_tick_of_its_own_is_ticked_by_it():
     stage = Stage()
     assert stage.tick(Inverter("i", Refusing("r", stage.leaf("a")))) == "S:"
+
+
+class InTurn(Control):
+    """Ticks one child in each activation, whoever's turn it is, for half a second at most."""
+
+    def __init__(self, name: str, children: list[Behaviour], clock: Clock) -> None:
+        super().__init__(name, children)
+        self.clock = clock
+        self.turn, self.ticks = self.cell(keeps=True), self.cell()
+
+    def begin(self, tick: Tick) -> Behaviour | Status:
+        tick[self.ticks] += 1
+        if tick[self.ticks] == 1:
+            tick.start_timer(0.5)
+        elif tick.time_is_up():
+            return Status.FAILURE
+        turn: int = tick[self.turn]
+        return self.children[turn]
+
+    def resume(self, tick: Tick, outcome: Status) -> Behaviour | Status:
+        if outcome is SKIPPED:
+            return SKIPPED
+        if outcome is not Status.RUNNING:
+            tick[self.turn] = (tick[self.turn] + 1) % len(self.children)
+        self.feedback_message = f"tick {tick[self.ticks]}"
+        return outcome
+
+
+def test_a_control_of_a_users_goes_on_from_its_cells_and_keeps_those_that_outlast_an_end():
+    stage, clock = Stage(), ManualClock()
+    root = InTurn("t", stage.leaves(a="R,S", b="F,K,S"), clock)
+    assert stage.ticks(root, 5) == ["R: a=R", "S: a=S", "F: b=F", "S: a=S", "K: b=K"]
+    assert root.feedback_message == "tick 1"
+
+
+def test_a_control_of_a_users_that_fails_for_its_time_halts_its_child_and_begins_again():
+    stage, clock = Stage(), ManualClock()
+    root = InTurn("t", stage.leaves(a="R", b="S"), clock)
+    assert stage.ticks(root, 2) == ["R: a=R", "R: a=R"]
+    clock.advance(0.5)
+    assert stage.ticks(root, 2) == ["F: halt a", "R: a=R"]
+    root.stop(Status.INVALID)
+    clock.advance(0.4)
+    assert [stage.told(), *stage.ticks(root, 2)] == ["halt a", "R: a=R", "R: a=R"]
+
+
+def test_a_decorator_of_a_users_passes_on_what_its_child_answers():
+    stage = Stage()
+    assert stage.ticks(Decorator("d", stage.leaf("a", "R,F,K,S")), 4) == [
+        "R: a=R",
+        "F: a=F",
+        "K: a=K",
+        "S: a=S",
+    ]
+    assert (
+        stage.tick(composites.Sequence("s", memory=True, children=[Decorator("d", stage.leaf("b"))]))
+        == "S: b=S"
+    )
+
+
+@pytest.mark.parametrize("value", [[1], {"a": 1}])
+def test_a_cell_holds_nothing_that_could_change_in_it(value):
+    class Listing(Decorator):
+        def begin(self, tick: Tick) -> Behaviour | Status:
+            tick[self.cells[0]] = value
+            return super().begin(tick)
+
+    listing = Listing("l", Telling("a"))
+    listing.cell()
+    with pytest.raises(TypeError, match="unhashable"):
+        listing.tick_once()

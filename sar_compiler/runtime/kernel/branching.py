@@ -30,19 +30,7 @@ class IfThenElseNode(ControlNode):
     def begin(self, ticker: Ticker) -> int:
         """Begin with the condition, or go on with the branch."""
         ticker.cells[self.at] = RUNNING
-        return self.tick_chosen(ticker)
-
-    def tick_chosen(self, ticker: Ticker) -> int:
-        """Tick the condition or the branch, whichever is in hand."""
-        chosen = ticker.cells[self.chosen]
-        if chosen >= len(self.children):
-            ticker.cells[self.chosen] = _NONE
-            ticker.cells[self.at] = FAILURE
-            return FAILURE
-        child = self.children[chosen]
-        self.behaviour.current_child = child.behaviour
-        outcome = child.tick(ticker)
-        return CALLED if outcome == CALLED else self.resume(ticker, outcome)
+        return self.tick_child(self.children[ticker.cells[self.chosen]], ticker)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
         """Go on after the condition or the branch."""
@@ -50,7 +38,11 @@ class IfThenElseNode(ControlNode):
         if cells[self.chosen] == _NONE and outcome in (SUCCESS, FAILURE):
             cells[self.chosen] = 1 if outcome == SUCCESS else 2
             self.behaviour.feedback_message = "then" if outcome == SUCCESS else "else"
-            return self.tick_chosen(ticker)
+            if cells[self.chosen] < len(self.children):
+                return self.tick_child(self.children[cells[self.chosen]], ticker)
+            cells[self.chosen] = _NONE
+            cells[self.at] = FAILURE
+            return FAILURE
         if outcome == RUNNING:
             return RUNNING
         cells[self.chosen] = _NONE
@@ -76,15 +68,8 @@ class WhileDoElseNode(ControlNode):
     def begin(self, ticker: Ticker) -> int:
         """Begin with the condition."""
         ticker.cells[self.at] = RUNNING
-        return self.tick_one(ticker, _NONE)
-
-    def tick_one(self, ticker: Ticker, index: int) -> int:
-        """Tick the condition or a branch."""
-        ticker.cells[self.branch] = index
-        child = self.children[index]
-        self.behaviour.current_child = child.behaviour
-        outcome = child.tick(ticker)
-        return CALLED if outcome == CALLED else self.resume(ticker, outcome)
+        ticker.cells[self.branch] = _NONE
+        return self.tick_child(self.children[_NONE], ticker)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
         """Go on after the condition or a branch."""
@@ -96,7 +81,8 @@ class WhileDoElseNode(ControlNode):
             if branch < count:
                 if other < count:
                     reset(self.children[other], ticker)
-                return self.tick_one(ticker, branch)
+                cells[self.branch] = branch
+                return self.tick_child(self.children[branch], ticker)
         cells[self.branch] = _NONE
         if outcome == RUNNING:
             return RUNNING
@@ -127,10 +113,7 @@ class SwitchNode(ControlNode):
         if before not in (_NONE, selected + 1):
             reset(self.children[before - 1], ticker)
         cells[self.running] = selected + 1
-        child = self.children[selected]
-        self.behaviour.current_child = child.behaviour
-        outcome = child.tick(ticker)
-        return CALLED if outcome == CALLED else self.resume(ticker, outcome)
+        return self.tick_child(self.children[selected], ticker)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
         """Pass on what the child answers."""
@@ -171,13 +154,9 @@ class TryCatchNode(ControlNode):
             self.forget(ticker)
             self.behaviour.feedback_message = ""
         cells[self.at] = RUNNING
-        return self.go_on(ticker, INVALID)
+        return self.resume(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Go on after the child in hand."""
-        return self.go_on(ticker, outcome)
-
-    def go_on(self, ticker: Ticker, outcome: int) -> int:
         """Tick the children from the one in hand on, whose outcome may be known; INVALID if it is to be ticked."""
         cells = ticker.cells
         while True:

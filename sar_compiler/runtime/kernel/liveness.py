@@ -7,6 +7,32 @@ for comes one day. Waiting means that one activation of a leaf or timer goes on 
 and started again in each tick is not waited for: a reactive branch that restarts its leaf for ever is a true livelock,
 and the one most often asked about. Nor is a leaf that fails each time it is tried: nothing says that it ever
 succeeds.
+
+Why one look at each component is enough. Give every leaf and timer that can be waited for a bit. A run is unfair if from some tick on
+one bit is set in every tick. So "some fair run stays here" is: for each bit, a tick without it comes again and again. That is acceptance
+as in a generalised Buechi automaton, with one set of *ticks* for each bit, and in a strongly connected component it can be met
+if and only if every bit is missing in some tick of the component: one round can be made that takes all ticks. `is_fair` therefore
+intersects the bits of all ticks inside. If something is left, every run that stays here waits for it for ever, also one that stays in a
+part of the component, where the intersection is only larger. So no component is taken apart further.
+
+This is weak fairness. Strong fairness ("what is tried again and again succeeds one day") would promise more than a robot keeps: a zone
+behind a wall is tried for ever and never reached. It would also hide the livelock of the shipped tree, which swings between zone and base.
+And its components would have to be taken apart again and again (Streett acceptance).
+
+Why the bits are on ticks and not on states. Two states in a row may both have a leaf RUNNING, in one activation or in two: the branch was
+halted in between and began anew. The states are equal; only the tick knows. If states had the bits, every reactive restart would look
+like patience, and the livelocks that people ask about would be taken for unfair and never told.
+
+Why two answers in `endings`. *Stuck* is where no end can be reached at all: fairness does not matter, not even luck helps. *Circling* is
+where an end may be in reach, and a fair run can still avoid it. Neither implies the other, and stuck is the clearer thing to show. Ends
+are excluded from the components, because a run is over there; whether ticking on behind an end leads to another end is asked apart.
+
+Why a state that was not gone through counts as one that can end. The search may have stopped early. Then nothing is proved, and the
+verdict says so; but a loop that was found is real. The states that were not gone through must not make a loop of what may be none.
+
+Why a counterexample is searched for apart. The round that a person reads should be short, and a shortest round back to a state may be an
+unfair one: waiting for one leaf for ever is the shortest round of all. `_round` searches over states together with the bits that were set
+in every tick so far. The sets only shrink on the way, so there are few of them for each state.
 """
 
 from array import array

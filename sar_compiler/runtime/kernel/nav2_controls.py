@@ -31,14 +31,7 @@ class RecoveryNodeNode(ControlNode):
         cells[self.at] = RUNNING
         if cells[self.retries] > cells[self.wanted]:
             return self.end(ticker, FAILURE)
-        return self.tick_current(ticker)
-
-    def tick_current(self, ticker: Ticker) -> int:
-        """Tick the child in hand."""
-        child = self.children[ticker.cells[self.current]]
-        self.behaviour.current_child = child.behaviour
-        outcome = child.tick(ticker)
-        return CALLED if outcome == CALLED else self.resume(ticker, outcome)
+        return self.tick_child(self.children[cells[self.current]], ticker)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
         """Go on after the child in hand."""
@@ -55,7 +48,7 @@ class RecoveryNodeNode(ControlNode):
             return self.end(ticker, outcome)
         reset(self.children[0], ticker)
         cells[self.current] = 1
-        return self.tick_current(ticker)
+        return self.tick_child(self.children[cells[self.current]], ticker)
 
     def after_recovery(self, ticker: Ticker, outcome: int) -> int:
         """Go on after the second child has ended or was skipped."""
@@ -71,7 +64,7 @@ class RecoveryNodeNode(ControlNode):
         cells[self.retries] += 1
         if ticker.tells:
             self.behaviour.feedback_message = f"recovery {cells[self.retries]} of {cells[self.wanted]}"
-        return self.tick_current(ticker)
+        return self.tick_child(self.children[cells[self.current]], ticker)
 
     def end(self, ticker: Ticker, outcome: int) -> int:
         """End, or be skipped, with all forgotten."""
@@ -105,13 +98,9 @@ class PipelineNode(ControlNode):
     def begin(self, ticker: Ticker) -> int:
         """Begin with the first child."""
         ticker.cells[self.position] = ticker.cells[self.skips] = 0
-        return self.go_on(ticker, INVALID)
+        return self.resume(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Go on after the child in hand."""
-        return self.go_on(ticker, outcome)
-
-    def go_on(self, ticker: Ticker, outcome: int) -> int:
         """Tick the children from the one in hand on, whose outcome may be known; INVALID if it is to be ticked."""
         cells, children = ticker.cells, self.children
         while True:
@@ -169,13 +158,9 @@ class RoundRobinNode(ControlNode):
         """Go on with the child in hand."""
         ticker.cells[self.at] = RUNNING
         ticker.cells[self.skips] = 0
-        return self.go_on(ticker, INVALID)
+        return self.resume(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Go on after the child in hand."""
-        return self.go_on(ticker, outcome)
-
-    def go_on(self, ticker: Ticker, outcome: int) -> int:
         """Tick children from the one in hand on, whose outcome may be known; INVALID if it is to be ticked."""
         cells, children = ticker.cells, self.children
         count = len(children)
@@ -236,13 +221,9 @@ class NonblockingNode(ControlNode):
     def begin(self, ticker: Ticker) -> int:
         """Begin with the first child."""
         self.forget(ticker)
-        return self.go_on(ticker, INVALID)
+        return self.resume(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Go on after the child in hand."""
-        return self.go_on(ticker, outcome)
-
-    def go_on(self, ticker: Ticker, outcome: int) -> int:
         """Tick the children from the one in hand on, whose outcome may be known; INVALID if it is to be ticked.
 
         Raises:
@@ -300,13 +281,9 @@ class PersistentNode(ControlNode):
         """Read the place, and go on there."""
         ticker.cells[self.position] = self.behaviour.read_place()
         ticker.cells[self.at] = RUNNING
-        return self.go_on(ticker, INVALID)
+        return self.resume(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Go on after the child in hand."""
-        return self.go_on(ticker, outcome)
-
-    def go_on(self, ticker: Ticker, outcome: int) -> int:
         """Tick the children from the one in hand on, whose outcome may be known; INVALID if it is to be ticked."""
         cells, children = ticker.cells, self.children
         while True:

@@ -3,7 +3,7 @@
 import math
 from typing import Final
 
-from sar_compiler.runtime.kernel.cells import CALLED, ENDED, FAILURE, INVALID, RUNNING, SUCCESS
+from sar_compiler.runtime.kernel.cells import ENDED, FAILURE, INVALID, RUNNING, SUCCESS
 from sar_compiler.runtime.kernel.timing import COUNTING, Countdown
 from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, OwnNode, Part, Ticker, is_reset
 
@@ -47,7 +47,7 @@ class RateNode(DecoratorNode):
             return RUNNING
         self.behaviour.feedback_message = ""
         cells[self.at] = RUNNING
-        return self.tick_child(ticker)
+        return self.tick_child(self.child, ticker)
 
     def after(self, ticker: Ticker, outcome: int) -> int:
         """Pass the outcome on; a success begins the next period."""
@@ -95,7 +95,7 @@ class SingleTriggerNode(DecoratorNode):
             cells[self.at] = FAILURE
             return FAILURE
         cells[self.at] = RUNNING
-        return self.tick_child(ticker)
+        return self.tick_child(self.child, ticker)
 
     def after(self, ticker: Ticker, outcome: int) -> int:
         """Pass the outcome on."""
@@ -132,13 +132,7 @@ class AskingNode(OwnNode):
     def ask(self, ticker: Ticker) -> int:
         """Tick the leaf; return the decorator's outcome, or CALLED."""
         ticker.cells[self.asking] = 1
-        outcome = self.asked.tick(ticker)
-        return CALLED if outcome == CALLED else self.resume(ticker, outcome)
-
-    def tick_child(self, ticker: Ticker) -> int:
-        """Tick the child; return the decorator's outcome, or CALLED."""
-        outcome = self.child.tick(ticker)
-        return CALLED if outcome == CALLED else self.resume(ticker, outcome)
+        return self.tick_child(self.asked, ticker)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
         """Go on after the leaf or the child, which are left at rest if they have ended."""
@@ -179,12 +173,12 @@ class WhenDueNode(AskingNode):
         starts = cells[self.at] == INVALID or (cells[self.at] != RUNNING and not self.is_reset)
         cells[self.at] = RUNNING
         if starts or cells[self.child.at] == RUNNING:
-            return self.tick_child(ticker)
+            return self.tick_child(self.child, ticker)
         return self.ask(ticker)
 
     def answered(self, ticker: Ticker, outcome: int) -> int:
         """Tick the child if it is due."""
-        return self.tick_child(ticker) if outcome == SUCCESS else RUNNING
+        return self.tick_child(self.child, ticker) if outcome == SUCCESS else RUNNING
 
 
 class DistanceNode(AskingNode):
@@ -217,7 +211,7 @@ class DistanceNode(AskingNode):
             cells[self.at] = FAILURE
             return FAILURE
         if starts or cells[self.child.at] == RUNNING or outcome == SUCCESS:
-            return self.tick_child(ticker)
+            return self.tick_child(self.child, ticker)
         return RUNNING
 
     def break_off(self, ticker: Ticker) -> None:
@@ -252,6 +246,6 @@ class LongerPathNode(AskingNode):
     def answered(self, ticker: Ticker, outcome: int) -> int:
         """Tick the child if the path has become longer."""
         if outcome == SUCCESS:
-            return self.tick_child(ticker)
+            return self.tick_child(self.child, ticker)
         ticker.cells[self.at] = SUCCESS
         return SUCCESS

@@ -17,14 +17,6 @@ class OrderedNode(ControlNode):
         self.hands_over: int = part.behaviour._hands_over
         self.position = part.cell()
 
-    def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Go on after the child in hand."""
-        return self.go_on(ticker, outcome)
-
-    def go_on(self, ticker: Ticker, outcome: int) -> int:
-        """Tick the children from the one in hand on, whose outcome may be known; INVALID if it is to be ticked."""
-        raise NotImplementedError
-
     def break_off(self, ticker: Ticker) -> None:
         """Make the child in hand the current one."""
         self.point_at(ticker.cells[self.position])
@@ -57,10 +49,10 @@ class ResumingNode(OrderedNode):
             cells[self.skips] = 0
             self.behaviour.feedback_message = ""
         cells[self.at] = RUNNING
-        return self.go_on(ticker, INVALID)
+        return self.resume(ticker, INVALID)
 
-    def go_on(self, ticker: Ticker, outcome: int) -> int:
-        """Tick the children from the one in hand on."""
+    def resume(self, ticker: Ticker, outcome: int) -> int:
+        """Tick the children from the one in hand on, whose outcome may be known; INVALID if it is to be ticked."""
         outcome = self.advance(ticker, outcome)
         if outcome == INVALID:
             if self.children:
@@ -175,10 +167,10 @@ class ReactiveNode(OrderedNode):
         cells[self.at] = RUNNING
         cells[self.position] = 0
         cells[self.end] = SKIPPED
-        return self.go_on(ticker, INVALID)
+        return self.resume(ticker, INVALID)
 
-    def go_on(self, ticker: Ticker, outcome: int) -> int:
-        """Tick the children from the one in hand on."""
+    def resume(self, ticker: Ticker, outcome: int) -> int:
+        """Tick the children from the one in hand on, whose outcome may be known; INVALID if it is to be ticked."""
         cells, children = ticker.cells, self.children
         index, count = cells[self.position], len(children)
         while True:

@@ -43,7 +43,7 @@ class AgainNode(DecoratorNode):
         self.tell(ticker, wanted)
         cells[self.wanted] = wanted + 2
         cells[self.before] = cells[self.child.at]
-        return self.tick_child(ticker)
+        return self.tick_child(self.child, ticker)
 
     def is_short(self, ticker: Ticker, wanted: int) -> bool:
         """Return whether the child is to be ticked once more."""
@@ -125,7 +125,7 @@ class LoopNode(DecoratorNode):
         if not cells[self.child_runs] and not self.next_item(ticker):
             return self.end(ticker)
         cells[self.at] = RUNNING
-        return self.tick_child(ticker)
+        return self.tick_child(self.child, ticker)
 
     def after(self, ticker: Ticker, outcome: int) -> int:
         """Fail if the child did, else run."""

@@ -8,8 +8,7 @@ from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.kernel.cells import INVALID, RUNNING, SKIPPED, WORDS
 from sar_compiler.runtime.kernel.choices import Choices
 from sar_compiler.runtime.kernel.entry_cells import Memo, OutcomeMemo
-from sar_compiler.runtime.kernel.foreign_nodes import ForeignObjects, ForeignParentNode
-from sar_compiler.runtime.kernel.table import is_foreign, known_node
+from sar_compiler.runtime.kernel.table import known_node
 from sar_compiler.runtime.kernel.times import Times
 from sar_compiler.runtime.kernel.trail import Trail
 from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
@@ -44,7 +43,6 @@ class LeafNodes:
         numbers: The number of each event, by the identities of the leaf and of the answer (or of None).
         choices: Decide what is answered.
         trail: Is told what happens.
-        objects: What behaviours share that only their own methods tick.
 
     Attributes:
         ran: The indexes of the leaves that were ticked.
@@ -56,14 +54,12 @@ class LeafNodes:
         numbers: Mapping[tuple[int, str, int], int],
         choices: Choices,
         trail: Trail,
-        objects: ForeignObjects,
     ) -> None:
         self.ran: set[int] = set()
         self.board = board
         self.numbers = numbers
         self.choices = choices
         self.trail = trail
-        self.objects = objects
 
     def node_of(self, part: Part) -> TreeNode:
         """Build the node of a behaviour, whether it is a leaf or not.
@@ -74,8 +70,6 @@ class LeafNodes:
         behaviour = part.behaviour
         if isinstance(behaviour, StubLeaf):
             return StubNode(part, self)
-        if is_foreign(behaviour):
-            return ForeignParentNode(part, self.objects)
         node: TreeNode = known_node(part)
         if part.children:
             return node
@@ -171,11 +165,14 @@ class StubNode(TreeNode):
         numbers = leaves.numbers
         self._started = numbers[id(leaf), STARTED, id(None)]
         self._halted = numbers[id(leaf), HALTED, id(None)]
-        # The last one comes first: leaves name their setbacks after their successes, and among runs of as many
-        # ticks those with setbacks are found first, which are shorter to read.
+        # The last status comes first: leaves name their setbacks after their successes, and among runs of as many
+        # ticks those with setbacks are found first, which are shorter to read. Of a status, the first answer is the usual one.
+        ranks = {
+            status: rank for rank, status in enumerate(dict.fromkeys(each.status for each in leaf.answers))
+        }
         self._replies = [
             (answer, _Reply(numbers[id(leaf), ANSWERED, id(answer)], leaf, answer, leaves.board.memo))
-            for answer in reversed(leaf.answers)
+            for answer in sorted(leaf.answers, key=lambda each: -ranks[each.status])
         ]
         self._all = [reply for _, reply in self._replies]
         conditions = [answer.when for answer in leaf.answers if answer.when]

@@ -12,7 +12,7 @@ from sar_compiler.runtime.kernel import leaf_nodes, stock_composites, stock_deco
 from sar_compiler.runtime.kernel.cells import IS_2_3
 from sar_compiler.runtime.kernel.tree import FlatTree, flat_tree
 from sar_compiler.runtime.kernel.tree_nodes import Part, TreeNode
-from sar_compiler.runtime.parents import Built
+from sar_compiler.runtime.parents import Built, Parent
 from sar_compiler.runtime.skipping import SkippableLeaf
 
 NodeClass = Callable[[Part], TreeNode]
@@ -82,9 +82,7 @@ def node_class_of(behaviour: Behaviour) -> NodeClass | None:
     if known is not None:
         return known
     if isinstance(behaviour, Built):
-        # One derived from a class of ours does as that does, unless it ticks or stops otherwise.
-        does_as_ours = cls.tick is Built.tick and cls.stop is Built.stop
-        return behaviour.build_node if does_as_ours and behaviour.node_class is not None else None
+        return behaviour.build_node if is_known_class(cls) else None
     if behaviour.children or isinstance(behaviour, (Composite, Decorator)):
         return None
     if cls.stop is Behaviour.stop:
@@ -95,9 +93,13 @@ def node_class_of(behaviour: Behaviour) -> NodeClass | None:
     return leaf_nodes.ForeignNode
 
 
-def is_foreign(behaviour: Behaviour) -> bool:
-    """Return whether a behaviour may have children that only its own methods tick and stop."""
-    return node_class_of(behaviour) is None and type(behaviour).tick is not Built.tick
+def is_known_class(cls: type[Behaviour]) -> bool:
+    """Return whether it is known when a control or decorator of a class ticks and stops its children."""
+    if not issubclass(cls, Built):
+        return cls in STOCK
+    # One derived from a class of ours does as that does, unless it ticks or stops otherwise.
+    does_as_ours = cls.tick is Built.tick and cls.stop is Built.stop
+    return does_as_ours and (cls.node_class is not None or getattr(cls, "begin", None) is not Parent.begin)
 
 
 def flatten(root: Behaviour, node_of: NodeClass = known_node) -> FlatTree:

@@ -1,12 +1,9 @@
 """The ticks of a tree as steps of a search."""
 
 from collections.abc import Callable
-from typing import Any
 
 from sar_compiler.errors import UndecidableError
-from sar_compiler.runtime.kernel.choices import UnsteadyError
 from sar_compiler.runtime.kernel.entry_cells import Memo
-from sar_compiler.runtime.kernel.foreign_nodes import ForeignObjects
 from sar_compiler.runtime.kernel.forking import KNOWN, ForkingTicker
 from sar_compiler.runtime.kernel.searching import Judgement
 from sar_compiler.runtime.kernel.state_code import StateCode
@@ -27,8 +24,6 @@ class TickSteps:
         forgets: Whether states are the same that differ only in how nodes have ended, where that makes no difference.
         judge: Judges a state.
         judged_by: The places of the entries that it looks at.
-        objects: The behaviours that are ticked by their own methods; a tick of each state is played twice, to see whether they do
-            the same again.
 
     Attributes:
         state: The state after the last step; None if the tick raised.
@@ -44,12 +39,9 @@ class TickSteps:
         ticker: ForkingTicker,
         judge: Judge,
         judged_by: list[int],
-        objects: ForeignObjects,
         *,
         forgets: bool,
     ) -> None:
-        self._objects = objects
-        self._rehearsed: tuple[bytes, int, int, Any] | None = None
         self._flat = flat
         self._ticker = ticker
         heeded = {node.at for node in flat.nodes if node.heeds_end}
@@ -82,9 +74,6 @@ class TickSteps:
     def enter(self, state: bytes) -> None:
         """Go to a state, to play its ticks."""
         watched = self.restore(state)[1]
-        if self._objects.kept >= 0:
-            self._rehearsed = self._rehearsal(watched)
-            self.restore(state)
         self._ticker.begin(self._flat.nodes[0], watched)
         self._is_fresh = True
 
@@ -107,37 +96,15 @@ class TickSteps:
                 if outcome == KNOWN:
                     continue
                 trail = ticker.trail
-                self.state = self._ended(outcome)
+                self._flat.share(ticker)
+                self._flat.renumber(ticker)
+                self.state = self._taken(outcome, trail.watched)
                 self.outcome, self.waits, self.broken = outcome, trail.waits, trail.broken
-                if self._rehearsed is not None:
-                    self._compare(self._rehearsed)
-                    self._rehearsed = None
             except UndecidableError:
                 raise
             except Exception as error:  # noqa: BLE001 - whatever a node raises would end the mission
                 self.error = error
             return True
-
-    def _ended(self, outcome: int) -> bytes:
-        """Return the state after a tick."""
-        self._flat.share(self._ticker)
-        self._flat.renumber(self._ticker)
-        return self._taken(outcome, self._ticker.trail.watched)
-
-    def _rehearsal(self, watched: int) -> tuple[bytes, int, int, Any] | None:
-        """Return what comes of the first tick of the state in hand; None if it raises."""
-        ticker = self._ticker
-        ticker.begin(self._flat.nodes[0], watched)
-        try:
-            state = self._ended(ticker.play())
-        except Exception:  # noqa: BLE001 - the tick itself will say what there is to be said
-            return None
-        return state, ticker.trail.waits, ticker.trail.broken, ticker.values[self._objects.kept]
-
-    def _compare(self, rehearsed: tuple[bytes, int, int, Any]) -> None:
-        """Compare a tick with its rehearsal."""
-        if (self.state, self.waits, self.broken) != rehearsed[:3]:
-            raise UnsteadyError(self._objects.unsteady(rehearsed[3], self._ticker.values[self._objects.kept]))
 
     def judge(self, state: bytes, idle: bool | None) -> Judgement:
         """Judge a state.

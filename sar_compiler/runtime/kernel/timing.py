@@ -88,7 +88,7 @@ class DelayNode(TimedNode):
                 behaviour._wake()
         elif timer.is_up(ticker):
             behaviour.feedback_message = ""
-            return self.tick_child(ticker)
+            return self.tick_child(self.child, ticker)
         else:
             behaviour.feedback_message = timer.left(ticker)
         ticker.cells[self.at] = RUNNING
@@ -116,7 +116,7 @@ class TimeoutNode(TimedNode):
             self.start(seconds, ticker)
         limited = cells[timer.state] == COUNTING
         self.behaviour.feedback_message = timer.left(ticker) if limited else ""
-        return self.tick_child(ticker)
+        return self.tick_child(self.child, ticker)
 
     def start(self, seconds: float, ticker: Ticker) -> None:
         """Start the timer; with no seconds at all there is no limit."""

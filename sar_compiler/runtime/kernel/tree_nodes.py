@@ -327,6 +327,11 @@ class OwnNode(TreeNode):
         self.behaviour.feedback_message = ""
         ticker.cells[self.at] = INVALID
 
+    def tick_child(self, child: TreeNode, ticker: Ticker) -> int:
+        """Tick a child, and go on after it; return the outcome of the node, or CALLED."""
+        outcome = child.tick(ticker)
+        return CALLED if outcome == CALLED else self.resume(ticker, outcome)
+
     def pass_on(self, ticker: Ticker, outcome: int) -> int:
         """Return an outcome, which is the node's status from now on unless it is SKIPPED."""
         if outcome != SKIPPED:
@@ -336,6 +341,11 @@ class OwnNode(TreeNode):
 
 class ControlNode(OwnNode):
     """A control: it has several children, and tells py_trees which of them is the current one."""
+
+    def tick_child(self, child: TreeNode, ticker: Ticker) -> int:
+        """Tick a child, which is the current one, and go on after it; return the outcome of the node, or CALLED."""
+        self.behaviour.current_child = child.behaviour
+        return super().tick_child(child, ticker)
 
     def point_at(self, index: int) -> None:
         """Make a child, if there is such a one, the current one."""
@@ -354,11 +364,6 @@ class DecoratorNode(OwnNode):
     def __init__(self, part: Part) -> None:
         super().__init__(part)
         self.child = part.children[0]
-
-    def tick_child(self, ticker: Ticker) -> int:
-        """Tick the child; return its outcome, or CALLED."""
-        outcome = self.child.tick(ticker)
-        return CALLED if outcome == CALLED else self.resume(ticker, outcome)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
         """Go on after the child, which is left at rest if it has ended."""

@@ -33,7 +33,7 @@ class TurningNode(DecoratorNode):
     def begin(self, ticker: Ticker) -> int:
         """Tick the child."""
         ticker.cells[self.at] = RUNNING
-        return self.tick_child(ticker)
+        return self.tick_child(self.child, ticker)
 
     def after(self, ticker: Ticker, outcome: int) -> int:
         """Turn the outcome."""
@@ -47,7 +47,7 @@ class SubTreeNode(DecoratorNode):
         """Tick the child."""
         if ticker.cells[self.at] == INVALID:
             ticker.cells[self.at] = RUNNING
-        return self.tick_child(ticker)
+        return self.tick_child(self.child, ticker)
 
 
 class RunOnceNode(DecoratorNode):
@@ -68,7 +68,7 @@ class RunOnceNode(DecoratorNode):
         answer = cells[self.answer]
         if answer == INVALID:
             cells[self.at] = RUNNING
-            return self.tick_child(ticker)
+            return self.tick_child(self.child, ticker)
         self.behaviour.feedback_message = "has run"
         if then_skip:
             return SKIPPED
@@ -100,7 +100,7 @@ class GuardedNode(DecoratorNode):
         """Tick the child if it may start, or runs."""
         if ticker.cells[self.child_runs] or self.may_start(ticker):
             self.behaviour.feedback_message = ""
-            return self.tick_child(ticker)
+            return self.tick_child(self.child, ticker)
         self.behaviour.feedback_message = self.why_not
         return self.pass_on(ticker, self.otherwise())
 
@@ -193,7 +193,7 @@ class ConditionsNode(DecoratorNode):
     def begin(self, ticker: Ticker) -> int:
         """Tick the node, unless a condition decides."""
         outcome = self.decided(ticker)
-        return self.tick_child(ticker) if outcome == INVALID else self.after(ticker, outcome)
+        return self.tick_child(self.child, ticker) if outcome == INVALID else self.after(ticker, outcome)
 
     def decided(self, ticker: Ticker) -> int:
         """Return what the pre-conditions make of this tick; INVALID if the node is to be ticked."""

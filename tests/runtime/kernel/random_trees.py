@@ -9,6 +9,7 @@ from py_trees import decorators
 from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.runtime.parents import Parent
 from tests.node_forms import forms
+from tests.trees import class_of
 
 Attributes = dict[str, dict[str, object]]
 """The attributes of tags."""
@@ -32,8 +33,8 @@ FORMS = [form for form in forms() if not any("{" in text or "v ==" in text for _
 
 def knows_skips(spec: NodeSpec) -> bool:
     """Return whether a child of a node may be skipped."""
-    own = spec.cls is not None and issubclass(spec.cls, Parent)
-    return own or spec.skipping.cls is not None
+    cls = class_of(spec)
+    return (cls is not None and issubclass(cls, Parent)) or bool(spec.skipping.replacement_path)
 
 
 class RandomTree:

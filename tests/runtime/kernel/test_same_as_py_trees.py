@@ -1,8 +1,8 @@
 """The kernel does what py_trees does with the same tree, where it is ticked for real and where states are put back."""
 
 import pytest
-from py_trees.decorators import Decorator
 
+from sar_compiler.nodes.imports import load
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.kernel.table import STOCK
 from sar_compiler.runtime.parents import Built
@@ -15,6 +15,7 @@ from tests.runtime.kernel.stage import (
     random_beats,
     random_bindings,
 )
+from tests.trees import class_of
 
 pytestmark = pytest.mark.unmeasured
 
@@ -40,12 +41,18 @@ def test_random_trees_show_the_same_statuses_calls_messages_and_entries_in_every
                 assert other == expected, f"seed {seed}, tick {tick}"
 
 
+def classes_of(spec):
+    """Return the class of a node, and the one in its place where a child may be skipped."""
+    replacement = spec.skipping.replacement_path
+    return class_of(spec), load(replacement) if replacement else None
+
+
 def known_classes():
     """Return the classes of py_trees and of ours that the kernel has nodes for."""
     ours = {
         cls
         for spec in default_registry()
-        for cls in (spec.cls, spec.skipping.replacement)
+        for cls in classes_of(spec)
         if cls is not None and issubclass(cls, Built)
     }
     return ours | set(STOCK)
@@ -56,11 +63,10 @@ def test_every_control_and_decorator_of_the_library_has_a_node():
         cls
         for spec in default_registry()
         if not spec.kind.is_leaf
-        for cls in (spec.cls, spec.skipping.replacement)
+        for cls in classes_of(spec)
         if cls is not None
     }
-    # An old py_trees has no ForEach; the base class stands for it.
-    assert classes - {Decorator} - known_classes() == set()
+    assert classes - known_classes() == set()
 
 
 def test_the_random_trees_have_every_known_class_in_them():
